@@ -1,0 +1,44 @@
+"""What makes the value objects values: arrays copied in, read-only, and still so after pickling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Value = TypeVar("Value")
+
+
+def read_only(values: Any, dtype: type[Any], *, ndim: int) -> NDArray[Any]:
+    """A private, read-only copy of ``values`` with the given type and number of dimensions."""
+    array = np.array(values, dtype=dtype, copy=True)
+    if array.ndim != ndim:
+        raise ValueError(f"an array of {ndim} dimension(s) was needed and one of shape {array.shape} came")
+    array.setflags(write=False)
+    return array
+
+
+class Immutable:
+    """Mixin of the frozen dataclasses: they pickle through their constructor, so that arrays stay read-only.
+
+    Plain pickling restores the fields one by one, which silently hands back writable arrays.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        assert is_dataclass(self)
+        state = {field.name: getattr(self, field.name) for field in fields(self) if field.init}
+        plain = {name: dict(value) if isinstance(value, Mapping) else value for name, value in state.items()}
+        return _rebuild, (type(self), plain)
+
+    def _set(self, **values: Any) -> None:
+        """Normalize fields inside ``__post_init__`` of a frozen dataclass."""
+        for name, value in values.items():
+            object.__setattr__(self, name, MappingProxyType(dict(value)) if isinstance(value, Mapping) else value)
+
+
+def _rebuild(kind: type[Value], state: Mapping[str, Any]) -> Value:
+    return kind(**state)

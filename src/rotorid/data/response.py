@@ -1,0 +1,86 @@
+"""A measured frequency response, with its coherence and its error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.immutable import Immutable, read_only
+from rotorid.typing import ComplexArray, FloatArray
+
+Estimate: TypeAlias = Literal["direct", "joint"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrequencyResponse(Immutable):
+    """Responses of several outputs to several inputs on one frequency grid.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Frequencies, shape ``(f,)``, rising.
+    values
+        Complex response in SI units, shape ``(y, u, f)``.
+    coherence
+        Coherence of the estimate, shape ``(y, u, f)``: that of input and output for a direct estimate, that of
+        instrument and output for a joint one. It says nothing about bias by feedback.
+    random_error
+        Relative standard deviation of the magnitude, which is that of the phase in radians, shape ``(y, u, f)``.
+    covariance
+        Covariance of the complex response between frequencies, :math:`E[\delta H_i \delta H_j^*]`, shape
+        ``(y, u, f, f)``: neighboring frequencies share data and therefore errors.
+    inputs, outputs
+        Channel names.
+    estimate
+        ``direct``, or ``joint`` when the instruments removed the feedback.
+    instruments
+        Channels used as instruments, one for each input; empty for a direct estimate.
+    windows_s
+        Window lengths that were combined.
+    findings
+        Remarks of the estimator.
+    """
+
+    omega_rad_s: FloatArray
+    values: ComplexArray
+    coherence: FloatArray
+    random_error: FloatArray
+    covariance: ComplexArray
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    estimate: Estimate
+    instruments: tuple[str, ...] = ()
+    windows_s: tuple[float, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        omega = read_only(self.omega_rad_s, np.float64, ndim=1)
+        shape = (len(self.outputs), len(self.inputs), omega.size)
+        arrays = {
+            "values": read_only(self.values, np.complex128, ndim=3),
+            "coherence": read_only(self.coherence, np.float64, ndim=3),
+            "random_error": read_only(self.random_error, np.float64, ndim=3),
+        }
+        for name, array in arrays.items():
+            if array.shape != shape:
+                raise ValueError(f"{name}: shape {shape} was needed and {array.shape} came")
+        covariance = read_only(self.covariance, np.complex128, ndim=4)
+        if covariance.shape != (*shape, omega.size):
+            raise ValueError(f"covariance: shape {(*shape, omega.size)} was needed and {covariance.shape} came")
+        self._set(
+            omega_rad_s=omega,
+            **arrays,
+            covariance=covariance,
+            inputs=tuple(self.inputs),
+            outputs=tuple(self.outputs),
+            instruments=tuple(self.instruments),
+            windows_s=tuple(self.windows_s),
+            findings=tuple(self.findings),
+        )
+
+    def pair(self, output: str, input: str) -> tuple[int, int]:
+        """Indices of one response ``output/input``."""
+        return self.outputs.index(output), self.inputs.index(input)

@@ -1,0 +1,79 @@
+"""A verification: what was measured, what the model predicted, and how far apart they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.immutable import Immutable, read_only
+from rotorid.data.maneuver import Maneuver
+from rotorid.typing import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scores:
+    """How one output was predicted.
+
+    Parameters
+    ----------
+    nrmse_fit_percent
+        :math:`100 (1 - ||y - \\hat y|| / ||y - \\bar y||)`.
+    tic
+        Theil inequality coefficient; up to 0.25 is good.
+    rms
+        Root mean square of the error, in the unit of the output.
+    bias
+        Estimated constant input to the first state equation that drives this output (0 where none was estimated).
+    reference_shift
+        Estimated constant offset of the output, in its unit.
+    """
+
+    nrmse_fit_percent: float
+    tic: float
+    rms: float
+    bias: float
+    reference_shift: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verification(Immutable):
+    """One unseen maneuver, measured and predicted.
+
+    Parameters
+    ----------
+    record
+        Name of the file.
+    maneuver
+        The interval that was predicted.
+    time_s
+        Stamps on the log's own clock, shape ``(samples,)``.
+    inputs
+        Inputs of the model, shape ``(u, samples)``, trim removed.
+    measured, predicted
+        Outputs, shape ``(y, samples)``.
+    input_names, output_names
+        Channel names of the rows.
+    scores
+        Output name to scores.
+    """
+
+    record: str
+    maneuver: Maneuver
+    time_s: FloatArray
+    inputs: FloatArray
+    measured: FloatArray
+    predicted: FloatArray
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    scores: Mapping[str, Scores]
+
+    def __post_init__(self) -> None:
+        self._set(
+            time_s=read_only(self.time_s, np.float64, ndim=1),
+            inputs=read_only(self.inputs, np.float64, ndim=2),
+            measured=read_only(self.measured, np.float64, ndim=2),
+            predicted=read_only(self.predicted, np.float64, ndim=2),
+            scores=self.scores,
+        )
