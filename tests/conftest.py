@@ -1,0 +1,39 @@
+"""What all tests share: where the flight data are, and how they are unpacked."""
+
+from __future__ import annotations
+
+import lzma
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of the real and simulated flights, or a skip with the reason."""
+    folder = Path(os.environ.get("ROTORID_DATA", HERE.parent.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no flight data at {folder}; set ROTORID_DATA to their folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def unpacked(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Path of a data file, unpacked once per session when it is an ``.xz``."""
+    cache = tmp_path_factory.mktemp("unpacked")
+
+    def path_of(name: str) -> Path:
+        source = shared_data / name
+        if source.suffix != ".xz":
+            return source
+        target = cache / source.relative_to(shared_data).with_suffix("")
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(lzma.decompress(source.read_bytes()))
+        return target
+
+    return path_of
