@@ -54,7 +54,7 @@ class TimeHistory(Immutable):
 
     @property
     def duration_s(self) -> float:
-        return self.values.shape[1] / self.sample_rate_hz
+        return float(self.values.shape[1] / self.sample_rate_hz)
 
     def __getitem__(self, name: str) -> FloatArray:
         """Samples of one channel, shape ``(samples,)``."""

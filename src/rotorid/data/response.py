@@ -16,7 +16,7 @@ Estimate: TypeAlias = Literal["direct", "joint"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse(Immutable):
-    """Responses of several outputs to several inputs on one frequency grid.
+    r"""Responses of several outputs to several inputs on one frequency grid.
 
     Parameters
     ----------

@@ -85,7 +85,8 @@ class StateSpace(Immutable):
         left, values, right = np.linalg.svd(self.M)
         rank = int(np.sum(values > values[0] * 1e-12)) if values.size else 0
         if rank == values.size:
-            A, B = np.linalg.solve(self.M, self.F), np.linalg.solve(self.M, self.G)
+            A: FloatArray = np.asarray(np.linalg.solve(self.M, self.F), dtype=np.float64)
+            B: FloatArray = np.asarray(np.linalg.solve(self.M, self.G), dtype=np.float64)
             return A, B, self.H0 + self.H1 @ A, self.H1 @ B
         F, G = left.T @ self.F @ right.T, left.T @ self.G
         F12, F22, G2 = F[:rank, rank:], F[rank:, rank:], G[rank:]

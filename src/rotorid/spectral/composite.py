@@ -1,0 +1,104 @@
+"""Composite windows: long ones for low frequencies, short ones for high, joined by their errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
+
+_COHERENCE_WEIGHT = 5.0
+_ITERATIONS = 12
+_LARGEST_ERROR = 1e6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairSpectra:
+    """Spectra of one input and one output, window by window or composed.
+
+    Parameters
+    ----------
+    input_auto, output_auto
+        One-sided densities, shape ``(windows, f)``, or ``(f,)`` when composed.
+    cross
+        Cross density, same shape.
+    """
+
+    input_auto: FloatArray
+    output_auto: FloatArray
+    cross: ComplexArray
+
+    @property
+    def response(self) -> ComplexArray:
+        """:math:`G_{xy} / G_{xx}`."""
+        return np.asarray(self.cross / self.input_auto)
+
+    @property
+    def coherence(self) -> FloatArray:
+        """:math:`|G_{xy}|^2 / (G_{xx} G_{yy})`."""
+        return np.asarray(np.abs(self.cross) ** 2 / (self.input_auto * self.output_auto))
+
+
+def window_weights(error: FloatArray, valid: BoolArray) -> FloatArray:
+    r"""Weights of the windows at each frequency, :math:`W_i = (\varepsilon_i / \varepsilon_{min})^{-4}`.
+
+    Parameters
+    ----------
+    error
+        Random error of each window, shape ``(windows, f)``.
+    valid
+        Where a window counts, same shape.
+    """
+    bounded = np.where(valid, np.clip(error, 1e-12, _LARGEST_ERROR), np.inf)
+    return np.asarray((bounded.min(axis=0) / bounded) ** 4)
+
+
+def compose_by_weights(pairs: PairSpectra, weights: FloatArray) -> PairSpectra:
+    r"""Weighted mean of the windows, :math:`\sum W_i^2 G_i / \sum W_i^2`.
+
+    References
+    ----------
+    Tischler and Remple, *Aircraft and Rotorcraft System Identification*, section 10.2.
+    """
+    share = weights**2 / np.sum(weights**2, axis=0)
+    return PairSpectra(
+        input_auto=np.sum(share * pairs.input_auto, axis=0),
+        output_auto=np.sum(share * pairs.output_auto, axis=0),
+        cross=np.sum(share * pairs.cross, axis=0),
+    )
+
+
+def compose_by_least_squares(pairs: PairSpectra, weights: FloatArray) -> PairSpectra:
+    r"""Least-squares composite of the windows, started from the weighted mean.
+
+    Minimizes, at each frequency,
+
+    .. math:: \sum_i W_i \left\{ \left[\tfrac{G_{xx} - G_{xx,i}}{\bar G_{xx}}\right]^2
+       + \left[\tfrac{G_{yy} - G_{yy,i}}{\bar G_{yy}}\right]^2
+       + \left|\tfrac{G_{xy} - G_{xy,i}}{\bar G_{xy}}\right|^2
+       + 5 \left[\tfrac{\gamma^2 - \gamma_i^2}{\bar \gamma^2}\right]^2 \right\}
+
+    The cross-spectrum is scaled by its magnitude: its real and imaginary parts pass through zero.
+    """
+    start = compose_by_weights(pairs, weights)
+    scale = np.stack([start.input_auto, start.output_auto, np.abs(start.cross), np.abs(start.cross)])
+    targets = np.stack([pairs.input_auto, pairs.output_auto, pairs.cross.real, pairs.cross.imag]) / scale[:, None]
+    x = np.stack([start.input_auto, start.output_auto, start.cross.real, start.cross.imag]) / scale
+    ratio = pairs.coherence / start.coherence
+    total, mean_ratio = weights.sum(axis=0), np.sum(weights * ratio, axis=0)
+    pull = np.sum(weights * targets, axis=1)
+    for _ in range(_ITERATIONS):
+        power = x[2] ** 2 + x[3] ** 2
+        coherence = power / (x[0] * x[1])
+        slope = np.stack([-coherence / x[0], -coherence / x[1], 2.0 * x[2] / (x[0] * x[1]), 2.0 * x[3] / (x[0] * x[1])])
+        misfit = total * coherence - mean_ratio
+        gradient = total * x - pull + _COHERENCE_WEIGHT * slope * misfit
+        hessian = np.einsum("if,jf->fij", slope, slope) * (_COHERENCE_WEIGHT * total)[:, None, None]
+        hessian += np.eye(4) * total[:, None, None]
+        step = np.linalg.solve(hessian, gradient.T[..., None])[..., 0].T
+        x = x - step
+        x[:2] = np.maximum(x[:2], 1e-3)
+        if np.abs(step).max() < 1e-12:
+            break
+    return PairSpectra(input_auto=x[0] * scale[0], output_auto=x[1] * scale[1], cross=(x[2] + 1j * x[3]) * scale[2])

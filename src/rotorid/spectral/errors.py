@@ -1,0 +1,119 @@
+"""Random error of frequency responses: the textbook's formula, and the covariance that holds for composites."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rotorid.spectral.spectra import SpectralMatrix
+from rotorid.spectral.windows import Taper
+from rotorid.typing import ComplexArray, FloatArray
+
+
+def overlap_constant(overlap: float) -> float:
+    r"""The constant :math:`C` of :func:`random_error`.
+
+    :math:`\sqrt{0.55}` at 50 % overlap, :math:`\sqrt{0.50}` at 80 %, linear in between, one without overlap; after
+    Tischler and Remple, *Aircraft and Rotorcraft System Identification*, chapter 7.
+
+    Examples
+    --------
+    >>> round(overlap_constant(0.8) ** 2, 3)
+    0.5
+    """
+    return float(np.sqrt(np.interp(overlap, [0.0, 0.5, 0.8], [1.0, 0.55, 0.50])))
+
+
+def random_error(coherence: FloatArray, n_averages: float, *, overlap: float = 0.8) -> FloatArray:
+    r"""Normalized random error of the frequency-response magnitude.
+
+    .. math:: \varepsilon = C \sqrt{1-\gamma^2} \,/\, (|\gamma| \sqrt{2 n_d})
+
+    It is the relative standard deviation of the magnitude and the standard deviation of the phase in radians. Assumes
+    noise on the output only. With feedback the response itself is biased; a small error here does not cure that.
+
+    Parameters
+    ----------
+    coherence
+        :math:`\gamma^2`, any shape.
+    n_averages
+        Independent windows :math:`n_d = T_F / T_{win}`.
+    overlap
+        Share of a window that the next one repeats.
+
+    References
+    ----------
+    Bendat and Piersol, *Random Data*, section 9.2.
+
+    Examples
+    --------
+    >>> float(random_error(np.array(0.8), 10.0).round(4))
+    0.0791
+    """
+    gamma2 = np.clip(coherence, 1e-12, 1.0)
+    return np.asarray(overlap_constant(overlap) * np.sqrt((1.0 - gamma2) / (2.0 * n_averages * gamma2)))
+
+
+def influence(matrix: SpectralMatrix, projection: ComplexArray, *, blocks: int, taper: Taper) -> ComplexArray:
+    r"""How a disturbance at each moment enters the estimate of one window length, shape ``(f, blocks)``.
+
+    The estimate errs by :math:`\delta H(\omega) = \int g(\omega, t) v(t) \, dt` with
+
+    .. math:: g(\omega, t) = \frac{1}{K \sqrt{T \overline{w^2}}} \sum_k
+       \left[\sum_r a_r(\omega) R_{r,k}^*(\omega)\right] w(t - t_k) \, e^{-j\omega (t - t_k)}
+
+    where :math:`R_k` are the transforms of the instruments that really were flown. Sampled once a block.
+
+    Parameters
+    ----------
+    matrix
+        Spectra of one window length, with the instruments first.
+    projection
+        Row :math:`a` of the inverse cross-spectrum of instruments and inputs, shape ``(f, r)``.
+    blocks
+        Number of blocks in all records.
+    taper
+        The taper of the windows.
+    """
+    instruments = projection.shape[1]
+    weights = np.einsum("fr,krf->fk", projection, matrix.transforms[:, :instruments].conj()) / len(matrix.transforms)
+    count = matrix.window.blocks
+    middle_s = (np.arange(count) + 0.5) * matrix.window_s / count
+    shape = taper.samples(count) * np.exp(-1j * matrix.omega_rad_s[:, None] * middle_s)
+    total = np.zeros((matrix.omega_rad_s.size, blocks), dtype=np.complex128)
+    for offset in range(count):
+        total[:, matrix.starts + offset] += weights * shape[:, offset, None]
+    return np.asarray(total / np.sqrt(matrix.window_s * taper.mean_square))
+
+
+def response_covariance(
+    influences: Sequence[ComplexArray], omega_rad_s: FloatArray, noise: FloatArray, block_s: float
+) -> ComplexArray:
+    r"""Covariance of a response estimate between all frequencies, shape ``(f, f)``.
+
+    .. math:: E[\delta H_i \, \delta H_j^*] = S_{vv} \sum_m T_b \, g_i(t_m) g_j^*(t_m)\,
+              \mathrm{sinc}(\Delta\omega T_b / 2)
+
+    Conditional on the flown instrument, so that sweeps, overlap, window lengths and repeated records need no rule of
+    thumb. Assumes a disturbance that is stationary and smooth over the width of a window's spectral line; gusts that
+    come and go break it.
+
+    Parameters
+    ----------
+    influences
+        Influence of each window length, already weighted by its share in the composite, each ``(f, blocks)``.
+    omega_rad_s
+        Frequencies, shape ``(f,)``.
+    noise
+        One-sided density of the disturbance, shape ``(f,)``.
+    block_s
+        Length of a block.
+    """
+    total = np.sum(influences, axis=0)
+    spacing = omega_rad_s[:, None] - omega_rad_s
+    level = np.sqrt(noise)
+    covariance: ComplexArray = (
+        (total @ total.conj().T) * np.sinc(0.5 * spacing * block_s / np.pi) * level[:, None] * level * block_s
+    )
+    return covariance

@@ -1,0 +1,149 @@
+"""Cross-spectra of every pair of channels, window length by window length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.history import TimeHistory
+from rotorid.data.immutable import Immutable, read_only
+from rotorid.errors import UsageError
+from rotorid.spectral.kernel import BlockGrid, BlockWindow, band_basis, compress, transform
+from rotorid.spectral.windows import HALF_SINE, PERIODS_IN_WINDOW, Taper
+from rotorid.typing import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpectralMatrix(Immutable):
+    r"""One-sided spectral densities of all pairs of channels, from windows of one length.
+
+    .. math:: S_{ab}(\omega) = \frac{2}{f_s \sum w^2} \, \frac1K \sum_k A_k^*(\omega) B_k(\omega)
+
+    Parameters
+    ----------
+    omega_rad_s
+        Frequencies at which windows of this length count, shape ``(f,)``.
+    values
+        Densities in unit²/Hz, shape ``(f, channels, channels)``, Hermitian.
+    channels
+        Names of rows and columns.
+    window_s
+        Length of the windows.
+    averages
+        Independent windows, :math:`n_d = T_F / T_{win}`.
+    transforms
+        The transforms behind the densities, shape ``(positions, channels, f)``, scaled so that their products are
+        densities; phases refer to the start of each window.
+    starts
+        First block of each position, shape ``(positions,)``, counted over all records.
+    window
+        Length and hop in blocks.
+    """
+
+    omega_rad_s: FloatArray
+    values: ComplexArray
+    channels: tuple[str, ...]
+    window_s: float
+    averages: float
+    transforms: ComplexArray
+    starts: FloatArray
+    window: BlockWindow
+
+    def __post_init__(self) -> None:
+        self._set(
+            omega_rad_s=read_only(self.omega_rad_s, np.float64, ndim=1),
+            values=read_only(self.values, np.complex128, ndim=3),
+            transforms=read_only(self.transforms, np.complex128, ndim=3),
+            starts=read_only(self.starts, np.int64, ndim=1),
+            channels=tuple(self.channels),
+        )
+
+    def block(self, rows: Sequence[int], columns: Sequence[int]) -> ComplexArray:
+        """Densities between two groups of channels, shape ``(f, rows, columns)``."""
+        return self.values[:, list(rows)][:, :, list(columns)]
+
+
+def spectral_matrices(
+    records: Sequence[TimeHistory],
+    omega_rad_s: FloatArray,
+    *,
+    windows_s: Sequence[float],
+    overlap: float = 0.8,
+    taper: Taper = HALF_SINE,
+) -> tuple[tuple[SpectralMatrix, ...], BlockGrid]:
+    """Spectral matrices of several records together, one for each window length.
+
+    Every record is used without its mean. No window straddles two records. Lengths are rounded to whole blocks (a
+    fifth of the shortest window at 80 % overlap); the lengths really used stand in the results. A window length counts
+    only where it holds two periods, and lengths for which no record is long enough are left out.
+
+    Parameters
+    ----------
+    records
+        Maneuvers with the same channels and one sample rate.
+    omega_rad_s
+        Rising grid, shape ``(f,)``, below the Nyquist frequency.
+    windows_s
+        Window lengths.
+    overlap
+        Share of a window that the next one repeats.
+
+    Raises
+    ------
+    UsageError
+        The records differ in channels or rate, or the grid reaches beyond the Nyquist frequency.
+    """
+    first = records[0]
+    if any(record.names != first.names or record.sample_rate_hz != first.sample_rate_hz for record in records):
+        raise UsageError("records with different channels or rates came", needed="one set of channels at one rate")
+    if omega_rad_s[-1] > np.pi * first.sample_rate_hz:
+        raise UsageError(
+            f"a frequency of {omega_rad_s[-1]:.4g} rad/s came",
+            needed=f"at most the Nyquist frequency of {np.pi * first.sample_rate_hz:.4g} rad/s",
+            remedy="lower the upper end of the band",
+        )
+    grid = BlockGrid.for_windows(windows_s, overlap, first.sample_rate_hz)
+    basis = band_basis(grid, omega_rad_s[-1] + 2.0 * np.pi / min(windows_s))
+    compressed = [
+        compress(record.values - record.values.mean(axis=1, keepdims=True), grid, basis) for record in records
+    ]
+    matrices = []
+    for window in dict.fromkeys(grid.window(length, overlap) for length in windows_s):
+        # A hair of tolerance, so that a grid that begins where the longest window does keeps its first point.
+        lowest = PERIODS_IN_WINDOW * 2.0 * np.pi / (window.blocks * grid.block_s) * (1.0 - 1e-9)
+        valid = omega_rad_s[omega_rad_s >= lowest]
+        if valid.size and any(window.positions(part.shape[1]) for part in compressed):
+            matrices.append(_one_window(compressed, window, valid, grid, basis, taper, first.names))
+    return tuple(matrices), grid
+
+
+def _one_window(
+    compressed: Sequence[FloatArray],
+    window: BlockWindow,
+    omega_rad_s: FloatArray,
+    grid: BlockGrid,
+    basis: FloatArray,
+    taper: Taper,
+    names: tuple[str, ...],
+) -> SpectralMatrix:
+    offsets = np.cumsum([0, *(part.shape[1] for part in compressed)])
+    used = [index for index, part in enumerate(compressed) if window.positions(part.shape[1])]
+    parts = [transform(compressed[i], window, omega_rad_s, grid=grid, basis=basis, taper=taper) for i in used]
+    starts = [offsets[i] + window.hop * np.arange(len(part)) for i, part in zip(used, parts, strict=True)]
+    samples = window.blocks * grid.samples_per_block
+    scale = np.sqrt(2.0 / (grid.sample_rate_hz * samples * taper.mean_square))
+    transforms = np.concatenate(parts) * scale
+    by_frequency = np.ascontiguousarray(transforms.transpose(2, 1, 0))
+    values = by_frequency.conj() @ by_frequency.transpose(0, 2, 1) / len(transforms)
+    return SpectralMatrix(
+        omega_rad_s=omega_rad_s,
+        values=values,
+        channels=names,
+        window_s=window.blocks * grid.block_s,
+        averages=sum(compressed[i].shape[1] for i in used) / window.blocks,
+        transforms=transforms,
+        starts=np.concatenate(starts),
+        window=window,
+    )

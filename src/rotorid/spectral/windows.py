@@ -1,0 +1,132 @@
+"""Window lengths and tapers: how long to look, and how to fade in and out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.typing import FloatArray
+
+PERIODS_IN_WINDOW = 2.0
+"""A window counts from the frequency of which it holds two periods."""
+
+WINDOWS = 5
+_SHORTEST_PERIODS = 20.0
+_RECORD_SHARE = 2.0
+_TOTAL_SHARE = 5.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Taper:
+    r"""A taper as a sum of complex exponentials.
+
+    .. math:: w_n = \sum_s a_s \exp\left(j \pi s \, (n + 1/2) / N\right), \qquad n = 0 \dots N - 1
+
+    Both classic tapers need two or three terms, so a tapered transform is a sum of plain ones at shifted frequencies.
+
+    Parameters
+    ----------
+    terms
+        Pairs :math:`(s, a_s)`.
+    mean_square
+        Mean of :math:`w_n^2`, which makes spectra unbiased: 0.5 for the half-sine, 0.375 for Hann.
+    """
+
+    name: str
+    terms: tuple[tuple[int, complex], ...]
+    mean_square: float
+
+    def samples(self, count: int) -> FloatArray:
+        """The taper itself, shape ``(count,)``."""
+        phase = np.pi * (np.arange(count) + 0.5) / count
+        terms = np.array([amplitude * np.exp(1j * shift * phase) for shift, amplitude in self.terms])
+        return np.asarray(terms.sum(axis=0).real)
+
+
+HALF_SINE = Taper(name="half_sine", terms=((1, -0.5j), (-1, 0.5j)), mean_square=0.5)
+HANN = Taper(name="hann", terms=((0, 0.5), (2, -0.25), (-2, -0.25)), mean_square=0.375)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WindowPlan:
+    """Windows that were chosen, and what had to be said about the choice."""
+
+    lengths_s: tuple[float, ...]
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def lowest_rad_s(self) -> float:
+        """Lowest frequency that any of the windows supports."""
+        return PERIODS_IN_WINDOW * 2.0 * math.pi / max(self.lengths_s)
+
+
+def plan_windows(record_s: float, total_s: float, band_rad_s: tuple[float, float]) -> WindowPlan:
+    r"""Five window lengths for a set of records, after the rules of thumb of Tischler and Remple.
+
+    Longest :math:`\le T_{rec}/2` and :math:`\le T_F/5`, shortest :math:`\ge 20 \cdot 2\pi/\omega_{max}`, evenly spread
+    in the logarithm between them. On short records the rules clash; then the longest window yields first, down to one
+    period of the lowest frequency, and a finding says so.
+
+    Parameters
+    ----------
+    record_s
+        Length of the shortest record.
+    total_s
+        Length of all records together.
+    band_rad_s
+        Lowest and highest frequency that is wanted.
+
+    Raises
+    ------
+    InsufficientDataError
+        The record does not hold two of the shortest windows.
+
+    Examples
+    --------
+    >>> [round(length, 1) for length in plan_windows(90.0, 180.0, (0.6, 60.0)).lengths_s]
+    [36.0, 23.4, 15.2, 9.9, 6.4...]
+    """
+    low, high = band_rad_s
+    if not 0.0 < low < high:
+        raise UsageError(f"the band {low:g}:{high:g} rad/s is empty", needed="0 < low < high")
+    period = 2.0 * math.pi / low
+    longest = min(record_s / _RECORD_SHARE, total_s / _TOTAL_SHARE)
+    findings: tuple[Finding, ...] = ()
+    if longest < period:
+        longest = min(period, record_s / _RECORD_SHARE)
+        findings = (_short_record(record_s, total_s, longest, low),)
+    shortest = min(_SHORTEST_PERIODS * 2.0 * math.pi / high, longest)
+    if record_s < 2.0 * shortest or longest < PERIODS_IN_WINDOW * 2.0 * math.pi / high:
+        raise InsufficientDataError(
+            f"a record of {record_s:.3g} s came",
+            needed=f"at least two windows of {shortest:.3g} s for a band up to {high:.3g} rad/s",
+            remedy="give a longer segment or a higher band",
+            findings=[
+                Finding(
+                    kind="record_too_short",
+                    severity="error",
+                    where="record",
+                    message=f"The record of {record_s:.3g} s does not hold two windows of {shortest:.3g} s.",
+                    numbers={"record_s": record_s, "window_s": shortest},
+                )
+            ],
+        )
+    lengths = np.geomspace(longest, shortest, WINDOWS) if longest > 1.2 * shortest else [longest]
+    return WindowPlan(lengths_s=tuple(float(length) for length in lengths), findings=findings)
+
+
+def _short_record(record_s: float, total_s: float, longest_s: float, low: float) -> Finding:
+    return Finding(
+        kind="record_too_short",
+        severity="warning",
+        where="windows",
+        message=(
+            f"The records are short for {low:.2g} rad/s: the longest window of {longest_s:.1f} s is more than a fifth "
+            f"of the {total_s:.0f} s flown, so few averages stand behind the lowest frequencies."
+        ),
+        numbers={"record_s": record_s, "total_s": total_s, "longest_window_s": longest_s},
+    )
