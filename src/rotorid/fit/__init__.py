@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Problems, costs and local solvers."""

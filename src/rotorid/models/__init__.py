@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Structures and their parameters."""

@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Conditioning of signals: one clock, excitations."""

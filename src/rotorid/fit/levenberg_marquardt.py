@@ -1,0 +1,90 @@
+"""Levenberg–Marquardt with bounds, for small problems with an exact Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from rotorid.fit.solution import Outcome, Solution
+from rotorid.typing import BoolArray, FloatArray
+
+Residuals: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+_LARGEST_DAMPING = 1e14
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LevenbergMarquardt:
+    r"""Damped Gauss–Newton steps :math:`(J^T J + \lambda \, \mathrm{diag} J^T J) \, \delta = -J^T r`.
+
+    Marquardt's scaling makes the path independent of the units of the parameters. Parameters on a bound whose gradient
+    points outward are held there for the step; steps are clipped to the box.
+
+    Parameters
+    ----------
+    iterations
+        Steps that may be tried.
+    tolerance
+        Relative change of cost, or of every parameter against its scale, that counts as rest.
+    """
+
+    iterations: int = 200
+    tolerance: float = 1e-10
+
+    def minimize(self, residuals: Residuals, start: FloatArray, lower: FloatArray, upper: FloatArray) -> Solution:
+        """Minimize the sum of squares from ``start`` inside the box ``lower`` to ``upper``, each shape ``(p,)``."""
+        theta = np.clip(start, lower, upper)
+        residual, jacobian = residuals(theta)
+        cost = float(residual @ residual)
+        trace, damping, outcome = [cost], 1e-3, Outcome.OUT_OF_ITERATIONS
+        evaluations = 1
+        for _ in range(self.iterations):
+            gradient, normal = jacobian.T @ residual, jacobian.T @ jacobian
+            held = ((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0))
+            if held.all() or np.abs(gradient[~held]).max(initial=0.0) <= 1e-14 * (1.0 + cost):
+                outcome = Outcome.CONVERGED
+                break
+            trial = np.clip(theta + _step(normal, gradient, damping, ~held), lower, upper)
+            new_residual, new_jacobian = residuals(trial)
+            evaluations += 1
+            new_cost = float(new_residual @ new_residual)
+            if new_cost < cost:
+                scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+                small_step = np.abs((trial - theta) * scale).max() <= self.tolerance * np.sqrt(1.0 + cost)
+                small_gain = cost - new_cost <= self.tolerance * (1e-6 + cost) and damping <= 1e-2
+                theta, residual, jacobian, cost = trial, new_residual, new_jacobian, new_cost
+                trace.append(cost)
+                damping = max(damping / 9.0, 1e-12)
+                if small_step or small_gain:
+                    outcome = Outcome.CONVERGED
+                    break
+            else:
+                if np.abs(trial - theta).max() <= 1e-13 * (1.0 + np.abs(theta).max()):
+                    outcome = Outcome.CONVERGED
+                    break
+                damping *= 6.0
+                if damping > _LARGEST_DAMPING:
+                    outcome = Outcome.STALLED
+                    break
+        return Solution(
+            theta=theta,
+            cost=cost,
+            outcome=outcome,
+            residual=residual,
+            jacobian=jacobian,
+            evaluations=evaluations,
+            trace=tuple(trace),
+            at_bound=tuple(bool(flag) for flag in (theta <= lower) | (theta >= upper)),
+        )
+
+
+def _step(normal: FloatArray, gradient: FloatArray, damping: float, moving: BoolArray) -> FloatArray:
+    diagonal = np.maximum(np.diag(normal), 1e-30 * max(float(np.diag(normal).max()), 1e-300))
+    system = (normal + np.diag(damping * diagonal))[np.ix_(moving, moving)]
+    scale = np.sqrt(np.diag(system))
+    step = np.zeros_like(gradient)
+    step[moving] = -np.linalg.solve(system / np.outer(scale, scale), gradient[moving] / scale) / scale
+    return step

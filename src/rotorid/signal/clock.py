@@ -1,0 +1,260 @@
+"""One clock for channels that were logged on several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.history import TimeHistory
+from rotorid.data.record import FlightRecord, Topic
+from rotorid.errors import InsufficientDataError
+from rotorid.typing import FloatArray
+
+LONGEST_BRIDGED_GAP_S = 0.1
+"""Longer holes split the data; shorter ones are interpolated, and both are reported."""
+
+_GAP_STEPS = 2.5
+_COVERED_S = 0.25
+_SHORTEST_PART_S = 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conditioned:
+    """Channels on one clock.
+
+    Parameters
+    ----------
+    histories
+        One for each stretch without a long gap, in order of time.
+    findings
+        Gaps, disorder of stamps, rates that do not fit together.
+    """
+
+    histories: tuple[TimeHistory, ...]
+    findings: tuple[Finding, ...]
+
+
+def one_clock(
+    record: FlightRecord,
+    *,
+    channels: Sequence[str],
+    start_s: float,
+    stop_s: float,
+    followers: Sequence[str] = (),
+) -> Conditioned:
+    """Bring channels of a record onto one uniform clock.
+
+    The slowest of ``channels`` sets the rate, and the clock starts on one of its stamps, so that a log with one clock
+    passes unchanged. Faster channels pass a zero-phase low-pass filter before they are thinned out; in between samples
+    a cubic spline is used. ``followers`` do not take part in setting the rate: an instrument may be slower than the
+    channels it explains, since the same distortion stands in both spectra of a joint estimate.
+
+    Parameters
+    ----------
+    record
+        The log.
+    channels, followers
+        Names of the vocabulary.
+    start_s, stop_s
+        Interval on the log's own clock.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel is not in the log, or not in this interval.
+    """
+    sources = {name: _source(record, name, start_s, stop_s) for name in (*channels, *followers)}
+    findings: list[Finding] = []
+    series = {}
+    for name, (topic, row) in sources.items():
+        time_s, values, remarks = _ordered(topic, row, name)
+        series[name] = (time_s, values)
+        findings += remarks
+    base = min(channels, key=lambda name: _rate(series[name][0], start_s, stop_s))
+    rate = _rate(series[base][0], start_s, stop_s)
+    findings += _rate_findings(channels, series, start_s, stop_s)
+    holes, remarks = _holes(series, start_s, stop_s)
+    findings += remarks
+    histories = []
+    for part_start, part_stop in _parts(series, start_s, stop_s, holes):
+        stamps = series[base][0]
+        first = stamps[np.searchsorted(stamps, part_start)]
+        count = int(np.floor((part_stop - first) * rate)) + 1
+        if count / rate < min(_SHORTEST_PART_S, 0.5 * (stop_s - start_s)):
+            continue
+        clock = first + np.arange(count) / rate
+        rows = [_sample(*series[name], clock, rate) for name in sources]
+        histories.append(
+            TimeHistory(
+                values=np.stack(rows),
+                channels=tuple(topic.channels[row] for topic, row in sources.values()),
+                sample_rate_hz=rate,
+                start_s=float(first),
+                processing=(f"brought to one clock of {rate:.6g} Hz",),
+            )
+        )
+    return Conditioned(histories=tuple(histories), findings=tuple(dict.fromkeys(_merged(findings))))
+
+
+def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> InsufficientDataError:
+    """The error for a channel that a log does not hold."""
+    message = f"{record.source.name} holds no {name}."
+    return InsufficientDataError(
+        f"{record.source.name} holds no {name}",
+        needed=f"the channel {name}; there are {', '.join(record.channel_names) or 'none'}",
+        remedy=remedy or "log it, or name its source with --map",
+        findings=[Finding(kind="missing_channel", severity="error", where=name, message=message)],
+    )
+
+
+def _source(record: FlightRecord, name: str, start_s: float, stop_s: float) -> tuple[Topic, int]:
+    best: tuple[float, Topic, int] | None = None
+    for topic, row in record.holding(name):
+        inside = topic.time_s[(topic.time_s >= start_s - 1.0) & (topic.time_s <= stop_s + 1.0)]
+        if inside.size < 2:
+            continue
+        missing = max(inside[0] - start_s, 0.0) + max(stop_s - inside[-1], 0.0)
+        if missing <= _COVERED_S:
+            return topic, row
+        if best is None or missing < best[0]:
+            best = (missing, topic, row)
+    if best is None:
+        raise missing_channel(record, name)
+    return best[1], best[2]
+
+
+def _ordered(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray, list[Finding]]:
+    """Samples with finite values and rising stamps; what was left out is counted."""
+    time_s, values = topic.time_s, topic.values[row]
+    finite = np.isfinite(values) & np.isfinite(time_s)
+    time_s, values = time_s[finite], values[finite]
+    latest = np.maximum.accumulate(time_s)
+    rising = np.concatenate([[True], time_s[1:] > latest[:-1]])
+    if rising.all():
+        return time_s, values, []
+    dropped = int(np.sum(~rising))
+    finding = Finding(
+        kind="clock_disorder",
+        severity="warning",
+        where=name,
+        message=f"{dropped} stamps of {topic.name} repeat or step back; their samples were left out.",
+        numbers={"samples": dropped},
+    )
+    return time_s[rising], values[rising], [finding]
+
+
+def _steps(time_s: FloatArray, start_s: float, stop_s: float) -> FloatArray:
+    inside = (time_s >= start_s) & (time_s <= stop_s)
+    return np.asarray(np.diff(time_s[inside]))
+
+
+def _rate(time_s: FloatArray, start_s: float, stop_s: float) -> float:
+    """Rate of the samples between gaps: the mean of the ordinary steps, finer than the median of jittery ones."""
+    steps = _steps(time_s, start_s, stop_s)
+    if steps.size == 0:
+        return 0.0
+    ordinary = steps[(steps < 1.5 * np.median(steps)) & (steps > 0.5 * np.median(steps))]
+    return float(1.0 / ordinary.mean()) if ordinary.size else float(1.0 / np.median(steps))
+
+
+def _rate_findings(
+    channels: Sequence[str], series: dict[str, tuple[FloatArray, FloatArray]], start_s: float, stop_s: float
+) -> list[Finding]:
+    rates = {name: _rate(series[name][0], start_s, stop_s) for name in channels}
+    fastest = max(rates.values())
+    return [
+        Finding(
+            kind="rate_too_low",
+            severity="warning",
+            where=name,
+            message=f"{name} was logged at {rate:.0f} Hz beside {fastest:.0f} Hz; raise its logging rate.",
+            numbers={"rate_hz": rate, "fastest_hz": fastest},
+        )
+        for name, rate in rates.items()
+        if rate < 0.6 * fastest
+    ]
+
+
+def _holes(
+    series: dict[str, tuple[FloatArray, FloatArray]], start_s: float, stop_s: float
+) -> tuple[list[tuple[float, float]], list[Finding]]:
+    holes: list[tuple[float, float]] = []
+    findings = []
+    for name, (time_s, _) in series.items():
+        inside = time_s[(time_s >= start_s) & (time_s <= stop_s)]
+        steps = np.diff(inside)
+        if steps.size == 0:
+            continue
+        gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps))
+        if gaps.size == 0:
+            continue
+        long = [int(gap) for gap in gaps if steps[gap] > max(LONGEST_BRIDGED_GAP_S, _GAP_STEPS * np.median(steps))]
+        holes += [(float(inside[gap]), float(inside[gap + 1])) for gap in long]
+        findings.append(
+            Finding(
+                kind="gap",
+                severity="warning" if long else "info",
+                where=name,
+                message=f"{gaps.size} gaps in {name}, the longest {steps.max():.3f} s; "
+                + ("the data were split there." if long else "they were short and interpolated."),
+                numbers={"gaps": gaps.size, "longest_s": float(steps.max())},
+            )
+        )
+    return holes, findings
+
+
+def _parts(
+    series: dict[str, tuple[FloatArray, FloatArray]],
+    start_s: float,
+    stop_s: float,
+    holes: Sequence[tuple[float, float]],
+) -> list[tuple[float, float]]:
+    """Stretches that all channels cover, between the holes."""
+    low = max([start_s, *(float(time_s[0]) for time_s, _ in series.values())])
+    high = min([stop_s, *(float(time_s[-1]) for time_s, _ in series.values())])
+    edges = [low]
+    for begin, end in sorted(holes):
+        edges += [begin, end]
+    edges.append(high)
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+
+
+def _sample(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float) -> FloatArray:
+    margin = 50.0 / rate_hz
+    inside = slice(
+        max(int(np.searchsorted(time_s, clock_s[0] - margin)) - 1, 0),
+        int(np.searchsorted(time_s, clock_s[-1] + margin)) + 1,
+    )
+    time_s, values = time_s[inside], values[inside]
+    own = 1.0 / float(np.median(np.diff(time_s)))
+    factor = round(own / rate_hz)
+    if factor < 2:
+        return _spline(time_s, values, clock_s)
+    return _thinned(time_s, values, clock_s, rate_hz, factor)
+
+
+def _spline(time_s: FloatArray, values: FloatArray, clock_s: FloatArray) -> FloatArray:
+    if time_s.size == clock_s.size and np.abs(time_s - clock_s).max() < 1e-9:
+        return values
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(time_s, values)(clock_s))
+
+
+def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float, factor: int) -> FloatArray:
+    """Sample ``factor`` times too fast, low-pass without phase, keep every ``factor``-th sample."""
+    from scipy.signal import firwin
+
+    taps = firwin(20 * factor + 1, 0.8 / factor)
+    reach = 10 * factor
+    fast = clock_s[0] + np.arange(-reach, clock_s.size * factor + reach) / (rate_hz * factor)
+    fine = _spline(time_s, values, np.clip(fast, time_s[0], time_s[-1]))
+    return np.asarray(np.convolve(fine, taps, mode="valid")[: clock_s.size * factor : factor])
+
+
+def _merged(findings: Sequence[Finding]) -> list[Finding]:
+    """One of each kind and place."""
+    return list({(finding.kind, finding.where): finding for finding in findings}.values())

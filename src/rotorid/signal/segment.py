@@ -1,0 +1,167 @@
+"""Find excitations in signals: where an axis was moved on purpose, how, and over which band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rotorid.data.channel import STANDARD_UNITS
+from rotorid.data.maneuver import Kind, Maneuver
+from rotorid.data.record import FlightRecord
+from rotorid.typing import Axis, BoolArray, FloatArray
+
+OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
+    "roll": ("east_setpoint", "velocity_east_setpoint", "v_setpoint", "phi_setpoint"),
+    "pitch": ("north_setpoint", "velocity_north_setpoint", "u_setpoint", "theta_setpoint"),
+    "yaw": ("psi_setpoint", "r_setpoint"),
+    "thrust": ("down_setpoint", "velocity_down_setpoint", "w_setpoint"),
+}
+"""Set-points of each axis from the outermost loop inward. Only the outermost that moves is free of feedback."""
+
+_LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
+"""Excitations smaller than this are taken for noise or for pilot corrections."""
+
+_ACTIVE_SHARE = 0.1
+_LONGEST_REST_S = 1.6
+_SHORTEST_S = 0.3
+_HYSTERESIS = 0.3
+_TWO_LEVEL_SHARE = 0.7
+
+
+def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
+    """Channels of a record in which an excitation of ``axis`` would show, best first.
+
+    What the reader knows to be free of feedback comes first, then set-points from the outermost loop inward, then the
+    command itself.
+    """
+    known = record.instruments.get(axis, ())
+    usual = (f"{axis}_excitation", f"{axis}_stick", *OUTER_SETPOINTS[axis]) if not known else ()
+    names = (*known, *usual, f"{axis}_command")
+    return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
+
+
+def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Excitations of one axis: those that the log declares, or else those that its signals show.
+
+    The first signal of :func:`excitation_signals` that shows any is taken. An interval is active while the signal
+    leaves its resting value by more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps are
+    told by half periods that shrink or grow steadily, random binary signals by two levels without a trend, doublets
+    and multisteps by few switches.
+
+    Parameters
+    ----------
+    record
+        The log.
+    axis
+        The axis to look at.
+
+    Returns
+    -------
+    tuple of Maneuver
+        In order of time; empty where nothing was excited.
+    """
+    declared = tuple(maneuver for maneuver in record.declared if maneuver.axis == axis)
+    if declared:
+        return declared
+    for name in excitation_signals(record, axis):
+        found = tuple(
+            m for topic, row in record.holding(name) for m in _in_signal(topic.time_s, topic.values[row], axis, name)
+        )
+        purposeful = tuple(m for m in found if m.kind != "other")
+        if purposeful:
+            return purposeful
+    return ()
+
+
+def _in_signal(time_s: FloatArray, values: FloatArray, axis: Axis, name: str) -> list[Maneuver]:
+    finite = np.isfinite(values)
+    time_s, values = time_s[finite], values[finite]
+    if time_s.size < 10:
+        return []
+    motion = values - np.median(values)
+    largest = float(np.percentile(np.abs(motion), 99.8))
+    if largest < _LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02):
+        return []
+    maneuvers = []
+    for first, last in _active_intervals(time_s, np.abs(motion) > _ACTIVE_SHARE * largest):
+        part_time, part = time_s[first : last + 1], motion[first : last + 1]
+        if part_time[-1] - part_time[0] < _SHORTEST_S:
+            continue
+        kind, band = classify(part_time, part)
+        maneuvers.append(
+            Maneuver(
+                axis=axis,
+                kind=kind,
+                start_s=float(part_time[0]),
+                stop_s=float(part_time[-1]),
+                band_rad_s=band,
+                signal=name,
+            )
+        )
+    return maneuvers
+
+
+def _active_intervals(time_s: FloatArray, active: BoolArray) -> list[tuple[int, int]]:
+    """First and last index of each active stretch, short rests included."""
+    index = np.flatnonzero(active)
+    if index.size == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(time_s[index]) > _LONGEST_REST_S)
+    starts = index[np.concatenate([[0], breaks + 1])]
+    stops = index[np.concatenate([breaks, [index.size - 1]])]
+    # A sample on either side, so that the step itself belongs to the maneuver.
+    return [(max(int(a) - 1, 0), min(int(b) + 1, time_s.size - 1)) for a, b in zip(starts, stops, strict=True)]
+
+
+def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float, float] | None]:
+    """What kind of excitation a signal is, and its band in rad/s.
+
+    Parameters
+    ----------
+    time_s, motion
+        One active interval, its resting value removed, shapes ``(samples,)``.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 60.0, 0.01)
+    >>> kind, band = classify(t, np.sin(0.5 * t + 0.15 * t**2))
+    >>> kind, [round(w, 1) for w in band]
+    ('sweep', [0.9, 18.3])
+    """
+    level = float(np.percentile(np.abs(motion), 95.0))
+    switches = _switch_times(time_s, motion, _HYSTERESIS * level)
+    duration = float(time_s[-1] - time_s[0])
+    if len(switches) < 2:
+        single = len(switches) == 1 and duration < 8.0
+        return ("doublet", None) if single else ("other", None)
+    halves = np.diff(switches)
+    band = (float(np.pi / halves.max()), float(np.pi / halves.min()))
+    if len(halves) >= 7 and duration > 6.0:
+        if _has_trend(halves):
+            return "sweep", band
+        two_levels = float(np.mean(np.abs(motion) > _TWO_LEVEL_SHARE * level))
+        return ("random_binary", band) if two_levels > 0.7 else ("other", band)
+    return ("multistep", None) if duration < 15.0 else ("other", band)
+
+
+def _switch_times(time_s: FloatArray, motion: FloatArray, threshold: float) -> FloatArray:
+    """Times at which the signal changes side, with hysteresis against noise."""
+    side = np.where(motion > threshold, 1, np.where(motion < -threshold, -1, 0))
+    decided = np.flatnonzero(side)
+    changes = decided[1:][np.diff(side[decided]) != 0]
+    return np.asarray(time_s[changes])
+
+
+def _has_trend(halves: FloatArray) -> bool:
+    """Whether half periods shrink or grow steadily: rank correlation with their order, and a ratio of two or more."""
+    order = np.argsort(np.argsort(halves, kind="stable"), kind="stable")
+    correlation = float(np.corrcoef(order, np.arange(halves.size))[0, 1])
+    third = max(halves.size // 4, 2)
+    ratio = float(np.median(halves[:third]) / np.median(halves[-third:]))
+    return abs(correlation) > 0.75 and max(ratio, 1.0 / ratio) > 1.8
+
+
+def excited_together(maneuvers: Sequence[Maneuver]) -> tuple[Maneuver, ...]:
+    """The maneuvers rich enough to fit a model to: sweeps, random binary signals, and what the user gave."""
+    return tuple(m for m in maneuvers if m.kind in ("sweep", "random_binary") or m.origin == "given")
