@@ -1,1 +1,5 @@
-"""TODO-PACKAGE."""
+"""Readers and writers: the only access to files of data."""
+
+from rotorid.io.registry import read
+
+__all__ = ["read"]

@@ -5,13 +5,12 @@ A multirotor in hover answers a torque command with
 .. math:: \dot p = L_p p + L_{roll} \, \delta, \qquad T_{motor} \dot\delta = -\delta + u(t - \tau_{roll})
 
 and a thrust command with :math:`\dot w = Z_w w + Z_{thrust} \delta`, seen by the accelerometer as :math:`a_z = \dot w`
-(without gravity). Below the speed modes of the airframe, some 3 to 8 rad/s, the rate of a real vehicle follows more
-than its own axis; there a hover model is needed.
+(without gravity). A hovering vehicle damps its own rates, so damping is bounded by zero. Below the speed modes of the
+airframe, some 3 to 8 rad/s, the rate of a real vehicle follows more than its own axis; there a hover model is needed.
 """
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 from rotorid.errors import ModelError
@@ -61,7 +60,7 @@ def rate_model(name: str) -> LinearStructure:
     vertical = name == "rate.vertical"
     parameters = (
         Parameter(name=axis.gain, value=-10.0 if vertical else 100.0, unit=axis.gain_unit),
-        Parameter(name=axis.damping, value=-1.0, unit="1/s", lower=-200.0, upper=50.0, starts=(-0.5, -4.0)),
+        Parameter(name=axis.damping, value=-1.0, unit="1/s", lower=-200.0, upper=0.0, starts=(-0.5, -4.0)),
         Parameter(name=MOTOR_LAG, value=0.03, unit="s", lower=0.0, upper=2.0, starts=(0.01, 0.04, 0.1)),
         Parameter(name=axis.delay, value=0.01, unit="s", lower=0.0, upper=1.0, starts=(0.002, 0.02, 0.06)),
     )
@@ -79,14 +78,10 @@ def rate_model(name: str) -> LinearStructure:
         output_delays=(Entry(),),
         parameters=ParameterSet(parameters),
         gain=axis.gain,
+        optional=(MOTOR_LAG,),
         source=_SOURCE,
     )
 
 
 def _rows(*rows: tuple[str, ...]) -> tuple[tuple[Entry, ...], ...]:
     return tuple(tuple(Entry.parse(entry) for entry in row) for row in rows)
-
-
-def delay_names(structure: LinearStructure) -> tuple[str, ...]:
-    """Parameters that are delays of inputs."""
-    return tuple(name for entry in structure.input_delays for name, _ in entry.terms if re.match(r"tau", name))

@@ -38,6 +38,8 @@ class LinearStructure(Immutable):
         All parameters with units, bounds and start values.
     gain
         Parameter that scales the whole response, where there is one; a search solves for it directly.
+    optional
+        Parameters without which the structure still stands; a fit may drop them where the data do not show them.
     source
         Where the structure comes from.
     """
@@ -55,6 +57,7 @@ class LinearStructure(Immutable):
     output_delays: tuple[Entry, ...]
     parameters: ParameterSet
     gain: str | None = None
+    optional: tuple[str, ...] = ()
     source: str = ""
 
     def __post_init__(self) -> None:

@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Steps in order: from records to results."""

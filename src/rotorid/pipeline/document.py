@@ -121,7 +121,7 @@ class ProvenanceDocument(Document):
     version: str
     command: list[str]
     inputs: dict[str, str]
-    settings: dict[str, str | int | float | bool | None | list[str] | list[float]]
+    settings: dict[str, str | int | float | bool | list[str] | list[float] | None]
     seed: int
     estimate: Literal["direct", "joint"] | None = None
     instruments: list[str] = Field(default_factory=list)

@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Pictures: arrays in, figure out, nothing computed but units."""

@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""One self-contained page about finished identifications."""

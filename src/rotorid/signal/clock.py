@@ -44,6 +44,7 @@ def one_clock(
     start_s: float,
     stop_s: float,
     followers: Sequence[str] = (),
+    sample_rate_hz: float | None = None,
 ) -> Conditioned:
     """Bring channels of a record onto one uniform clock.
 
@@ -60,6 +61,8 @@ def one_clock(
         Names of the vocabulary.
     start_s, stop_s
         Interval on the log's own clock.
+    sample_rate_hz
+        Rate to use instead of that of the slowest channel.
 
     Raises
     ------
@@ -74,7 +77,7 @@ def one_clock(
         series[name] = (time_s, values)
         findings += remarks
     base = min(channels, key=lambda name: _rate(series[name][0], start_s, stop_s))
-    rate = _rate(series[base][0], start_s, stop_s)
+    rate = sample_rate_hz or _rate(series[base][0], start_s, stop_s)
     findings += _rate_findings(channels, series, start_s, stop_s)
     holes, remarks = _holes(series, start_s, stop_s)
     findings += remarks
@@ -96,7 +99,7 @@ def one_clock(
                 processing=(f"brought to one clock of {rate:.6g} Hz",),
             )
         )
-    return Conditioned(histories=tuple(histories), findings=tuple(dict.fromkeys(_merged(findings))))
+    return Conditioned(histories=tuple(histories), findings=_merged(findings))
 
 
 def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> InsufficientDataError:
@@ -255,6 +258,6 @@ def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_h
     return np.asarray(np.convolve(fine, taps, mode="valid")[: clock_s.size * factor : factor])
 
 
-def _merged(findings: Sequence[Finding]) -> list[Finding]:
+def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """One of each kind and place."""
-    return list({(finding.kind, finding.where): finding for finding in findings}.values())
+    return tuple({(finding.kind, finding.where): finding for finding in findings}.values())

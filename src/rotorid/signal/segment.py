@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,10 +19,11 @@ OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
 }
 """Set-points of each axis from the outermost loop inward. Only the outermost that moves is free of feedback."""
 
-_LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
+LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
 """Excitations smaller than this are taken for noise or for pilot corrections."""
 
 _ACTIVE_SHARE = 0.1
+_TAIL_SHARE = 0.005
 _LONGEST_REST_S = 1.6
 _SHORTEST_S = 0.3
 _HYSTERESIS = 0.3
@@ -81,10 +82,15 @@ def _in_signal(time_s: FloatArray, values: FloatArray, axis: Axis, name: str) ->
         return []
     motion = values - np.median(values)
     largest = float(np.percentile(np.abs(motion), 99.8))
-    if largest < _LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02):
+    if largest < LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02):
         return []
     maneuvers = []
-    for first, last in _active_intervals(time_s, np.abs(motion) > _ACTIVE_SHARE * largest):
+    cores = _active_intervals(time_s, np.abs(motion) > _ACTIVE_SHARE * largest)
+    moving = np.abs(motion) > _TAIL_SHARE * largest
+    # Where a signal never rests between two maneuvers, each gets half of what lies between.
+    edges = [0, *((a[1] + b[0]) // 2 for a, b in pairwise(cores)), time_s.size - 1]
+    for core, low, high in zip(cores, edges, edges[1:], strict=False):
+        first, last = _with_tails(core, moving, low, high)
         part_time, part = time_s[first : last + 1], motion[first : last + 1]
         if part_time[-1] - part_time[0] < _SHORTEST_S:
             continue
@@ -110,8 +116,17 @@ def _active_intervals(time_s: FloatArray, active: BoolArray) -> list[tuple[int, 
     breaks = np.flatnonzero(np.diff(time_s[index]) > _LONGEST_REST_S)
     starts = index[np.concatenate([[0], breaks + 1])]
     stops = index[np.concatenate([breaks, [index.size - 1]])]
-    # A sample on either side, so that the step itself belongs to the maneuver.
-    return [(max(int(a) - 1, 0), min(int(b) + 1, time_s.size - 1)) for a, b in zip(starts, stops, strict=True)]
+    return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+
+
+def _with_tails(core: tuple[int, int], moving: BoolArray, low: int, high: int) -> tuple[int, int]:
+    """The interval with its fades: outward until the signal rests, between ``low`` and ``high``."""
+    first, last = core
+    rest_before, rest_after = np.flatnonzero(~moving[low:first]), np.flatnonzero(~moving[last : high + 1])
+    return (
+        low + int(rest_before[-1]) if rest_before.size else low,
+        last + int(rest_after[0]) if rest_after.size else high,
+    )
 
 
 def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float, float] | None]:
@@ -160,8 +175,3 @@ def _has_trend(halves: FloatArray) -> bool:
     third = max(halves.size // 4, 2)
     ratio = float(np.median(halves[:third]) / np.median(halves[-third:]))
     return abs(correlation) > 0.75 and max(ratio, 1.0 / ratio) > 1.8
-
-
-def excited_together(maneuvers: Sequence[Maneuver]) -> tuple[Maneuver, ...]:
-    """The maneuvers rich enough to fit a model to: sweeps, random binary signals, and what the user gave."""
-    return tuple(m for m in maneuvers if m.kind in ("sweep", "random_binary") or m.origin == "given")

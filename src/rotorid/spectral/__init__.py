@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Frequency responses from data."""

@@ -9,7 +9,9 @@ import numpy as np
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _COHERENCE_WEIGHT = 5.0
-_ITERATIONS = 12
+_ITERATIONS = 30
+_LARGEST_STEP = 0.3
+_LEAST_SHARE = 0.05
 _LARGEST_ERROR = 1e6
 
 
@@ -86,19 +88,20 @@ def compose_by_least_squares(pairs: PairSpectra, weights: FloatArray) -> PairSpe
     targets = np.stack([pairs.input_auto, pairs.output_auto, pairs.cross.real, pairs.cross.imag]) / scale[:, None]
     x = np.stack([start.input_auto, start.output_auto, start.cross.real, start.cross.imag]) / scale
     ratio = pairs.coherence / start.coherence
-    total, mean_ratio = weights.sum(axis=0), np.sum(weights * ratio, axis=0)
+    total, sum_ratio = weights.sum(axis=0), np.sum(weights * ratio, axis=0)
     pull = np.sum(weights * targets, axis=1)
     for _ in range(_ITERATIONS):
         power = x[2] ** 2 + x[3] ** 2
         coherence = power / (x[0] * x[1])
         slope = np.stack([-coherence / x[0], -coherence / x[1], 2.0 * x[2] / (x[0] * x[1]), 2.0 * x[3] / (x[0] * x[1])])
-        misfit = total * coherence - mean_ratio
+        misfit = total * coherence - sum_ratio
         gradient = total * x - pull + _COHERENCE_WEIGHT * slope * misfit
         hessian = np.einsum("if,jf->fij", slope, slope) * (_COHERENCE_WEIGHT * total)[:, None, None]
         hessian += np.eye(4) * total[:, None, None]
         step = np.linalg.solve(hessian, gradient.T[..., None])[..., 0].T
-        x = x - step
-        x[:2] = np.maximum(x[:2], 1e-3)
+        # Windows of hardly any coherence contradict each other wildly; short steps keep such points near their start.
+        x = x - np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
+        x[:2] = np.maximum(x[:2], _LEAST_SHARE)
         if np.abs(step).max() < 1e-12:
             break
     return PairSpectra(input_auto=x[0] * scale[0], output_auto=x[1] * scale[1], cross=(x[2] + 1j * x[3]) * scale[2])

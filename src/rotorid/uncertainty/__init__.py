@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Uncertainty of what was identified."""

@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""Judge a model on data it has not seen."""

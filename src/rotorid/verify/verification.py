@@ -14,12 +14,12 @@ from rotorid.typing import FloatArray
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scores:
-    """How one output was predicted.
+    r"""How one output was predicted.
 
     Parameters
     ----------
     nrmse_fit_percent
-        :math:`100 (1 - ||y - \\hat y|| / ||y - \\bar y||)`.
+        :math:`100 (1 - ||y - \hat y|| / ||y - \bar y||)`.
     tic
         Theil inequality coefficient; up to 0.25 is good.
     rms

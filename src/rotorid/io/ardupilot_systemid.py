@@ -1,0 +1,144 @@
+"""Runs of ArduPilot's SYSTEMID mode: what was injected where, and the interval of each chirp."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Topic
+from rotorid.io.ardupilot_channels import SYSTEM_ID, Row, topic_of
+from rotorid.io.dataflash_formats import Table
+from rotorid.typing import Axis
+
+ENTRIES: Mapping[int, tuple[Axis, str]] = MappingProxyType(
+    {
+        1: ("roll", "deg"),
+        2: ("pitch", "deg"),
+        3: ("yaw", "deg/s"),
+        4: ("roll", "deg"),
+        5: ("pitch", "deg"),
+        6: ("yaw", "deg/s"),
+        7: ("roll", "deg/s"),
+        8: ("pitch", "deg/s"),
+        9: ("yaw", "deg/s"),
+        10: ("roll", "1"),
+        11: ("pitch", "1"),
+        12: ("yaw", "1"),
+        13: ("thrust", "1"),
+    }
+)
+"""``SID_AXIS`` to the excited axis and the unit of the injected signal.
+
+1–3 enter as pilot input and 4–6 the same without feedforward (in yaw both are a rate), 7–9 the rate controller's
+target, 10–13 the mixer.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Run:
+    """One stay in SYSTEMID mode.
+
+    Parameters
+    ----------
+    messages
+        Its ``SIDD`` messages.
+    start_s, stop_s
+        Their first and last stamp.
+    entry
+        ``SID_AXIS`` of the run, zero when the log does not say.
+    band_rad_s
+        First and last frequency of the chirp, when the log says.
+    """
+
+    messages: slice
+    start_s: float
+    stop_s: float
+    entry: int
+    band_rad_s: tuple[float, float] | None
+
+    @property
+    def axis(self) -> Axis | None:
+        return ENTRIES[self.entry][0] if self.entry in ENTRIES else None
+
+
+def system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> tuple[Run, ...]:
+    """Runs in the order flown: a new one begins where the time of the waveform starts again.
+
+    ``SIDS``, written when the mode is entered, says axis and band. A log that lost it is read with ``SID_AXIS``, which
+    holds for the end of the flight.
+    """
+    data = tables.get("SIDD")
+    if data is None or data.time_s is None or not data.holds_numbers("Time"):
+        return ()
+    waveform_s = data.column("Time")
+    begins = np.flatnonzero(waveform_s[1:] < waveform_s[:-1]) + 1
+    edges = [0, *begins.tolist(), len(data)]
+    runs = []
+    for begin, end in pairwise(edges):
+        start_s, stop_s = float(data.time_s[begin]), float(data.time_s[end - 1])
+        entry, band = _settings(tables.get("SIDS"), start_s) or (int(parameters.get("SID_AXIS", 0.0)), None)
+        runs.append(Run(messages=slice(begin, end), start_s=start_s, stop_s=stop_s, entry=entry, band_rad_s=band))
+    return tuple(runs)
+
+
+def _settings(setup: Table | None, start_s: float) -> tuple[int, tuple[float, float] | None] | None:
+    """Axis and band of the last ``SIDS`` before a run."""
+    if setup is None or setup.time_s is None or not setup.holds_numbers("Ax"):
+        return None
+    last = int(np.searchsorted(setup.time_s, start_s, side="right")) - 1
+    if last < 0:
+        return None
+    entry = int(setup.column("Ax")[last])
+    if not setup.holds_numbers("FSt", "FSp"):
+        return entry, None
+    low, high = sorted(2.0 * math.pi * float(setup.column(name)[last]) for name in ("FSt", "FSp"))
+    return entry, (low, high) if 0.0 < low < high < math.inf else None
+
+
+def system_id_topics(tables: Mapping[str, Table], runs: tuple[Run, ...]) -> Iterator[Topic]:
+    """One topic for each run, so that an excitation channel holds the runs of its axis alone."""
+    for number, run in enumerate(runs, start=1):
+        rows: tuple[Row, ...] = SYSTEM_ID
+        if run.axis is not None:
+            rows = (*rows, Row("Targ", f"{run.axis}_excitation", ENTRIES[run.entry][1]))
+        topic = topic_of(tables["SIDD"], rows, name=f"SIDD run {number}", chosen=run.messages)
+        if topic is not None:
+            yield topic
+
+
+def declared_maneuvers(runs: tuple[Run, ...]) -> tuple[Maneuver, ...]:
+    """The sweeps that the log announces."""
+    return tuple(
+        Maneuver(
+            axis=run.axis,
+            kind="sweep",
+            start_s=run.start_s,
+            stop_s=run.stop_s,
+            band_rad_s=run.band_rad_s,
+            origin="declared",
+            signal=f"{run.axis}_excitation",
+        )
+        for run in runs
+        if run.axis is not None and run.start_s < run.stop_s
+    )
+
+
+def system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
+    """Runs whose injected signal has no name here."""
+    for number, run in enumerate(runs, start=1):
+        if run.axis is None:
+            yield Finding(
+                kind="no_excitation",
+                severity="warning",
+                where=f"SIDD run {number}",
+                message=f"the SYSTEMID run of {run.start_s:.2f} s to {run.stop_s:.2f} s was injected at SID_AXIS "
+                f"{run.entry}, which is none of 1 to 13; its signal is not used",
+                numbers={"sid_axis": run.entry, "start_s": run.start_s, "stop_s": run.stop_s},
+            )

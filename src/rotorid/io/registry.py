@@ -1,0 +1,169 @@
+"""The public verb `read`: a file of any known format becomes a flight record.
+
+The format is judged by the content, never by the extension. Readers do not know each other; this module knows them all,
+and imports only the one that is needed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rotorid.data.record import FlightRecord, Source
+from rotorid.errors import LogError, UsageError
+from rotorid.io.archive import compression_of, unpacked
+from rotorid.io.mapping import ChannelMapping, read_mapping
+from rotorid.io.store import sha256_of
+
+_HEAD_BYTES = 4096
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reader:
+    """A module with ``FORMAT``, ``sniff(head)`` and ``read(path, source, ...)``, and what its ``read`` understands."""
+
+    module: str
+    takes_mapping: bool = False
+    takes_sandbox: bool = False
+
+
+READERS: Sequence[Reader] = (
+    Reader(module="rotorid.io.px4", takes_sandbox=True),
+    Reader(module="rotorid.io.ardupilot"),
+    Reader(module="rotorid.io.mat", takes_mapping=True, takes_sandbox=True),
+    # Last, since nearly every text looks like a table.
+    Reader(module="rotorid.io.tabular", takes_mapping=True),
+)
+"""In the order in which they are asked."""
+
+_READ = "PX4 .ulg, ArduPilot .BIN, MATLAB .mat and CSV, each also as .gz, .xz, .bz2 or .zip"
+_FOREIGN: tuple[tuple[bytes, str, str], ...] = (
+    (b"H Product:Blackbox", "a Betaflight or INAV blackbox log", "export it to CSV and name the columns with --map"),
+    (b"#ROSBAG", "a ROS 1 bag", "export the topics to CSV and name the columns with --map"),
+    (b"SQLite format 3", "an SQLite database, such as a ROS 2 bag", "export the topics to CSV"),
+    (b"\x89MCAP", "an MCAP file", "export the topics to CSV and name the columns with --map"),
+    (b"FMT, ", "an ArduPilot log converted to text", "give the .BIN file that it was made from"),
+    (b"PAR1", "a Parquet file", "save the table as CSV"),
+    (b"\x93NUMPY", "a NumPy array", "save it as CSV with a header"),
+    (b"%PDF", "a PDF document", "give the flight log itself"),
+    (b"<", "a web page or an XML file", "download the log itself, not the page about it"),
+    (b"{", "a JSON document", "give the flight log itself"),
+)
+
+
+def read(
+    path: str | os.PathLike[str],
+    *,
+    mapping: ChannelMapping | str | os.PathLike[str] | None = None,
+    sandbox: bool = True,
+) -> FlightRecord:
+    r"""Read a flight log of any known format.
+
+    Parameters
+    ----------
+    path
+        A log: PX4 ``.ulg``, ArduPilot ``.BIN``, MATLAB ``.mat`` or CSV, also compressed. The content decides, the
+        extension does not matter.
+    mapping
+        Names the channels of a MATLAB file or a CSV: the path of a TOML file, or what
+        `rotorid.io.mapping.read_mapping` made of it.
+    sandbox
+        Let foreign parsers run in a child process with limits of memory and time. Switch it off only for files that you
+        trust, where processes cannot be started.
+
+    Returns
+    -------
+    FlightRecord
+        Every channel that the package has a name for, each topic on its own clock, with the remarks of the reader.
+
+    Raises
+    ------
+    LogError
+        The file is missing, empty, damaged beyond reading, or no flight log.
+    UsageError
+        The mapping is wrong, or was given for a format that names its own channels.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     log = Path(folder) / "flight.csv"
+    ...     _ = log.write_text("time [s],q [deg/s]\n0,180\n0.004,0\n")
+    ...     record = read(log)
+    >>> record.channel_names, record.source.format
+    (('q',), 'CSV')
+    >>> record.topics[0].values.round(4).tolist()
+    [[3.1416, 0.0]]
+    """
+    path = Path(path)
+    if mapping is not None and not isinstance(mapping, ChannelMapping):
+        mapping = read_mapping(Path(mapping))
+    with _opened(path) as (log, head):
+        reader, module = _reader_of(head, path.name)
+        options: dict[str, Any] = {"sandbox": sandbox} if reader.takes_sandbox else {}
+        if reader.takes_mapping:
+            options["mapping"] = mapping
+        elif mapping is not None:
+            raise UsageError(
+                f"a mapping was given for {path.name}, which is {module.FORMAT}",
+                needed="a mapping for CSV and MATLAB files only",
+                remedy="leave --map out: this format names its own channels",
+            )
+        source = Source(name=path.name, format=module.FORMAT, sha256=sha256_of(path))
+        record: FlightRecord = module.read(log, source, **options)
+    return record
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[Path, bytes]]:
+    """The log behind a path, unpacked when it was compressed, and its first bytes."""
+    head = _head(path, path.name)
+    compression = compression_of(head)
+    if not compression:
+        yield path, head
+        return
+    with unpacked(path, compression) as log:
+        yield log, _head(log, path.name)
+
+
+def _head(path: Path, name: str) -> bytes:
+    if path.is_dir():
+        raise LogError(
+            f"{name or path} is a folder",
+            needed=f"one flight log: {_READ}",
+            remedy="give a file in it, or use `rotorid batch` for many",
+        )
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise LogError(
+            f"{path} cannot be opened: {error.strerror or error}",
+            needed=f"a flight log: {_READ}",
+            remedy="check the path and the permissions",
+        ) from error
+    if not head:
+        raise LogError(f"{name} is empty", needed=f"a flight log: {_READ}", remedy="copy it again from the vehicle")
+    return head
+
+
+def _reader_of(head: bytes, name: str) -> tuple[Reader, Any]:
+    came, remedy = "no format that is known", "give the log that the autopilot wrote, or export the data to CSV"
+    for magic, kind, advice in _FOREIGN:
+        if head.startswith(magic):
+            came, remedy = kind, advice
+            break
+    else:
+        for reader in READERS:
+            module = import_module(reader.module)
+            if module.sniff(head):
+                return reader, module
+        if compression_of(head):
+            came, remedy = "an archive inside an archive", "unpack it and give the log itself"
+    raise LogError(f"{name} is {came}", needed=f"a flight log: {_READ}", remedy=remedy)

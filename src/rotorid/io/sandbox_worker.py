@@ -1,0 +1,60 @@
+"""The child of `rotorid.io.sandbox`: limits itself, runs one parser, writes arrays and JSON, ends.
+
+Run as ``python -m rotorid.io.sandbox_worker FOLDER``; the folder holds ``job.json`` and receives ``arrays.npz`` and
+``answer.json``.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rotorid.errors import LogError
+from rotorid.io.sandbox import extract_here
+
+
+def main(folder: Path) -> None:
+    """Do the job of the folder and leave the answer there."""
+    job = json.loads((folder / "job.json").read_text(encoding="utf-8"))
+    _limit(memory_bytes=job["memory_bytes"], cpu_s=job["cpu_s"])
+    answer = _answer(job, folder)
+    (folder / "answer.json").write_text(json.dumps(answer), encoding="utf-8")
+
+
+def _limit(*, memory_bytes: int, cpu_s: int) -> None:
+    try:
+        import resource
+    except ImportError:  # Windows has no such limits; the parent's clock remains.
+        return
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (memory_bytes, memory_bytes))
+    if sys.platform != "darwin":  # macOS refuses an address-space limit below what is mapped already.
+        resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+
+
+def _answer(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    try:
+        found = extract_here(job["parser"], Path(job["path"]), job["options"])
+        if any(array.dtype.hasobject for array in found.arrays.values()):
+            raise TypeError("an array holds objects, which would have to be pickled")
+        np.savez(folder / "arrays.npz", **{f"a{index}": array for index, array in enumerate(found.arrays.values())})  # type: ignore[arg-type]
+    except LogError as error:
+        return {"refused": {"came": error.came, "needed": error.needed, "remedy": error.remedy}}
+    except MemoryError:
+        return {"failure": f"it asked for more than {job['memory_bytes'] >> 20} MiB of memory"}
+    except RecursionError:
+        return {"failure": "its definitions are nested without end"}
+    # A foreign parser may raise anything at all; here, at the border, all of it means that the file is unreadable.
+    except Exception as error:
+        return {"failure": f"the parser refused it ({type(error).__name__}: {str(error)[:200]})"}
+    return {"names": list(found.arrays), "facts": dict(found.facts)}
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,158 @@
+"""Model structures as TOML text: written with the identified values, and read back as a model."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rotorid.errors import ModelError
+from rotorid.models.entry import Entry
+from rotorid.models.parameter import Parameter, ParameterSet, Status
+from rotorid.models.structure import LinearStructure, Rows
+
+SCHEMA = "rotorid.model/1"
+
+_MATRICES = ("M", "F", "G", "H0", "H1")
+_KEYS = {"schema", "name", "inputs", "states", "outputs", "gain", "optional", "source", *_MATRICES}
+_KEYS |= {"input_delays", "output_delays", "parameters"}
+_PARAMETER_KEYS = {"value", "unit", "lower", "upper", "status", "starts", "std"}
+
+
+def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[str, float]) -> str:
+    """A structure with values, as text that :func:`from_toml` reads back.
+
+    Parameters
+    ----------
+    structure, parameters
+        The structure and the values to write.
+    std
+        Standard deviations of the parameters that have one; for people, ignored when read back.
+    """
+    lines = [
+        f'schema = "{SCHEMA}"',
+        f"name = {_quoted(structure.name)}",
+        f"inputs = {_list(structure.inputs)}",
+        f"states = {_list(structure.states)}",
+        f"outputs = {_list(structure.outputs)}",
+    ]
+    lines += [f"gain = {_quoted(structure.gain)}"] if structure.gain else []
+    lines += [f"optional = {_list(structure.optional)}"] if structure.optional else []
+    lines += [f"source = {_quoted(structure.source)}"] if structure.source else []
+    lines += ["", "# M x' = F x + G u(t - input_delays),  y = H0 x + H1 x'"]
+    for name in _MATRICES:
+        rows = ", ".join(_list([str(entry) for entry in row]) for row in getattr(structure, name))
+        lines.append(f"{name} = [{rows}]")
+    lines.append(f"input_delays = {_list([str(entry) for entry in structure.input_delays])}")
+    lines.append(f"output_delays = {_list([str(entry) for entry in structure.output_delays])}")
+    for parameter in parameters:
+        lines += ["", f"[parameters.{parameter.name}]", f"value = {_number(parameter.value)}"]
+        lines += [f"unit = {_quoted(parameter.unit)}", f'status = "{parameter.status}"']
+        lines += [f"std = {_number(std[parameter.name])}"] if parameter.name in std else []
+        lines += [f"lower = {_number(parameter.lower)}"] if np.isfinite(parameter.lower) else []
+        lines += [f"upper = {_number(parameter.upper)}"] if np.isfinite(parameter.upper) else []
+        lines += [f"starts = [{', '.join(map(_number, parameter.starts))}]"] if parameter.starts else []
+    return "\n".join(lines) + "\n"
+
+
+def from_toml(text: str, *, where: str = "the model") -> LinearStructure:
+    """Read a structure; its parameters start from the values in the text.
+
+    Parameters
+    ----------
+    text
+        As :func:`to_toml` writes it.
+    where
+        Name of the file, for messages.
+
+    Raises
+    ------
+    ModelError
+        The text is no TOML, a key is missing or unknown, or a matrix does not fit.
+    """
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ModelError(f"{where} is not valid TOML: {error}", remedy="correct the line it names") from error
+    unknown = set(table) - _KEYS
+    missing = {"name", "inputs", "states", "outputs", "F", "G", "H0", "parameters"} - set(table)
+    if table.get("schema", SCHEMA) != SCHEMA or unknown or missing:
+        parts = [f"lacks {', '.join(sorted(missing))}"] if missing else []
+        parts += [f"has unknown keys {', '.join(sorted(unknown))}"] if unknown else []
+        parts += [] if table.get("schema", SCHEMA) == SCHEMA else [f"has the schema {table['schema']!r}"]
+        raise ModelError(f"{where} {' and '.join(parts)}", needed=f"a model of the schema {SCHEMA}")
+    states, outputs, inputs = (tuple(table[key]) for key in ("states", "outputs", "inputs"))
+    identity = [[float(i == j) for j in range(len(states))] for i in range(len(states))]
+    rows = {
+        name: _rows(table.get(name, identity if name == "M" else None), name, where) for name in ("M", "F", "G", "H0")
+    }
+    zero = [[0.0] * len(states) for _ in outputs]
+    return LinearStructure(
+        name=str(table["name"]),
+        inputs=inputs,
+        states=states,
+        outputs=outputs,
+        **rows,
+        H1=_rows(table.get("H1", zero), "H1", where),
+        input_delays=_entries(table.get("input_delays", [0.0] * len(inputs)), "input_delays", where),
+        output_delays=_entries(table.get("output_delays", [0.0] * len(outputs)), "output_delays", where),
+        parameters=_parameters(table["parameters"], where),
+        gain=table.get("gain"),
+        optional=tuple(table.get("optional", ())),
+        source=str(table.get("source", "")),
+    )
+
+
+def _rows(value: Any, name: str, where: str) -> Rows:
+    if not isinstance(value, list):
+        raise ModelError(f"{where}: {name} is no list of rows", needed="rows of entries in square brackets")
+    return tuple(_entries(row, name, where) for row in value)
+
+
+def _entries(value: Any, name: str, where: str) -> tuple[Entry, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, (str, int, float)) for item in value):
+        raise ModelError(f"{where}: {name} holds something else than entries", needed="numbers or texts like '-L_p'")
+    return tuple(Entry.parse(item) for item in value)
+
+
+def _parameters(table: Any, where: str) -> ParameterSet:
+    if not isinstance(table, dict):
+        raise ModelError(f"{where}: parameters is no table", needed="[parameters.NAME] tables")
+    parameters = []
+    for name, entry in table.items():
+        if not isinstance(entry, dict) or "value" not in entry or set(entry) - _PARAMETER_KEYS:
+            raise ModelError(
+                f"{where}: the parameter {name} cannot be read",
+                needed=f"a value, and of {', '.join(sorted(_PARAMETER_KEYS))} what applies",
+            )
+        status: Status = entry.get("status", "free")
+        if status not in ("free", "fixed", "tied", "dropped"):
+            raise ModelError(f"{where}: {name} has the status {status!r}", needed="free, fixed, tied or dropped")
+        parameters.append(
+            Parameter(
+                name=name,
+                value=float(entry["value"]),
+                unit=str(entry.get("unit", "1")),
+                lower=float(entry.get("lower", -np.inf)),
+                upper=float(entry.get("upper", np.inf)),
+                status=status,
+                starts=tuple(map(float, entry.get("starts", ()))),
+            )
+        )
+    return ParameterSet(tuple(parameters))
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+
+
+def _list(texts: tuple[str, ...] | list[str]) -> str:
+    return "[" + ", ".join(_quoted(text) for text in texts) + "]"
+
+
+def _number(value: float) -> str:
+    text = repr(float(value))
+    return text if any(c in text for c in ".einf") else text + ".0"

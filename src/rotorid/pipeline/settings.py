@@ -1,0 +1,138 @@
+"""What a user may choose about an identification; everything else follows from the data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+from rotorid.data.channel import AXES
+from rotorid.data.immutable import Immutable
+from rotorid.data.maneuver import Maneuver
+from rotorid.errors import UsageError
+
+EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
+
+DIRECT_COHERENCE = 0.6
+JOINT_COHERENCE = 0.4
+"""Limits below which a point is left out. A joint estimate is judged by instrument and output, whose coherence feedback
+lowers without harm down to about this value."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifySettings(Immutable):
+    """Choices of one run of ``identify``.
+
+    Parameters
+    ----------
+    band_rad_s
+        Band to fit; by default what was excited and is coherent.
+    windows_s
+        Window lengths; by default five by rule.
+    coherence
+        Least coherence of a point; by default 0.6 for a direct and 0.4 for a joint estimate.
+    estimate
+        ``auto`` takes the joint estimate whenever an instrument is logged.
+    instruments
+        Channels to use as instruments, one for each input, instead of the ones found.
+    fix
+        Parameters held at given values.
+    segments
+        Intervals to fit, instead of the excitations found.
+    seed
+        For what is drawn at random; nothing is by default.
+    """
+
+    band_rad_s: tuple[float, float] | None = None
+    windows_s: tuple[float, ...] = ()
+    coherence: float | None = None
+    estimate: EstimateChoice = "auto"
+    instruments: tuple[str, ...] = ()
+    fix: Mapping[str, float] = field(default_factory=dict)
+    segments: tuple[Maneuver, ...] = ()
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        self._set(fix=self.fix, windows_s=tuple(self.windows_s), segments=tuple(self.segments))
+        if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1]:
+            raise UsageError(f"the band {self.band_rad_s[0]:g}:{self.band_rad_s[1]:g} is empty", needed="0 < LO < HI")
+        if any(not length > 0.0 for length in self.windows_s):
+            raise UsageError("a window of no length came", needed="positive lengths in seconds")
+        if self.coherence is not None and not 0.0 <= self.coherence < 1.0:
+            raise UsageError(f"a coherence of {self.coherence:g} came", needed="a number from 0 to below 1")
+        if self.estimate == "direct" and self.instruments:
+            raise UsageError("a direct estimate takes no instrument", remedy="leave out --instrument or --estimate")
+
+    def least_coherence(self, *, joint: bool) -> float:
+        """The limit in force."""
+        if self.coherence is not None:
+            return self.coherence
+        return JOINT_COHERENCE if joint else DIRECT_COHERENCE
+
+    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+        """The choices for the provenance of a result."""
+        return {
+            "band_rad_s": list(self.band_rad_s) if self.band_rad_s else None,
+            "windows_s": list(self.windows_s),
+            "coherence": self.coherence,
+            "estimate": self.estimate,
+            "instruments": list(self.instruments),
+            "fix": [f"{name}={value:g}" for name, value in self.fix.items()],
+            "segments": [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in self.segments],
+        }
+
+
+def parse_segment(text: str) -> Maneuver:
+    """Read ``AXIS:START:STOP``, seconds on the log's own clock.
+
+    Examples
+    --------
+    >>> parse_segment("pitch:50:76").duration_s
+    26.0
+    """
+    parts = text.split(":")
+    wanted = "AXIS:START:STOP with an axis of roll, pitch, yaw, thrust and seconds on the log's own clock"
+    if len(parts) != 3 or parts[0] not in AXES:
+        raise UsageError(f"the segment {text!r} cannot be read", needed=wanted)
+    try:
+        start_s, stop_s = float(parts[1]), float(parts[2])
+    except ValueError:
+        raise UsageError(f"the segment {text!r} cannot be read", needed=wanted) from None
+    if not start_s < stop_s:
+        raise UsageError(f"the segment {text!r} stops before it starts", needed=wanted)
+    return Maneuver(axis=parts[0], kind="other", start_s=start_s, stop_s=stop_s, origin="given")  # type: ignore[arg-type]
+
+
+def parse_band(text: str) -> tuple[float, float]:
+    """Read ``LO:HI`` in rad/s.
+
+    Examples
+    --------
+    >>> parse_band("8:80")
+    (8.0, 80.0)
+    """
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise UsageError(f"the band {text!r} cannot be read", needed="LO:HI in rad/s, such as 1:60") from None
+    return low, high
+
+
+def parse_numbers(text: str) -> tuple[float, ...]:
+    """Read ``S,S,...``."""
+    try:
+        return tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        raise UsageError(f"the list {text!r} cannot be read", needed="numbers with commas between them") from None
+
+
+def parse_fix(texts: tuple[str, ...]) -> dict[str, float]:
+    """Read ``NAME=VALUE`` once or more."""
+    fixed = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            fixed[name.strip()] = float(value)
+        except ValueError:
+            raise UsageError(f"{text!r} cannot be read", needed="NAME=VALUE, such as L_p=-2") from None
+    return fixed

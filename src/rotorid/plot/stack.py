@@ -1,0 +1,116 @@
+"""Panels above each other on one horizontal axis: the frame of every picture here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rotorid.plot.figure import Figure, Trace, text
+from rotorid.plot.theme import BESIDE, SHADE, template
+
+_GAP_PX = 34.0
+_TOP_PX, _BOTTOM_PX = 58.0, 46.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """One panel of a picture.
+
+    Parameters
+    ----------
+    label
+        Written above the panel.
+    traces
+        Plotly traces, without their axes.
+    height_px
+        Height of the drawing area.
+    axis
+        What the vertical axis needs beyond the theme.
+    shaded
+        Intervals of the horizontal axis to shade.
+    level
+        A guideline to draw across, in units of the vertical axis.
+    """
+
+    label: str
+    traces: Sequence[Trace]
+    height_px: float
+    axis: Mapping[str, Any] = field(default_factory=dict)
+    shaded: Sequence[tuple[float, float]] = ()
+    level: float | None = None
+
+
+def stacked(panels: Sequence[Panel], *, x_axis: Mapping[str, Any]) -> Figure:
+    """One figure with the panels from top to bottom, sharing a horizontal axis and one legend.
+
+    Parameters
+    ----------
+    panels
+        From top to bottom.
+    x_axis
+        Title and kind of the shared axis.
+    """
+    inner = sum(panel.height_px for panel in panels) + _GAP_PX * (len(panels) - 1)
+    traces: list[Trace] = []
+    shapes: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    layout: Figure = {
+        "template": template(),
+        "height": round(inner + _TOP_PX + _BOTTOM_PX),
+        "margin": {"l": 56, "r": 16, "t": _TOP_PX, "b": _BOTTOM_PX},
+        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1 + 26 / inner, "yanchor": "bottom"},
+        "hovermode": "closest",
+        "annotations": annotations,
+        "shapes": shapes,
+    }
+    axis, top = "y", 1.0
+    for number, panel in enumerate(panels, start=1):
+        axis = "y" if number == 1 else f"y{number}"
+        bottom = max(top - panel.height_px / inner, 0.0)
+        layout[f"yaxis{axis[1:]}"] = {"domain": [round(bottom, 5), round(top, 5)], "anchor": "x", **panel.axis}
+        annotations.append(_label(panel.label, top))
+        traces += [{**trace, "xaxis": "x", "yaxis": axis} for trace in panel.traces]
+        shapes += _shapes(panel, axis)
+        top = bottom - _GAP_PX / inner
+    layout["xaxis"] = {"anchor": axis, "domain": [0, 1], **x_axis}
+    return {"data": traces, "layout": layout}
+
+
+def _shapes(panel: Panel, axis: str) -> list[dict[str, Any]]:
+    quiet = {"layer": "below", "line": {"width": 0}, "fillcolor": SHADE}
+    shapes: list[dict[str, Any]] = [
+        {"type": "rect", "x0": start, "x1": stop, "yref": f"{axis} domain", "y0": 0, "y1": 1, **quiet}
+        for start, stop in panel.shaded
+    ]
+    if panel.level is not None:
+        line = {"color": BESIDE, "width": 1, "dash": "dot"}
+        shapes.append(
+            {
+                "type": "line",
+                "xref": "paper",
+                "x0": 0,
+                "x1": 1,
+                "yref": axis,
+                "line": line,
+                "y0": panel.level,
+                "y1": panel.level,
+            }
+        )
+    return shapes
+
+
+def _label(label: str, top: float) -> dict[str, Any]:
+    # A line above each panel reads better than turned text, and fits panels of any height.
+    return {
+        "text": text(label),
+        "xref": "paper",
+        "yref": "paper",
+        "x": 0,
+        "y": round(top, 5),
+        "xanchor": "left",
+        "yanchor": "bottom",
+        "yshift": 3,
+        "showarrow": False,
+        "font": {"size": 12},
+    }

@@ -1,0 +1,1 @@
+"""Drop what the data do not show."""

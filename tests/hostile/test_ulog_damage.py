@@ -1,0 +1,133 @@
+"""Damaged PX4 logs: nothing is believed that is not there, and every break is said."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.data.record import FlightRecord, Source
+from rotorid.errors import LogError
+from rotorid.io import px4, read
+from rotorid.io.ulog_walk import HEADER_BYTES, MAGIC, walk
+
+LOG = "px4/sample_log_small.ulg"
+SOURCE = Source(name="flight.ulg", format=px4.FORMAT, sha256="")
+
+
+@pytest.fixture(scope="module")
+def intact(unpacked: Callable[[str], Path]) -> bytes:
+    return unpacked(LOG).read_bytes()
+
+
+def message_starts(data: bytes) -> list[int]:
+    starts = [HEADER_BYTES]
+    while starts[-1] < len(data):
+        starts.append(starts[-1] + 3 + int.from_bytes(data[starts[-1] : starts[-1] + 2], "little"))
+    return starts[:-1]
+
+
+def read_bytes(folder: Path, data: bytes) -> FlightRecord:
+    (folder / "flight.ulg").write_bytes(data)
+    return px4.read(folder / "flight.ulg", SOURCE, sandbox=False)
+
+
+def test_an_intact_log_has_no_damage(intact: bytes) -> None:
+    found = walk(intact)
+    assert not found.damage
+    assert found.intact == ((0, len(intact)),)
+
+
+def test_every_cut_inside_a_message_is_seen(intact: bytes) -> None:
+    starts = set(message_starts(intact))
+    for cut in np.random.default_rng(0).integers(HEADER_BYTES + 1, len(intact), 40).tolist():
+        assert bool(walk(intact[:cut]).damage) == (cut not in starts)
+
+
+def test_every_flipped_bit_in_a_size_or_type_of_data_is_seen_and_costs_little(intact: bytes) -> None:
+    rng = np.random.default_rng(1)
+    data_messages = [start for start in message_starts(intact) if intact[start + 2] == ord("D")]
+    for start in rng.choice(data_messages, 60).tolist():
+        damaged = bytearray(intact)
+        damaged[start + int(rng.integers(3))] ^= 1 << int(rng.integers(8))
+        found = walk(bytes(damaged))
+        assert found.damage
+        # The walk finds its way again within a few messages.
+        assert sum(item.stop - item.start for item in found.damage) < 2000
+
+
+def test_around_the_damage_only_true_samples_are_read(intact: bytes, tmp_path: Path) -> None:
+    whole = read_bytes(tmp_path, intact)
+    # From the start of a message on: inside of one, noise would stand in a payload, which has no checksum.
+    middle = next(start for start in message_starts(intact) if start > len(intact) // 2)
+    damaged = intact[:middle] + np.random.default_rng(2).bytes(700) + intact[middle + 700 :]
+    record = read_bytes(tmp_path, damaged)
+    (finding,) = (finding for finding in record.findings if finding.kind == "corrupt_log")
+    assert finding.numbers["first_byte"] == middle
+    for topic in record.topics:
+        original = next(item for item in whole.topics if item.channels == topic.channels)
+        kept = np.isin(original.time_s, topic.time_s)
+        np.testing.assert_array_equal(original.values[:, kept], topic.values)
+        # 700 bytes and the two messages that they cut hold a dozen samples at most.
+        assert original.time_s.size - topic.time_s.size <= 12
+
+
+def test_a_cut_log_is_read_to_the_cut_and_says_so(intact: bytes, tmp_path: Path) -> None:
+    (tmp_path / "flight.ulg").write_bytes(intact[: len(intact) // 2 + 1])
+    record = read(tmp_path / "flight.ulg")
+    assert record.stop_s > record.start_s
+    (finding,) = (finding for finding in record.findings if finding.kind == "corrupt_log")
+    assert "ends inside a message" in finding.message
+
+
+@pytest.mark.parametrize("length", [7, 10, 16])
+def test_a_log_that_ends_in_its_header_is_one_sentence(intact: bytes, tmp_path: Path, length: int) -> None:
+    (tmp_path / "flight.ulg").write_bytes(intact[:length])
+    with pytest.raises(LogError, match="ends inside its header"):
+        read(tmp_path / "flight.ulg")
+
+
+def test_a_header_followed_by_noise_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "flight.ulg").write_bytes(MAGIC + bytes(9) + np.random.default_rng(3).bytes(100_000))
+    with pytest.raises(LogError, match="holds no topic"):
+        read(tmp_path / "flight.ulg")
+
+
+def definition(letter: str, payload: bytes) -> bytes:
+    return struct.pack("<HB", len(payload), ord(letter)) + payload
+
+
+@pytest.mark.parametrize(
+    ("formats", "sentence"),
+    [
+        (["a:a inner;"], "contains itself"),
+        (["a:b inner;", "b:a inner;"], "contains itself"),
+        (["a:b[65535] x;", "b:c[65535] x;", "c:d[65535] x;", "d:uint8_t[9] x;"], "larger than any message"),
+        (["a:b[65535] x;", "b:cc[65535] x;", "cc:"], "larger than any message"),
+        ([f"{i}:{i + 1} x;" for i in range(20)] + ["a:0 x;"], "nested too deeply"),
+    ],
+)
+def test_definitions_that_would_hang_a_parser_are_refused(tmp_path: Path, formats: list[str], sentence: str) -> None:
+    parts = [MAGIC + bytes(9), *(definition("F", text.encode()) for text in formats)]
+    (tmp_path / "flight.ulg").write_bytes(b"".join([*parts, definition("A", b"\0\0\0a")]))
+    with pytest.raises(LogError, match=sentence):
+        read(tmp_path / "flight.ulg")
+
+
+def test_any_flipped_bit_gives_a_record_or_one_sentence(intact: bytes, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    sentences = 0
+    for _ in range(25):
+        damaged = bytearray(intact[:200_000])
+        for place in rng.integers(0, len(damaged), 30).tolist():
+            damaged[place] ^= 1 << int(rng.integers(8))
+        try:
+            record = read_bytes(tmp_path, bytes(damaged))
+        except LogError:
+            sentences += 1
+        else:
+            assert "corrupt_log" in {finding.kind for finding in record.findings}
+    assert sentences < 25

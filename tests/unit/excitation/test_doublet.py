@@ -1,0 +1,35 @@
+"""Doublets and multisteps: widths, signs, balance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rotorid.errors import UsageError
+from rotorid.excitation.doublet import doublet, multistep, three_two_one_one
+
+
+def test_doublet_is_two_opposite_steps_between_trims() -> None:
+    values = doublet(amplitude=-0.2, pulse_s=0.5, sample_rate_hz=100.0, trim_s=1.0)
+    np.testing.assert_array_equal(values, np.repeat([0.0, -0.2, 0.2, 0.0], [100, 50, 50, 100]))
+
+
+def test_three_two_one_one_alternates() -> None:
+    values = three_two_one_one(amplitude=1.0, unit_s=0.1, sample_rate_hz=50.0, trim_s=0.2)
+    np.testing.assert_array_equal(values, np.repeat([0.0, 1.0, -1.0, 1.0, -1.0, 0.0], [10, 15, 10, 5, 5, 10]))
+
+
+@given(widths=st.lists(st.floats(1.0, 5.0), min_size=1, max_size=8), unit=st.floats(0.05, 1.0))
+def test_rounding_does_not_add_up(widths: list[float], unit: float) -> None:
+    values = multistep(widths, amplitude=1.0, unit_s=unit, sample_rate_hz=100.0, trim_s=0.0)
+    assert abs(values.size - sum(widths) * unit * 100.0) <= 0.5 + 1e-9
+    assert set(np.abs(values)) == {1.0}
+    assert np.count_nonzero(np.diff(values)) == len(widths) - 1
+
+
+@pytest.mark.parametrize("widths", [(), (1.0, 0.0), (1.0, 0.001)])
+def test_steps_shorter_than_a_sample_are_refused(widths: tuple[float, ...]) -> None:
+    with pytest.raises(UsageError, match="one sample"):
+        multistep(widths, amplitude=1.0, unit_s=0.1, sample_rate_hz=100.0)

@@ -1,0 +1,265 @@
+"""ArduPilot logs as flight records: on logs written here, and on the flights with known answers."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.data.channel import STANDARD_UNITS
+from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.errors import LogError
+from rotorid.io.ardupilot import FORMAT, read
+
+PACKING = dict.fromkeys("QBHIf") | {"N": "16s", "Z": "64s", "e": "i"}
+DEGREE = math.pi / 180.0
+STAMP_S = 0.01
+"""The manifest gives times to a hundredth of a second."""
+
+
+class Log:
+    """A DataFlash log under construction; each message is defined when it first appears."""
+
+    def __init__(self) -> None:
+        self.data = b""
+        self.numbers: dict[str, int] = {"FMT": 128}
+        self.define("FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
+
+    def define(self, name: str, letters: str, columns: str, length: int) -> None:
+        texts = (name.encode(), letters.encode(), columns.encode())
+        self.data += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", self.numbers[name], length, *texts)
+
+    def add(self, name: str, letters: str, **columns: float | str) -> None:
+        packing = "<" + "".join(PACKING[letter] or letter for letter in letters)
+        if name not in self.numbers:
+            self.numbers[name] = len(self.numbers)
+            self.define(name, letters, ",".join(columns), 3 + struct.calcsize(packing))
+        values = [value.encode() if isinstance(value, str) else value for value in columns.values()]
+        self.data += b"\xa3\x95" + bytes([self.numbers[name]]) + struct.pack(packing, *values)
+
+    def parameter(self, name: str, value: float) -> None:
+        self.add("PARM", "QNf", TimeUS=0, Name=name, Value=value)
+
+    def run(self, start_us: int, entry: int, low_hz: float, high_hz: float) -> None:
+        """One SYSTEMID run of five samples, a hundredth of a second apart; the signal is the number of the entry."""
+        self.add("SIDS", "QBff", TimeUS=start_us - 100, Ax=entry, FSt=low_hz, FSp=high_hz)
+        for index in range(5):
+            values = dict.fromkeys(("Gx", "Gy", "Gz", "Ax", "Ay"), 0.0) | {"Az": -9.75, "Gx": 180.0}
+            stamp = start_us + 10_000 * index
+            self.add("SIDD", "Q" + "f" * 8, TimeUS=stamp, Time=0.01 * index, Targ=entry, **values)
+
+    def read(self, folder: Path) -> FlightRecord:
+        path = folder / "log.bin"
+        path.write_bytes(self.data)
+        return read_log(path)
+
+
+def read_log(path: Path) -> FlightRecord:
+    return read(path, Source(name=path.name, format=FORMAT, sha256=""))
+
+
+def topic(record: FlightRecord, name: str) -> Topic:
+    return next(topic for topic in record.topics if topic.name == name)
+
+
+def values(record: FlightRecord, channel: str) -> list[float]:
+    """Samples of a channel in its preferred topic."""
+    held, row = next(record.holding(channel))
+    samples: list[float] = held.values[row].tolist()
+    return samples
+
+
+def test_each_run_is_a_topic_that_excites_its_own_axis(tmp_path: Path) -> None:
+    log = Log()
+    log.run(1_000_000, 10, 0.1, 20.0)
+    log.run(3_000_000, 8, 0.5, 10.0)
+    log.run(5_000_000, 2, 0.2, 5.0)
+
+    record = log.read(tmp_path)
+
+    excited = [[c.name for c in topic.channels if c.name.endswith("_excitation")] for topic in record.topics]
+    assert excited == [["roll_excitation"], ["pitch_excitation"], ["pitch_excitation"]]
+    units = [topic.channels[-1].unit for topic in record.topics]
+    assert units == ["1", "rad/s", "rad"]
+    signals = [topic.values[-1, 0] for topic in record.topics]
+    assert signals == pytest.approx([10.0, 8.0 * DEGREE, 2.0 * DEGREE], rel=1e-15)
+    assert [(m.axis, m.start_s, m.stop_s) for m in record.declared] == [
+        ("roll", 1.0, 1.04),
+        ("pitch", 3.0, 3.04),
+        ("pitch", 5.0, 5.04),
+    ]
+    assert record.declared[1].band_rad_s == pytest.approx((math.pi, 20.0 * math.pi), rel=1e-15)
+    assert {m.kind for m in record.declared} == {"sweep"}
+    assert {m.origin for m in record.declared} == {"declared"}
+    assert record.instruments == {"roll": ("roll_excitation",), "pitch": ("pitch_excitation",)}
+    assert values(record, "p") == pytest.approx([math.pi] * 5, rel=1e-15)
+    assert values(record, "az") == [-9.75] * 5
+
+
+def test_run_at_an_unknown_place_is_reported(tmp_path: Path) -> None:
+    log = Log()
+    log.run(1_000_000, 18, 0.1, 2.0)
+
+    record = log.read(tmp_path)
+
+    assert record.declared == ()
+    assert record.instruments == {}
+    assert [(finding.kind, finding.numbers["sid_axis"]) for finding in record.findings if finding.numbers] == [
+        ("no_excitation", 18.0)
+    ]
+
+
+def test_preference_is_system_id_then_rate_then_imu(tmp_path: Path) -> None:
+    log = Log()
+    for instance, rate in ((0, 0.25), (1, 0.5)):
+        log.add("IMU", "QBf", TimeUS=1, I=instance, GyrX=rate)
+    log.add("RATE", "Qff", TimeUS=1, R=90.0, ROut=0.5)
+    log.run(1_000_000, 10, 0.1, 20.0)
+
+    record = log.read(tmp_path)
+
+    assert [held.name for held, _ in record.holding("p")] == ["SIDD run 1", "RATE", "IMU"]
+    assert topic(record, "IMU").values.tolist() == [[0.25]]
+    assert values(record, "roll_command") == [0.5]
+
+
+def test_old_rate_messages_are_read_in_their_own_units(tmp_path: Path) -> None:
+    log = Log()
+    columns = {"RllDes": 0.0, "Rll": 9000.0, "RllOut": -2250.0, "AccOut": 250.0}
+    log.add("RATE", "Iffff", TimeMS=1500, **columns)
+
+    record = log.read(tmp_path)
+
+    assert values(record, "p") == pytest.approx([math.pi / 2.0], rel=1e-15)
+    assert values(record, "roll_command") == [-0.5]
+    assert values(record, "thrust_command") == [0.25]
+    assert topic(record, "RATE").time_s.tolist() == [1.5]
+    assert "legacy_units" in [finding.kind for finding in record.findings]
+
+
+def test_motors_follow_the_servo_functions(tmp_path: Path) -> None:
+    log = Log()
+    for name, value in {"SERVO1_FUNCTION": 34, "SERVO2_FUNCTION": 0, "SERVO3_FUNCTION": 33}.items():
+        log.parameter(name, value)
+    log.parameter("MOT_PWM_MIN", 1100)
+    log.parameter("MOT_PWM_MAX", 1900)
+    log.add("RCOU", "QHHH", TimeUS=1, C1=1500, C2=1234, C3=1300)
+    log.add("ESC", "QBf", TimeUS=1, Instance=2, RPM=6000.0)
+
+    record = log.read(tmp_path)
+
+    assert [c.name for c in topic(record, "RCOU").channels] == ["motor_1", "motor_2"]
+    assert values(record, "motor_1") == pytest.approx([0.25], rel=1e-12)
+    assert values(record, "motor_2") == pytest.approx([0.5], rel=1e-12)
+    assert values(record, "motor_speed_1") == pytest.approx([200.0 * math.pi], rel=1e-12)
+
+
+def test_old_logs_name_their_frame_in_a_text(tmp_path: Path) -> None:
+    log = Log()
+    log.add("MSG", "QZ", TimeUS=0, Message="APM:Copter V3.4.4 (65ffe9d7)")
+    log.add("MSG", "QZ", TimeUS=0, Message="Frame: TRI")
+    log.parameter("RC3_MIN", 1100)
+    log.parameter("RC3_MAX", 1900)
+    log.add("RCOU", "QHHHH", TimeUS=1, C1=1100, C2=1500, C3=1900, C4=1700)
+
+    record = log.read(tmp_path)
+
+    assert record.source.firmware == "APM:Copter V3.4.4 (65ffe9d7)"
+    assert topic(record, "RCOU").values[:, 0] == pytest.approx([0.0, 0.5, 1.0], abs=1e-12)
+
+
+def test_sticks_follow_calibration_and_direction(tmp_path: Path) -> None:
+    log = Log()
+    for name, value in {"RCMAP_ROLL": 2, "RCMAP_PITCH": 1, "RC1_REVERSED": 1, "RC2_MIN": 1100, "RC2_MAX": 1900}.items():
+        log.parameter(name, value)
+    log.add("RCIN", "QHHHH", TimeUS=1, C1=2000, C2=1700, C3=1250, C4=1500)
+
+    record = log.read(tmp_path)
+
+    sticks = {name: values(record, f"{name}_stick")[0] for name in ("roll", "pitch", "yaw", "thrust")}
+    assert sticks == pytest.approx({"roll": 0.5, "pitch": -1.0, "yaw": 0.0, "thrust": 0.25}, abs=1e-12)
+    assert record.instruments["roll"] == ("roll_stick",)
+
+
+def test_parameters_are_the_last_ones_and_say_nothing_of_the_place(tmp_path: Path) -> None:
+    log = Log()
+    for name, value in (("MASS", 1.0), ("MASS", 2.0), ("SIM_OPOS_LAT", -35.0), ("AHRS_ORIG_LON", 149.0)):
+        log.parameter(name, value)
+
+    record = log.read(tmp_path)
+
+    assert dict(record.parameters) == {"MASS": 2.0}
+
+
+def test_missing_rate_names_the_bit_to_set(tmp_path: Path) -> None:
+    log = Log()
+    log.add("IMU", "Qf", TimeUS=1, GyrX=0.0)
+
+    (finding,) = log.read(tmp_path).findings
+
+    assert (finding.kind, finding.where) == ("missing_channel", "RATE")
+    assert "LOG_BITMASK" in finding.message
+
+
+def test_missing_file_is_an_error_of_the_user(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"gone\.bin cannot be read"):
+        read_log(tmp_path / "gone.bin")
+
+
+@pytest.mark.parametrize(
+    ("name", "runs"),
+    [
+        ("x_calm_roll.BIN", [("roll", 94.85, 186.33, 0.1, 20.0), ("roll", 203.40, 264.90, 0.2, 15.0)]),
+        ("x_wind_rollpitch.BIN.xz", [("roll", 94.80, 176.29, 0.1, 20.0), ("pitch", 194.40, 275.89, 0.1, 20.0)]),
+    ],
+)
+def test_declared_sweeps_are_those_that_were_flown(
+    name: str, runs: list[tuple[str, float, float, float, float]], unpacked: Callable[[str], Path]
+) -> None:
+    record = read_log(unpacked(f"ardupilot_sitl/{name}"))
+
+    assert [maneuver.axis for maneuver in record.declared] == [run[0] for run in runs]
+    for maneuver, (axis, start_s, stop_s, low_hz, high_hz) in zip(record.declared, runs, strict=True):
+        assert maneuver.start_s == pytest.approx(start_s, abs=STAMP_S)
+        assert maneuver.stop_s == pytest.approx(stop_s, abs=STAMP_S)
+        # The log holds the band in single precision.
+        assert maneuver.band_rad_s == pytest.approx((2 * math.pi * low_hz, 2 * math.pi * high_hz), rel=1e-7)
+        assert record.instruments[axis][0] == f"{axis}_excitation"
+    excited = [topic for topic in record.topics for channel in topic.channels if channel.name == "roll_excitation"]
+    assert len(excited) == sum(run[0] == "roll" for run in runs)
+
+
+def test_simulated_flight_has_the_channels_and_signs_of_the_vocabulary(shared_data: Path) -> None:
+    record = read_log(shared_data / "ardupilot_sitl" / "x_calm_roll.BIN")
+
+    for held in record.topics:
+        for channel in held.channels:
+            assert STANDARD_UNITS[channel.name] == channel.unit
+    rate, run = topic(record, "RATE"), topic(record, "SIDD run 1")
+    together = (rate.time_s >= run.time_s[0]) & (rate.time_s <= run.time_s[-1])
+    assert np.array_equal(rate.time_s[together], run.time_s)
+    # In still air a positive roll command accelerates to the right: command and roll acceleration agree in sign.
+    command = rate.values[rate.row("roll_command") or 0, together]
+    acceleration = np.gradient(run.values[run.row("p") or 0], run.time_s)
+    assert np.corrcoef(command, acceleration)[0, 1] > 0.9
+    hover = np.median(values(record, "az"))
+    assert -10.0 < hover < -9.6
+    assert 0.3 < np.median(values(record, "thrust_command")) < 0.42
+    assert 0.5 < np.median(values(record, "motor_1")) < 0.65
+    assert record.source.firmware.startswith("ArduCopter V4.7")
+
+
+@pytest.mark.parametrize("name", ["erle_brain3.BIN", "beast_0036.BIN"])
+def test_slow_logs_are_called_slow_and_told_what_to_change(name: str, shared_data: Path) -> None:
+    record = read_log(shared_data / "ardupilot" / name)
+
+    slow = {finding.where: finding for finding in record.findings if finding.kind == "rate_too_low"}
+    assert set(slow) == {"RATE", "IMU", "RCOU"}
+    assert all("LOG_BITMASK" in finding.message for finding in slow.values())
+    assert all(finding.numbers["rate_hz"] < 30.0 for finding in slow.values())
+    assert {channel.name for channel in topic(record, "RCOU").channels} == {f"motor_{n}" for n in range(1, 5)}
+    assert {"roll_command", "p", "az", "phi", "velocity_north", "battery_voltage"} <= set(record.channel_names)

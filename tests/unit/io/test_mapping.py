@@ -1,0 +1,96 @@
+"""Mapping files: every mistake is answered with the key and the nearest name."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from rotorid.errors import UsageError
+from rotorid.io.mapping import ChannelMapping, Clock, Segment, Series, parse_mapping, read_mapping
+
+PRODUCT = """
+[clock]
+time = { source = "Time_real" }
+[channels.pitch_command]
+source = "M.value"
+time = "M.timestamp"
+time_unit = "us"
+unit = "%"
+scale = -1.0
+[channels.q]
+source = "gyr"
+column = 1
+unit = "deg/s"
+[segments]
+use = [{ start_s = 31.7, stop_s = 57.7 }, { start_sample = 10, stop_sample = 20, axis = "yaw", kind = "sweep" }]
+"""
+
+
+def parse(text: str) -> ChannelMapping:
+    return parse_mapping(tomllib.loads(text), "map.toml")
+
+
+def test_a_whole_mapping_is_understood() -> None:
+    mapping = parse(PRODUCT)
+    command, rate = mapping.channels
+    assert mapping.clock == Clock(time=Series(source="Time_real"))
+    assert command.samples == Series(source="M.value", unit="%", scale=-1.0)
+    assert command.time == Series(source="M.timestamp", unit="us")
+    assert rate.samples == Series(source="gyr", unit="deg/s", column=1)
+    assert rate.time is None
+    # The axis of the first segment is that of the only command.
+    assert mapping.segments == (
+        Segment(axis="pitch", start_s=31.7, stop_s=57.7),
+        Segment(axis="yaw", kind="sweep", start_sample=10, stop_sample=20),
+    )
+
+
+CHANNEL = '[channels.q]\nsource = "a"\ntime = "t"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "names no channel"),
+        ("[channels]\nq = 1", r"\[channels.q\] is 1"),
+        ('[channels.q]\nsource = "a"', r"\[channels.q\] has no stamps"),
+        ('[channels.q]\ntime = "t"', r"\[channels.q\] has no `source`"),
+        ('[channels.q]\nsource = 3\ntime = "t"', "`source` = 3"),
+        (CHANNEL + 'sorce = "b"', "a key `sorce`.* did you mean source"),
+        (CHANNEL + 'unit = "m/s"', r"\[channels.q\] `unit` is 'm/s'. a unit of rad/s"),
+        (CHANNEL + 'unit = "furlong"', "'furlong' is not known"),
+        (CHANNEL + 'time_unit = "deg"', "`time_unit` is 'deg'. a unit of s"),
+        (CHANNEL + 'scale = "2"', "`scale` = '2'"),
+        (CHANNEL + "scale = nan", "`scale` = nan"),
+        (CHANNEL + "row = -1", "`row` = -1"),
+        (CHANNEL + "row = true", "`row` = True"),
+        (CHANNEL + "row = 1\ncolumn = 1", "`row` and `column`"),
+        (CHANNEL + "[chanels]", "a key `chanels`.* did you mean channels"),
+        (CHANNEL.replace("q]", "pich_command]"), "pich_command.* did you mean pitch_command"),
+        (CHANNEL + "[clock]", "has 0 keys"),
+        (CHANNEL + '[clock]\nsample_rate_hz = 1\nsteps = {source = "d"}', "has 2 keys"),
+        (CHANNEL + "[clock]\nsample_rate_hz = 0", "`sample_rate_hz` = 0"),
+        (CHANNEL + "[clock]\nsampel_rate_hz = 2", "did you mean sample_rate_hz"),
+        (CHANNEL + '[clock]\ntime = "t"', "is 't'. a table"),
+        (CHANNEL + "[segments]\nuse = 3", "a list of tables"),
+        (CHANNEL + "[segments]\nuse = [{start_s = 1, stop_s = 2}]", "does not say which axis"),
+        (CHANNEL + '[segments]\nuse = [{start_s = 1, stop_s = 2, axis = "up"}]', "`axis` = 'up'"),
+        (CHANNEL + '[segments]\nuse = [{start_s = 2, stop_s = 1, axis = "yaw"}]', "number 1 is no interval"),
+        (CHANNEL + '[segments]\nuse = [{start_s = 2, stop_sample = 9, axis = "yaw"}]', "is no interval"),
+        (CHANNEL + '[segments]\nuse = [{start_s = 1, stop_s = 2, axis = "yaw", kind = "chirp"}]', "`kind` = 'chirp'"),
+    ],
+)
+def test_every_mistake_names_its_key(text: str, sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence) as caught:
+        parse(text)
+    assert str(caught.value).startswith("map.toml")
+
+
+def test_a_missing_or_broken_file_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be opened"):
+        read_mapping(tmp_path / "none.toml")
+    (tmp_path / "map.toml").write_text("[channels\n")
+    with pytest.raises(UsageError, match=r"map.toml is no TOML: .*line 1"):
+        read_mapping(tmp_path / "map.toml")
