@@ -100,6 +100,29 @@ def definition(letter: str, payload: bytes) -> bytes:
     return struct.pack("<HB", len(payload), ord(letter)) + payload
 
 
+def test_data_appended_after_a_crash_are_read_on_both_sides_of_damage(tmp_path: Path) -> None:
+    """The log ends in a cut message, a second part was appended, and a byte of the first part is damaged as well."""
+
+    def sample(number: int) -> bytes:
+        return definition("D", struct.pack("<HQf", 0, 1000 * number, float(number)))
+
+    head = definition("F", b"battery_status:uint64_t timestamp;float voltage_v;") + definition(
+        "A", b"\0\0\0battery_status"
+    )
+    offset = len(MAGIC) + 9 + 3 + 40 + len(head) + 9 * len(sample(0)) + 8
+    flags = definition("B", bytes(8) + b"\1" + bytes(7) + struct.pack("<3Q", offset, 0, 0))
+    first = [sample(number) for number in range(9)]
+    first[2] = b"\xff" + first[2][1:]
+    second = [sample(number) for number in range(20, 29)]
+    data = b"".join([MAGIC, b"\1", bytes(8), flags, head, *first, sample(9)[:8], *second])
+
+    record = read_bytes(tmp_path, data)
+    assert record.topics[0].values[0].tolist() == [0, 1, *range(3, 9), *range(20, 29)]
+    (finding,) = (finding for finding in record.findings if finding.kind == "corrupt_log")
+    assert finding.numbers["places"] == 2
+    assert finding.numbers["lost_bytes"] == len(sample(2)) + 8
+
+
 @pytest.mark.parametrize(
     ("formats", "sentence"),
     [

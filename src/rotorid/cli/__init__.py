@@ -1,1 +1,1 @@
-"""TODO-PACKAGE."""
+"""The command line."""

@@ -70,7 +70,7 @@ def unpacked(path: Path, compression: str, limits: UnpackLimits | None = None) -
     """
     limits = limits or UnpackLimits()
     with tempfile.TemporaryDirectory(prefix="rotorid-") as folder:
-        target = Path(folder) / "log"
+        target = Path(folder) / path.stem
         try:
             with path.open("rb") as packed, _stream(packed, path.name, compression) as stream, target.open("wb") as out:
                 _copy(stream, out, path, limits)

@@ -73,10 +73,10 @@ def assemble(
     LogError
         Stamps and samples differ in number, or are not all finite.
     """
-    groups: dict[str, list[MappedChannel]] = {}
+    groups: dict[Series | None, list[MappedChannel]] = {}
     for channel in mapping.channels:
-        groups.setdefault(channel.time.source if channel.time else _COMMON_CLOCK, []).append(channel)
-    topics = tuple(_topic(name, channels, mapping.clock, arrays, source.name) for name, channels in groups.items())
+        groups.setdefault(channel.time, []).append(channel)
+    topics = tuple(_topic(time, channels, mapping.clock, arrays, source.name) for time, channels in groups.items())
     return FlightRecord(
         source=source,
         topics=topics,
@@ -87,10 +87,14 @@ def assemble(
 
 
 def _topic(
-    name: str, channels: list[MappedChannel], clock: Clock | None, arrays: Mapping[str, FloatArray], file: str
+    time: Series | None,
+    channels: list[MappedChannel],
+    clock: Clock | None,
+    arrays: Mapping[str, FloatArray],
+    file: str,
 ) -> Topic:
     rows = [_samples(channel.samples, arrays, STANDARD_UNITS[channel.name], file) for channel in channels]
-    time_s = _stamps(channels[0].time, clock, arrays, rows[0].size, file)
+    time_s = _stamps(time, clock, arrays, rows[0].size, file)
     for channel, row in zip(channels, rows, strict=True):
         if row.size != time_s.size:
             raise LogError(
@@ -102,7 +106,7 @@ def _topic(
         Channel(name=channel.name, unit=STANDARD_UNITS[channel.name], source=channel.samples.source)
         for channel in channels
     )
-    return Topic(name=name, time_s=time_s, channels=meta, values=np.stack(rows))
+    return Topic(name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=meta, values=np.stack(rows))
 
 
 def _stamps(

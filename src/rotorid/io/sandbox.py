@@ -29,6 +29,7 @@ PARSERS: Mapping[str, str] = {"ulog": "rotorid.io.ulog", "mat": "rotorid.io.mat"
 """Parser to the module whose ``extract(path, options)`` does the work, imported by the child alone."""
 
 _MIB = 1 << 20
+_PACKAGE_ROOT = str(Path(__file__).resolve().parents[2])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -108,8 +109,11 @@ def extract(
 
 def _run_child(folder: Path, name: str, limits: Limits) -> int:
     # The child imports from where this process does, but never from the current folder, which may hold anything.
+    places = [entry for entry in sys.path if entry]
+    if _PACKAGE_ROOT not in places:
+        places.append(_PACKAGE_ROOT)
     environment = dict(os.environ) | {
-        "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry),
+        "PYTHONPATH": os.pathsep.join(places),
         # Each thread of a linear-algebra library reserves memory that would count against the limit.
         "OPENBLAS_NUM_THREADS": "1",
         "OMP_NUM_THREADS": "1",

@@ -29,8 +29,8 @@ from rotorid.pipeline.assemble import (
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters, require_usable
-from rotorid.pipeline.measure import Measured, feedback_bias, measure
-from rotorid.pipeline.selection import Flown, Selection, axis_of, select_maneuvers
+from rotorid.pipeline.measure import Measured, correlated_inputs, feedback_bias, measure
+from rotorid.pipeline.selection import RICH_KINDS, Flown, Selection, axis_of, select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.verification import Checked, cost_on_sweeps, hold_out, verify_unseen
 from rotorid.reduce.elimination import Reduced, fit_and_drop
@@ -110,7 +110,8 @@ def identify(
     limits = bounds(reduced.problem, reduced.solution)
     checked = _verify(problem, found, selection, verify, settings, progress)
     findings = [f for record in records for f in record.findings]
-    findings += [*measured.findings, *judge_band(measured, used), *feedback_bias(measured, used), *reduced.findings]
+    findings += [*measured.findings, *judge_band(measured, used), *feedback_bias(measured, used)]
+    findings += [*correlated_inputs(measured, used), *reduced.findings]
     findings += [f for part in checked for f in part.findings]
     return _finished(
         reduced,
@@ -172,8 +173,8 @@ def _verify(
     band = (float(omega[0]), float(omega[-1]))
     axes = [axis_of(name) for name in structure.inputs]
     other = [(record, m) for record in verify for axis in axes for m in find_excitations(record, axis)]
-    short: list[Flown] = [*selection.unseen, *((r, m) for r, m in other if m.kind not in ("sweep", "random_binary"))]
-    sweeps = [(record, m) for record, m in other if m.kind in ("sweep", "random_binary")]
+    short: list[Flown] = [*selection.unseen, *((r, m) for r, m in other if m.kind not in RICH_KINDS)]
+    sweeps = [(record, m) for record, m in other if m.kind in RICH_KINDS]
     checked = []
     if short:
         checked.append(verify_unseen(system, short, **names, band_rad_s=band, progress=progress))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from rotorid.data.channel import AXES
 from rotorid.data.findings import Finding
+from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.pipeline.identification import Segment
@@ -15,12 +18,13 @@ from rotorid.pipeline.selection import Flown, axis_of, cut, find_instrument, his
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, plan_windows
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray
 
 POINTS = 100
 HIGHEST_DEFAULT_RAD_S = 100.0
 _BIAS_LIMIT_DB = 1.0
 _SWEEP_MARGIN = 1.2
+_CORRELATION_LIMIT = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +39,8 @@ class Measured:
         The direct estimate, when ``response`` is a joint one.
     segments
         The data behind them.
+    cross_coherence
+        Coherence of each other command with the excitation, shape ``(f,)``.
     asked_rad_s
         Band that was looked at.
     excited_to_rad_s
@@ -46,6 +52,7 @@ class Measured:
     response: FrequencyResponse
     beside: FrequencyResponse | None
     segments: tuple[Segment, ...]
+    cross_coherence: Mapping[str, FloatArray]
     asked_rad_s: tuple[float, float]
     excited_to_rad_s: float
     findings: tuple[Finding, ...]
@@ -78,7 +85,9 @@ def measure(
         A channel is missing, or the maneuvers are too short for the band.
     """
     instruments = choose_instruments(flown, inputs, settings)
-    segments, findings = cut(flown, channels=(*inputs, *outputs), followers=instruments, progress=progress)
+    others = _other_commands(flown, inputs)
+    followers = tuple(dict.fromkeys((*instruments, *others)))
+    segments, findings = cut(flown, channels=(*inputs, *outputs), followers=followers, progress=progress)
     records = histories(segments)
     band = settings.band_rad_s or default_band(flown, records[0].sample_rate_hz)
     lengths = [record.duration_s for record in records]
@@ -89,23 +98,26 @@ def measure(
     low = max(band[0], PERIODS_IN_WINDOW * 2.0 * np.pi / max(plan.lengths_s))
     omega: FloatArray = np.geomspace(min(low, 0.9 * band[1]), band[1], POINTS)
     progress("frequency responses")
-    common = {"inputs": inputs, "outputs": outputs, "omega_rad_s": omega, "windows_s": plan.lengths_s}
-    direct = frequency_response(records, **common)  # type: ignore[arg-type]
+    common: dict[str, Any] = {"inputs": inputs, "outputs": outputs, "omega_rad_s": omega, "windows_s": plan.lengths_s}
+    direct = frequency_response(records, **common)
+    cross = _cross_coherence(records, instruments or inputs, others, common)
     if not instruments:
         remark = (_no_instrument(inputs),) if settings.estimate == "auto" else ()
         return Measured(
             response=direct,
             beside=None,
             segments=segments,
+            cross_coherence=cross,
             asked_rad_s=band,
             excited_to_rad_s=_excited_to(flown),
             findings=(*findings, *plan.findings, *remark),
         )
-    joint = frequency_response(records, **common, instruments=instruments)  # type: ignore[arg-type]
+    joint = frequency_response(records, **common, instruments=instruments)
     return Measured(
         response=joint,
         beside=direct,
         segments=segments,
+        cross_coherence=cross,
         asked_rad_s=band,
         excited_to_rad_s=_excited_to(flown),
         findings=(*findings, *plan.findings),
@@ -156,7 +168,7 @@ def _excited_to(flown: Sequence[Flown]) -> float:
     return max(tops) if len(tops) == len(flown) else np.inf
 
 
-def feedback_bias(measured: Measured, used: np.ndarray) -> tuple[Finding, ...]:
+def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
     """How far the direct estimate lies from the joint one where the joint one was used."""
     if measured.beside is None or not used.any():
         return ()
@@ -179,6 +191,45 @@ def feedback_bias(measured: Measured, used: np.ndarray) -> tuple[Finding, ...]:
             numbers={"largest_db": worst, "rms_db": typical},
         ),
     )
+
+
+def correlated_inputs(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
+    """Commands of other axes that moved along: a model of one input takes their effect for its own."""
+    points = used.any(axis=(0, 1))
+    findings = []
+    for name, coherence in measured.cross_coherence.items():
+        mean = float(np.mean(coherence[points])) if points.any() else 0.0
+        if mean > _CORRELATION_LIMIT:
+            findings.append(
+                Finding(
+                    kind="correlated_inputs",
+                    severity="warning",
+                    where=f"{name}, {measured.response.inputs[0]}",
+                    message=(
+                        f"{name} moved along with the excitation (mean coherence {mean:.2f} in the fitted band). What "
+                        f"it does to {', '.join(measured.response.outputs)} is taken for an effect of "
+                        f"{', '.join(measured.response.inputs)}."
+                    ),
+                    numbers={"mean_coherence": mean, "limit": _CORRELATION_LIMIT},
+                )
+            )
+    return tuple(findings)
+
+
+def _other_commands(flown: Sequence[Flown], inputs: Sequence[str]) -> tuple[str, ...]:
+    """Commands of the other axes that every record holds."""
+    names = [f"{axis}_command" for axis in AXES]
+    return tuple(n for n in names if n not in inputs and all(n in record.channel_names for record, _ in flown))
+
+
+def _cross_coherence(
+    records: Sequence[TimeHistory], drivers: Sequence[str], others: Sequence[str], common: Mapping[str, Any]
+) -> dict[str, FloatArray]:
+    moving = [name for name in others if all(np.ptp(record[name]) > 0.0 for record in records)]
+    if len(drivers) != 1 or not moving:
+        return {}
+    response = frequency_response(records, **{**common, "inputs": tuple(drivers), "outputs": tuple(moving)})
+    return {name: response.coherence[row, 0] for row, name in enumerate(moving)}
 
 
 def _no_instrument(inputs: Sequence[str]) -> Finding:

@@ -21,7 +21,7 @@ from rotorid.typing import Axis
 
 Flown = tuple[FlightRecord, Maneuver]
 
-_RICH = ("sweep", "random_binary")
+RICH_KINDS = ("sweep", "random_binary")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
         given = [m for m in settings.segments if m.axis in axes]
         fitted = [(record, _described(record, m)) for record in records for m in given if _inside(record, m)]
     else:
-        fitted = [(record, m) for record, m in found if m.kind in _RICH]
+        fitted = [(record, m) for record, m in found if m.kind in RICH_KINDS]
     if not fitted:
         raise _nothing_flown(records, axes, [m for _, m in found], settings)
     unseen = [

@@ -20,6 +20,7 @@ SIGMAS = 2.0
 COHERENCE_GUIDELINE = 0.6
 
 _RAD_S_PER_HZ = 2.0 * np.pi
+_TICKS_RAD_S = [round(step * 10.0**power, 3) for power in range(-3, 4) for step in (1, 2, 5)]
 _FREQUENCY = "%{x:.3~g} rad/s (%{customdata:.3~g} Hz)<br>"
 
 
@@ -102,7 +103,7 @@ def bode(
                 level=COHERENCE_GUIDELINE,
             ),
         ),
-        x_axis={"type": "log", "title": {"text": "Frequency [rad/s]"}, "dtick": "D2"},
+        x_axis={"type": "log", "title": {"text": "Frequency [rad/s]"}, "tickvals": _TICKS_RAD_S},
     )
 
 
@@ -168,7 +169,7 @@ def _band(omega: FloatArray, middle: FloatArray, half: FloatArray, used: BoolArr
 
 
 def _points(omega: FloatArray, values: FloatArray, used: BoolArray, unit: str, *, legend: bool) -> list[Trace]:
-    groups = (("measured", used, 1.0, 5.0), ("measured, left out", ~used, 0.35, 4.0))
+    groups = (("measured", used, 1.0, 5.0), ("measured, left out", ~used, 0.4, 4.0))
     return [
         {
             "type": "scatter",

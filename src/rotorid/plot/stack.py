@@ -59,7 +59,7 @@ def stacked(panels: Sequence[Panel], *, x_axis: Mapping[str, Any]) -> Figure:
         "template": template(),
         "height": round(inner + _TOP_PX + _BOTTOM_PX),
         "margin": {"l": 56, "r": 16, "t": _TOP_PX, "b": _BOTTOM_PX},
-        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1 + 26 / inner, "yanchor": "bottom"},
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1 + 22 / inner, "yanchor": "bottom"},
         "hovermode": "closest",
         "annotations": annotations,
         "shapes": shapes,

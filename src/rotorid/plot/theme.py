@@ -21,7 +21,7 @@ FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, s
 def template(*, dark: bool = False) -> dict[str, Any]:
     """The plotly template of light or dark pages; backgrounds are transparent, the page paints them."""
     ink, quiet, grid, panel = (
-        ("#d7dae0", "#a3a9b4", "#2f343d", "#20242b") if dark else ("#24292f", "#59616b", "#e4e7eb", "#ffffff")
+        ("#d7dae0", "#a3a9b4", "#2a2f37", "#20242b") if dark else ("#24292f", "#59616b", "#e4e7eb", "#ffffff")
     )
     axis = {
         "gridcolor": grid,

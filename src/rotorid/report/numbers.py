@@ -8,7 +8,7 @@ MISSING = "–"
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLAIN_FROM, _PLAIN_TO = 1e-3, 1e6
-_UNITS = {"1": "", "^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
+_POWERS = {"^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
 
 
 def with_error(value: float | None, std: float | None) -> str:
@@ -25,8 +25,7 @@ def with_error(value: float | None, std: float | None) -> str:
         return significant(value, digits=4)
     largest = max(abs(value), std)
     power = 0 if _PLAIN_FROM <= largest < _PLAIN_TO else math.floor(math.log10(largest))
-    # By string, because dividing by a power of ten would round a second time.
-    mantissa, deviation = float(f"{value:.17e}") / 10.0**power, std / 10.0**power
+    mantissa, deviation = value / 10.0**power, std / 10.0**power
     decimals = _decimals(deviation)
     both = f"{_fixed(mantissa, decimals)} ± {_fixed(deviation, decimals)}"
     return f"({both})·10{str(power).translate(_SUPERSCRIPTS)}" if power else both
@@ -57,11 +56,9 @@ def unit(text: str) -> str:
     >>> unit("rad/s^2"), unit("1")
     ('rad/s²', '')
     """
-    if text == "1":
-        return ""
-    for written, shown in _UNITS.items():
-        text = text.replace(written, shown) if written.startswith("^") else text
-    return text
+    for written, shown in _POWERS.items():
+        text = text.replace(written, shown)
+    return "" if text == "1" else text
 
 
 def _decimals(deviation: float) -> int:

@@ -55,6 +55,13 @@ def test_a_common_clock_is_stamps_steps_or_a_rate(tmp_path: Path, clock: dict[st
     np.testing.assert_allclose(record.topics[0].time_s, expected, rtol=1e-12)
 
 
+def test_a_wrong_length_of_steps_is_seen(tmp_path: Path) -> None:
+    mapping = {"clock": {"steps": {"source": "dt"}}, "channels": {"q": {"source": "y"}}}
+    assert read_saved(tmp_path, {"dt": np.ones(2), "y": np.arange(3)}, mapping).topics[0].time_s.tolist() == [0, 1, 2]
+    with pytest.raises(LogError, match="y has 4 samples and its clock 3 stamps"):
+        read_saved(tmp_path, {"dt": np.ones(2), "y": np.arange(4)}, mapping)
+
+
 def test_segments_by_sample_become_times(tmp_path: Path) -> None:
     mapping = {
         "clock": {"time": {"source": "t"}},

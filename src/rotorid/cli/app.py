@@ -1,0 +1,54 @@
+"""The command line. Every command calls one or two functions of the library."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from rotorid import __version__
+from rotorid.cli.console import say
+from rotorid.cli.demo import demo_command
+from rotorid.cli.identify import identify_command
+from rotorid.cli.inspect import inspect_command
+from rotorid.errors import RotoridError
+
+app = typer.Typer(
+    name="rotorid",
+    help="System identification for multirotors: flight log in, model with honest bounds and a report out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("demo")(demo_command)
+app.command("inspect")(inspect_command)
+app.command("identify")(identify_command)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"rotorid {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point: errors become one sentence and an exit code."""
+    try:
+        app()
+    except RotoridError as error:
+        say(f"rotorid: {error}")
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        say("rotorid: interrupted; nothing was written")
+        sys.exit(130)

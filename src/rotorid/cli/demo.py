@@ -1,0 +1,73 @@
+"""``rotorid demo``: fly the built-in vehicle, identify it, verify it, report."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rotorid.cli.console import progress, say
+from rotorid.cli.options import Json, Out, Quiet, Seed
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.demo import Demonstration
+
+
+def demo_command(out: Out = None, seed: Seed = 0, json: Json = False, quiet: Quiet = False) -> None:
+    """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
+    from rotorid.io.registry import read
+    from rotorid.io.store import write_atomically
+    from rotorid.pipeline.demo import LOG_NAME, fly_demo, identify_demo
+    from rotorid.report.output import write_overview_report, write_results
+
+    folder = out or Path("rotorid-out") / "demo"
+    log = folder / LOG_NAME
+    with progress(quiet=quiet) as tell:
+        tell("flying the S500 in gusts")
+        fly_demo(log, seed=seed)
+        record = read(log)
+        demo = identify_demo(record, seed=seed, command=("rotorid", *sys.argv[1:]), progress=tell)
+        tell("writing the report")
+        title = "S500 in hover: a simulated flight, identified"
+        for result in demo.identifications:
+            write_results(folder / result.document.model, result, title=result.document.model, truth=demo.truth)
+        write_overview_report(folder / "report.html", demo.identifications, title=title, truth=demo.truth)
+        if find_spec("matplotlib") is not None:
+            from rotorid.plot.overview import overview_png
+
+            write_atomically(folder / "overview.png", overview_png(demo.identifications))
+    if json:
+        documents = ",\n".join(result.document.model_dump_json(by_alias=True) for result in demo.identifications)
+        sys.stdout.write(f"[{documents}]\n")
+    elif not quiet:
+        _print(demo, folder)
+
+
+def _print(demo: Demonstration, folder: Path) -> None:
+    from rich.table import Table
+
+    from rotorid.cli.console import output_console
+
+    console = output_console()
+    table = Table(title="what was identified, and what flew", title_justify="left", box=None, pad_edge=False)
+    for name in ("model", "parameter", "identified", "± std", "truth", "unit"):
+        table.add_column(name, justify="left" if name in ("model", "parameter", "unit") else "right")
+    for result in demo.identifications:
+        for name, parameter in result.document.parameters.items():
+            if parameter.std is None:
+                continue
+            truth = demo.truth.get(name)
+            table.add_row(
+                result.document.model,
+                name,
+                f"{parameter.value:.5g}",
+                f"{parameter.std:.2g}",
+                "" if truth is None else f"{truth:.5g}",
+                parameter.unit,
+            )
+    console.print(table)
+    console.print(f"log:    {folder / 'flight.csv'}", soft_wrap=True, markup=False)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+    if not (folder / "overview.png").exists():
+        say("For a picture too: pip install 'rotorid[figures]'.")

@@ -1,0 +1,26 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+Logs: TypeAlias = Annotated[
+    list[Path], typer.Argument(help="Flight logs: PX4 .ulg, ArduPilot .BIN, .mat, .csv; also compressed.")
+]
+Log: TypeAlias = Annotated[Path, typer.Argument(help="A flight log: PX4 .ulg, ArduPilot .BIN, .mat, .csv.")]
+Map: TypeAlias = Annotated[
+    Path | None, typer.Option("--map", help="TOML file that names the channels of a .mat or .csv.")
+]
+Out: TypeAlias = Annotated[
+    Path | None, typer.Option("--out", help="Folder for the results. [default: rotorid-out/NAME]")
+]
+Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
+Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+Seed: TypeAlias = Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")]
+Segments: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--segment", help="AXIS:START:STOP to fit instead of what is found, in log seconds. Repeatable."),
+]

@@ -1,0 +1,134 @@
+"""What a log holds, and what it can support."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from rotorid.data.channel import AXES
+from rotorid.data.record import FlightRecord, Topic
+from rotorid.models.rate import RATE_AXES
+from rotorid.pipeline.assemble import finding_documents, maneuver_document
+from rotorid.pipeline.document import Document, FindingDocument, ManeuverDocument
+from rotorid.pipeline.selection import RICH_KINDS, axis_of, find_instrument
+from rotorid.signal.segment import find_excitations
+
+_GAP_STEPS = 2.5
+_LOWEST_RATE_HZ = 50.0
+
+_LOGGING_ADVICE = {
+    "ArduPilot DataFlash": (
+        "set LOG_BITMASK so that fast attitude (bit 0) and fast IMU (bit 18) are logged, and fly SYSTEMID mode with "
+        "SID_AXIS 10 (roll), 11 (pitch), 12 (yaw) or 13 (thrust)"
+    ),
+    "PX4 ULog": (
+        "set SDLOG_PROFILE to 25 (default, system identification and high rate), and sweep the stick slow to fast"
+    ),
+}
+_OTHER_ADVICE = "log it, or name its source with --map"
+
+
+class ChannelDocument(Document):
+    """A channel in one topic: the same channel may stand in several."""
+
+    name: str
+    unit: str
+    source: str
+    topic: str
+    rate_hz: float
+    samples: int
+    start_s: float | None
+    stop_s: float | None
+    gaps: int
+    longest_gap_s: float
+
+
+class SupportDocument(Document):
+    """Whether a model can be identified from this log, and what to change if not."""
+
+    possible: bool
+    because: str
+    remedy: str = ""
+    instrument: str | None = None
+
+
+class InspectDocument(Document):
+    """Answer of ``inspect``."""
+
+    schema_name: Annotated[Literal["rotorid.inspect/1"], Field(alias="schema")] = "rotorid.inspect/1"
+    name: str
+    format: str
+    firmware: str
+    sha256: str
+    start_s: float
+    stop_s: float
+    parameters: int
+    channels: list[ChannelDocument]
+    excitations: list[ManeuverDocument]
+    supports: dict[str, SupportDocument]
+    findings: list[FindingDocument]
+
+
+def inspect(record: FlightRecord) -> InspectDocument:
+    """Say what a record holds: channels, rates, gaps, excitations, and which models it can support."""
+    maneuvers = sorted((m for axis in AXES for m in find_excitations(record, axis)), key=lambda m: m.start_s)  # type: ignore[arg-type]
+    return InspectDocument(
+        name=record.source.name,
+        format=record.source.format,
+        firmware=record.source.firmware,
+        sha256=record.source.sha256,
+        start_s=record.start_s,
+        stop_s=record.stop_s,
+        parameters=len(record.parameters),
+        channels=[_channel(topic, row) for topic in record.topics for row in range(len(topic.channels))],
+        excitations=[maneuver_document(record, maneuver) for maneuver in maneuvers],
+        supports={model: _support(record, model) for model in RATE_AXES},
+        findings=finding_documents(record.findings),
+    )
+
+
+def _channel(topic: Topic, row: int) -> ChannelDocument:
+    steps = np.diff(topic.time_s)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    gaps = steps[steps > _GAP_STEPS * usual] if usual > 0.0 else steps[:0]
+    channel = topic.channels[row]
+    return ChannelDocument(
+        name=channel.name,
+        unit=channel.unit,
+        source=channel.source,
+        topic=topic.name,
+        rate_hz=topic.sample_rate_hz,
+        samples=topic.time_s.size,
+        start_s=float(topic.time_s[0]) if topic.time_s.size else None,
+        stop_s=float(topic.time_s[-1]) if topic.time_s.size else None,
+        gaps=int(gaps.size),
+        longest_gap_s=float(gaps.max()) if gaps.size else 0.0,
+    )
+
+
+def _support(record: FlightRecord, model: str) -> SupportDocument:
+    axis = RATE_AXES[model]
+    advice = _LOGGING_ADVICE.get(record.source.format, _OTHER_ADVICE)
+    missing = [name for name in (axis.input, axis.output) if name not in record.channel_names]
+    if missing:
+        return SupportDocument(possible=False, because=f"{' and '.join(missing)} is not in the log", remedy=advice)
+    rates = {name: max(t.sample_rate_hz for t, _ in record.holding(name)) for name in (axis.input, axis.output)}
+    slow = [f"{name} at {rate:.0f} Hz" for name, rate in rates.items() if rate < _LOWEST_RATE_HZ]
+    if slow:
+        because = f"{' and '.join(slow)} is too slow; {_LOWEST_RATE_HZ:.0f} Hz is the least"
+        return SupportDocument(possible=False, because=because, remedy=advice)
+    found = find_excitations(record, axis_of(axis.input))
+    rich = [maneuver for maneuver in found if maneuver.kind in RICH_KINDS]
+    if not rich:
+        kinds = ", ".join(dict.fromkeys(maneuver.kind for maneuver in found))
+        because = f"only short maneuvers ({kinds}) excite this axis" if kinds else "nothing excites this axis"
+        return SupportDocument(possible=False, because=because, remedy=advice)
+    instrument = find_instrument([(record, maneuver) for maneuver in rich], axis_of(axis.input))
+    estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
+    return SupportDocument(
+        possible=True,
+        because=f"{len(rich)} rich excitation(s), {min(rates.values()):.0f} Hz, {estimate}",
+        instrument=instrument,
+    )

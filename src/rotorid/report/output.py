@@ -1,0 +1,93 @@
+"""Write what an identification answers: all files complete, or none."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rotorid.errors import UsageError
+from rotorid.io.store import write_atomically, write_npz
+from rotorid.pipeline.document import Document
+from rotorid.pipeline.identification import Identification
+from rotorid.report.page import render_report
+
+
+def to_json(document: Document) -> str:
+    """A document as JSON text, with the names of its schema."""
+    return document.model_dump_json(by_alias=True, indent=2) + "\n"
+
+
+def write_results(
+    folder: Path, identification: Identification, *, title: str, truth: Mapping[str, float] | None = None
+) -> None:
+    """Write ``result.json``, ``responses.npz``, ``model.toml`` and ``report.html``.
+
+    The files are made in a temporary folder beside the target and moved there when all of them are complete, so that
+    no reader ever sees a part of a result.
+
+    Parameters
+    ----------
+    folder
+        Where they go; it is made when missing. Files of the same names are replaced.
+    identification
+        What to write.
+    title
+        Heading of the report.
+    truth
+        True values of parameters, where they are known.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        making = Path(tempfile.mkdtemp(prefix=".making-", dir=folder))
+    except OSError as error:
+        raise UsageError(
+            f"{folder} cannot be written: {error.strerror}",
+            needed="a folder to write to",
+            remedy="choose it with --out",
+        ) from error
+    try:
+        write_atomically(making / "result.json", to_json(identification.document))
+        write_npz(making / "responses.npz", response_arrays(identification))
+        write_atomically(making / "model.toml", identification.model_toml)
+        write_atomically(making / "report.html", render_report([identification], title=title, truth=truth))
+        for file in sorted(making.iterdir()):
+            file.replace(folder / file.name)
+    finally:
+        shutil.rmtree(making)
+
+
+def write_overview_report(
+    path: Path, identifications: Sequence[Identification], *, title: str, truth: Mapping[str, float] | None = None
+) -> None:
+    """Write one report about several identifications."""
+    write_atomically(path, render_report(identifications, title=title, truth=truth))
+
+
+def response_arrays(identification: Identification) -> dict[str, np.ndarray]:
+    """Arrays of ``responses.npz``; no pickles, names as plain text."""
+    response, beside = identification.response, identification.beside
+    arrays = {
+        "omega_rad_s": response.omega_rad_s,
+        "values": response.values,
+        "coherence": response.coherence,
+        "random_error": response.random_error,
+        "covariance": response.covariance,
+        "model": identification.model_response,
+        "fitted": identification.fitted,
+        "inputs": np.array(response.inputs),
+        "outputs": np.array(response.outputs),
+        "instruments": np.array(response.instruments, dtype=np.str_),
+        "estimate": np.array(response.estimate),
+        "windows_s": np.array(response.windows_s),
+    }
+    if beside is not None:
+        arrays |= {
+            "direct_values": beside.values,
+            "direct_coherence": beside.coherence,
+            "direct_random_error": beside.random_error,
+        }
+    return arrays
