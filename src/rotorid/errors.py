@@ -23,7 +23,8 @@ class RotoridError(Exception):
         self.came = came
         self.needed = needed
         self.remedy = remedy
-        super().__init__(". ".join(part.rstrip(".") for part in (came, needed, remedy) if part) + ".")
+        parts = (came, f"needed: {needed}" if needed else "", remedy)
+        super().__init__("; ".join(part.rstrip(".") for part in parts if part) + ".")
 
 
 class UsageError(RotoridError):

@@ -15,29 +15,7 @@ from rotorid.io.mapping import ChannelMapping, Clock, MappedChannel, Segment, Se
 from rotorid.typing import FloatArray
 from rotorid.units import parse_unit
 
-_INSTRUMENTS: Mapping[str, tuple[str, ...]] = {
-    "roll": ("roll_excitation", "roll_stick", "phi_setpoint"),
-    "pitch": ("pitch_excitation", "pitch_stick", "theta_setpoint"),
-    "yaw": ("yaw_excitation", "yaw_stick", "r_setpoint"),
-    "thrust": ("thrust_excitation", "thrust_stick"),
-}
 _COMMON_CLOCK = "clock"
-
-
-def instruments_of(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Channels that excite an axis from outside its loop, best first, when nothing is known of the autopilot.
-
-    A set-point counts as one. That is right where a person or a script gave it, and wrong where an outer loop made it:
-    such a set-point contains feedback.
-
-    Examples
-    --------
-    >>> instruments_of(["q", "theta_setpoint", "thrust_excitation"])
-    {'pitch': ('theta_setpoint',), 'thrust': ('thrust_excitation',)}
-    """
-    held = set(names)
-    present = {axis: tuple(name for name in wanted if name in held) for axis, wanted in _INSTRUMENTS.items()}
-    return {axis: found for axis, found in present.items() if found}
 
 
 def sources_of(mapping: ChannelMapping) -> tuple[str, ...]:
@@ -81,7 +59,6 @@ def assemble(
         source=source,
         topics=topics,
         declared=tuple(_maneuver(segment, topics[0].time_s, source.name) for segment in mapping.segments),
-        instruments=instruments_of(channel.name for channel in mapping.channels),
         findings=tuple(findings),
     )
 

@@ -19,15 +19,16 @@ _GAP_STEPS = 2.5
 _LOWEST_RATE_HZ = 50.0
 
 _LOGGING_ADVICE = {
-    "ArduPilot DataFlash": (
-        "set LOG_BITMASK so that fast attitude (bit 0) and fast IMU (bit 18) are logged, and fly SYSTEMID mode with "
-        "SID_AXIS 10 (roll), 11 (pitch), 12 (yaw) or 13 (thrust)"
-    ),
-    "PX4 ULog": (
-        "set SDLOG_PROFILE to 25 (default, system identification and high rate), and sweep the stick slow to fast"
-    ),
+    "ArduPilot DataFlash": "set LOG_BITMASK so that fast attitude (bit 0) and fast IMU (bit 18) are logged",
+    "PX4 ULog": "set SDLOG_PROFILE to 25 (default, system identification and high rate)",
 }
-_OTHER_ADVICE = "log it, or name its source with --map"
+_OTHER_LOGGING = "log it, or name its source with --map"
+_FLYING_ADVICE = {
+    "ArduPilot DataFlash": "fly SYSTEMID mode with SID_AXIS {sid_axis}",
+    "PX4 ULog": "sweep the {axis} stick, slow to fast, for a minute or more",
+}
+_OTHER_FLYING = "fly a {axis} sweep, slow to fast, for a minute or more"
+_SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 
 
 class ChannelDocument(Document):
@@ -110,7 +111,7 @@ def _channel(topic: Topic, row: int) -> ChannelDocument:
 
 def _support(record: FlightRecord, model: str) -> SupportDocument:
     axis = RATE_AXES[model]
-    advice = _LOGGING_ADVICE.get(record.source.format, _OTHER_ADVICE)
+    advice = _LOGGING_ADVICE.get(record.source.format, _OTHER_LOGGING)
     missing = [name for name in (axis.input, axis.output) if name not in record.channel_names]
     if missing:
         return SupportDocument(possible=False, because=f"{' and '.join(missing)} is not in the log", remedy=advice)
@@ -124,7 +125,11 @@ def _support(record: FlightRecord, model: str) -> SupportDocument:
     if not rich:
         kinds = ", ".join(dict.fromkeys(maneuver.kind for maneuver in found))
         because = f"only short maneuvers ({kinds}) excite this axis" if kinds else "nothing excites this axis"
-        return SupportDocument(possible=False, because=because, remedy=advice)
+        flying = _FLYING_ADVICE.get(record.source.format, _OTHER_FLYING)
+        name = axis_of(axis.input)
+        return SupportDocument(
+            possible=False, because=because, remedy=flying.format(axis=name, sid_axis=_SID_AXIS[name])
+        )
     instrument = find_instrument([(record, maneuver) for maneuver in rich], axis_of(axis.input))
     estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
     return SupportDocument(

@@ -59,6 +59,7 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
         fitted = [(record, _described(record, m)) for record in records for m in given if _inside(record, m)]
     else:
         fitted = [(record, m) for record, m in found if m.kind in RICH_KINDS]
+        fitted += [(record, _described(record, m)) for record, m in found if m.origin == "given"]
     if not fitted:
         raise _nothing_flown(records, axes, [m for _, m in found], settings)
     unseen = [

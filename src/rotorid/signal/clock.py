@@ -17,6 +17,7 @@ LONGEST_BRIDGED_GAP_S = 0.1
 """Longer holes split the data; shorter ones are interpolated, and both are reported."""
 
 _GAP_STEPS = 2.5
+_TURNING = ("phi", "theta", "psi", "psi_setpoint")
 _COVERED_S = 0.25
 _SHORTEST_PART_S = 1.0
 
@@ -74,7 +75,7 @@ def one_clock(
     series = {}
     for name, (topic, row) in sources.items():
         time_s, values, remarks = _ordered(topic, row, name)
-        series[name] = (time_s, values)
+        series[name] = (time_s, np.unwrap(values) if name in _TURNING else values)
         findings += remarks
     base = min(channels, key=lambda name: _rate(series[name][0], start_s, stop_s))
     rate = sample_rate_hz or _rate(series[base][0], start_s, stop_s)
