@@ -44,7 +44,8 @@ def identify_command(
     """Identify a model from flight logs: responses, bounds, verification, report."""
     from rotorid.errors import InsufficientDataError
     from rotorid.io.registry import read
-    from rotorid.pipeline.identify import identify, refused, resolve_model
+    from rotorid.pipeline.identify import identify, refused
+    from rotorid.pipeline.resolve import resolve_model
     from rotorid.report.output import to_json, write_results
 
     settings = _settings(band, windows, coherence, estimate, instrument, fix, segment, seed)

@@ -106,26 +106,23 @@ def pole_documents(system: StateSpace) -> list[PoleDocument]:
     ]
 
 
-def verification_document(checked: Sequence[Checked]) -> VerificationDocument:
+def verification_document(checked: Checked) -> VerificationDocument:
     """Scores by record and maneuver, and costs on unseen sweeps."""
-    records: dict[str, dict[str, ScoreDocument]] = {}
-    frequency: dict[str, float] = {}
-    for part in checked:
-        frequency |= part.frequency or {}
-        for check in part.verifications:
-            name = f"{check.record}: {check.maneuver.axis} {check.maneuver.kind} at {check.maneuver.start_s:.1f} s"
-            records[name] = {
-                output: ScoreDocument(
-                    nrmse_fit_percent=scores.nrmse_fit_percent,
-                    tic=scores.tic,
-                    rms=scores.rms,
-                    bias=scores.bias,
-                    reference_shift=scores.reference_shift,
-                )
-                for output, scores in check.scores.items()
-                if math.isfinite(scores.nrmse_fit_percent)
-            }
-    return VerificationDocument(records=records, frequency=frequency)
+    records = {}
+    for item in checked.verifications:
+        name = f"{item.record}: {item.maneuver.axis} {item.maneuver.kind} at {item.maneuver.start_s:.1f} s"
+        records[name] = {
+            output: ScoreDocument(
+                nrmse_fit_percent=scores.nrmse_fit_percent,
+                tic=scores.tic,
+                rms=scores.rms,
+                bias=scores.bias,
+                reference_shift=scores.reference_shift,
+            )
+            for output, scores in item.scores.items()
+            if math.isfinite(scores.nrmse_fit_percent)
+        }
+    return VerificationDocument(records=records, frequency=dict(checked.frequency))
 
 
 def combination_documents(combinations: Sequence[Combination]) -> list[CombinationDocument]:

@@ -9,11 +9,8 @@ import numpy as np
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.fit.problem import FrequencyProblem, usable_points
-from rotorid.models.description import from_toml, to_toml
-from rotorid.models.parameter import ParameterSet
-from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.errors import InsufficientDataError
+from rotorid.models.description import to_toml
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import (
     combination_documents,
@@ -26,16 +23,14 @@ from rotorid.pipeline.assemble import (
     standard_deviations,
     verification_document,
 )
-from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.document import ProvenanceDocument, ResultDocument
+from rotorid.pipeline.fitting import Fitted, fit_with_bounds, pose
 from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters, require_usable
-from rotorid.pipeline.measure import Measured, correlated_inputs, feedback_bias, measure
-from rotorid.pipeline.selection import RICH_KINDS, Flown, Selection, axis_of, select_maneuvers
+from rotorid.pipeline.measure import measure
+from rotorid.pipeline.resolve import resolve_model
+from rotorid.pipeline.selection import axis_of, select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.verification import Checked, cost_on_sweeps, hold_out, verify_unseen
-from rotorid.reduce.elimination import Reduced, fit_and_drop
-from rotorid.signal.segment import find_excitations
-from rotorid.uncertainty.bounds import Bounds, bounds
+from rotorid.pipeline.verification import Checked, check
 from rotorid.uncertainty.identifiability import unseen_combinations
 
 
@@ -87,159 +82,53 @@ def identify(
 
     Examples
     --------
-    >>> from rotorid.vehicles.demo import demo_record  # doctest: +SKIP
-    >>> result = identify([demo_record(seed=0)], "rate.roll")  # doctest: +SKIP
+    >>> from rotorid.io.registry import read
+    >>> result = identify([read("flight.BIN")], "rate.roll")  # doctest: +SKIP
+    >>> result.document.parameters["L_roll"].value  # doctest: +SKIP
+    439.3
     """
     settings = settings or IdentifySettings()
     structure = resolve_model(model)
-    parameters = _with_fixed(structure.parameters, settings)
-    axes = [axis_of(name) for name in structure.inputs]
-    selection = select_maneuvers(records, axes, settings)
-    measured = measure(
-        selection.fitted, inputs=structure.inputs, outputs=structure.outputs, settings=settings, progress=progress
-    )
-    joint = measured.response.estimate == "joint"
-    used = usable_points(
-        measured.response, coherence=settings.least_coherence(joint=joint), band_rad_s=measured.trusted_rad_s
-    )
-    require_usable(measured, used, rate_model=structure.name in RATE_AXES)
+    inputs, outputs = structure.inputs, structure.outputs
+    selection = select_maneuvers(records, [axis_of(name) for name in inputs], settings)
+    measured = measure(selection.fitted, inputs=inputs, outputs=outputs, settings=settings, progress=progress)
     progress(f"fitting {structure.name}")
-    problem = FrequencyProblem(structure=structure, parameters=parameters, data=measured.response, used=used)
-    reduced = fit_and_drop(problem)
-    found = reduced.problem.parameters.unpack(reduced.solution.theta)
-    limits = bounds(reduced.problem, reduced.solution)
-    checked = _verify(problem, found, selection, verify, settings, progress)
-    findings = [f for record in records for f in record.findings]
-    findings += [*measured.findings, *judge_band(measured, used), *feedback_bias(measured, used)]
-    findings += [*correlated_inputs(measured, used), *reduced.findings]
-    findings += [f for part in checked for f in part.findings]
-    return _finished(
-        reduced,
-        found,
-        limits,
-        measured,
-        selection,
-        checked,
-        findings,
-        records=(*records, *verify),
-        settings=settings,
-        command=command,
+    fitted = fit_with_bounds(pose(structure, measured, settings), measured)
+    checked = check(fitted, selection, verify, settings, progress)
+    findings = [f for record in (*records, *verify) for f in record.findings]
+    findings += [*measured.findings, *fitted.findings, *checked.findings]
+    provenance = provenance_document(
+        (*records, *verify), settings, command=command, flown=selection.fitted, response=measured.response
+    )
+    return Identification(
+        document=_document(fitted, checked, findings, provenance),
+        model_toml=to_toml(structure, fitted.parameters, standard_deviations(fitted.bounds)),
+        response=measured.response,
+        beside=measured.beside,
+        model_response=structure.response(fitted.parameters.values, measured.response.omega_rad_s),
+        fitted=np.asarray(fitted.problem.used),
+        segments=measured.segments,
+        verifications=checked.verifications,
     )
 
 
-def resolve_model(model: str | Path | LinearStructure) -> LinearStructure:
-    """The structure behind a name, a TOML file or a structure.
-
-    Raises
-    ------
-    ModelError
-        There is no such model, or the file is wrong.
-    """
-    if isinstance(model, LinearStructure):
-        return model
-    if isinstance(model, str) and model in RATE_AXES:
-        return rate_model(model)
-    path = Path(model)
-    if path.suffix != ".toml":
-        raise ModelError(
-            f"there is no model {str(model)!r}",
-            needed=f"one of {', '.join(RATE_AXES)}, or a .toml file with a structure",
-        )
-    if not path.is_file():
-        raise UsageError(f"there is no file {path}", needed="a model in TOML, such as a model.toml of a result")
-    return from_toml(path.read_text(encoding="utf-8"), where=path.name)
-
-
-def _with_fixed(parameters: ParameterSet, settings: IdentifySettings) -> ParameterSet:
-    for name, value in settings.fix.items():
-        parameters = parameters.fix(name, value)
-    if not parameters.free:
-        raise UsageError("every parameter is fixed", needed="at least one that is free")
-    return parameters
-
-
-def _verify(
-    problem: FrequencyProblem,
-    found: ParameterSet,
-    selection: Selection,
-    verify: Sequence[FlightRecord],
-    settings: IdentifySettings,
-    progress: Callable[[str], None],
-) -> list[Checked]:
-    structure = problem.structure
-    names = {"inputs": structure.inputs, "outputs": structure.outputs}
-    system = structure.matrices(found.values)
-    omega = problem.data.omega_rad_s[problem.used.any(axis=(0, 1))]
-    band = (float(omega[0]), float(omega[-1]))
-    axes = [axis_of(name) for name in structure.inputs]
-    other = [(record, m) for record in verify for axis in axes for m in find_excitations(record, axis)]
-    short: list[Flown] = [*selection.unseen, *((r, m) for r, m in other if m.kind not in RICH_KINDS)]
-    sweeps = [(record, m) for record, m in other if m.kind in RICH_KINDS]
-    checked = []
-    if short:
-        checked.append(verify_unseen(system, short, **names, band_rad_s=band, progress=progress))
-    if sweeps:
-        checked.append(Checked(frequency=cost_on_sweeps(problem, found, sweeps, settings, band)))
-    if not checked and verify:
-        checked.append(Checked(findings=(_nothing_to_verify(verify, axes),)))
-    if not short and not sweeps and not verify:
-        checked.append(hold_out(problem, selection.fitted, settings, band, progress))
-    return checked
-
-
-def _nothing_to_verify(verify: Sequence[FlightRecord], axes: Sequence[str]) -> Finding:
-    names = ", ".join(record.source.name for record in verify)
-    return Finding(
-        kind="not_verified",
-        severity="warning",
-        where=names,
-        message=f"{names} holds no excitation of {' or '.join(axes)}, so the model was not verified on it.",
-    )
-
-
-def _finished(
-    reduced: Reduced,
-    found: ParameterSet,
-    limits: Bounds,
-    measured: Measured,
-    selection: Selection,
-    checked: Sequence[Checked],
-    findings: Sequence[Finding],
-    *,
-    records: Sequence[FlightRecord],
-    settings: IdentifySettings,
-    command: Sequence[str],
-) -> Identification:
-    problem, structure = reduced.problem, reduced.problem.structure
-    system = structure.matrices(found.values)
-    cost = cost_document(problem, problem.costs(reduced.solution.theta))
-    combinations = unseen_combinations(found, limits)
-    remarks = (*findings, *judge_parameters(found, limits), *judge_fit(problem, reduced.solution, cost.average))
-    document = ResultDocument(
+def _document(
+    fitted: Fitted, checked: Checked, findings: Sequence[Finding], provenance: ProvenanceDocument
+) -> ResultDocument:
+    structure = fitted.structure
+    return ResultDocument(
         model=structure.name,
         inputs=list(structure.inputs),
         outputs=list(structure.outputs),
         states=list(structure.states),
-        parameters=parameter_documents(found, limits),
-        cost=cost,
-        matrices=matrices_document(system),
-        poles=pole_documents(system),
+        parameters=parameter_documents(fitted.parameters, fitted.bounds),
+        cost=cost_document(fitted.problem, fitted.problem.costs(fitted.solution.theta)),
+        matrices=matrices_document(fitted.system),
+        poles=pole_documents(fitted.system),
         verification=verification_document(checked),
-        identifiability=combination_documents(combinations),
-        findings=finding_documents(remarks),
-        provenance=provenance_document(
-            records, settings, command=command, flown=selection.fitted, response=measured.response
-        ),
-    )
-    return Identification(
-        document=document,
-        model_toml=to_toml(structure, found, standard_deviations(limits)),
-        response=measured.response,
-        beside=measured.beside,
-        model_response=structure.response(found.values, measured.response.omega_rad_s),
-        fitted=np.asarray(problem.used),
-        segments=measured.segments,
-        verifications=tuple(check for part in checked for check in part.verifications),
+        identifiability=combination_documents(unseen_combinations(fitted.parameters, fitted.bounds)),
+        findings=finding_documents(findings),
+        provenance=provenance,
     )
 
 

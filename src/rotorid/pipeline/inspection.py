@@ -16,7 +16,7 @@ from rotorid.pipeline.selection import RICH_KINDS, axis_of, find_instrument
 from rotorid.signal.segment import find_excitations
 
 _GAP_STEPS = 2.5
-_LOWEST_RATE_HZ = 50.0
+_LOWEST_RATE_HZ = 40.0
 
 _LOGGING_ADVICE = {
     "ArduPilot DataFlash": "set LOG_BITMASK so that fast attitude (bit 0) and fast IMU (bit 18) are logged",
@@ -116,7 +116,7 @@ def _support(record: FlightRecord, model: str) -> SupportDocument:
     if missing:
         return SupportDocument(possible=False, because=f"{' and '.join(missing)} is not in the log", remedy=advice)
     rates = {name: max(t.sample_rate_hz for t, _ in record.holding(name)) for name in (axis.input, axis.output)}
-    slow = [f"{name} at {rate:.0f} Hz" for name, rate in rates.items() if rate < _LOWEST_RATE_HZ]
+    slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < _LOWEST_RATE_HZ]
     if slow:
         because = f"{' and '.join(slow)} is too slow; {_LOWEST_RATE_HZ:.0f} Hz is the least"
         return SupportDocument(possible=False, because=because, remedy=advice)

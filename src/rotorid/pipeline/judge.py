@@ -156,8 +156,7 @@ def require_usable(measured: Measured, used: BoolArray, *, rate_model: bool) -> 
         )
         raise InsufficientDataError(
             f"no excitation above {top:.2g} rad/s came for {name}",
-            needed=f"excitation inside {low:.3g} to {high:.3g} rad/s"
-            + (f" and beyond {LOWEST_TOP_RAD_S:g} rad/s" if rate_model else ""),
+            needed=f"excitation that goes on to {max(low, LOWEST_TOP_RAD_S if rate_model else 0.0):.3g} rad/s and more",
             remedy="fly a sweep that goes faster",
             findings=[
                 Finding(

@@ -25,6 +25,7 @@ HIGHEST_DEFAULT_RAD_S = 100.0
 _BIAS_LIMIT_DB = 1.0
 _SWEEP_MARGIN = 1.2
 _CORRELATION_LIMIT = 0.5
+_LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -225,7 +226,8 @@ def _other_commands(flown: Sequence[Flown], inputs: Sequence[str]) -> tuple[str,
 def _cross_coherence(
     records: Sequence[TimeHistory], drivers: Sequence[str], others: Sequence[str], common: Mapping[str, Any]
 ) -> dict[str, FloatArray]:
-    moving = [name for name in others if all(np.ptp(record[name]) > 0.0 for record in records)]
+    size = {name: sum(float(np.std(record[name])) for record in records) for name in (*others, *common["inputs"])}
+    moving = [name for name in others if size[name] > _LEAST_SHARE * max(size[own] for own in common["inputs"])]
     if len(drivers) != 1 or not moving:
         return {}
     response = frequency_response(records, **{**common, "inputs": tuple(drivers), "outputs": tuple(moving)})

@@ -188,7 +188,5 @@ def _nothing_flown(
         came,
         needed="a sweep or a random binary signal of some 20 s and more",
         remedy="fly one (ArduPilot: SYSTEMID mode; PX4: slow to fast stick), or name an interval with --segment",
-        findings=[
-            Finding(kind="no_excitation", severity="error", where=wanted, message=came[0].upper() + came[1:] + ".")
-        ],
+        findings=[Finding(kind="no_excitation", severity="error", where=wanted, message=f"{came}.")],
     )

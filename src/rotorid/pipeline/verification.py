@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.fit.frequency_cost import pair_costs, point_weights
-from rotorid.fit.problem import FrequencyProblem, usable_points
+from rotorid.fit.problem import usable_points
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.state_space import StateSpace
+from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.measure import Measured, measure
-from rotorid.pipeline.selection import Flown, cut
+from rotorid.pipeline.selection import RICH_KINDS, Flown, Selection, axis_of, cut
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.reduce.elimination import fit_and_drop
+from rotorid.signal.segment import find_excitations
+from rotorid.typing import BoolArray
 from rotorid.verify.scores import GOOD_TIC
 from rotorid.verify.time_domain import verify_in_time
 from rotorid.verify.verification import Verification
@@ -40,90 +41,89 @@ class Checked:
     """
 
     verifications: tuple[Verification, ...] = ()
-    frequency: dict[str, float] | None = None
+    frequency: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
 
-def verify_unseen(
-    system: StateSpace,
-    short: Sequence[Flown],
-    *,
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    band_rad_s: tuple[float, float],
+def check(
+    fitted: Fitted,
+    selection: Selection,
+    verify: Sequence[FlightRecord],
+    settings: IdentifySettings,
     progress: Callable[[str], None],
 ) -> Checked:
-    """Predict doublets and other short maneuvers with a frozen model."""
+    """Judge a fitted model on whatever it has not seen.
+
+    Short maneuvers of the same logs and of further ones are predicted in the time domain, sweeps of further ones in
+    the frequency domain. Where nothing is left over, the last fitted maneuver is held out of a second fit.
+    """
+    axes = [axis_of(name) for name in fitted.structure.inputs]
+    others = [(record, m) for record in verify for axis in axes for m in find_excitations(record, axis)]
+    short = [*selection.unseen, *((record, m) for record, m in others if m.kind not in RICH_KINDS)]
+    sweeps = [(record, m) for record, m in others if m.kind in RICH_KINDS]
+    if not short and not sweeps:
+        return (
+            Checked(findings=(_nothing_to_verify(verify, axes),))
+            if verify
+            else _hold_out(fitted, selection.fitted, settings, progress)
+        )
+    predicted = _predict(fitted, short, progress) if short else Checked()
+    costs = _cost_on(fitted, fitted.parameters, sweeps, settings) if sweeps else {}
+    return replace(predicted, frequency=costs)
+
+
+def _predict(fitted: Fitted, short: Sequence[Flown], progress: Callable[[str], None]) -> Checked:
+    inputs, outputs = fitted.structure.inputs, fitted.structure.outputs
     segments, findings = cut(short, channels=(*inputs, *outputs), rest_s=_REST_S, progress=progress)
     checks = tuple(
         verify_in_time(
-            system,
+            fitted.system,
             segment.history,
             inputs=inputs,
             outputs=outputs,
-            band_rad_s=band_rad_s,
+            band_rad_s=fitted.band_rad_s,
             record=segment.record,
             maneuver=segment.maneuver,
         )
         for segment in segments
         if segment.history.duration_s >= _SHORTEST_S
     )
-    return Checked(verifications=checks, findings=(*findings, *(f for check in checks for f in _poor(check))))
+    return Checked(verifications=checks, findings=(*findings, *(f for item in checks for f in _poor(item))))
 
 
-def cost_on_sweeps(
-    problem: FrequencyProblem,
-    parameters: ParameterSet,
-    sweeps: Sequence[Flown],
-    settings: IdentifySettings,
-    band_rad_s: tuple[float, float],
-) -> dict[str, float]:
-    """Cost of a frozen model against the responses of sweeps that were not fitted, in the fitted band."""
-    structure = problem.structure
-    measured = measure(sweeps, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
-    return _costs(structure.response(parameters.values, measured.response.omega_rad_s), measured, settings, band_rad_s)
-
-
-def hold_out(
-    problem: FrequencyProblem,
-    flown: Sequence[Flown],
-    settings: IdentifySettings,
-    band_rad_s: tuple[float, float],
-    progress: Callable[[str], None],
+def _hold_out(
+    fitted: Fitted, flown: Sequence[Flown], settings: IdentifySettings, progress: Callable[[str], None]
 ) -> Checked:
     """Where all that was flown was fitted: fit again without the last maneuver, and judge that model on it."""
     if len(flown) < 2:
         return Checked(findings=(_not_verified(),))
     progress("holding out the last maneuver")
-    structure = problem.structure
-    inputs, outputs = structure.inputs, structure.outputs
     rest, last = flown[:-1], flown[-1:]
+    structure = fitted.structure
     try:
-        measured = measure(rest, inputs=inputs, outputs=outputs, settings=settings)
-        used = usable_points(measured.response, coherence=_limit(measured, settings), band_rad_s=band_rad_s)
-        if not used.any():
-            return Checked(findings=(_not_verified(),))
-        smaller = FrequencyProblem(
-            structure=structure, parameters=problem.parameters, data=measured.response, used=used
-        )
+        measured = measure(rest, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        used = _usable(measured, settings, fitted.band_rad_s)
+        smaller = replace(fitted.problem, data=measured.response, used=used)
         reduced = fit_and_drop(smaller)
         parameters = reduced.problem.parameters.unpack(reduced.solution.theta)
-        costs = cost_on_sweeps(problem, parameters, last, settings, band_rad_s)
+        costs = _cost_on(fitted, parameters, last, settings)
     except InsufficientDataError:
         # One maneuver alone may be too short for the band of all together; then nothing was left unseen.
         return Checked(findings=(_not_verified(),))
     name = f"{last[0][0].source.name} at {last[0][1].start_s:.1f} s"
     return Checked(
-        frequency={f"{name}: {pair}": cost for pair, cost in costs.items()},
-        findings=(_held_out(name, costs),),
+        frequency={f"{name}: {pair}": cost for pair, cost in costs.items()}, findings=(_held_out(name, costs),)
     )
 
 
-def _costs(
-    model: np.ndarray, measured: Measured, settings: IdentifySettings, band_rad_s: tuple[float, float]
+def _cost_on(
+    fitted: Fitted, parameters: ParameterSet, sweeps: Sequence[Flown], settings: IdentifySettings
 ) -> dict[str, float]:
-    data = measured.response
-    used = usable_points(data, coherence=_limit(measured, settings), band_rad_s=band_rad_s)
+    """Cost of a frozen model against the responses of sweeps that were not fitted, in the fitted band."""
+    structure = fitted.structure
+    measured = measure(sweeps, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+    data, used = measured.response, _usable(measured, settings, fitted.band_rad_s)
+    model = structure.response(parameters.values, data.omega_rad_s)
     costs = pair_costs(model, data.values, point_weights(data, used))
     return {
         f"{output}/{input}": float(costs[y, u])
@@ -133,8 +133,9 @@ def _costs(
     }
 
 
-def _limit(measured: Measured, settings: IdentifySettings) -> float:
-    return settings.least_coherence(joint=measured.response.estimate == "joint")
+def _usable(measured: Measured, settings: IdentifySettings, band_rad_s: tuple[float, float]) -> BoolArray:
+    limit = settings.least_coherence(joint=measured.response.estimate == "joint")
+    return usable_points(measured.response, coherence=limit, band_rad_s=band_rad_s)
 
 
 def _poor(check: Verification) -> list[Finding]:
@@ -178,4 +179,14 @@ def _held_out(name: str, costs: dict[str, float]) -> Finding:
             f"cost of {worst:.1f}; the model of this result was then fitted to all maneuvers."
         ),
         numbers={"cost": worst},
+    )
+
+
+def _nothing_to_verify(verify: Sequence[FlightRecord], axes: Sequence[str]) -> Finding:
+    names = ", ".join(record.source.name for record in verify)
+    return Finding(
+        kind="not_verified",
+        severity="warning",
+        where=names,
+        message=f"{names} holds no excitation of {' or '.join(axes)}, so the model was not verified on it.",
     )

@@ -109,10 +109,10 @@ def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> No
     response = identified.response
     y, u = np.unravel_index(int(identified.fitted.sum(axis=2).argmax()), identified.fitted.shape[:2])
     output, input = response.outputs[y], response.inputs[u]
-    _bode(cells[:3], identified, int(y), int(u))
-    cells[0].set_title(f"{quantity(output).words} over {quantity(input).words}", loc="left")
     for cell in cells[1:3]:
         cell.sharex(cells[0])
+    _bode(cells[:3], identified, int(y), int(u))
+    cells[0].set_title(f"{quantity(output).words} over {quantity(input).words}", loc="left")
     for cell in cells[:2]:
         cell.tick_params(labelbottom=False)
     check = next((check for check in identified.verifications if output in check.output_names), None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rotorid.pipeline.document import ResultDocument
@@ -90,14 +90,15 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         True parameter values where they are known, as ``model.name`` or ``name``.
     """
     document = identified.document
+    tics = [scores.tic for check in identified.verifications for scores in check.scores.values()]
     return Section(
         anchor=anchor,
         title=_title(document),
         document=document,
         records=tuple(dict.fromkeys(segment.record for segment in identified.segments)),
-        sentences=summary(document),
+        sentences=summary(document, tics=tics),
         cost=_cost(document),
-        worst_tic=_worst_tic(identified),
+        worst_tic=_worst(tics),
         parameters=parameter_rows(document, truth),
         costs=cost_rows(document),
         responses=_responses(identified, anchor),
@@ -124,8 +125,7 @@ def _cost(document: ResultDocument) -> Verdict | None:
     return replace(cost_verdict(document.cost.average), words=f"cost {significant(document.cost.average)}")
 
 
-def _worst_tic(identified: Identification) -> Verdict | None:
-    tics = [scores.tic for check in identified.verifications for scores in check.scores.values()]
+def _worst(tics: Sequence[float]) -> Verdict | None:
     return replace(tic_verdict(max(tics)), words=f"TIC {significant(max(tics), digits=2)}") if tics else None
 
 

@@ -72,7 +72,7 @@ def _percent(value: float | None, guideline: float) -> Cell:
 def _off(parameter: ParameterDocument, truth: float | None) -> str:
     if truth is None or not parameter.std:
         return ""
-    return f"{significant(abs(parameter.value - truth) / parameter.std, digits=2)} σ away"
+    return f"{abs(parameter.value - truth) / parameter.std:.1f} σ"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -72,11 +73,19 @@ def cost_verdict(cost: float) -> Verdict:
 
 def tic_verdict(tic: float) -> Verdict:
     """Verdict on a Theil inequality coefficient, by the guideline of 0.25."""
-    return Verdict("good", "good") if tic <= GOOD_TIC else Verdict("poor", f"above {GOOD_TIC}")
+    return Verdict("good", "good") if tic <= GOOD_TIC else Verdict("poor", "above the guideline")
 
 
-def summary(document: ResultDocument) -> tuple[str, ...]:
-    """What was found, one sentence for each input, and one for the cost or the fit."""
+def summary(document: ResultDocument, *, tics: Sequence[float] = ()) -> tuple[str, ...]:
+    """What was found, one sentence for each input, and one for the cost or the fit.
+
+    Parameters
+    ----------
+    document
+        The result.
+    tics
+        Theil inequality coefficients of all outputs of all unseen maneuvers.
+    """
     sentences = [sentence for name in document.inputs if (sentence := _input_sentence(document, name))]
     if not sentences:
         free = sum(parameter.status == "free" for parameter in document.parameters.values())
@@ -86,7 +95,16 @@ def summary(document: ResultDocument) -> tuple[str, ...]:
         sentences.append(f"Cost {significant(document.cost.average)}: {words} (guideline: below {GOOD_COST:.0f}).")
     for name, percent in (document.fit_percent or {}).items():
         sentences.append(f"The model explains {significant(percent)} % of {quantity(name).words}.")
+    sentences.append(_unseen_sentence(tics))
     return tuple(sentences)
+
+
+def _unseen_sentence(tics: Sequence[float]) -> str:
+    if not tics:
+        return "Not verified on an unseen flight yet."
+    count = f"{len(tics)} prediction{'' if len(tics) == 1 else 's'}"
+    worst = max(tics)
+    return f"Unseen flight: {count}, TIC at worst {significant(worst, digits=2)}, {tic_verdict(worst).words} (guideline: up to {GOOD_TIC})."
 
 
 def _input_sentence(document: ResultDocument, name: str) -> str:
@@ -94,16 +112,15 @@ def _input_sentence(document: ResultDocument, name: str) -> str:
         return ""
     axis, gain, delay = _GAINS[name]
     found = {key: value for key, value in document.parameters.items() if value.status != "dropped"}
-    parts = []
-    if gain in found:
-        value = found[gain]
-        parts.append(f"{with_error(value.value, value.std)} {unit(value.unit)} per unit command")
+    if gain not in found:
+        return ""
+    parts = [f"{with_error(found[gain].value, found[gain].std)} {unit(found[gain].unit)} per unit command"]
     parts += [
         f"{words} {_milliseconds(found[key])}"
         for key, words in ((_LAG, "motor lag"), (delay, "delay"))
         if key in found and found[key].unit == "s"
     ]
-    return f"{axis}: {', '.join(parts)}." if parts else ""
+    return f"{axis}: {', '.join(parts)}."
 
 
 def _milliseconds(parameter: ParameterDocument) -> str:

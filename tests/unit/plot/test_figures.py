@@ -1,0 +1,213 @@
+"""Figures hold the right numbers at the right place, and nothing but JSON."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.unit.report.sample import RATE_HZ, doublet, exact, response, sweep
+
+from rotorid.data.response import FrequencyResponse
+from rotorid.plot.bode import SIGMAS, bode
+from rotorid.plot.excitation import timeline
+from rotorid.plot.figure import envelope, numbers, stamps
+from rotorid.plot.phase import near_deg, unwrapped_deg
+from rotorid.plot.stack import Panel, stacked
+from rotorid.plot.theme import BESIDE, INPUT, MEASURED, MODEL, template
+from rotorid.plot.time import verification
+
+
+def traces(figure: dict[str, Any], *, axis: str, name: str) -> list[dict[str, Any]]:
+    return [trace for trace in figure["data"] if trace["yaxis"] == axis and trace["name"] == name]
+
+
+def drawn(figure: dict[str, Any]) -> dict[str, Any]:
+    """The figure after a round trip through strict JSON."""
+    back: dict[str, Any] = json.loads(json.dumps(figure, allow_nan=False))
+    return back
+
+
+def sample_bode(**changes: Any) -> dict[str, Any]:
+    measured = response()
+    options = {
+        "model": exact(measured.omega_rad_s).reshape(1, 1, -1),
+        "beside": response(seed=3, estimate="direct"),
+        "fitted": measured.coherence >= 0.6,
+    }
+    return drawn(bode(measured, output="p", input="roll_command", **{**options, **changes}))
+
+
+class TestBode:
+    def test_points_are_fitted_or_left_out_and_none_is_lost(self) -> None:
+        fitted = response().coherence[0, 0] >= 0.6
+        figure = sample_bode()
+        for axis in ("y", "y2", "y3"):
+            (used,) = traces(figure, axis=axis, name="measured")
+            (left,) = traces(figure, axis=axis, name="measured, left out")
+            assert (len(used["x"]), len(left["x"])) == (fitted.sum(), (~fitted).sum())
+
+    def test_magnitude_is_in_decibels(self) -> None:
+        (points,) = traces(sample_bode(fitted=None), axis="y", name="measured")
+        # Five significant digits of numbers below 100 leave half a unit of the third decimal.
+        np.testing.assert_allclose(points["y"], 20 * np.log10(np.abs(response().values[0, 0])), atol=5.1e-4)
+
+    def test_hertz_are_at_hand(self) -> None:
+        (points,) = traces(sample_bode(fitted=None), axis="y", name="measured")
+        np.testing.assert_allclose(points["customdata"], np.array(points["x"]) / (2 * np.pi), rtol=2e-4)
+
+    def test_band_is_two_sigma_wide(self) -> None:
+        measured = response()
+        (band,) = traces(sample_bode(fitted=np.ones((1, 1, 90), dtype=bool)), axis="y", name="± 2 σ random error")
+        half = (np.array(band["y"][90:][::-1]) - np.array(band["y"][:90])) / 2
+        np.testing.assert_allclose(half, 20 * np.log10(1 + SIGMAS * measured.random_error[0, 0]), atol=1e-3)
+
+    def test_measured_phase_stays_near_the_model_after_many_turns(self) -> None:
+        measured = response()
+        late = exact(measured.omega_rad_s) * np.exp(-0.2j * measured.omega_rad_s)
+        data = _with(measured, late)
+        figure = drawn(bode(data, output="p", input="roll_command", model=late.reshape(1, 1, -1)))
+        (points,) = traces(figure, axis="y2", name="measured")
+        model = traces(figure, axis="y2", name="model")[0]
+        assert min(model["y"]) < -720
+        np.testing.assert_allclose(points["y"], model["y"], atol=0.11)
+
+    def test_without_a_model_the_phase_is_unwrapped_from_trusted_points(self) -> None:
+        measured = response()
+        late = exact(measured.omega_rad_s) * np.exp(-0.1j * measured.omega_rad_s)
+        figure = drawn(bode(_with(measured, late), output="p", input="roll_command"))
+        (points,) = traces(figure, axis="y2", name="measured")
+        trusted = measured.coherence[0, 0] >= 0.6
+        truth = np.degrees(np.unwrap(np.angle(late)))
+        np.testing.assert_allclose(np.array(points["y"])[trusted], truth[trusted], atol=0.11)
+
+    def test_gaps_do_not_break_it(self) -> None:
+        measured = response()
+        broken = measured.values[0, 0].copy()
+        broken[10:14] = np.nan
+        broken[20] = 0.0
+        figure = sample_bode_of(_with(measured, broken))
+        (points,) = traces(figure, axis="y", name="measured")
+        assert points["y"].count(None) == 1
+
+    def test_unknown_pair_is_refused(self) -> None:
+        with pytest.raises(ValueError, match="not in tuple"):
+            bode(response(), output="q", input="roll_command")
+
+    def test_names_of_channels_are_not_markup(self) -> None:
+        named = _with(response(), response().values[0, 0], output="<a href='x'>y</a>")
+        figure = bode(named, output="<a href='x'>y</a>", input="roll_command")
+        assert "<a" not in json.dumps(figure)
+
+
+def sample_bode_of(measured: FrequencyResponse) -> dict[str, Any]:
+    return drawn(bode(measured, output="p", input="roll_command"))
+
+
+def _with(of: FrequencyResponse, values: Any, *, output: str = "p") -> FrequencyResponse:
+    return FrequencyResponse(
+        omega_rad_s=of.omega_rad_s,
+        values=np.reshape(values, (1, 1, -1)),
+        coherence=of.coherence,
+        random_error=of.random_error,
+        covariance=of.covariance,
+        inputs=of.inputs,
+        outputs=(output,),
+        estimate=of.estimate,
+    )
+
+
+class TestPhase:
+    @pytest.mark.parametrize(
+        ("value", "expected"), [(1.0, 0.0), (-1.0, -180.0), (complex(-1.0, -0.0), -180.0), (-1j, -90.0), (1j, -270.0)]
+    )
+    def test_starting_branch(self, value: complex, expected: float) -> None:
+        assert unwrapped_deg(np.array([value])) == pytest.approx([expected])
+
+    @given(st.floats(-2000, 2000), st.floats(-3.1, 3.1))
+    def test_nearest_branch_is_at_most_half_a_turn_away(self, reference: float, angle: float) -> None:
+        phase = near_deg(np.array([np.exp(1j * angle)]), np.array([reference]))
+        assert abs(phase[0] - reference) <= 180.0 + 1e-9
+        assert np.exp(1j * np.radians(phase[0])) == pytest.approx(np.exp(1j * angle))
+
+
+class TestTime:
+    def test_rates_are_in_degrees_per_second(self) -> None:
+        check = doublet()
+        figure = drawn(verification(check))
+        (trace,) = traces(figure, axis="y", name="predicted")
+        np.testing.assert_allclose(trace["y"], np.degrees(check.predicted[0]), rtol=1e-4)
+        assert figure["layout"]["annotations"][0]["text"] == "roll rate p [°/s]"
+
+    def test_late_stamps_keep_their_resolution(self) -> None:
+        time_s = 12345.0 + np.arange(50) / 400.0
+        np.testing.assert_allclose(np.diff(np.array(stamps(time_s), dtype=float)), 1 / 400.0, atol=1.01e-4)
+
+    def test_every_maneuver_is_shaded_in_every_panel(self) -> None:
+        segments = (sweep(12.0), sweep(62.0))
+        figure = drawn(timeline(segments, inputs=["roll_command"], outputs=["p"]))
+        shaded = [(shape["yref"], shape["x0"], shape["x1"]) for shape in figure["layout"]["shapes"]]
+        assert shaded == [(f"{y} domain", start, start + 40.0) for y in ("y", "y2") for start in (12.0, 62.0)]
+
+    def test_long_records_are_thinned(self) -> None:
+        segment = sweep(12.0)
+        assert segment.history.values.shape[1] == 46 * RATE_HZ
+        figure = drawn(timeline([segment], inputs=["roll_command"], outputs=["p"]))
+        assert {len(trace["x"]) for trace in figure["data"]} == {4000}
+
+    def test_channel_that_a_segment_lacks_leaves_an_empty_panel(self) -> None:
+        figure = drawn(timeline([sweep(12.0)], inputs=["roll_command"], outputs=["q"]))
+        assert {trace["yaxis"] for trace in figure["data"]} == {"y"}
+
+
+class TestNumbers:
+    @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=300), st.sampled_from([10, 40, 100]))
+    def test_envelope_keeps_extremes_and_order(self, values: list[float], most: int) -> None:
+        time, shown = envelope(np.arange(float(len(values))), np.array(values), most=most)
+        assert shown.size <= most
+        assert (shown.min(), shown.max()) == (min(values), max(values))
+        assert np.all(np.diff(time) >= 0)
+        assert np.array_equal(np.array(values)[time.astype(int)], shown)
+
+    @given(st.floats(allow_nan=True, allow_infinity=True))
+    def test_numbers_are_json(self, value: float) -> None:
+        (back,) = json.loads(json.dumps(numbers(np.array([value])), allow_nan=False))
+        assert back is None if not np.isfinite(value) else back == pytest.approx(value, rel=5.1e-5)
+
+
+class TestTheme:
+    @pytest.mark.parametrize("background", ["#ffffff", "#191d22"])
+    @pytest.mark.parametrize("color", [MEASURED, MODEL, INPUT, BESIDE])
+    def test_lines_stand_out_on_light_and_dark(self, color: str, background: str) -> None:
+        """WCAG 2.1, 1.4.11: graphics need a contrast of 3 : 1."""
+        assert contrast(color, background) >= 3.0
+
+    @pytest.mark.parametrize(("dark", "background"), [(False, "#ffffff"), (True, "#191d22")])
+    def test_text_can_be_read(self, dark: bool, background: str) -> None:
+        """WCAG 2.1, 1.4.3: text needs 4.5 : 1."""
+        layout = template(dark=dark)["layout"]
+        for color in (layout["font"]["color"], layout["xaxis"]["tickfont"]["color"]):
+            assert contrast(color, background) >= 4.5
+
+    def test_panels_fill_the_figure_without_touching(self) -> None:
+        panels = [Panel(label=str(height), traces=(), height_px=height) for height in (200.0, 100.0, 50.0)]
+        layout = stacked(panels, x_axis={})["layout"]
+        domains = [layout[name]["domain"] for name in ("yaxis", "yaxis2", "yaxis3")]
+        assert domains[0][1] == 1.0
+        assert domains[-1][0] == pytest.approx(0.0, abs=2e-5)
+        assert all(upper[0] > lower[1] for upper, lower in itertools.pairwise(domains))
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def luminance(color: str) -> float:
+    parts = np.array([int(color[at : at + 2], 16) for at in (1, 3, 5)]) / 255.0
+    linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ np.array([0.2126, 0.7152, 0.0722]))

@@ -1,0 +1,160 @@
+"""The page is complete, self-contained, and shows hostile text as text."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import hashlib
+import json
+import math
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+from tests.unit.report.sample import HOSTILE, document, doublet, identification
+
+from rotorid.errors import UsageError
+from rotorid.pipeline.document import FindingDocument, ParameterDocument, VerificationDocument
+from rotorid.pipeline.identification import Identification
+from rotorid.report.page import json_for_script, render_report
+from rotorid.verify.verification import Scores
+
+
+class Page(HTMLParser):
+    """Elements, visible text and scripts of a page."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.scripts: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_data(self, data: str) -> None:
+        last = self.elements[-1][0] if self.elements else ""
+        if last == "script" and data.strip():
+            self.scripts[-1] += data
+        elif last != "style":
+            self.text.append(data)
+
+    def attributes(self, name: str) -> list[str]:
+        return [value for _, found in self.elements if (value := found.get(name))]
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.scripts[0])
+        return found
+
+
+@pytest.fixture(scope="module")
+def page() -> Page:
+    hostile = dataclasses.replace(identification(record=HOSTILE), verifications=(doublet(record=HOSTILE),))
+    return Page(render_report([identification(), hostile], title=HOSTILE, truth={"L_roll": 437.0}))
+
+
+def changed(**updates: Any) -> Identification:
+    return dataclasses.replace(identification(), document=document().model_copy(update=updates))
+
+
+def test_hostile_text_makes_no_element(page: Page) -> None:
+    assert len(page.scripts) == 3
+    assert HOSTILE in "".join(page.text)
+    assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
+
+
+def test_nothing_is_asked_from_the_network(page: Page) -> None:
+    assert not page.attributes("src")
+    assert all(target.startswith("#") for target in page.attributes("href"))
+    assert not {"link", "img", "iframe", "object", "form", "base"} & {tag for tag, _ in page.elements}
+
+
+def test_links_and_pictures_have_their_targets(page: Page) -> None:
+    identifiers = page.attributes("id")
+    assert len(set(identifiers)) == len(identifiers)
+    assert {target.removeprefix("#") for target in page.attributes("href")} <= set(identifiers)
+    assert sorted(page.attributes("data-picture")) == sorted(page.figures["pictures"])
+
+
+def test_policy_allows_exactly_the_embedded_scripts(page: Page) -> None:
+    (policy,) = [value for value in page.attributes("content") if "default-src" in value]
+    for script in page.scripts[1:]:
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" in policy
+    assert "default-src 'none'" in policy
+    assert "unsafe-inline" not in policy.split("script-src")[1].split(";")[0]
+
+
+def test_answer_comes_first_and_truth_beside_it(page: Page) -> None:
+    text = " ".join("".join(page.text).split())
+    assert "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms." in text
+    assert text.index("437 ± 3") < text.index("Cramér–Rao") < text.index("Excitations") < text.index("sha256")
+    assert "Truth" in text
+
+
+def test_no_truth_no_column() -> None:
+    assert "Truth" not in "".join(Page(render_report([identification()], title="t")).text)
+
+
+@pytest.mark.parametrize("text", ["</script>", "<!--<script>", "\u2028", "a & b", "\x00"])
+def test_json_cannot_end_its_script(text: str) -> None:
+    written = str(json_for_script({text: text}))
+    assert not set("<>&\u2028") & set(written)
+    assert json.loads(written) == {text: text}
+
+
+def test_missing_numbers_are_dashes() -> None:
+    hollow = changed(
+        cost=None,
+        matrices=None,
+        poles=[],
+        findings=[],
+        identifiability=[],
+        verification=VerificationDocument(),
+        parameters={"L_roll": ParameterDocument(value=437.0, unit="rad/s^2", status="free")},
+    )
+    bare = dataclasses.replace(hollow, beside=None, segments=(), verifications=())
+    text = "".join(Page(render_report([bare], title="t")).text)
+    assert "Not verified on an unseen flight yet." in text
+    assert "Nothing to remark." in text
+    assert "None" not in text
+
+
+def test_numbers_that_are_not_numbers_do_not_break_the_page() -> None:
+    nan = math.nan
+    broken = changed(
+        parameters={
+            "L_roll": ParameterDocument(
+                value=nan,
+                unit="rad/s^2",
+                std=nan,
+                cramer_rao_percent=math.inf,
+                insensitivity_percent=nan,
+                status="free",
+            )
+        },
+        findings=[FindingDocument(kind="odd", severity="info", where="", message="", numbers={"x": nan})],
+    )
+    scores = {"p": Scores(nrmse_fit_percent=-math.inf, tic=nan, rms=nan, bias=nan, reference_shift=nan)}
+    unverified = dataclasses.replace(doublet(), scores=scores)
+    shown = Page(
+        render_report([dataclasses.replace(broken, verifications=(unverified,))], title="t", truth={"L_roll": nan})
+    )
+    text = "".join(shown.text)
+    assert "nan" not in text.split()
+    assert "inf" not in text.split()
+
+
+def test_nothing_to_report_is_refused() -> None:
+    with pytest.raises(UsageError, match="at least one"):
+        render_report([], title="t")
+
+
+def test_file_stays_small() -> None:
+    """The library takes 1.2 MB; the pictures of two sweeps and a doublet must not double that."""
+    assert len(render_report([identification()], title="t").encode()) < 2_000_000

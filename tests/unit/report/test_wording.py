@@ -1,0 +1,143 @@
+"""Numbers and words of the report."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.unit.report.sample import document
+
+from rotorid.pipeline.document import PoleDocument, ResultDocument
+from rotorid.report.numbers import significant, unit, with_error
+from rotorid.report.tables import finding_rows, parameter_rows, pole_rows
+from rotorid.report.wording import cost_verdict, parameter_words, summary, tic_verdict
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (436.83, 3.14, "437 ± 3"),
+        (436.83, 0.314, "436.8 ± 0.3"),
+        (436.83, 0.114, "436.83 ± 0.11"),
+        (-0.00243, 0.00011, "−0.00243 ± 0.00011"),
+        (43683.0, 1234.0, "43700 ± 1200"),
+        (2.5e-5, 4e-6, "(2.5 ± 0.4)·10⁻⁵"),
+        (2.5e8, 4e6, "(2.50 ± 0.04)·10⁸"),
+        (0.0, 3.0, "0 ± 3"),
+        (1.5, None, "1.5"),
+        (1.5, math.nan, "1.5"),
+        (math.nan, 1.0, "–"),
+        (None, None, "–"),
+    ],
+)
+def test_digits_follow_the_standard_deviation(value: float | None, std: float | None, text: str) -> None:
+    assert with_error(value, std) == text
+
+
+@given(st.floats(1e-2, 1e5), st.floats(1e-2, 1e5))
+def test_rounding_is_small_against_the_deviation(value: float, std: float) -> None:
+    shown = float(with_error(value, std).split(" ± ")[0])
+    # Two digits from 1 on, or one from 3 on: half a unit of the last is at most a sixth of the deviation.
+    assert abs(shown - value) <= std / 6.0 * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0"), (-3.14159, "−3.14"), (math.inf, "–"), (1.5e-7, "1.5·10⁻⁷"), (-2e9, "−2·10⁹")],
+)
+def test_significant_digits(value: float, text: str) -> None:
+    assert significant(value) == text
+
+
+def test_units_on_paper() -> None:
+    assert [unit(text) for text in ("1", "1/s", "rad/s^2", "kg m^2")] == ["", "1/s", "rad/s²", "kg m²"]
+
+
+@pytest.mark.parametrize(
+    ("cost", "level"),
+    [(1.9, "good"), (50.0, "good"), (51.0, "fair"), (100.0, "fair"), (101.0, "poor"), (math.nan, "poor")],
+)
+def test_cost_guidelines(cost: float, level: str) -> None:
+    assert cost_verdict(cost).level == level
+
+
+@pytest.mark.parametrize(("tic", "level"), [(0.25, "good"), (0.26, "poor"), (math.nan, "poor")])
+def test_tic_guideline(tic: float, level: str) -> None:
+    assert tic_verdict(tic).level == level
+
+
+def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
+    assert summary(document(), tics=[0.041]) == (
+        "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms.",
+        "Cost 1.9: hardly distinguishable from the flight (guideline: below 50).",
+        "Unseen flight: 1 prediction, TIC at worst 0.041, good (guideline: up to 0.25).",
+    )
+
+
+def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
+    foreign = document().model_copy(update={"model": "mine", "inputs": ["x"], "cost": None, "fit_percent": {"p": 88.0}})
+    assert summary(foreign) == (
+        "mine: 4 parameters identified.",
+        "The model explains 88 % of roll rate p.",
+        "Not verified on an unseen flight yet.",
+    )
+
+
+def test_summary_names_the_worst_prediction() -> None:
+    assert summary(document(), tics=[0.1, 0.31, 0.2])[-1].startswith(
+        "Unseen flight: 3 predictions, TIC at worst 0.31, above"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("X_u", "forward force due to forward speed"),
+        ("Z_thrust", "vertical force due to thrust command"),
+        ("N_r", "yawing moment due to yaw rate"),
+        ("tau_yaw", "delay of the yaw command"),
+        ("T_motor", "motor lag"),
+        ("L_wind", ""),
+        ("tau_wind", ""),
+        ("<b>", ""),
+        ("g", ""),
+    ],
+)
+def test_words_for_parameters(name: str, words: str) -> None:
+    assert parameter_words(name) == words
+
+
+def test_only_values_beyond_the_guidelines_are_marked() -> None:
+    rows = {row.name: row for row in parameter_rows(document(), {})}
+    marked = {name for name, row in rows.items() if row.cramer_rao.marked or row.insensitivity.marked}
+    assert marked == {"L_p"}
+    assert rows["L_v"].value == "–"
+
+
+def test_truth_of_the_model_goes_before_truth_of_the_name() -> None:
+    rows = {row.name: row for row in parameter_rows(document(), {"L_roll": 1.0, "rate.roll.L_roll": 437.0})}
+    assert (rows["L_roll"].truth, rows["L_roll"].off) == ("437", "0.1 σ")
+    assert (rows["L_p"].truth, rows["L_p"].off) == ("–", "")
+
+
+def test_conjugate_poles_are_one_row_and_growth_is_said() -> None:
+    rows = pole_rows(document().poles)
+    assert [row.value for row in rows] == ["0.12 ± 0.9 j", "−4.31", "−35.8"]
+    assert [row.unstable for row in rows] == [True, False, False]
+
+
+def test_integrator_has_no_time_constant() -> None:
+    (row,) = pole_rows([PoleDocument(real=0.0, imag=0.0, damping=math.nan, frequency_rad_s=0.0)])
+    assert (row.words, row.damping) == ("neither decays nor grows", "–")
+
+
+def test_grave_findings_come_first_and_keep_their_order() -> None:
+    rows = finding_rows(document().findings)
+    assert [row.severity for row in rows] == ["error", "warning", "warning", "info"]
+    assert [row.heading for row in rows][1:3] == ["Low coherence", "Unheard of"]
+
+
+def test_sample_is_a_valid_document() -> None:
+    assert ResultDocument.model_validate_json(document().model_dump_json(by_alias=True)) == document()
