@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -13,6 +14,11 @@ from rotorid.cli.demo import demo_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
 from rotorid.errors import RotoridError
+
+# The matrices of this package are small: threads inside one product cost more than they bring, tenfold under load.
+# Read when NumPy is first imported, which the commands do later.
+for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
 app = typer.Typer(
     name="rotorid",

@@ -48,7 +48,7 @@ def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[s
     lines.append(f"input_delays = {_list([str(entry) for entry in structure.input_delays])}")
     lines.append(f"output_delays = {_list([str(entry) for entry in structure.output_delays])}")
     for parameter in parameters:
-        lines += ["", f"[parameters.{parameter.name}]", f"value = {_number(parameter.value)}"]
+        lines += ["", f"[parameters.{_key(parameter.name)}]", f"value = {_number(parameter.value)}"]
         lines += [f"unit = {_quoted(parameter.unit)}", f'status = "{parameter.status}"']
         lines += [f"std = {_number(std[parameter.name])}"] if parameter.name in std else []
         lines += [f"lower = {_number(parameter.lower)}"] if np.isfinite(parameter.lower) else []
@@ -83,26 +83,43 @@ def from_toml(text: str, *, where: str = "the model") -> LinearStructure:
         parts += [f"has unknown keys {', '.join(sorted(unknown))}"] if unknown else []
         parts += [] if table.get("schema", SCHEMA) == SCHEMA else [f"has the schema {table['schema']!r}"]
         raise ModelError(f"{where} {' and '.join(parts)}", needed=f"a model of the schema {SCHEMA}")
-    states, outputs, inputs = (tuple(table[key]) for key in ("states", "outputs", "inputs"))
+    states, outputs, inputs = (_names(table[key], key, where) for key in ("states", "outputs", "inputs"))
     identity = [[float(i == j) for j in range(len(states))] for i in range(len(states))]
-    rows = {
-        name: _rows(table.get(name, identity if name == "M" else None), name, where) for name in ("M", "F", "G", "H0")
-    }
     zero = [[0.0] * len(states) for _ in outputs]
+    rows = {name: _rows(table[name], name, where) for name in ("F", "G", "H0")}
     return LinearStructure(
-        name=str(table["name"]),
+        name=_text(table["name"], "name", where),
         inputs=inputs,
         states=states,
         outputs=outputs,
         **rows,
+        M=_rows(table.get("M", identity), "M", where),
         H1=_rows(table.get("H1", zero), "H1", where),
         input_delays=_entries(table.get("input_delays", [0.0] * len(inputs)), "input_delays", where),
         output_delays=_entries(table.get("output_delays", [0.0] * len(outputs)), "output_delays", where),
         parameters=_parameters(table["parameters"], where),
-        gain=table.get("gain"),
-        optional=tuple(table.get("optional", ())),
-        source=str(table.get("source", "")),
+        gain=_text(table["gain"], "gain", where) if "gain" in table else None,
+        optional=_names(table.get("optional", []), "optional", where),
+        source=_text(table.get("source", ""), "source", where),
     )
+
+
+def _text(value: Any, name: str, where: str) -> str:
+    if not isinstance(value, str):
+        raise ModelError(f"{where}: {name} is {value!r}", needed="a text in quotes")
+    return value
+
+
+def _names(value: Any, name: str, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value) or len(set(value)) < len(value):
+        raise ModelError(f"{where}: {name} is {value!r}", needed="a list of texts, each once")
+    return tuple(value)
+
+
+def _real(value: Any, name: str, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ModelError(f"{where}: {name} is {value!r}", needed="a number", remedy="write it without quotes")
+    return float(value)
 
 
 def _rows(value: Any, name: str, where: str) -> Rows:
@@ -120,33 +137,40 @@ def _entries(value: Any, name: str, where: str) -> tuple[Entry, ...]:
 def _parameters(table: Any, where: str) -> ParameterSet:
     if not isinstance(table, dict):
         raise ModelError(f"{where}: parameters is no table", needed="[parameters.NAME] tables")
-    parameters = []
-    for name, entry in table.items():
-        if not isinstance(entry, dict) or "value" not in entry or set(entry) - _PARAMETER_KEYS:
-            raise ModelError(
-                f"{where}: the parameter {name} cannot be read",
-                needed=f"a value, and of {', '.join(sorted(_PARAMETER_KEYS))} what applies",
-            )
-        status: Status = entry.get("status", "free")
-        if status not in ("free", "fixed", "tied", "dropped"):
-            raise ModelError(f"{where}: {name} has the status {status!r}", needed="free, fixed, tied or dropped")
-        parameters.append(
-            Parameter(
-                name=name,
-                value=float(entry["value"]),
-                unit=str(entry.get("unit", "1")),
-                lower=float(entry.get("lower", -np.inf)),
-                upper=float(entry.get("upper", np.inf)),
-                status=status,
-                starts=tuple(map(float, entry.get("starts", ()))),
-            )
+    return ParameterSet(tuple(_parameter(name, entry, where) for name, entry in table.items()))
+
+
+def _parameter(name: str, entry: Any, where: str) -> Parameter:
+    if not isinstance(entry, dict) or "value" not in entry or set(entry) - _PARAMETER_KEYS:
+        raise ModelError(
+            f"{where}: the parameter {name} cannot be read",
+            needed=f"a value, and of {', '.join(sorted(_PARAMETER_KEYS))} what applies",
         )
-    return ParameterSet(tuple(parameters))
+    status: Status = entry.get("status", "free")
+    if status not in ("free", "fixed", "tied", "dropped"):
+        raise ModelError(f"{where}: {name} has the status {status!r}", needed="free, fixed, tied or dropped")
+    starts = entry.get("starts", [])
+    if not isinstance(starts, list):
+        raise ModelError(f"{where}: starts of {name} is {starts!r}", needed="a list of numbers")
+    return Parameter(
+        name=name,
+        value=_real(entry["value"], f"value of {name}", where),
+        unit=_text(entry.get("unit", "1"), f"unit of {name}", where),
+        lower=_real(entry.get("lower", -np.inf), f"lower of {name}", where),
+        upper=_real(entry.get("upper", np.inf), f"upper of {name}", where),
+        status=status,
+        starts=tuple(_real(start, f"a start of {name}", where) for start in starts),
+    )
 
 
 def _quoted(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+
+
+def _key(name: str) -> str:
+    # Without quotes TOML allows ASCII only, and a Greek letter is a fine name for a parameter.
+    return name if name.isascii() and name.replace("_", "").isalnum() else _quoted(name)
 
 
 def _list(texts: tuple[str, ...] | list[str]) -> str:

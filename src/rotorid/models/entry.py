@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ from rotorid.errors import ModelError
 from rotorid.typing import FloatArray
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_TERM = re.compile(rf"\s*([+-]?)\s*(?:({_NUMBER})\s*\*?\s*)?([A-Za-z_]\w*)?\s*")
+# A star must stand between a number and a name: "2*" and "2*-x" are slips of the pen, not sums.
+_TERM = re.compile(rf"\s*([+-]?)\s*(?:({_NUMBER})\s*(?:\*\s*(?=[A-Za-z_]))?)?([A-Za-z_]\w*)?\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +31,7 @@ class Entry:
         Raises
         ------
         ModelError
-            The text is not such a sum.
+            The text is not such a sum, or a number in it is not finite.
 
         Examples
         --------
@@ -37,6 +39,8 @@ class Entry:
         Entry(constant=-1.0, terms=(('L_p', 2.0),))
         """
         if isinstance(text, (int, float)):
+            if isinstance(text, bool) or not math.isfinite(text):
+                raise _not_affine(str(text))
             return cls(constant=float(text))
         constant, terms, position = 0.0, [], 0
         while position < len(text):
@@ -46,6 +50,8 @@ class Entry:
             if position and not match[1]:
                 raise _not_affine(text)
             factor = float(match[2] or 1.0) * (-1.0 if match[1] == "-" else 1.0)
+            if not math.isfinite(factor):
+                raise _not_affine(text)
             if match[3]:
                 terms.append((match[3], factor))
             else:

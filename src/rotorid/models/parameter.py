@@ -42,10 +42,10 @@ class Parameter:
     starts: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.lower <= self.value <= self.upper:
+        if not (self.lower <= self.value <= self.upper and np.isfinite(self.value)):
             raise ModelError(
                 f"{self.name} = {self.value:g} {self.unit} lies outside its bounds",
-                needed=f"a value from {self.lower:g} to {self.upper:g}",
+                needed=f"a finite value from {self.lower:g} to {self.upper:g}",
             )
 
 

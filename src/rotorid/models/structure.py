@@ -73,9 +73,16 @@ class LinearStructure(Immutable):
         if len(self.input_delays) != u or len(self.output_delays) != y:
             raise ModelError(f"{self.name}: delays do not match", needed=f"{u} input and {y} output delays")
         used = {name for tensor_rows in self._rows() for row in tensor_rows for e in row for name, _ in e.terms}
-        unused = set(self.parameters.names) - used
-        if unused:
+        known = set(self.parameters.names)
+        if unused := known - used:
             raise ModelError(f"{self.name}: {', '.join(sorted(unused))} stands in no matrix", remedy="remove it")
+        named = used | set(self.optional) | ({self.gain} if self.gain is not None else set())
+        if unknown := named - known:
+            raise ModelError(
+                f"{self.name} names {', '.join(sorted(unknown))}, which is no parameter of it",
+                needed=f"one of {', '.join(self.parameters.names) or 'no parameters at all'}",
+                remedy="correct the name or declare the parameter",
+            )
 
     def _rows(self) -> tuple[Rows, ...]:
         return (self.M, self.F, self.G, self.H0, self.H1, (self.input_delays,), (self.output_delays,))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from rotorid.plot.phase import near_deg, reference_deg, unwrapped_deg
 from rotorid.plot.quantity import quantity
 from rotorid.plot.stack import Panel, stacked
 from rotorid.plot.theme import BAND, BESIDE, MEASURED, MODEL
+from rotorid.plot.ticks import frequency_ticks, magnitude_range_db, phase_step_deg
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 SIGMAS = 2.0
@@ -20,7 +22,6 @@ SIGMAS = 2.0
 COHERENCE_GUIDELINE = 0.6
 
 _RAD_S_PER_HZ = 2.0 * np.pi
-_TICKS_RAD_S = [round(step * 10.0**power, 3) for power in range(-3, 4) for step in (1, 2, 5)]
 _FREQUENCY = "%{x:.3~g} rad/s (%{customdata:.3~g} Hz)<br>"
 
 
@@ -93,8 +94,8 @@ def bode(
     label = f"Magnitude of {quantity(output).words} over {quantity(input).words} [dB]"
     return stacked(
         (
-            Panel(label=label, traces=magnitude, height_px=230),
-            Panel(label="Phase [°]", traces=phase, height_px=160, axis=_right_angles(phase)),
+            Panel(label=label, traces=magnitude, height_px=230, axis=_magnitude_axis(magnitude)),
+            Panel(label="Phase [°]", traces=phase, height_px=160, axis=_phase_axis(phase)),
             Panel(
                 label="Coherence",
                 traces=shown_coherence,
@@ -103,7 +104,11 @@ def bode(
                 level=COHERENCE_GUIDELINE,
             ),
         ),
-        x_axis={"type": "log", "title": {"text": "Frequency [rad/s]"}, "tickvals": _TICKS_RAD_S},
+        x_axis={
+            "type": "log",
+            "title": {"text": "Frequency [rad/s]"},
+            "tickvals": frequency_ticks(response.omega_rad_s),
+        },
     )
 
 
@@ -137,11 +142,18 @@ def _db(values: ComplexArray) -> FloatArray:
     return 20.0 * np.log10(magnitude, out=np.full(magnitude.shape, np.nan), where=magnitude > 0.0)
 
 
-def _right_angles(phase: list[Trace]) -> dict[str, float]:
-    # Ticks at right angles, but never so many that they cover each other.
-    shown = [value for trace in phase for value in trace["y"] if value is not None]
-    span = max(shown, default=0.0) - min(shown, default=0.0)
-    return {"dtick": 45 if span < 150 else 90 if span < 500 else 180 if span < 1000 else 360}
+def _shown(traces: list[Trace]) -> FloatArray:
+    return np.array([value for trace in traces for value in trace["y"] if value is not None])
+
+
+def _magnitude_axis(traces: list[Trace]) -> dict[str, Any]:
+    narrow = magnitude_range_db(_shown(traces))
+    return {"range": list(narrow)} if narrow else {}
+
+
+def _phase_axis(traces: list[Trace]) -> dict[str, Any]:
+    shown = _shown(traces)
+    return {"dtick": phase_step_deg(float(np.ptp(shown)))} if shown.size else {}
 
 
 def _band(omega: FloatArray, middle: FloatArray, half: FloatArray, used: BoolArray, *, legend: bool) -> list[Trace]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import itertools
+import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -27,12 +28,14 @@ def numbers(values: FloatArray, *, digits: int = 5) -> list[float | None]:
     >>> numbers(np.array([3.14159265, np.nan, 1e-9]))
     [3.1416, None, 1e-09]
     """
-    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.tolist()]
+    # Rounded before it is judged: the largest doubles round up to infinity.
+    rounded = (float(f"{value:.{digits}g}") for value in values.tolist())
+    return [value if math.isfinite(value) else None for value in rounded]
 
 
 def stamps(time_s: FloatArray) -> list[float | None]:
     """Times as JSON numbers, to 0.1 ms: significant digits would coarsen late stamps of a long log."""
-    return [round(value, 4) if np.isfinite(value) else None for value in time_s.tolist()]
+    return [round(value, 4) if math.isfinite(value) else None for value in time_s.tolist()]
 
 
 def envelope(time: FloatArray, values: FloatArray, *, most: int = MOST_POINTS) -> tuple[FloatArray, FloatArray]:

@@ -14,7 +14,8 @@ from rotorid.plot.bode import COHERENCE_GUIDELINE, SIGMAS, measured_curve, runs
 from rotorid.plot.phase import unwrapped_deg
 from rotorid.plot.quantity import quantity
 from rotorid.plot.theme import BESIDE, MEASURED, MODEL
-from rotorid.typing import BoolArray, ComplexArray
+from rotorid.plot.ticks import frequency_ticks, magnitude_range_db, phase_step_deg
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.verify.verification import Verification
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> No
     for cell in cells[1:3]:
         cell.sharex(cells[0])
     _bode(cells[:3], identified, int(y), int(u))
-    cells[0].set_title(f"{quantity(output).words} over {quantity(input).words}", loc="left")
+    cells[0].set_title(f"{quantity(output).words}\nover {quantity(input).words}", loc="left")
     for cell in cells[:2]:
         cell.tick_params(labelbottom=False)
     check = next((check for check in identified.verifications if output in check.output_names), None)
@@ -153,13 +154,18 @@ def _bode(cells: Sequence[Axes], identified: Identified, y: int, u: int) -> None
     cells[2].axhline(COHERENCE_GUIDELINE, color=BESIDE, linewidth=0.9, linestyle=":")
     cells[2].set_ylim(0.0, 1.05)
     cells[2].set_xlabel("frequency [rad/s]")
-    _ticks(cells)
+    _ticks(cells, omega)
 
 
-def _ticks(cells: Sequence[Axes]) -> None:
-    from matplotlib.ticker import MaxNLocator, StrMethodFormatter
+def _ticks(cells: Sequence[Axes], omega: FloatArray) -> None:
+    from matplotlib.ticker import FixedLocator, MultipleLocator, NullLocator, StrMethodFormatter
 
-    cells[1].yaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1.8, 4.5, 9.0]))
+    narrow = magnitude_range_db(np.array(cells[0].get_ylim()))
+    if narrow:
+        cells[0].set_ylim(narrow)
+    cells[1].yaxis.set_major_locator(MultipleLocator(phase_step_deg(float(np.ptp(cells[1].get_ylim())))))
+    cells[2].xaxis.set_major_locator(FixedLocator(frequency_ticks(omega)))
+    cells[2].xaxis.set_minor_locator(NullLocator())
     # Plain numbers: the powers of ten would be mathematics, which is switched off for the names.
     cells[2].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
@@ -170,4 +176,4 @@ def _trace(cell: Axes, check: Verification, output: str) -> None:
     cell.plot(time_s, paper.factor * check.measured[row], color=MEASURED, linewidth=1.6, label="measured")
     cell.plot(time_s, paper.factor * check.predicted[row], color=MODEL, linewidth=1.4, linestyle=(0, (4, 2)))
     cell.set_xlabel("time into an unseen maneuver [s]")
-    cell.set_ylabel(paper.label)
+    cell.set_ylabel(f"{output} [{paper.unit}]" if paper.unit else output)

@@ -32,7 +32,7 @@ _EFFECTS = {
 }
 _HEADINGS = {
     "clock_skew": "Clocks of the log disagree",
-    "closed_loop_bias": "Feedback may bias this response",
+    "closed_loop_bias": "Feedback in this response",
     "corrupt_log": "The log is damaged",
     "correlated_inputs": "Inputs moved together",
     "dropped_parameter": "A parameter was dropped",
@@ -103,8 +103,8 @@ def _unseen_sentence(tics: Sequence[float]) -> str:
     if not tics:
         return "Not verified on an unseen flight yet."
     count = f"{len(tics)} prediction{'' if len(tics) == 1 else 's'}"
-    worst = max(tics)
-    return f"Unseen flight: {count}, TIC at worst {significant(worst, digits=2)}, {tic_verdict(worst).words} (guideline: up to {GOOD_TIC})."
+    worst = f"TIC at worst {significant(max(tics), digits=2)}, {tic_verdict(max(tics)).words}"
+    return f"Unseen flight: {count}, {worst} (guideline: up to {GOOD_TIC})."
 
 
 def _input_sentence(document: ResultDocument, name: str) -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import json
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from tests.unit.report.sample import RATE_HZ, doublet, exact, response, sweep
 
@@ -19,6 +20,7 @@ from rotorid.plot.figure import envelope, numbers, stamps
 from rotorid.plot.phase import near_deg, unwrapped_deg
 from rotorid.plot.stack import Panel, stacked
 from rotorid.plot.theme import BESIDE, INPUT, MEASURED, MODEL, template
+from rotorid.plot.ticks import frequency_ticks, phase_step_deg
 from rotorid.plot.time import verification
 
 
@@ -135,6 +137,26 @@ class TestPhase:
         assert np.exp(1j * np.radians(phase[0])) == pytest.approx(np.exp(1j * angle))
 
 
+class TestTicks:
+    @given(st.floats(0.01, 10.0), st.floats(1.5, 1000.0))
+    def test_a_readable_number_of_frequencies(self, low: float, ratio: float) -> None:
+        ticks = frequency_ticks(np.array([low, low * ratio]))
+        assert 1 <= len(ticks) <= 3 * (np.log10(ratio) + 2) + 4
+        assert ticks == sorted(ticks)
+
+    @given(st.floats(15.0, 2400.0))
+    def test_a_readable_number_of_phases(self, span: float) -> None:
+        assert 1 <= span / phase_step_deg(span) <= 7
+
+    def test_flat_response_looks_flat(self) -> None:
+        measured = response()
+        flat = _with(measured, np.full(90, 10.0 + 0.0j))
+        good = measured.coherence > 0.98
+        figure = drawn(bode(flat, output="p", input="roll_command", fitted=good))
+        assert figure["layout"]["yaxis"]["range"] == [15.0, 25.0]
+        assert "range" not in sample_bode()["layout"]["yaxis"]
+
+
 class TestTime:
     def test_rates_are_in_degrees_per_second(self) -> None:
         check = doublet()
@@ -173,10 +195,14 @@ class TestNumbers:
         assert np.all(np.diff(time) >= 0)
         assert np.array_equal(np.array(values)[time.astype(int)], shown)
 
-    @given(st.floats(allow_nan=True, allow_infinity=True))
-    def test_numbers_are_json(self, value: float) -> None:
-        (back,) = json.loads(json.dumps(numbers(np.array([value])), allow_nan=False))
-        assert back is None if not np.isfinite(value) else back == pytest.approx(value, rel=5.1e-5)
+    @given(st.floats(-1e300, 1e300))
+    def test_numbers_keep_five_digits(self, value: float) -> None:
+        assert numbers(np.array([value])) == [pytest.approx(value, rel=5.1e-5)]
+
+    @given(st.floats())
+    @example(sys.float_info.max)
+    def test_any_number_becomes_json(self, value: float) -> None:
+        json.dumps(numbers(np.array([value])), allow_nan=False)
 
 
 class TestTheme:

@@ -1,0 +1,15 @@
+"""JSON schemas of the documents, generated from their types."""
+
+from __future__ import annotations
+
+import json
+
+from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.inspection import InspectDocument
+
+SCHEMAS = {"rotorid.result-1": ResultDocument, "rotorid.inspect-1": InspectDocument}
+
+
+def schema_text(name: str) -> str:
+    """The schema of one document as JSON text."""
+    return json.dumps(SCHEMAS[name].model_json_schema(by_alias=True), indent=2) + "\n"
