@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Mapping
 from typing import Any
@@ -74,7 +75,7 @@ def from_toml(text: str, *, where: str = "the model") -> LinearStructure:
     """
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # too long a number and too deep a nesting are no decode errors
         raise ModelError(f"{where} is not valid TOML: {error}", remedy="correct the line it names") from error
     unknown = set(table) - _KEYS
     missing = {"name", "inputs", "states", "outputs", "F", "G", "H0", "parameters"} - set(table)
@@ -119,6 +120,8 @@ def _names(value: Any, name: str, where: str) -> tuple[str, ...]:
 def _real(value: Any, name: str, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ModelError(f"{where}: {name} is {value!r}", needed="a number", remedy="write it without quotes")
+    if abs(value) > sys.float_info.max and not isinstance(value, float):
+        raise ModelError(f"{where}: {name} is too large for a number", needed=f"at most {sys.float_info.max:.3g}")
     return float(value)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -39,7 +40,7 @@ class Entry:
         Entry(constant=-1.0, terms=(('L_p', 2.0),))
         """
         if isinstance(text, (int, float)):
-            if isinstance(text, bool) or not math.isfinite(text):
+            if isinstance(text, bool) or not abs(text) <= sys.float_info.max:
                 raise _not_affine(str(text))
             return cls(constant=float(text))
         constant, terms, position = 0.0, [], 0

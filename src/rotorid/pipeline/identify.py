@@ -94,7 +94,7 @@ def identify(
     measured = measure(selection.fitted, inputs=inputs, outputs=outputs, settings=settings, progress=progress)
     progress(f"fitting {structure.name}")
     fitted = fit_with_bounds(pose(structure, measured, settings), measured)
-    checked = check(fitted, selection, verify, settings, progress)
+    checked = check(fitted, measured, selection, verify, settings, progress)
     findings = [f for record in (*records, *verify) for f in record.findings]
     findings += [*measured.findings, *fitted.findings, *checked.findings]
     provenance = provenance_document(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 
-from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.document import Document, ResultDocument
 from rotorid.pipeline.inspection import InspectDocument
 
-SCHEMAS = {"rotorid.result-1": ResultDocument, "rotorid.inspect-1": InspectDocument}
+SCHEMAS: Mapping[str, type[Document]] = {"rotorid.result-1": ResultDocument, "rotorid.inspect-1": InspectDocument}
 
 
 def schema_text(name: str) -> str:

@@ -12,6 +12,7 @@ from rotorid.fit.frequency_cost import pair_costs, point_weights
 from rotorid.fit.problem import usable_points
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.fitting import Fitted
+from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.selection import RICH_KINDS, Flown, Selection, axis_of, cut
 from rotorid.pipeline.settings import IdentifySettings
@@ -47,6 +48,7 @@ class Checked:
 
 def check(
     fitted: Fitted,
+    measured: Measured,
     selection: Selection,
     verify: Sequence[FlightRecord],
     settings: IdentifySettings,
@@ -67,12 +69,12 @@ def check(
             if verify
             else _hold_out(fitted, selection.fitted, settings, progress)
         )
-    predicted = _predict(fitted, short, progress) if short else Checked()
+    predicted = _predict(fitted, measured, short, progress) if short else Checked()
     costs = _cost_on(fitted, fitted.parameters, sweeps, settings) if sweeps else {}
     return replace(predicted, frequency=costs)
 
 
-def _predict(fitted: Fitted, short: Sequence[Flown], progress: Callable[[str], None]) -> Checked:
+def _predict(fitted: Fitted, measured: Measured, short: Sequence[Flown], progress: Callable[[str], None]) -> Checked:
     inputs, outputs = fitted.structure.inputs, fitted.structure.outputs
     segments, findings = cut(short, channels=(*inputs, *outputs), rest_s=_REST_S, progress=progress)
     checks = tuple(
@@ -88,7 +90,8 @@ def _predict(fitted: Fitted, short: Sequence[Flown], progress: Callable[[str], N
         for segment in segments
         if segment.history.duration_s >= _SHORTEST_S
     )
-    return Checked(verifications=checks, findings=(*findings, *(f for item in checks for f in _poor(item))))
+    remarks = (*findings, *_other_sources(measured.segments, segments, outputs), *(f for c in checks for f in _poor(c)))
+    return Checked(verifications=checks, findings=remarks)
 
 
 def _hold_out(
@@ -136,6 +139,29 @@ def _cost_on(
 def _usable(measured: Measured, settings: IdentifySettings, band_rad_s: tuple[float, float]) -> BoolArray:
     limit = settings.least_coherence(joint=measured.response.estimate == "joint")
     return usable_points(measured.response, coherence=limit, band_rad_s=band_rad_s)
+
+
+def _other_sources(fitted: Sequence[Segment], unseen: Sequence[Segment], outputs: Sequence[str]) -> tuple[Finding, ...]:
+    """Outputs that come from another place in the log than those of the fit, and may have passed another filter."""
+    findings = {}
+    for segment in unseen:
+        for name in outputs:
+            here, there = _source_of(segment, name), _source_of(fitted[0], name)
+            if here != there:
+                findings[segment.record, name] = Finding(
+                    kind="other_source",
+                    severity="info",
+                    where=f"{segment.record}: {name}",
+                    message=(
+                        f"{name} was fitted from {there} and is verified on {here}. Where the autopilot filters one "
+                        "and not the other, the prediction looks early or late by the delay of that filter."
+                    ),
+                )
+    return tuple(findings.values())
+
+
+def _source_of(segment: Segment, name: str) -> str:
+    return segment.history.channels[segment.history.names.index(name)].source
 
 
 def _poor(check: Verification) -> list[Finding]:

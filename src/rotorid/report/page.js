@@ -21,15 +21,6 @@
     (error) => { root.dataset.pictures = `failed: ${error}`; },
   );
   darkness.addEventListener("change", redraw);
-  window.addEventListener("beforeprint", () => {
-    document.querySelectorAll("details.findings-more").forEach((details) => { details.open = true; });
-    draw(light);
-  });
+  window.addEventListener("beforeprint", () => draw(light));
   window.addEventListener("afterprint", redraw);
-  // A figure inside a closed <details> has no width until it opens.
-  document.querySelectorAll("details").forEach((details) => {
-    details.addEventListener("toggle", () => {
-      details.querySelectorAll("[data-picture]").forEach((place) => Plotly.Plots.resize(place));
-    });
-  });
 })();

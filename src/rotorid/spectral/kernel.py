@@ -8,6 +8,11 @@ basis :math:`Q` of the exponentials of the band. A window is a row of blocks, an
    \qquad W_m(\omega) = Q^T \left[ w(t) e^{-j\omega t} \right]_{\text{block } m}
 
 shared by all channels and positions. The cost no longer grows with the sample rate.
+
+Tapers are even about the middle of their window. Seen from there, the real part of a transform is a sum over the even
+part of the samples and the imaginary part one over the odd part. Both are folded from the two halves of a window, so
+real products over half as many blocks give the complex transform. For this the basis keeps its even and its odd
+functions apart.
 """
 
 from __future__ import annotations
@@ -66,24 +71,52 @@ class BlockWindow:
         return max(0, (blocks - self.blocks) // self.hop + 1)
 
 
-def band_basis(grid: BlockGrid, highest_rad_s: float) -> FloatArray:
-    """Orthonormal basis of all sinusoids up to ``highest_rad_s`` on one block, shape ``(samples, rank)``."""
-    time_s = (np.arange(grid.samples_per_block) - 0.5 * (grid.samples_per_block - 1)) / grid.sample_rate_hz
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class BandBasis:
+    """Orthonormal functions on one block that span all sinusoids of a band.
+
+    Parameters
+    ----------
+    functions
+        Shape ``(samples, rank)``, those even about the middle of the block first.
+    n_even
+        How many are even; the others are odd.
+    """
+
+    functions: FloatArray
+    n_even: int
+
+    @property
+    def parity(self) -> FloatArray:
+        """One for each even function and minus one for each odd one, shape ``(rank,)``."""
+        return np.where(np.arange(self.functions.shape[1]) < self.n_even, 1.0, -1.0)
+
+    def project(self, lines: ComplexArray) -> ComplexArray:
+        r"""Inner products with functions of the form :math:`e^{j a n}`, :math:`n` from the middle of the block.
+
+        Their real part is even and their imaginary part odd, so half of the products vanish.
+        """
+        even, odd = self.functions[:, : self.n_even], self.functions[:, self.n_even :]
+        return np.concatenate([even.T @ lines.real, 1j * (odd.T @ lines.imag)])
+
+
+def band_basis(grid: BlockGrid, highest_rad_s: float) -> BandBasis:
+    """Orthonormal basis of all sinusoids up to ``highest_rad_s`` on one block."""
     highest_rad_s = min(highest_rad_s, np.pi * grid.sample_rate_hz)
     # Chebyshev nodes resolve every sinusoid of the band once there are some more of them than degrees of freedom.
     count = int(highest_rad_s * grid.block_s / np.pi) + 24
     nodes = highest_rad_s * 0.5 * (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count))
-    phase = time_s[:, None] * nodes
-    left, values, _ = np.linalg.svd(np.hstack([np.cos(phase), np.sin(phase)]), full_matrices=False)
-    return np.ascontiguousarray(left[:, values > values[0] * _RANK_TOLERANCE])
+    phase = _centered(grid.samples_per_block)[:, None] / grid.sample_rate_hz * nodes
+    even, odd = _span(np.cos(phase)), _span(np.sin(phase))
+    return BandBasis(functions=np.ascontiguousarray(np.hstack([even, odd])), n_even=even.shape[1])
 
 
-def compress(values: FloatArray, grid: BlockGrid, basis: FloatArray) -> FloatArray:
+def compress(values: FloatArray, grid: BlockGrid, basis: BandBasis) -> FloatArray:
     """Blocks of every channel in the basis, ``(channels, blocks, rank)``; an incomplete last block is left out."""
     channels, samples = values.shape
     blocks = samples // grid.samples_per_block
     cut = values[:, : blocks * grid.samples_per_block].reshape(channels * blocks, grid.samples_per_block)
-    return np.asarray(cut @ basis).reshape(channels, blocks, basis.shape[1])
+    return np.asarray(cut @ basis.functions).reshape(channels, blocks, basis.functions.shape[1])
 
 
 def transform(
@@ -92,33 +125,78 @@ def transform(
     omega_rad_s: FloatArray,
     *,
     grid: BlockGrid,
-    basis: FloatArray,
+    basis: BandBasis,
     taper: Taper,
 ) -> ComplexArray:
-    """Tapered transforms at every position of a window, shape ``(positions, channels, f)``.
+    r"""Tapered transforms at every position of a window, shape ``(positions, channels, f)``.
 
-    The phase reference is the first sample of each window.
+    .. math:: X_k(\omega) = \sum_{n=0}^{N-1} w_n \, x_{n + k h} \, e^{-j \omega n / f_s}
+
+    The phase reference is the first sample of each window. Frequencies must lie in the band of the basis, with the
+    shifts of the taper: beyond it the sum silently loses what the basis does not span.
+
+    Parameters
+    ----------
+    compressed
+        Blocks in the basis, shape ``(channels, blocks, rank)``.
+    window
+        Length :math:`N` and hop :math:`h` in blocks.
+    omega_rad_s
+        Frequencies, shape ``(f,)``.
+    grid, basis
+        How the record was cut and compressed.
+    taper
+        :math:`w`, even about the middle of the window.
     """
-    channels, blocks, rank = compressed.shape
-    positions = window.positions(blocks)
-    view = np.lib.stride_tricks.sliding_window_view(compressed, (window.blocks, rank), axis=(1, 2))
-    rows = view[:, :: window.hop, 0][:, :positions].reshape(channels * positions, window.blocks * rank)
-    weights = _window_weights(window, omega_rad_s, grid=grid, basis=basis, taper=taper)
-    product = rows @ np.hstack([weights.real, weights.imag])
-    complex_product = product[:, : omega_rad_s.size] + 1j * product[:, omega_rad_s.size :]
-    return complex_product.reshape(channels, positions, omega_rad_s.size).transpose(1, 0, 2)
+    channels, blocks, _ = compressed.shape
+    positions, half = window.positions(blocks), (window.blocks + 1) // 2
+    # Both views run over adjacent numbers: the second one walks through a copy that lies there backward in time.
+    backward = np.multiply(compressed[:, ::-1], basis.parity, order="C")
+    ahead = _rows_of_blocks(compressed, half, slice(0, None, window.hop))[:, :positions]
+    mirrored = _rows_of_blocks(backward, half, slice(blocks - window.blocks, None, -window.hop))[:, :positions]
+    weights = _half_weights(window, omega_rad_s, grid=grid, basis=basis, taper=taper)
+    shape = (channels * positions, len(weights))
+    product = np.empty((omega_rad_s.size, channels * positions), dtype=np.complex128)
+    product.real = (np.add(ahead, mirrored, order="C").reshape(shape) @ weights.real).T
+    product.imag = (np.subtract(ahead, mirrored, order="C").reshape(shape) @ weights.imag).T
+    to_middle_s = 0.5 * (window.blocks * grid.samples_per_block - 1) / grid.sample_rate_hz
+    product *= np.exp(-1j * omega_rad_s * to_middle_s)[:, None]
+    return product.reshape(omega_rad_s.size, channels, positions).transpose(2, 1, 0)
 
 
-def _window_weights(
-    window: BlockWindow, omega_rad_s: FloatArray, *, grid: BlockGrid, basis: FloatArray, taper: Taper
+def _rows_of_blocks(compressed: FloatArray, count: int, firsts: slice) -> FloatArray:
+    """Runs of ``count`` blocks, one for each first block, as a view of shape ``(channels, runs, count, rank)``."""
+    return np.lib.stride_tricks.sliding_window_view(compressed, count, axis=1)[:, firsts].swapaxes(2, 3)
+
+
+def _half_weights(
+    window: BlockWindow, omega_rad_s: FloatArray, *, grid: BlockGrid, basis: BandBasis, taper: Taper
 ) -> ComplexArray:
-    count = window.blocks * grid.samples_per_block
-    sample = np.arange(grid.samples_per_block)
-    starts = np.arange(window.blocks) * grid.samples_per_block
-    weights = np.zeros((window.blocks, basis.shape[1], omega_rad_s.size), dtype=np.complex128)
+    """What the first half of a window contributes, seen from its middle, shape ``(blocks * rank, f)``.
+
+    The real part weighs the even part of the samples, the imaginary part the odd one.
+    """
+    count, half = window.blocks * grid.samples_per_block, (window.blocks + 1) // 2
+    within = _centered(grid.samples_per_block)[:, None]
+    middles = (_centered(window.blocks)[:half] * grid.samples_per_block)[:, None]
+    line = np.exp(-1j * within * (omega_rad_s / grid.sample_rate_hz))
+    weights = np.zeros((half, basis.functions.shape[1], omega_rad_s.size), dtype=np.complex128)
     for shift, amplitude in taper.terms:
-        step = np.pi * shift / count - omega_rad_s / grid.sample_rate_hz
-        projected = basis.T @ np.exp(1j * sample[:, None] * step)
-        offset = amplitude * np.exp(0.5j * np.pi * shift / count)
-        weights += offset * np.exp(1j * starts[:, None] * step)[:, None, :] * projected
-    return weights.reshape(window.blocks * basis.shape[1], omega_rad_s.size)
+        turn = np.pi * shift / count
+        projected = basis.project(line * np.exp(1j * turn * within))
+        at_middle = amplitude * np.exp(0.5j * np.pi * shift)
+        moved = at_middle * np.exp(1j * middles * (turn - omega_rad_s / grid.sample_rate_hz))
+        weights += moved[:, None, :] * projected
+    if window.blocks % 2:
+        weights[-1] *= 0.5  # the block in the middle is its own mirror image and would count twice
+    return weights.reshape(-1, omega_rad_s.size)
+
+
+def _centered(count: int) -> FloatArray:
+    return np.arange(count) - 0.5 * (count - 1)
+
+
+def _span(vectors: FloatArray) -> FloatArray:
+    """Orthonormal basis of the columns, as far as they differ in double precision."""
+    left, values, _ = np.linalg.svd(vectors, full_matrices=False)
+    return np.asarray(left[:, values > values[0] * _RANK_TOLERANCE])

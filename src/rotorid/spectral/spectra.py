@@ -10,7 +10,7 @@ import numpy as np
 from rotorid.data.history import TimeHistory
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import UsageError
-from rotorid.spectral.kernel import BlockGrid, BlockWindow, band_basis, compress, transform
+from rotorid.spectral.kernel import BandBasis, BlockGrid, BlockWindow, band_basis, compress, transform
 from rotorid.spectral.windows import HALF_SINE, PERIODS_IN_WINDOW, Taper
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -124,7 +124,7 @@ def _one_window(
     window: BlockWindow,
     omega_rad_s: FloatArray,
     grid: BlockGrid,
-    basis: FloatArray,
+    basis: BandBasis,
     taper: Taper,
     names: tuple[str, ...],
 ) -> SpectralMatrix:
@@ -134,9 +134,11 @@ def _one_window(
     starts = [offsets[i] + window.hop * np.arange(len(part)) for i, part in zip(used, parts, strict=True)]
     samples = window.blocks * grid.samples_per_block
     scale = np.sqrt(2.0 / (grid.sample_rate_hz * samples * taper.mean_square))
-    transforms = np.concatenate(parts) * scale
-    by_frequency = np.ascontiguousarray(transforms.transpose(2, 1, 0))
-    values = by_frequency.conj() @ by_frequency.transpose(0, 2, 1) / len(transforms)
+    transforms = np.concatenate(parts)
+    transforms *= scale
+    # Frequencies first, as `transform` lays them out: the products below then run over adjacent numbers.
+    by_frequency = transforms.transpose(2, 1, 0)
+    values = by_frequency.conj() @ by_frequency.swapaxes(1, 2) / len(transforms)
     return SpectralMatrix(
         omega_rad_s=omega_rad_s,
         values=values,
