@@ -87,11 +87,8 @@ def _settings(
     segment: Sequence[str] | None,
     seed: int,
 ) -> IdentifySettings:
-    from rotorid.errors import UsageError
     from rotorid.pipeline.settings import IdentifySettings, parse_band, parse_fix, parse_numbers, parse_segment
 
-    if estimate not in ("auto", "direct", "joint"):
-        raise UsageError(f"--estimate {estimate} came", needed="auto, direct or joint")
     return IdentifySettings(
         band_rad_s=parse_band(band) if band else None,
         windows_s=parse_numbers(windows) if windows else (),
@@ -105,8 +102,9 @@ def _settings(
 
 
 def _stem(log: Path) -> str:
-    """Name of a log without its extensions."""
-    return log.name.split(".")[0] or log.name
+    """Name of a log without the extensions of its compression and its format."""
+    packed = log.suffix.lower() in (".gz", ".xz", ".bz2", ".zip")
+    return Path(log.stem if packed else log.name).stem
 
 
 def print_result(document: ResultDocument, folder: Path) -> None:

@@ -43,8 +43,11 @@ class LevenbergMarquardt:
         evaluations = 1
         for _ in range(self.iterations):
             gradient, normal = jacobian.T @ residual, jacobian.T @ jacobian
+            # Column lengths of the Jacobian: gradients over them, and steps times them, have the unit of the residuals.
+            scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
             held = ((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0))
-            if held.all() or np.abs(gradient[~held]).max(initial=0.0) <= 1e-14 * (1.0 + cost):
+            slope = float(np.abs(gradient / scale)[~held].max(initial=0.0))
+            if slope <= 1e-14 * (1.0 + np.sqrt(cost)):
                 outcome = Outcome.CONVERGED
                 break
             trial = np.clip(theta + _step(normal, gradient, damping, ~held), lower, upper)
@@ -52,7 +55,6 @@ class LevenbergMarquardt:
             evaluations += 1
             new_cost = float(new_residual @ new_residual)
             if new_cost < cost:
-                scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
                 small_step = np.abs((trial - theta) * scale).max() <= self.tolerance * np.sqrt(1.0 + cost)
                 small_gain = cost - new_cost <= self.tolerance * (1e-6 + cost) and damping <= 1e-2
                 theta, residual, jacobian, cost = trial, new_residual, new_jacobian, new_cost
@@ -62,12 +64,10 @@ class LevenbergMarquardt:
                     outcome = Outcome.CONVERGED
                     break
             else:
-                if np.abs(trial - theta).max() <= 1e-13 * (1.0 + np.abs(theta).max()):
-                    outcome = Outcome.CONVERGED
-                    break
                 damping *= 6.0
-                if damping > _LARGEST_DAMPING:
-                    outcome = Outcome.STALLED
+                if damping > _LARGEST_DAMPING or np.abs((trial - theta) * scale).max() <= 1e-13 * np.sqrt(1.0 + cost):
+                    # Rounding of the cost hides a slope of 1e-8 of the residual; a steeper one should have led down.
+                    outcome = Outcome.CONVERGED if slope <= 1e-6 * np.sqrt(1e-6 + cost) else Outcome.STALLED
                     break
         return Solution(
             theta=theta,
@@ -82,7 +82,8 @@ class LevenbergMarquardt:
 
 
 def _step(normal: FloatArray, gradient: FloatArray, damping: float, moving: BoolArray) -> FloatArray:
-    diagonal = np.maximum(np.diag(normal), 1e-30 * max(float(np.diag(normal).max()), 1e-300))
+    # A parameter without any effect has no scale of its own, and its step is zero whatever it is given.
+    diagonal = np.where(np.diag(normal) > 0.0, np.diag(normal), 1.0)
     system = (normal + np.diag(damping * diagonal))[np.ix_(moving, moving)]
     scale = np.sqrt(np.diag(system))
     step = np.zeros_like(gradient)

@@ -108,7 +108,7 @@ def _longest_stretch(good: BoolArray) -> BoolArray:
     index = np.flatnonzero(good)
     if index.size == 0:
         return good
-    runs = np.split(index, np.flatnonzero(np.diff(index) > _LONGEST_DIP) + 1)
+    runs = np.split(index, np.flatnonzero(np.diff(index) > _LONGEST_DIP + 1) + 1)
     kept = np.zeros_like(good)
     kept[max(runs, key=len)] = True
     return kept

@@ -142,13 +142,25 @@ def provenance_document(
     return ProvenanceDocument(
         version=__version__,
         command=list(command),
-        inputs={record.source.name: record.source.sha256 for record in records},
+        inputs=_hashes(records),
         settings=settings.as_json(),
         seed=settings.seed,
         estimate=response.estimate if response else None,
         instruments=list(response.instruments) if response else [],
         maneuvers=[maneuver_document(record, maneuver) for record, maneuver in flown],
     )
+
+
+def _hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
+    """Hash of each log by its name; logs of one name are told apart by a number."""
+    hashes: dict[str, str] = {}
+    for record in records:
+        name, sha256 = record.source.name, record.source.sha256
+        count = 1
+        while hashes.setdefault(name, sha256) != sha256:
+            count += 1
+            name = f"{record.source.name} ({count})"
+    return hashes
 
 
 def maneuver_document(record: FlightRecord, maneuver: Maneuver) -> ManeuverDocument:

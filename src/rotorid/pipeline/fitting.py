@@ -13,7 +13,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters, require_usable
+from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters, require_known_gain, require_usable
 from rotorid.pipeline.measure import Measured, correlated_inputs, feedback_bias
 from rotorid.pipeline.resolve import chosen_parameters
 from rotorid.pipeline.settings import IdentifySettings
@@ -79,11 +79,18 @@ def pose(structure: LinearStructure, measured: Measured, settings: IdentifySetti
 
 
 def fit_with_bounds(problem: FrequencyProblem, measured: Measured) -> Fitted:
-    """Fit, drop what the data do not show, bound the rest, and remark on all of it."""
+    """Fit, drop what the data do not show, bound the rest, and remark on all of it.
+
+    Raises
+    ------
+    InsufficientDataError
+        Not even the sign of the gain is certain.
+    """
     reduced = fit_and_drop(problem)
     problem, solution = reduced.problem, reduced.solution
     parameters = problem.parameters.unpack(solution.theta)
     limits = bounds(problem, solution)
+    require_known_gain(problem.structure.gain, parameters, limits)
     costs = problem.costs(solution.theta)
     mean_cost = float(np.mean(costs[problem.used.any(axis=-1)]))
     findings = (

@@ -73,7 +73,31 @@ class InspectDocument(Document):
 
 
 def inspect(record: FlightRecord) -> InspectDocument:
-    """Say what a record holds: channels, rates, gaps, excitations, and which models it can support."""
+    """Say what a record holds: channels, rates, gaps, excitations, and which models it can support.
+
+    Parameters
+    ----------
+    record
+        A log as :func:`rotorid.read` gives it.
+
+    Returns
+    -------
+    InspectDocument
+        What ``rotorid inspect --json`` prints. A model counts as supported when its channels are logged fast enough
+        and something rich enough was flown on its axis; whether the response is coherent only ``identify`` tells.
+
+    Examples
+    --------
+    >>> from rotorid.data.channel import Channel
+    >>> from rotorid.data.record import Source, Topic
+    >>> time_s = np.arange(0.0, 1.0, 0.01)
+    >>> gyro = Topic(
+    ...     name="gyro", time_s=time_s, channels=(Channel(name="p", unit="rad/s"),), values=np.zeros((1, 100))
+    ... )
+    >>> record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256=""), topics=(gyro,))
+    >>> inspect(record).supports["rate.roll"].because
+    'roll_command is not in the log'
+    """
     maneuvers = sorted((m for axis in AXES for m in find_excitations(record, axis)), key=lambda m: m.start_s)  # type: ignore[arg-type]
     return InspectDocument(
         name=record.source.name,

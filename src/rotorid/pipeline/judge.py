@@ -80,6 +80,36 @@ def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, .
     )
 
 
+def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bounds) -> None:
+    """Refuse a model whose gain could as well have the other sign.
+
+    Raises
+    ------
+    InsufficientDataError
+        The gain lies within two standard deviations of zero.
+    """
+    if gain not in bounds.names:
+        return
+    value, std = parameters[gain].value, float(bounds.std[bounds.names.index(gain)])
+    if abs(value) >= 2.0 * std:
+        return
+    found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"
+    raise InsufficientDataError(
+        f"the data do not show {gain}: {found}",
+        needed="a gain that differs from zero by two standard deviations",
+        remedy="give longer segments or a wider band, or excite the axis harder",
+        findings=[
+            Finding(
+                kind="not_identifiable",
+                severity="error",
+                where=gain,
+                message=f"Not even the sign of {gain} is certain: the fit gives {found}.",
+                numbers={"value": value, "std": std},
+            )
+        ],
+    )
+
+
 def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -> tuple[Finding, ...]:
     """How well the structure follows the data, and how the solver ended."""
     findings = []

@@ -32,7 +32,8 @@ def resolve_model(model: str | Path | LinearStructure) -> LinearStructure:
     try:
         return from_toml(path.read_text(encoding="utf-8"), where=path.name)
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} cannot be read: {error}", needed="a model.toml, as identify writes it") from error
+        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise UsageError(f"{path} cannot be read: {reason}", needed="a model.toml, as identify writes it") from error
 
 
 def chosen_parameters(structure: LinearStructure, settings: IdentifySettings) -> ParameterSet:

@@ -12,7 +12,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.clock import missing_channel, one_clock
@@ -39,6 +39,11 @@ class Selection:
     fitted: tuple[Flown, ...]
     unseen: tuple[Flown, ...]
 
+    def fits(self, record: FlightRecord, maneuver: Maneuver) -> bool:
+        """Whether any part of a maneuver is fitted, also when its log was read again."""
+        sha256 = record.source.sha256
+        return any(_overlap(maneuver, m) for r, m in self.fitted if r is record or r.source.sha256 == sha256)
+
 
 def axis_of(input: str) -> Axis:
     """Axis of a command channel."""
@@ -52,7 +57,10 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
     ------
     InsufficientDataError
         Nothing rich enough was flown on these axes.
+    UsageError
+        No record came, or the same one twice.
     """
+    _each_once(records)
     found = [(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
     if settings.segments:
         given = [m for m in settings.segments if m.axis in axes]
@@ -68,6 +76,19 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
         if m.kind in ("doublet", "multistep") and not any(_overlap(m, f) for r, f in fitted if r is record)
     ]
     return Selection(fitted=tuple(fitted), unseen=tuple(unseen))
+
+
+def _each_once(records: Sequence[FlightRecord]) -> None:
+    """The same data twice would count as twice the evidence, and could be held out from itself."""
+    if not records:
+        raise UsageError("no record came", needed="at least one flight log")
+    seen: dict[str, str] = {}
+    for record in records:
+        name, other = record.source.name, seen.get(record.source.sha256)
+        if other is not None:
+            came = f"{name} was given twice" if name == other else f"{name} and {other} are the same log"
+            raise UsageError(came, needed="each log once", remedy="leave one of them out")
+        seen[record.source.sha256] = name
 
 
 def _inside(record: FlightRecord, maneuver: Maneuver) -> bool:
@@ -173,8 +194,12 @@ def _nothing_flown(
     records: Sequence[FlightRecord], axes: Sequence[Axis], found: Sequence[Maneuver], settings: IdentifySettings
 ) -> InsufficientDataError:
     names, wanted = ", ".join(record.source.name for record in records), " or ".join(axes)
+    needed = "a sweep or a random binary signal of some 20 s and more"
+    remedy = "fly one (ArduPilot: SYSTEMID mode; PX4: slow to fast stick), or name an interval with --segment"
     if settings.segments:
         came = f"no given segment of {wanted} lies inside {names}"
+        spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
+        needed, remedy = f"a segment of {wanted} within {spans}", "see the excitations that rotorid inspect finds"
     elif found:
         kinds = ", ".join(f"{m.kind} at {m.start_s:.1f} s" for m in found[:4])
         came = f"{names} holds only short {wanted} maneuvers ({kinds})"
@@ -186,7 +211,7 @@ def _nothing_flown(
                 return missing_channel(record, f"{axis}_command")
     return InsufficientDataError(
         came,
-        needed="a sweep or a random binary signal of some 20 s and more",
-        remedy="fly one (ArduPilot: SYSTEMID mode; PX4: slow to fast stick), or name an interval with --segment",
+        needed=needed,
+        remedy=remedy,
         findings=[Finding(kind="no_excitation", severity="error", where=wanted, message=f"{came}.")],
     )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 from rotorid.data.channel import AXES
 from rotorid.data.immutable import Immutable
@@ -17,6 +18,8 @@ DIRECT_COHERENCE = 0.6
 JOINT_COHERENCE = 0.4
 """Limits below which a point is left out. A joint estimate is judged by instrument and output, whose coherence feedback
 lowers without harm down to about this value."""
+
+LONGEST_WINDOW_S = 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +57,24 @@ class IdentifySettings(Immutable):
 
     def __post_init__(self) -> None:
         self._set(fix=self.fix, windows_s=tuple(self.windows_s), segments=tuple(self.segments))
-        if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1]:
+        if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1] < math.inf:
             raise UsageError(f"the band {self.band_rad_s[0]:g}:{self.band_rad_s[1]:g} is empty", needed="0 < LO < HI")
-        if any(not length > 0.0 for length in self.windows_s):
-            raise UsageError("a window of no length came", needed="positive lengths in seconds")
+        for length in self.windows_s:
+            if not 0.0 < length <= LONGEST_WINDOW_S:
+                needed = f"lengths above 0 and up to {LONGEST_WINDOW_S:g} s"
+                raise UsageError(f"a window of {length:g} s came", needed=needed)
+        for segment in self.segments:
+            if not (math.isfinite(segment.start_s) and math.isfinite(segment.stop_s)):
+                raise UsageError(
+                    f"a segment from {segment.start_s:g} to {segment.stop_s:g} s came",
+                    needed="seconds on the log's own clock, as rotorid inspect shows them",
+                )
         if self.coherence is not None and not 0.0 <= self.coherence < 1.0:
             raise UsageError(f"a coherence of {self.coherence:g} came", needed="a number from 0 to below 1")
+        if self.estimate not in get_args(EstimateChoice):
+            raise UsageError(
+                f"the estimate {self.estimate!r} came", needed=f"one of {', '.join(get_args(EstimateChoice))}"
+            )
         if self.estimate == "direct" and self.instruments:
             raise UsageError("a direct estimate takes no instrument", remedy="leave out --instrument or --estimate")
 
@@ -77,8 +92,9 @@ class IdentifySettings(Immutable):
             "coherence": self.coherence,
             "estimate": self.estimate,
             "instruments": list(self.instruments),
-            "fix": [f"{name}={value:g}" for name, value in self.fix.items()],
-            "segments": [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in self.segments],
+            # All digits, so that the text gives the same run again.
+            "fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()],
+            "segments": [f"{m.axis}:{float(m.start_s)!r}:{float(m.stop_s)!r}" for m in self.segments],
         }
 
 
@@ -121,7 +137,7 @@ def parse_band(text: str) -> tuple[float, float]:
 def parse_numbers(text: str) -> tuple[float, ...]:
     """Read ``S,S,...``."""
     try:
-        return tuple(float(part) for part in text.split(",") if part.strip())
+        return tuple(float(part) for part in text.split(","))
     except ValueError:
         raise UsageError(f"the list {text!r} cannot be read", needed="numbers with commas between them") from None
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.frequency_cost import pair_costs, point_weights
+from rotorid.fit.frequency_cost import ACCEPTABLE_COST, pair_costs, point_weights
 from rotorid.fit.problem import usable_points
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.fitting import Fitted
@@ -60,7 +60,8 @@ def check(
     the frequency domain. Where nothing is left over, the last fitted maneuver is held out of a second fit.
     """
     axes = [axis_of(name) for name in fitted.structure.inputs]
-    others = [(record, m) for record in verify for axis in axes for m in find_excitations(record, axis)]
+    flown = [(record, m) for record in verify for axis in axes for m in find_excitations(record, axis)]
+    others = [(record, m) for record, m in flown if not selection.fits(record, m)]
     short = [*selection.unseen, *((record, m) for record, m in others if m.kind not in RICH_KINDS)]
     sweeps = [(record, m) for record, m in others if m.kind in RICH_KINDS]
     if not short and not sweeps:
@@ -196,13 +197,16 @@ def _not_verified() -> Finding:
 
 def _held_out(name: str, costs: dict[str, float]) -> Finding:
     worst = max(costs.values(), default=float("nan"))
+    poor = worst > ACCEPTABLE_COST
     return Finding(
-        kind="held_out",
-        severity="info",
+        kind="poor_verification" if poor else "held_out",
+        severity="warning" if poor else "info",
         where=name,
         message=(
             f"No doublets are in the log. A model fitted without the maneuver of {name} predicts its response with a "
-            f"cost of {worst:.1f}; the model of this result was then fitted to all maneuvers."
+            f"cost of {worst:.1f}"
+            + (f", above the {ACCEPTABLE_COST:g} of an acceptable model" if poor else "")
+            + "; the model of this result was then fitted to all maneuvers."
         ),
         numbers={"cost": worst},
     )
@@ -214,5 +218,8 @@ def _nothing_to_verify(verify: Sequence[FlightRecord], axes: Sequence[str]) -> F
         kind="not_verified",
         severity="warning",
         where=names,
-        message=f"{names} holds no excitation of {' or '.join(axes)}, so the model was not verified on it.",
+        message=(
+            f"{names} holds no excitation of {' or '.join(axes)} beyond what was fitted, so the model was not verified "
+            "on it."
+        ),
     )

@@ -20,6 +20,7 @@ _GAP_STEPS = 2.5
 _TURNING = ("phi", "theta", "psi", "psi_setpoint")
 _COVERED_S = 0.25
 _SHORTEST_PART_S = 1.0
+_SAME_STAMP_S = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +78,12 @@ def one_clock(
         time_s, values, remarks = _ordered(topic, row, name)
         series[name] = (time_s, np.unwrap(values) if name in _TURNING else values)
         findings += remarks
+    for name, (time_s, _) in series.items():
+        if time_s.size < 2 or time_s[-1] <= start_s or time_s[0] >= stop_s:
+            raise _absent(record, name, start_s, stop_s)
     base = min(channels, key=lambda name: _rate(series[name][0], start_s, stop_s))
+    if not _rate(series[base][0], start_s, stop_s) > 0.0:
+        raise _absent(record, base, start_s, stop_s)
     rate = sample_rate_hz or _rate(series[base][0], start_s, stop_s)
     findings += _rate_findings(channels, series, start_s, stop_s)
     holes, remarks = _holes(series, start_s, stop_s)
@@ -86,7 +92,8 @@ def one_clock(
     for part_start, part_stop in _parts(series, start_s, stop_s, holes):
         stamps = series[base][0]
         first = stamps[np.searchsorted(stamps, part_start)]
-        count = int(np.floor((part_stop - first) * rate)) + 1
+        # The last stamp itself belongs to the part, whatever the division rounds to.
+        count = int(np.floor((part_stop - first) * rate + _SAME_STAMP_S * rate)) + 1
         if count / rate < min(_SHORTEST_PART_S, 0.5 * (stop_s - start_s)):
             continue
         clock = first + np.arange(count) / rate
@@ -114,6 +121,17 @@ def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> Insuff
     )
 
 
+def _absent(record: FlightRecord, name: str, start_s: float, stop_s: float) -> InsufficientDataError:
+    interval = f"from {start_s:.6g} s to {stop_s:.6g} s"
+    message = f"{record.source.name} holds no {name} {interval}."
+    return InsufficientDataError(
+        message,
+        needed="samples of it in this interval",
+        remedy="choose a segment in which it was logged",
+        findings=[Finding(kind="missing_channel", severity="error", where=name, message=message)],
+    )
+
+
 def _source(record: FlightRecord, name: str, start_s: float, stop_s: float) -> tuple[Topic, int]:
     best: tuple[float, Topic, int] | None = None
     for topic, row in record.holding(name):
@@ -126,7 +144,8 @@ def _source(record: FlightRecord, name: str, start_s: float, stop_s: float) -> t
         if best is None or missing < best[0]:
             best = (missing, topic, row)
     if best is None:
-        raise missing_channel(record, name)
+        known = name in record.channel_names
+        raise _absent(record, name, start_s, stop_s) if known else missing_channel(record, name)
     return best[1], best[2]
 
 
@@ -219,11 +238,13 @@ def _parts(
     """Stretches that all channels cover, between the holes."""
     low = max([start_s, *(float(time_s[0]) for time_s, _ in series.values())])
     high = min([stop_s, *(float(time_s[-1]) for time_s, _ in series.values())])
-    edges = [low]
+    parts = []
     for begin, end in sorted(holes):
-        edges += [begin, end]
-    edges.append(high)
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+        parts.append((low, min(begin, high)))
+        # A hole of one channel may lie inside one of another.
+        low = max(low, end)
+    parts.append((low, high))
+    return [(a, b) for a, b in parts if b > a]
 
 
 def _sample(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float) -> FloatArray:
@@ -241,8 +262,9 @@ def _sample(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz
 
 
 def _spline(time_s: FloatArray, values: FloatArray, clock_s: FloatArray) -> FloatArray:
-    if time_s.size == clock_s.size and np.abs(time_s - clock_s).max() < 1e-9:
-        return values
+    nearest = np.clip(np.searchsorted(time_s, clock_s - _SAME_STAMP_S), 0, time_s.size - 1)
+    if np.abs(time_s[nearest] - clock_s).max() <= _SAME_STAMP_S:
+        return values[nearest]
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(time_s, values)(clock_s))
@@ -252,8 +274,9 @@ def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_h
     """Sample ``factor`` times too fast, low-pass without phase, keep every ``factor``-th sample."""
     from scipy.signal import firwin
 
-    taps = firwin(20 * factor + 1, 0.8 / factor)
-    reach = 10 * factor
+    reach = 20 * factor
+    # Blackman: a ripple of 0.02 % from zero to 0.65 of the new Nyquist frequency, where Hamming's would be 0.4 %.
+    taps = firwin(2 * reach + 1, 0.8 / factor, window="blackman")
     fast = clock_s[0] + np.arange(-reach, clock_s.size * factor + reach) / (rate_hz * factor)
     fine = _spline(time_s, values, np.clip(fast, time_s[0], time_s[-1]))
     return np.asarray(np.convolve(fine, taps, mode="valid")[: clock_s.size * factor : factor])

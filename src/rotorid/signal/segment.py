@@ -142,7 +142,7 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
     >>> t = np.arange(0.0, 60.0, 0.01)
     >>> kind, band = classify(t, np.sin(0.5 * t + 0.15 * t**2))
     >>> kind, [round(w, 1) for w in band]
-    ('sweep', [0.9, 18.3])
+    ('sweep', [1.8, 18.5])
     """
     level = float(np.percentile(np.abs(motion), 95.0))
     switches = _switch_times(time_s, motion, _HYSTERESIS * level)
@@ -151,13 +151,16 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
         single = len(switches) == 1 and duration < 8.0
         return ("doublet", None) if single else ("other", None)
     halves = np.diff(switches)
-    band = (float(np.pi / halves.max()), float(np.pi / halves.min()))
-    if len(halves) >= 7 and duration > 6.0:
+    # Noise makes single half periods too short, so the fastest few decide together.
+    fastest = float(np.sort(halves)[: max(3, halves.size // 20)].mean())
+    band = (float(np.pi / halves.max()), float(np.pi / fastest))
+    many = len(halves) >= 7
+    if many and duration > 6.0:
         if _has_trend(halves):
             return "sweep", band
         two_levels = float(np.mean(np.abs(motion) > _TWO_LEVEL_SHARE * level))
         return ("random_binary", band) if two_levels > 0.7 else ("other", band)
-    return ("multistep", None) if duration < 15.0 else ("other", band)
+    return ("other", band) if many or duration >= 15.0 else ("multistep", None)
 
 
 def _switch_times(time_s: FloatArray, motion: FloatArray, threshold: float) -> FloatArray:

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.findings import Finding
+from rotorid.errors import InsufficientDataError
 from rotorid.spectral.spectra import SpectralMatrix
 from rotorid.typing import ComplexArray, FloatArray
 
 _TINY = 1e-300
+_LEAST_SEPARATION = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,9 +55,11 @@ def condition(matrix: SpectralMatrix, *, instruments: Sequence[int], inputs: Seq
 
     Raises
     ------
-    numpy.linalg.LinAlgError
-        The inputs are exactly proportional to each other.
+    InsufficientDataError
+        The inputs (or what the instruments see of them) are proportional to each other; the finding is
+        ``correlated_inputs``.
     """
+    _require_separable(matrix, instruments, inputs)
     inverse: ComplexArray = np.asarray(np.linalg.inv(matrix.block(instruments, inputs)), dtype=np.complex128)
     to_output = matrix.block(instruments, [output])
     response = (inverse @ to_output)[:, :, 0]
@@ -72,4 +77,32 @@ def condition(matrix: SpectralMatrix, *, instruments: Sequence[int], inputs: Seq
         noise=noise,
         projection=np.moveaxis(inverse, 1, 0),
         instrument_coherence=(np.abs(to_output[:, :, 0]) ** 2 / (instrument_auto * output_auto[:, None])).T,
+    )
+
+
+def _require_separable(matrix: SpectralMatrix, instruments: Sequence[int], inputs: Sequence[int]) -> None:
+    power = np.einsum("fii->fi", matrix.values).real
+    scale = np.sqrt(power[:, list(instruments)][:, :, None] * power[:, list(inputs)][:, None, :])
+    cross = matrix.block(instruments, inputs)
+    normalized = np.divide(cross, scale, out=np.zeros_like(cross), where=scale > 0.0)
+    singular = np.linalg.svd(normalized, compute_uv=False)
+    # Rounding leaves some 1e-15 of a singular value that should be zero, so the inverse would exist and mean nothing.
+    lost = singular[:, -1] <= _LEAST_SEPARATION * singular[:, 0]
+    if not lost.any():
+        return
+    names = ", ".join(matrix.channels[row] for row in inputs)
+    where, count = float(matrix.omega_rad_s[lost][0]), int(lost.sum())
+    raise InsufficientDataError(
+        f"the inputs {names} are proportional to each other at {where:.3g} rad/s",
+        needed="inputs that move independently",
+        remedy="drop one of them, or fly maneuvers that excite one axis after the other",
+        findings=[
+            Finding(
+                kind="correlated_inputs",
+                severity="error",
+                where=names,
+                message=f"{names} move together at {count} of {lost.size} frequencies and cannot be told apart.",
+                numbers={"omega_rad_s": where, "frequencies": count},
+            )
+        ],
     )

@@ -25,7 +25,7 @@ def overlap_constant(overlap: float) -> float:
     return float(np.sqrt(np.interp(overlap, [0.0, 0.5, 0.8], [1.0, 0.55, 0.50])))
 
 
-def random_error(coherence: FloatArray, n_averages: float, *, overlap: float = 0.8) -> FloatArray:
+def random_error(coherence: FloatArray, n_averages: float | FloatArray, *, overlap: float = 0.8) -> FloatArray:
     r"""Normalized random error of the frequency-response magnitude.
 
     .. math:: \varepsilon = C \sqrt{1-\gamma^2} \,/\, (|\gamma| \sqrt{2 n_d})
@@ -38,7 +38,7 @@ def random_error(coherence: FloatArray, n_averages: float, *, overlap: float = 0
     coherence
         :math:`\gamma^2`, any shape.
     n_averages
-        Independent windows :math:`n_d = T_F / T_{win}`.
+        Independent windows :math:`n_d = T_F / T_{win}`, a number or an array that fits the coherence.
     overlap
         Share of a window that the next one repeats.
 
@@ -55,15 +55,19 @@ def random_error(coherence: FloatArray, n_averages: float, *, overlap: float = 0
     return np.asarray(overlap_constant(overlap) * np.sqrt((1.0 - gamma2) / (2.0 * n_averages * gamma2)))
 
 
-def influence(matrix: SpectralMatrix, projection: ComplexArray, *, blocks: int, taper: Taper) -> ComplexArray:
-    r"""How a disturbance at each moment enters the estimate of one window length, shape ``(f, blocks)``.
+def influence(
+    matrix: SpectralMatrix, projection: ComplexArray, *, blocks: int, taper: Taper, moments: int = 1
+) -> ComplexArray:
+    r"""How a disturbance at each moment enters the estimate of one window length, shape ``(f, blocks * moments)``.
 
     The estimate errs by :math:`\delta H(\omega) = \int g(\omega, t) v(t) \, dt` with
 
     .. math:: g(\omega, t) = \frac{1}{K \sqrt{T \overline{w^2}}} \sum_k
        \left[\sum_r a_r(\omega) R_{r,k}^*(\omega)\right] w(t - t_k) \, e^{-j\omega (t - t_k)}
 
-    where :math:`R_k` are the transforms of the instruments that really were flown. Sampled once a block.
+    where :math:`R_k` are the transforms of the instruments that really were flown. Sampled at the middle of equal parts
+    of each block. With five and more moments in a window the variance that follows is right within 3 % (with two it
+    would be wrong by up to 40 % for a Hann taper).
 
     Parameters
     ----------
@@ -75,25 +79,27 @@ def influence(matrix: SpectralMatrix, projection: ComplexArray, *, blocks: int, 
         Number of blocks in all records.
     taper
         The taper of the windows.
+    moments
+        Moments in each block.
     """
     instruments = projection.shape[1]
     weights = np.einsum("fr,krf->fk", projection, matrix.transforms[:, :instruments].conj()) / len(matrix.transforms)
-    count = matrix.window.blocks
+    count = matrix.window.blocks * moments
     middle_s = (np.arange(count) + 0.5) * matrix.window_s / count
     shape = taper.samples(count) * np.exp(-1j * matrix.omega_rad_s[:, None] * middle_s)
-    total = np.zeros((matrix.omega_rad_s.size, blocks), dtype=np.complex128)
+    total = np.zeros((matrix.omega_rad_s.size, blocks * moments), dtype=np.complex128)
     for offset in range(count):
-        total[:, matrix.starts + offset] += weights * shape[:, offset, None]
+        total[:, matrix.starts * moments + offset] += weights * shape[:, offset, None]
     return np.asarray(total / np.sqrt(matrix.window_s * taper.mean_square))
 
 
 def response_covariance(
-    influences: Sequence[ComplexArray], omega_rad_s: FloatArray, noise: FloatArray, block_s: float
+    influences: Sequence[ComplexArray], omega_rad_s: FloatArray, noise: FloatArray, step_s: float
 ) -> ComplexArray:
     r"""Covariance of a response estimate between all frequencies, shape ``(f, f)``.
 
-    .. math:: E[\delta H_i \, \delta H_j^*] = S_{vv} \sum_m T_b \, g_i(t_m) g_j^*(t_m)\,
-              \mathrm{sinc}(\Delta\omega T_b / 2)
+    .. math:: E[\delta H_i \, \delta H_j^*] = S_{vv} \sum_m \Delta t \, g_i(t_m) g_j^*(t_m)\,
+              \mathrm{sinc}(\Delta\omega \, \Delta t / 2)
 
     Conditional on the flown instrument, so that sweeps, overlap, window lengths and repeated records need no rule of
     thumb. Assumes a disturbance that is stationary and smooth over the width of a window's spectral line; gusts that
@@ -102,18 +108,18 @@ def response_covariance(
     Parameters
     ----------
     influences
-        Influence of each window length, already weighted by its share in the composite, each ``(f, blocks)``.
+        Influence of each window length, already weighted by its share in the composite, each ``(f, moments)``.
     omega_rad_s
         Frequencies, shape ``(f,)``.
     noise
         One-sided density of the disturbance, shape ``(f,)``.
-    block_s
-        Length of a block.
+    step_s
+        Time :math:`\Delta t` between the moments.
     """
     total = np.sum(influences, axis=0)
     spacing = omega_rad_s[:, None] - omega_rad_s
     level = np.sqrt(noise)
     covariance: ComplexArray = (
-        (total @ total.conj().T) * np.sinc(0.5 * spacing * block_s / np.pi) * level[:, None] * level * block_s
+        (total @ total.conj().T) * np.sinc(0.5 * spacing * step_s / np.pi) * level[:, None] * level * step_s
     )
     return covariance

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import UsageError
 from rotorid.spectral.composite import PairSpectra, compose_by_least_squares, compose_by_weights, window_weights
 from rotorid.spectral.conditioning import Conditioned, condition
 from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance
 from rotorid.spectral.kernel import BlockGrid
+from rotorid.spectral.preconditions import require_finite, require_motion, require_windows
 from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
 from rotorid.spectral.windows import HALF_SINE, Taper
 from rotorid.typing import ComplexArray, FloatArray
@@ -22,6 +23,7 @@ from rotorid.typing import ComplexArray, FloatArray
 Composition: TypeAlias = Literal["least_squares", "weights"]
 
 _SMOOTHING_POINTS = 2
+_MOMENTS_IN_WINDOW = 5
 _LARGEST_PUBLISHED_ERROR = 1e3
 
 
@@ -53,7 +55,7 @@ def frequency_response(
     omega_rad_s
         Rising grid, shape ``(f,)``. Points below two periods of the longest window are left out.
     windows_s
-        Window lengths.
+        Window lengths. One that fits into the records at no more positions than there are inputs is left out.
     overlap, taper
         How windows overlap and fade.
     composition
@@ -69,7 +71,8 @@ def frequency_response(
     UsageError
         Channels are missing or instruments do not match the inputs.
     InsufficientDataError
-        No window fits into a record, or an input is constant.
+        Too few windows fit into the records, a channel is constant or holds samples that are not finite, or the
+        inputs are proportional to each other.
 
     Notes
     -----
@@ -100,8 +103,12 @@ def frequency_response(
         raise UsageError(f"{len(drivers)} instruments for {len(inputs)} inputs came", needed="one for each input")
     names = tuple(dict.fromkeys([*drivers, *inputs, *outputs]))
     chosen = [_select(record, names) for record in records]
-    matrices, grid = spectral_matrices(chosen, omega_rad_s, windows_s=windows_s, overlap=overlap, taper=taper)
-    _require_windows(matrices, chosen, windows_s)
+    require_finite(chosen)
+    require_motion(chosen)
+    fitting, grid = spectral_matrices(chosen, omega_rad_s, windows_s=windows_s, overlap=overlap, taper=taper)
+    # As many inputs as windows explain any output perfectly: coherence one, error zero, and nothing behind it.
+    matrices = tuple(matrix for matrix in fitting if len(matrix.transforms) > len(inputs))
+    require_windows(matrices, chosen, windows_s)
     omega = max((matrix.omega_rad_s for matrix in matrices), key=len)
     blocks = sum(record.values.shape[1] // grid.samples_per_block for record in chosen)
     composer = _Composer(matrices, omega, grid, blocks, overlap, taper, composition)
@@ -143,6 +150,10 @@ class _Composer:
         self.overlap = overlap
         self.taper = taper
         self.compose = compose_by_least_squares if composition == "least_squares" else compose_by_weights
+        # Least squares weigh the windows once, the weighted mean by the squares of the same weights.
+        self.weight_power = 1 if composition == "least_squares" else 2
+        # Little overlap makes long blocks, in which the taper would be seen too seldom for a variance.
+        self.moments = math.ceil(_MOMENTS_IN_WINDOW / min(matrix.window.blocks for matrix in matrices))
         # Grids of shorter windows are tails of the longest one's.
         self.valid = np.stack([omega_rad_s >= matrix.omega_rad_s[0] for matrix in matrices])
 
@@ -166,9 +177,9 @@ class _Composer:
             input_auto=power.real, output_auto=np.abs(response) ** 2 * power.real + noise.real, cross=response * power
         )
         averages = np.array([matrix.averages for matrix in self.matrices])[:, None]
-        weights = window_weights(random_error(pairs.coherence, averages, overlap=self.overlap), self.valid)  # type: ignore[arg-type]
+        weights = window_weights(random_error(pairs.coherence, averages, overlap=self.overlap), self.valid)
         total = self.compose(pairs, weights)
-        share = weights**2 * pairs.input_auto
+        share = weights**self.weight_power * pairs.input_auto
         share = share / share.sum(axis=0)
         covariance = self._covariance(parts, index, share, _smooth(np.sum(share * noise.real, axis=0)))
         spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(total.response)
@@ -196,11 +207,11 @@ class _Composer:
     ) -> ComplexArray:
         influences = []
         for row, part, matrix in zip(share, parts, self.matrices, strict=True):
-            here = influence(matrix, part.projection[index], blocks=self.blocks, taper=self.taper)
-            full = np.zeros((self.omega_rad_s.size, self.blocks), dtype=np.complex128)
+            here = influence(matrix, part.projection[index], blocks=self.blocks, taper=self.taper, moments=self.moments)
+            full = np.zeros((self.omega_rad_s.size, self.blocks * self.moments), dtype=np.complex128)
             full[self.omega_rad_s.size - len(here) :] = here
             influences.append(row[:, None] * full)
-        return response_covariance(influences, self.omega_rad_s, noise, self.grid.block_s)
+        return response_covariance(influences, self.omega_rad_s, noise, self.grid.block_s / self.moments)
 
 
 def _smooth(noise: FloatArray) -> FloatArray:
@@ -225,36 +236,3 @@ def _select(record: TimeHistory, names: Sequence[str]) -> TimeHistory:
         start_s=record.start_s,
         processing=record.processing,
     )
-
-
-def _require_windows(
-    matrices: Sequence[SpectralMatrix], records: Sequence[TimeHistory], windows_s: Sequence[float]
-) -> None:
-    if not matrices:
-        longest = max(record.duration_s for record in records)
-        message = f"No window of {min(windows_s):.3g} s and more supports the band on a record of {longest:.3g} s."
-        raise InsufficientDataError(
-            f"records of at most {longest:.3g} s came",
-            needed=f"two periods of the band inside windows of {min(windows_s):.3g} s and more",
-            remedy="give longer segments, shorter windows or a higher band",
-            findings=[
-                Finding(
-                    kind="record_too_short",
-                    severity="error",
-                    where="record",
-                    message=message,
-                    numbers={"record_s": longest, "window_s": min(windows_s)},
-                )
-            ],
-        )
-    for matrix in matrices:
-        for row, name in enumerate(matrix.channels):
-            if not matrix.values[:, row, row].real.max() > 0.0:
-                raise InsufficientDataError(
-                    f"{name} is constant over the whole maneuver",
-                    needed="a channel that moves",
-                    remedy="check the wiring of the log and the segment",
-                    findings=[
-                        Finding(kind="no_excitation", severity="error", where=name, message=f"{name} never moves.")
-                    ],
-                )

@@ -106,8 +106,10 @@ def band_basis(grid: BlockGrid, highest_rad_s: float) -> BandBasis:
     # Chebyshev nodes resolve every sinusoid of the band once there are some more of them than degrees of freedom.
     count = int(highest_rad_s * grid.block_s / np.pi) + 24
     nodes = highest_rad_s * 0.5 * (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count))
-    phase = _centered(grid.samples_per_block)[:, None] / grid.sample_rate_hz * nodes
-    even, odd = _span(np.cos(phase)), _span(np.sin(phase))
+    first_half = _centered(grid.samples_per_block)[: (grid.samples_per_block + 1) // 2]
+    phase = first_half[:, None] / grid.sample_rate_hz * nodes
+    even = _span(np.cos(phase), grid.samples_per_block, parity=1.0)
+    odd = _span(np.sin(phase), grid.samples_per_block, parity=-1.0)
     return BandBasis(functions=np.ascontiguousarray(np.hstack([even, odd])), n_even=even.shape[1])
 
 
@@ -166,7 +168,8 @@ def transform(
 
 def _rows_of_blocks(compressed: FloatArray, count: int, firsts: slice) -> FloatArray:
     """Runs of ``count`` blocks, one for each first block, as a view of shape ``(channels, runs, count, rank)``."""
-    return np.lib.stride_tricks.sliding_window_view(compressed, count, axis=1)[:, firsts].swapaxes(2, 3)
+    runs = np.lib.stride_tricks.sliding_window_view(compressed, count, axis=1)[:, firsts]
+    return np.asarray(runs.swapaxes(2, 3))
 
 
 def _half_weights(
@@ -193,10 +196,20 @@ def _half_weights(
 
 
 def _centered(count: int) -> FloatArray:
-    return np.arange(count) - 0.5 * (count - 1)
+    return np.asarray(np.arange(count) - 0.5 * (count - 1), dtype=np.float64)
 
 
-def _span(vectors: FloatArray) -> FloatArray:
-    """Orthonormal basis of the columns, as far as they differ in double precision."""
-    left, values, _ = np.linalg.svd(vectors, full_matrices=False)
-    return np.asarray(left[:, values > values[0] * _RANK_TOLERANCE])
+def _span(first_half: FloatArray, samples: int, *, parity: float) -> FloatArray:
+    """Orthonormal basis of even or odd vectors, given by their first halves, as far as doubles tell them apart.
+
+    Decomposing halves makes the parity exact; rounding would mix it into the weakest vectors of whole blocks.
+    """
+    has_middle = bool(samples % 2)
+    weighted = first_half.copy()
+    if has_middle:
+        weighted[-1] *= np.sqrt(0.5)  # all others stand for two samples
+    left, values, _ = np.linalg.svd(weighted, full_matrices=False)
+    half = left[:, values > values[0] * _RANK_TOLERANCE] * np.sqrt(0.5)
+    if has_middle:
+        half[-1] *= np.sqrt(2.0)
+    return np.concatenate([half, parity * half[: samples // 2][::-1]])

@@ -93,17 +93,11 @@ def spectral_matrices(
     Raises
     ------
     UsageError
-        The records differ in channels or rate, or the grid reaches beyond the Nyquist frequency.
+        The records differ in channels or rate, the grid does not rise from above zero to at most the Nyquist
+        frequency, or there are no records or windows.
     """
+    _require_consistent(records, omega_rad_s, windows_s)
     first = records[0]
-    if any(record.names != first.names or record.sample_rate_hz != first.sample_rate_hz for record in records):
-        raise UsageError("records with different channels or rates came", needed="one set of channels at one rate")
-    if omega_rad_s[-1] > np.pi * first.sample_rate_hz:
-        raise UsageError(
-            f"a frequency of {omega_rad_s[-1]:.4g} rad/s came",
-            needed=f"at most the Nyquist frequency of {np.pi * first.sample_rate_hz:.4g} rad/s",
-            remedy="lower the upper end of the band",
-        )
     grid = BlockGrid.for_windows(windows_s, overlap, first.sample_rate_hz)
     basis = band_basis(grid, omega_rad_s[-1] + 2.0 * np.pi / min(windows_s))
     compressed = [
@@ -149,3 +143,23 @@ def _one_window(
         starts=np.concatenate(starts),
         window=window,
     )
+
+
+def _require_consistent(records: Sequence[TimeHistory], omega_rad_s: FloatArray, windows_s: Sequence[float]) -> None:
+    if not records or not windows_s or min(windows_s) <= 0.0:
+        raise UsageError(
+            f"{len(records)} records and {len(windows_s)} window lengths came",
+            needed="at least one record and one positive window length",
+        )
+    first = records[0]
+    if any(record.names != first.names or record.sample_rate_hz != first.sample_rate_hz for record in records):
+        raise UsageError("records with different channels or rates came", needed="one set of channels at one rate")
+    if not omega_rad_s.size or omega_rad_s[0] <= 0.0 or np.any(np.diff(omega_rad_s) <= 0.0):
+        raise UsageError("a frequency grid that does not rise came", needed="rising frequencies above zero")
+    nyquist_rad_s = np.pi * first.sample_rate_hz
+    if omega_rad_s[-1] > nyquist_rad_s:
+        raise UsageError(
+            f"a frequency of {omega_rad_s[-1]:.4g} rad/s came",
+            needed=f"at most the Nyquist frequency of {nyquist_rad_s:.4g} rad/s",
+            remedy="lower the upper end of the band",
+        )

@@ -27,6 +27,8 @@ class Taper:
     .. math:: w_n = \sum_s a_s \exp\left(j \pi s \, (n + 1/2) / N\right), \qquad n = 0 \dots N - 1
 
     Both classic tapers need two or three terms, so a tapered transform is a sum of plain ones at shifted frequencies.
+    A taper must be real and even about the middle of the window: terms come in pairs :math:`a_{-s} = a_s^*` with
+    :math:`a_s e^{j \pi s / 2}` real. The transform relies on it.
 
     Parameters
     ----------
@@ -83,12 +85,12 @@ def plan_windows(record_s: float, total_s: float, band_rad_s: tuple[float, float
     Raises
     ------
     InsufficientDataError
-        The record does not hold two of the shortest windows.
+        The record does not hold two windows that support even the highest frequency.
 
     Examples
     --------
     >>> [round(length, 1) for length in plan_windows(90.0, 180.0, (0.6, 60.0)).lengths_s]
-    [36.0, 23.4, 15.2, 9.9, 6.4...]
+    [36.0, 17.7, 8.7, 4.3, 2.1]
     """
     low, high = band_rad_s
     if not 0.0 < low < high:
@@ -99,22 +101,23 @@ def plan_windows(record_s: float, total_s: float, band_rad_s: tuple[float, float
     if longest < period:
         longest = min(period, record_s / _RECORD_SHARE)
         findings = (_short_record(record_s, total_s, longest, low),)
-    shortest = min(_SHORTEST_PERIODS * 2.0 * math.pi / high, longest)
-    if record_s < 2.0 * shortest or longest < PERIODS_IN_WINDOW * 2.0 * math.pi / high:
+    least = PERIODS_IN_WINDOW * 2.0 * math.pi / high
+    if longest < least:
         raise InsufficientDataError(
             f"a record of {record_s:.3g} s came",
-            needed=f"at least two windows of {shortest:.3g} s for a band up to {high:.3g} rad/s",
+            needed=f"at least two windows of {least:.3g} s for a band up to {high:.3g} rad/s",
             remedy="give a longer segment or a higher band",
             findings=[
                 Finding(
                     kind="record_too_short",
                     severity="error",
                     where="record",
-                    message=f"The record of {record_s:.3g} s does not hold two windows of {shortest:.3g} s.",
-                    numbers={"record_s": record_s, "window_s": shortest},
+                    message=f"The record of {record_s:.3g} s does not hold two windows of {least:.3g} s.",
+                    numbers={"record_s": record_s, "window_s": least},
                 )
             ],
         )
+    shortest = min(_SHORTEST_PERIODS * 2.0 * math.pi / high, longest)
     lengths = np.geomspace(longest, shortest, WINDOWS) if longest > 1.2 * shortest else [longest]
     return WindowPlan(lengths_s=tuple(float(length) for length in lengths), findings=findings)
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
+from rotorid.errors import InsufficientDataError
 from rotorid.fit.frequency_cost import residual_scales
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
@@ -28,6 +29,8 @@ from rotorid.typing import ComplexArray, FloatArray
 
 CRAMER_RAO_GUIDELINE_PERCENT = 20.0
 INSENSITIVITY_GUIDELINE_PERCENT = 10.0
+
+_FLAT = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,16 +79,28 @@ def bounds(problem: FrequencyProblem, solution: Solution) -> Bounds:
     Assumes that the structure holds and that the errors of the response are those it states. A direct estimate in
     closed loop is biased, and no bound here shows that.
 
+    A direction in which the cost is flat has no bound at all. It is given one by the rounding of the Jacobian, some
+    :math:`10^8` of what its parameters would have alone, so that it shows as what it is.
+
     Raises
     ------
-    numpy.linalg.LinAlgError
+    InsufficientDataError
         A parameter has no effect on the cost at all.
     """
-    hessian = 2.0 * solution.jacobian.T @ solution.jacobian
-    scale = np.sqrt(np.diag(hessian))
-    inverse = np.linalg.inv(hessian / np.outer(scale, scale)) / np.outer(scale, scale)
+    # Columns of unit length make parameters of any unit comparable; J = U diag(s) V^T then gives every inverse.
+    length = np.sqrt(np.sum(solution.jacobian**2, axis=0))
+    if not length.all():
+        silent = [name for name, size in zip(problem.parameters.free, length, strict=True) if size == 0.0]
+        raise InsufficientDataError(
+            f"{', '.join(silent)} changes nothing in the fitted responses",
+            needed="parameters that the data can see",
+            remedy="fix it with --fix NAME=VALUE, or fit a wider band",
+        )
+    left_vectors, singular, right = np.linalg.svd(solution.jacobian / length, full_matrices=False)
+    root = right.T / np.maximum(singular, _FLAT * singular.max(initial=0.0)) / length[:, None]
+    inverse = 0.5 * root @ root.T
     errors = _residual_covariance(problem)
-    gain = 2.0 * inverse @ solution.jacobian.T
+    gain = root @ left_vectors.T
     covariance = gain @ errors @ gain.T
     # The part of the errors that the fit absorbs does not show in the residuals.
     left = np.eye(len(errors)) - solution.jacobian @ gain
@@ -94,7 +109,7 @@ def bounds(problem: FrequencyProblem, solution: Solution) -> Bounds:
     return Bounds(
         names=problem.parameters.free,
         cramer_rao=2.0 * np.sqrt(np.diag(inverse)),
-        insensitivity=1.0 / scale,
+        insensitivity=1.0 / (np.sqrt(2.0) * length),
         covariance=covariance * inflation**2,
         inflation=inflation,
     )

@@ -35,7 +35,9 @@ class Combination(Immutable):
 
     def words(self) -> str:
         """One sentence for a person."""
-        parts = [name for name, share in self.vector.items() if abs(share) >= _PART]
+        # Among very many parameters even the largest share may be small.
+        least = min(_PART, 0.8 * max(abs(share) for share in self.vector.values()))
+        parts = [name for name, share in self.vector.items() if abs(share) >= least]
         percent = f"{100.0 * self.relative_std:.0f} %"
         if len(parts) < 2:
             return f"{parts[0]} is known to no better than {percent}."

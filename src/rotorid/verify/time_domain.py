@@ -59,7 +59,8 @@ def verify_in_time(
     u = np.stack([history[name] for name in inputs])
     u = u - u.mean(axis=1, keepdims=True)
     measured = band_pass(np.stack([history[name] for name in outputs]))
-    forced = band_pass(simulate_linear(system, u, sample_rate_hz=rate, hold="first"))
+    # What came before is not known; that an input began as it first shows costs a late one the least.
+    forced = band_pass(simulate_linear(system, u, sample_rate_hz=rate, before=u[:, 0], hold="first"))
     columns = [band_pass(column) for column in _free_responses(system, u.shape, rate)]
     shifts = np.kron(np.eye(len(outputs)), np.ones(measured.shape[1]))
     regressors = np.vstack([*(column.ravel() for column in columns), shifts]).T

@@ -137,7 +137,9 @@ def test_mappings_are_copied_in() -> None:
     assert made.parameters["A"] == 1.0
 
 
-@pytest.mark.parametrize("make", [*MAKERS, lambda: ROLL, lambda: Maneuver(axis="roll", kind="sweep", start_s=0, stop_s=1)])
+@pytest.mark.parametrize(
+    "make", [*MAKERS, lambda: ROLL, lambda: Maneuver(axis="roll", kind="sweep", start_s=0, stop_s=1)]
+)
 def test_a_misspelt_keyword_and_a_position_are_refused(make: Callable[[], Any]) -> None:
     value = make()
     state = {f.name: getattr(value, f.name) for f in fields(value) if f.init}

@@ -33,8 +33,27 @@ def test_sums_are_read_as_written(text: str | float, constant: float, terms: tup
 
 @pytest.mark.parametrize(
     "text",
-    ["", "  ", "+", "-", "L_p L_q", "2 3", "2*", "2*-x", "x*2", "x*y", "2**x", "--x", "x -", "1/x", "sin(x)", "x;y"]
-    + ["1e999", float("nan"), float("inf"), True, 10**400],
+    [
+        *(
+            "",
+            "  ",
+            "+",
+            "-",
+            "L_p L_q",
+            "2 3",
+            "2*",
+            "2*-x",
+            "x*2",
+            "x*y",
+            "2**x",
+            "--x",
+            "x -",
+            "1/x",
+            "sin(x)",
+            "x;y",
+        ),
+        *("1e999", float("nan"), float("inf"), True, 10**400),
+    ],
 )
 def test_what_is_no_sum_is_refused(text: str | float) -> None:
     with pytest.raises(ModelError, match="cannot be read"):

@@ -1,0 +1,68 @@
+"""All benchmarks in one table: ``python -m benchmarks``. Ratios are compared with their bars; times only inform."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from benchmarks import dataflash, frequency_response
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One job: seconds of ours and of the peer, and how many times faster ours must be."""
+
+    job: str
+    ours_s: float
+    peer: str
+    peer_s: float
+    bar: float
+
+    @property
+    def ratio(self) -> float:
+        return self.peer_s / self.ours_s
+
+    def __str__(self) -> str:
+        verdict = "met" if self.ratio >= self.bar else "MISSED"
+        return (
+            f"{self.job:44} {self.ours_s:9.3f} {self.peer:>12} {self.peer_s:9.3f} "
+            f"{self.ratio:8.0f} {self.bar:6.0f}  {verdict}"
+        )
+
+
+def rows() -> Iterator[Row | str]:
+    """Results as they come, and a sentence for what was skipped."""
+    for rate_hz in frequency_response.RATES_HZ:
+        result = frequency_response.run(rate_hz)
+        yield Row(
+            job=f"spectra of 4 x 9 pairs, 600 s at {rate_hz:.0f} Hz",
+            ours_s=result["rotorid_s"],
+            peer="scipy",
+            peer_s=result["scipy_s"],
+            bar=frequency_response.BAR,
+        )
+        memory, limit = result["memory_gib"], frequency_response.MEMORY_BAR_GIB
+        yield f"  without scipy.signal.coherence, formed from the densities instead: {result['ratio_densities']:.0f}"
+        yield f"  memory {memory:.2f} GiB of {limit:.0f} GiB: {'met' if memory < limit else 'MISSED'}"
+    if not dataflash.LOG.is_file():
+        yield f"DataFlash skipped: there is no log {dataflash.LOG.name}; set ROTORID_DATA to the folder of flight data"
+        return
+    result = dataflash.run()
+    yield Row(
+        job=f"DataFlash, {result['log_mb']:.0f} MB, every column",
+        ours_s=result["rotorid_s"],
+        peer="pymavlink",
+        peer_s=result["pymavlink_s"],
+        bar=100.0,
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    print(f"{'job':44} {'ours [s]':>9} {'peer':>12} {'[s]':>9} {'ratio':>8} {'bar':>6}")
+    for row in rows():
+        print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()

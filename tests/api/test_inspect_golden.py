@@ -1,0 +1,61 @@
+"""What ``inspect`` says about every kind of log in the data folder, against what it said when a person looked.
+
+A change that is meant is written down with ``ROTORID_GOLDEN=write pytest tests/api/test_inspect_golden.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rotorid
+
+GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "inspect.json"
+WRITE = os.environ.get("ROTORID_GOLDEN") == "write"
+STAMPS_S = 0.02
+"""Half of the last digit that is kept, and one sample of the slowest log."""
+
+MAPS = {"antx": "antx/map.toml", "bebop": "bebop/map.toml"}
+LOGS = (
+    *("antx/prbs.mat", "antx/sweep.mat", "bebop/ident/120935.mat", "bebop/sim/120935.mat"),
+    *("ardupilot/beast_0036.BIN", "ardupilot/erle_brain3.BIN", "ardupilot/truncated_80k.BIN"),
+    *("ardupilot_sitl/x_calm_roll.BIN", "ardupilot_sitl/x_calm_thrust.BIN.xz", "ardupilot_sitl/x_calm_verify.BIN.xz"),
+    *("ardupilot_sitl/x_wind_rollpitch.BIN.xz", "ardupilot_sitl/x_wind_yawthrust.BIN.xz"),
+    *("px4/s250_2017.ulg", "px4/sample.ulg", "px4/sample_log_small.ulg", "px4/sample_old_1MB.ulg"),
+    "px4/sample_logging_tagged_and_default_params.ulg",
+    *(f"px4_sitl/{name}" for name in ("pitch.ulg.xz", "roll.ulg", "thrust.ulg.xz", "verify.ulg.xz", "yaw.ulg.xz")),
+    *(f"s500/{axis}_{what}.csv" for axis in ("roll", "pitch", "yaw", "thrust") for what in ("sweeps", "doublets")),
+)
+
+
+def facts(log: str, folder: Path) -> dict[str, Any]:
+    """The little that should not change by accident."""
+    mapping = MAPS.get(log.partition("/")[0])
+    document = rotorid.inspect(rotorid.read(folder / log, mapping=folder / mapping if mapping else None))
+    return {
+        "format": document.format,
+        "channels": " ".join(sorted({channel.name for channel in document.channels})),
+        "excitations": [f"{e.axis} {e.kind} {e.start_s:.2f} {e.stop_s:.2f}" for e in document.excitations],
+        "supports": " ".join(sorted(model for model, support in document.supports.items() if support.possible)),
+    }
+
+
+@pytest.mark.skipif(not WRITE, reason="writes the golden file; set ROTORID_GOLDEN=write")
+def test_write_down(shared_data: Path) -> None:
+    text = json.dumps({log: facts(log, shared_data) for log in LOGS}, indent=1)
+    GOLDEN.write_text(text + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("log", LOGS)
+def test_log_is_what_it_was(log: str, shared_data: Path) -> None:
+    known = json.loads(GOLDEN.read_text(encoding="utf-8"))[log]
+    seen = facts(log, shared_data)
+    seen_excitations, known_excitations = ([item.split() for item in part.pop("excitations")] for part in (seen, known))
+    assert seen == known
+    assert [item[:2] for item in seen_excitations] == [item[:2] for item in known_excitations]
+    for one, other in zip(seen_excitations, known_excitations, strict=True):
+        assert [float(stamp) for stamp in one[2:]] == pytest.approx([float(s) for s in other[2:]], abs=STAMPS_S)

@@ -1,0 +1,80 @@
+"""The public names: importable, documented down to every argument, and deaf to misspelt keywords."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+import rotorid
+from rotorid.errors import RotoridError
+from rotorid.pipeline.document import FindingDocument
+
+PUBLIC = {name: getattr(rotorid, name) for name in rotorid.__all__}
+FUNCTIONS = [name for name, thing in PUBLIC.items() if inspect.isfunction(thing)]
+VALUES = [name for name, thing in PUBLIC.items() if dataclasses.is_dataclass(thing)]
+ERRORS = [name for name, thing in PUBLIC.items() if isinstance(thing, type) and issubclass(thing, RotoridError)]
+
+
+ONE_SENTENCE = {"rate_model"}
+"""Functions of one argument that their first sentence says."""
+
+
+def documented_parameters(thing: Any) -> set[str]:
+    """Names in the Parameters section of a numpydoc docstring."""
+    text = inspect.cleandoc(thing.__doc__ or "")
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-{3,}$|\Z)", text, re.DOTALL | re.MULTILINE)
+    names = re.findall(r"^(\w+(?:, \w+)*)$", section[1] if section else "", re.MULTILINE)
+    return {name for line in names for name in line.split(", ")}
+
+
+def test_every_public_name_is_a_function_a_value_or_an_error() -> None:
+    assert sorted(FUNCTIONS + VALUES + ERRORS) == sorted(rotorid.__all__)
+    assert sorted(rotorid.__all__) == list(rotorid.__all__)
+    assert set(rotorid.__all__) <= set(dir(rotorid))
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="identfy"):
+        _ = rotorid.identfy
+
+
+@pytest.mark.parametrize("name", rotorid.__all__)
+def test_is_documented(name: str) -> None:
+    first_line = (PUBLIC[name].__doc__ or "").split("\n")[0]
+    assert first_line.endswith((".", ","))
+    assert not first_line.startswith(f"{name}(")  # what dataclass writes where nobody did
+
+
+@pytest.mark.parametrize("name", sorted({*FUNCTIONS, *VALUES} - ONE_SENTENCE))
+def test_every_argument_is_documented(name: str) -> None:
+    assert documented_parameters(PUBLIC[name]) == set(inspect.signature(PUBLIC[name]).parameters)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS + VALUES + ERRORS)
+def test_misspelt_keyword_is_refused(name: str) -> None:
+    with pytest.raises(TypeError, match="misspelt"):
+        PUBLIC[name](misspelt=1)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_value_objects_are_frozen_and_keyword_only(name: str) -> None:
+    assert PUBLIC[name].__dataclass_params__.frozen
+    assert all(field.kw_only for field in dataclasses.fields(PUBLIC[name]))
+
+
+def test_misspelt_field_of_a_document_is_refused() -> None:
+    with pytest.raises(ValidationError, match="misspelt"):
+        FindingDocument(kind="gap", severity="info", where="p", message="A gap.", misspelt=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_errors_say_what_came_what_was_needed_and_what_to_do(name: str) -> None:
+    error = PUBLIC[name]("a cat came", needed="a dog", remedy="ask a neighbor")
+    assert str(error) == "a cat came; needed: a dog; ask a neighbor."
+    assert (error.came, error.needed, error.remedy) == ("a cat came", "a dog", "ask a neighbor")
+    assert error.exit_code == (1 if name == "InsufficientDataError" else 2)

@@ -1,0 +1,57 @@
+"""The names in ``result.json``, word for word: scripts are written against them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from rotorid.pipeline.document import ResultDocument
+
+NAMES = {
+    "ResultDocument": {
+        *("schema", "model", "inputs", "outputs", "states", "parameters", "cost", "fit_percent", "matrices", "poles"),
+        *("verification", "identifiability", "findings", "provenance"),
+    },
+    "ParameterDocument": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
+    "CostDocument": {"average", "pairs"},
+    "PairCost": {"value", "band_rad_s", "points"},
+    "MatricesDocument": {"M", "F", "G", "H0", "H1", "delays_s"},
+    "DelaysDocument": {"inputs", "outputs"},
+    "PoleDocument": {"real", "imag", "damping", "frequency_rad_s"},
+    "VerificationDocument": {"records", "frequency"},
+    "ScoreDocument": {"nrmse_fit_percent", "tic", "rms", "bias", "reference_shift"},
+    "CombinationDocument": {"words", "vector"},
+    "FindingDocument": {"kind", "severity", "where", "message", "numbers"},
+}
+
+
+@pytest.fixture(scope="module")
+def definitions() -> dict[str, Any]:
+    schema = ResultDocument.model_json_schema(by_alias=True)
+    return {**schema["$defs"], "ResultDocument": schema}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_fields_are_those_of_the_contract(name: str, definitions: dict[str, Any]) -> None:
+    assert set(definitions[name]["properties"]) == NAMES[name]
+    assert definitions[name]["additionalProperties"] is False
+
+
+def test_schema_names_itself(definitions: dict[str, Any]) -> None:
+    assert definitions["ResultDocument"]["properties"]["schema"]["const"] == "rotorid.result/1"
+
+
+def test_a_parameter_is_free_fixed_tied_or_dropped(definitions: dict[str, Any]) -> None:
+    status = definitions["ParameterDocument"]["properties"]["status"]
+    assert status["enum"] == ["free", "fixed", "tied", "dropped"]
+
+
+def test_what_may_be_unknown_is_null(definitions: dict[str, Any]) -> None:
+    for name in ("std", "cramer_rao_percent", "insensitivity_percent"):
+        kinds = {option.get("type") for option in definitions["ParameterDocument"]["properties"][name]["anyOf"]}
+        assert kinds == {"number", "null"}
+
+
+def test_provenance_says_how_to_make_it_again(definitions: dict[str, Any]) -> None:
+    assert {"version", "command", "inputs", "settings", "seed"} <= set(definitions["ProvenanceDocument"]["properties"])

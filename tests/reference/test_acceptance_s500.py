@@ -1,0 +1,46 @@
+"""What the first release promises on CSV: roll and pitch of a known vehicle in gusts, above its speed modes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import rotorid
+
+
+class Case(NamedTuple):
+    axis: str
+    motion: str
+    gain: str
+
+
+CASES = (Case("roll", "lateral", "L_roll"), Case("pitch", "longitudinal", "M_pitch"))
+
+
+@pytest.mark.parametrize("band", [(8.0, 40.0), (8.0, 60.0)], ids=["8:40", "8:60"])
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.axis)
+def test_gain_and_delay_above_the_speed_modes(case: Case, band: tuple[float, float], shared_data: Path) -> None:
+    folder = shared_data / "s500"
+    truth = json.loads((folder / "truth.json").read_text())[case.motion]
+    document = rotorid.identify(
+        [rotorid.read(folder / f"{case.axis}_sweeps.csv")],
+        f"rate.{case.axis}",
+        settings=rotorid.IdentifySettings(band_rad_s=band),
+        verify=[rotorid.read(folder / f"{case.axis}_doublets.csv")],
+    ).document
+    tau = f"tau_{case.axis}"
+    assert document.parameters[case.gain].value == pytest.approx(truth[case.gain], rel=0.03)
+    assert document.parameters[tau].value == pytest.approx(truth[tau], abs=3e-3)
+    assert document.cost is not None
+    assert document.cost.average < 10.0
+    assert len(document.verification.records) == 4
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.axis)
+def test_without_a_band_the_speed_modes_spoil_the_fit_and_it_is_said(case: Case, shared_data: Path) -> None:
+    record = rotorid.read(shared_data / "s500" / f"{case.axis}_sweeps.csv")
+    document = rotorid.identify([record], f"rate.{case.axis}").document
+    assert ("poor_fit", "warning") in {(finding.kind, finding.severity) for finding in document.findings}

@@ -1,0 +1,33 @@
+"""One flight and one result for all tests of the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.unit.cli.commands import ROLL, Ran, fly_roll_sweeps, rotorid
+
+from rotorid.io.registry import read
+from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.identify import identify
+from rotorid.pipeline.settings import IdentifySettings
+
+
+@pytest.fixture(scope="session")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    log = tmp_path_factory.mktemp("flight") / "sweeps.csv"
+    fly_roll_sweeps(log)
+    return log
+
+
+@pytest.fixture(scope="session")
+def by_api(flight: Path) -> Identification:
+    """What the Python API answers."""
+    return identify([read(flight)], "rate.roll", settings=IdentifySettings(band_rad_s=(12.0, 50.0)))
+
+
+@pytest.fixture(scope="session")
+def results(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
+    """What ``rotorid identify --json`` wrote and said; the folder did not exist before."""
+    folder = tmp_path_factory.mktemp("results") / "made" / "here"
+    return folder, rotorid("identify", flight, *ROLL, "--out", folder, "--json")

@@ -1,0 +1,65 @@
+"""From numbers to documents: order, uniqueness, and what is null."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord, Source
+from rotorid.models.state_space import StateSpace
+from rotorid.pipeline.assemble import finding_documents, matrices_document, pole_documents, provenance_document
+from rotorid.pipeline.document import ParameterDocument, ScoreDocument
+from rotorid.pipeline.settings import IdentifySettings
+
+
+def finding(severity: str, message: str = "A remark.") -> Finding:
+    return Finding(kind="gap", severity=severity, where="p", message=message, numbers={"gap_s": 0.5})  # type: ignore[arg-type]
+
+
+def log(name: str, sha256: str) -> FlightRecord:
+    return FlightRecord(source=Source(name=name, format="CSV", sha256=sha256), topics=())
+
+
+def test_findings_come_worst_first_and_each_once() -> None:
+    findings = [finding("info"), finding("warning", "First."), finding("error"), finding("info"), finding("warning")]
+    documents = finding_documents(findings)
+    assert [document.severity for document in documents] == ["error", "warning", "warning", "info"]
+    assert [document.message for document in documents[1:3]] == ["First.", "A remark."]
+    assert documents[0].numbers == {"gap_s": 0.5}
+
+
+def test_logs_of_one_name_keep_their_own_hashes() -> None:
+    records = [log("flight.csv", "a"), log("other.csv", "b"), log("flight.csv", "c"), log("flight.csv", "a")]
+    provenance = provenance_document(records, IdentifySettings(), command=["rotorid"])
+    assert provenance.inputs == {"flight.csv": "a", "other.csv": "b", "flight.csv (2)": "c"}
+
+
+def test_matrices_and_poles_are_those_of_the_system() -> None:
+    # s^2 + 2 zeta omega s + omega^2 with omega 5 and zeta 0.6, beside an integrator.
+    system = StateSpace(
+        M=np.eye(3),
+        F=np.array([[0.0, 1.0, 0.0], [-25.0, -6.0, 0.0], [0.0, 0.0, 0.0]]),
+        G=np.array([[0.0], [1.0], [1.0]]),
+        H0=np.array([[1.0, 0.0, 0.0]]),
+        H1=np.zeros((1, 3)),
+        input_delays_s=np.array([0.01]),
+        output_delays_s=np.array([0.0]),
+    )
+    document = matrices_document(system)
+    assert document.F[1] == [-25.0, -6.0, 0.0]
+    assert (document.delays_s.inputs, document.delays_s.outputs) == ([0.01], [0.0])
+    integrator, *pair = pole_documents(system)
+    assert (integrator.real, integrator.imag, integrator.damping, integrator.frequency_rad_s) == (0.0, 0.0, 0.0, 0.0)
+    for pole in pair:
+        np.testing.assert_allclose((pole.damping, pole.frequency_rad_s), (0.6, 5.0), rtol=1e-12)
+    assert sorted(pole.imag for pole in pair) == [-math.sqrt(16.0), math.sqrt(16.0)]
+
+
+def test_numbers_that_are_none_are_null() -> None:
+    unsure = ParameterDocument(value=1.0, unit="1/s", std=math.inf, status="free")
+    assert json.loads(unsure.model_dump_json())["std"] is None
+    score = ScoreDocument(nrmse_fit_percent=math.nan, tic=0.1, rms=0.1, bias=0.0, reference_shift=0.0)
+    assert json.loads(score.model_dump_json())["nrmse_fit_percent"] is None

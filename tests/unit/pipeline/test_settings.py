@@ -1,0 +1,103 @@
+"""Choices are checked at the border, and written down with all their digits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from rotorid.data.maneuver import Maneuver
+from rotorid.errors import UsageError
+from rotorid.pipeline.settings import (
+    DIRECT_COHERENCE,
+    JOINT_COHERENCE,
+    IdentifySettings,
+    parse_band,
+    parse_fix,
+    parse_numbers,
+    parse_segment,
+)
+
+
+@pytest.mark.parametrize(
+    ("choice", "says"),
+    [
+        ({"band_rad_s": (50.0, 1.0)}, "the band 50:1 is empty"),
+        ({"band_rad_s": (0.0, 1.0)}, "the band 0:1 is empty"),
+        ({"band_rad_s": (1.0, math.inf)}, "the band 1:inf is empty"),
+        ({"windows_s": (10.0, 0.0)}, "a window of 0 s"),
+        ({"windows_s": (math.inf,)}, "a window of inf s"),
+        ({"windows_s": (math.nan,)}, "a window of nan s"),
+        ({"coherence": 1.0}, "a coherence of 1 "),
+        ({"coherence": -0.1}, "a coherence of -0.1"),
+        ({"estimate": "guess"}, "the estimate 'guess'"),
+        ({"estimate": "direct", "instruments": ("roll_excitation",)}, "takes no instrument"),
+        ({"segments": (Maneuver(axis="roll", kind="other", start_s=0.0, stop_s=math.inf),)}, "from 0 to inf s"),
+    ],
+)
+def test_impossible_choices_are_refused(choice: dict[str, Any], says: str) -> None:
+    with pytest.raises(UsageError) as refused:
+        IdentifySettings(**choice)
+    assert says in str(refused.value)
+
+
+def test_limit_of_coherence_depends_on_the_estimate_unless_it_is_given() -> None:
+    assert IdentifySettings().least_coherence(joint=False) == DIRECT_COHERENCE
+    assert IdentifySettings().least_coherence(joint=True) == JOINT_COHERENCE
+    assert IdentifySettings(coherence=0.0).least_coherence(joint=True) == 0.0
+
+
+def test_fixed_values_are_copied_in() -> None:
+    fix = {"L_p": -2.0}
+    settings = IdentifySettings(fix=fix)
+    fix["L_p"] = 0.0
+    assert settings.fix == {"L_p": -2.0}
+
+
+def test_text_of_the_provenance_reads_back_as_the_same_choices() -> None:
+    # A segment on a clock of seconds since 1970, and a value that six digits would round.
+    settings = IdentifySettings(
+        fix={"L_p": -1.23456789012}, segments=(parse_segment("yaw:1606123456.789:1606123556.25"),)
+    )
+    written = settings.as_json()
+    fix, segments = written["fix"], written["segments"]
+    assert isinstance(fix, list)
+    assert isinstance(segments, list)
+    assert parse_fix(tuple(map(str, fix))) == settings.fix
+    assert tuple(parse_segment(str(text)) for text in segments) == settings.segments
+
+
+def test_a_segment_is_given_by_the_user_on_the_clock_of_the_log() -> None:
+    segment = parse_segment("thrust:-3:4.5")
+    assert (segment.axis, segment.start_s, segment.stop_s) == ("thrust", -3.0, 4.5)
+    assert (segment.kind, segment.origin) == ("other", "given")
+
+
+@pytest.mark.parametrize("text", ["", "roll", "roll:1", "roll:1:2:3", "p:1:2", "roll:a:2", "roll:2:2", "roll:nan:2"])
+def test_unreadable_segments_are_quoted(text: str) -> None:
+    with pytest.raises(UsageError, match=f"the segment {text!r}"):
+        parse_segment(text)
+
+
+@pytest.mark.parametrize("text", ["", "1", "1:2:3", "a:b", "1-2"])
+def test_unreadable_bands_are_quoted(text: str) -> None:
+    with pytest.raises(UsageError, match=f"the band {text!r}"):
+        parse_band(text)
+
+
+@pytest.mark.parametrize("text", ["", ",", "1,,2", "1;2", "ten"])
+def test_unreadable_lists_are_quoted(text: str) -> None:
+    with pytest.raises(UsageError, match=f"the list {text!r}"):
+        parse_numbers(text)
+
+
+def test_readable_texts() -> None:
+    assert parse_numbers("20, 14,9") == (20.0, 14.0, 9.0)
+    assert parse_fix(("L_p=-2", " tau_roll = 1e-3")) == {"L_p": -2.0, "tau_roll": 1e-3}
+
+
+@pytest.mark.parametrize("text", ["L_p", "L_p=", "L_p=low", "L_p==1"])
+def test_unreadable_values_are_quoted(text: str) -> None:
+    with pytest.raises(UsageError, match=f"'{text}' cannot be read"):
+        parse_fix((text,))

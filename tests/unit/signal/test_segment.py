@@ -1,0 +1,172 @@
+"""Excitations in signals: found where they are, as what they are, and nothing where there is none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from rotorid.data.channel import STANDARD_UNITS, Channel
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.excitation.doublet import doublet, three_two_one_one
+from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
+from rotorid.signal.segment import classify, excitation_signals, find_excitations
+from rotorid.typing import Axis, FloatArray
+
+RATE_HZ = 100.0
+BAND = (2.0 * math.pi * 0.15, 2.0 * math.pi * 5.0)
+
+
+def rest(duration_s: float) -> FloatArray:
+    return np.zeros(round(duration_s * RATE_HZ))
+
+
+def record(
+    channels: dict[str, FloatArray], declared: Sequence[Maneuver] = (), **instruments: tuple[str, ...]
+) -> FlightRecord:
+    values = np.stack(list(channels.values()))
+    topic = Topic(
+        name="t",
+        time_s=200.0 + np.arange(values.shape[1]) / RATE_HZ,
+        channels=tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in channels),
+        values=values,
+    )
+    return FlightRecord(
+        source=Source(name="a.ulg", format="ulog", sha256="0" * 64),
+        topics=(topic,),
+        declared=tuple(declared),
+        instruments=instruments,
+    )
+
+
+def find(values: FloatArray, axis: Axis = "roll", channel: str | None = None) -> tuple[Maneuver, ...]:
+    return find_excitations(record({channel or f"{axis}_command": values}), axis)
+
+
+def pilot(amplitude: float = 0.1, duration_s: float = 40.0) -> FloatArray:
+    return pilot_sweep(
+        amplitude=amplitude, band_rad_s=BAND, duration_s=duration_s, sample_rate_hz=RATE_HZ, slow_cycles=2.0
+    )
+
+
+def chirp(amplitude: float = 0.1, duration_s: float = 60.0) -> FloatArray:
+    return logarithmic_sweep(
+        amplitude=amplitude, band_rad_s=BAND, duration_s=duration_s, sample_rate_hz=RATE_HZ, constant_s=5.0
+    )
+
+
+def random_binary(amplitude: float = 0.1, duration_s: float = 30.0, seed: int = 0) -> FloatArray:
+    levels = np.random.default_rng(seed).choice([-amplitude, amplitude], round(duration_s / 0.2))
+    return np.repeat(levels, round(0.2 * RATE_HZ))
+
+
+def embedded(*parts: FloatArray, noise: float = 0.0) -> FloatArray:
+    values = np.concatenate([rest(10.0), *(np.concatenate([part, rest(6.0)]) for part in parts)])
+    return values + noise * np.random.default_rng(9).standard_normal(values.size)
+
+
+@pytest.mark.parametrize("make", [pilot, chirp], ids=["pilot", "logarithmic"])
+@pytest.mark.parametrize("turn", [1, -1], ids=["upward", "downward"])
+@pytest.mark.parametrize("noise", [0.0, 0.0003], ids=["clean", "noisy"])
+def test_sweeps_are_found_with_their_band(make: object, turn: int, noise: float) -> None:
+    motion = make()[::turn]  # type: ignore[operator]
+    (found,) = find(embedded(motion, noise=noise))
+    assert (found.kind, found.axis, found.signal, found.origin) == ("sweep", "roll", "roll_command", "found")
+    # The sweep has 3 s of rest on both sides; its fades of 1 s may fall to either.
+    assert found.start_s == pytest.approx(213.0, abs=1.5)
+    assert found.stop_s == pytest.approx(210.0 + motion.size / RATE_HZ - 3.0, abs=1.5)
+    # Whole half periods at the slow end are exact but for the fade; at the fast end a half period of ten samples is
+    # known to one sample, and the fade takes the last second of the sweep, at worst an eighth of the band.
+    assert found.band_rad_s is not None
+    assert found.band_rad_s[0] == pytest.approx(BAND[0], rel=0.1)
+    assert found.band_rad_s[1] == pytest.approx(BAND[1], rel=0.225)
+
+
+def test_a_random_binary_signal_is_one() -> None:
+    (found,) = find(embedded(random_binary()))
+    assert found.kind == "random_binary"
+    assert found.start_s == pytest.approx(210.0, abs=0.05)
+    assert found.duration_s == pytest.approx(30.0, abs=0.1)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_short_maneuvers_are_told_apart(sign: float) -> None:
+    pair = sign * doublet(amplitude=0.1, pulse_s=0.5, sample_rate_hz=RATE_HZ)
+    steps = sign * three_two_one_one(amplitude=0.1, unit_s=0.4, sample_rate_hz=RATE_HZ)
+    first, second = find(embedded(pair, steps))
+    assert (first.kind, second.kind) == ("doublet", "multistep")
+    assert first.start_s == pytest.approx(211.0, abs=0.05)
+    assert first.duration_s == pytest.approx(1.0, abs=0.1)
+    assert second.duration_s == pytest.approx(2.8, abs=0.1)
+
+
+@pytest.mark.parametrize("duration_s", [3.0, 10.0, 100.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_no_excitation(duration_s: float, seed: int) -> None:
+    noise = 0.05 * np.random.default_rng(seed).standard_normal(round(duration_s * RATE_HZ))
+    assert find(noise) == ()
+    assert find(np.concatenate([rest(20.0), noise, rest(20.0)])) == ()
+
+
+def test_what_is_too_small_is_taken_for_corrections() -> None:
+    assert find(embedded(pilot(amplitude=0.015))) == ()
+    assert find(embedded(pilot(amplitude=0.025)))
+
+
+def test_rest_and_silence_hold_nothing() -> None:
+    assert find(rest(60.0)) == ()
+    assert find(np.full(100, np.nan)) == ()
+    assert find(rest(0.05)) == ()
+
+
+def test_a_take_off_beside_a_sweep_is_left_out() -> None:
+    climb = np.concatenate([rest(8.0), np.linspace(0.0, 0.5, 300), np.full(500, 0.5)])
+    values = np.concatenate([climb, 0.5 + embedded(pilot(amplitude=0.12)), np.linspace(0.5, 0.0, 200), rest(4.0)])
+    found = find(values, axis="thrust")
+    assert [maneuver.kind for maneuver in found] == ["sweep"]
+    start = 200.0 + climb.size / RATE_HZ + 13.0
+    assert found[0].start_s == pytest.approx(start, abs=1.5)
+    assert found[0].stop_s == pytest.approx(start + 40.0, abs=1.5)
+
+
+@pytest.mark.parametrize("ratio", [0.4, 1.0, 2.5])
+def test_two_sweeps_of_other_amplitude_are_two(ratio: float) -> None:
+    found = find(embedded(pilot(), pilot(amplitude=0.1 * ratio)))
+    assert [maneuver.kind for maneuver in found] == ["sweep", "sweep"]
+    assert found[1].start_s - found[0].start_s == pytest.approx(52.0, abs=1.5)
+
+
+def test_missing_samples_do_not_hide_a_sweep() -> None:
+    values = embedded(pilot())
+    values[::7] = np.nan
+    assert [maneuver.kind for maneuver in find(values)] == ["sweep"]
+
+
+def test_what_the_log_declares_goes_first() -> None:
+    said = Maneuver(axis="roll", kind="sweep", start_s=205.0, stop_s=215.0, origin="declared")
+    flight = record({"roll_command": embedded(pilot())}, declared=[said])
+    assert find_excitations(flight, "roll") == (said,)
+    assert find_excitations(flight, "pitch") == ()
+
+
+def test_signals_are_looked_at_from_the_outside_in() -> None:
+    quiet = rest(78.0)[: embedded(pilot()).size]
+    names = {"roll_command": quiet, "p": quiet, "phi_setpoint": quiet, "v_setpoint": quiet, "roll_stick": quiet}
+    expected = ("roll_stick", "v_setpoint", "phi_setpoint", "roll_command")
+    assert excitation_signals(record(names), "roll") == expected
+    known = record(names, roll=("phi_setpoint",))
+    assert excitation_signals(known, "roll") == ("phi_setpoint", "roll_command")
+
+
+def test_the_first_signal_that_moves_is_taken() -> None:
+    sweep = embedded(pilot())
+    flight = record({"roll_command": 2.0 * sweep, "phi_setpoint": sweep, "v_setpoint": 0.0 * sweep})
+    assert [maneuver.signal for maneuver in find_excitations(flight, "roll")] == ["phi_setpoint"]
+
+
+def test_a_single_push_is_no_maneuver() -> None:
+    time_s = np.arange(0.0, 3.0, 0.01)
+    assert classify(time_s, np.ones(time_s.size)) == ("other", None)

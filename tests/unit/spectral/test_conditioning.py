@@ -1,0 +1,136 @@
+"""Several inputs separated, with and without instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from rotorid.data.channel import Channel
+from rotorid.data.history import TimeHistory
+from rotorid.errors import InsufficientDataError
+from rotorid.spectral.conditioning import condition
+from rotorid.spectral.estimate import frequency_response
+from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
+from rotorid.typing import FloatArray
+
+RATE_HZ = 100.0
+OMEGA = np.geomspace(2.0, 80.0, 30)
+SAMPLES = 9000
+
+
+def record(signals: Mapping[str, FloatArray]) -> TimeHistory:
+    channels = tuple(Channel(name=name, unit="1") for name in signals)
+    return TimeHistory(values=np.stack(list(signals.values())), channels=channels, sample_rate_hz=RATE_HZ, start_s=0.0)
+
+
+def spectra(signals: Mapping[str, FloatArray], window_s: float = 8.0) -> SpectralMatrix:
+    (matrix,), _ = spectral_matrices([record(signals)], OMEGA, windows_s=[window_s])
+    return matrix
+
+
+@pytest.fixture(scope="module")
+def matrix() -> SpectralMatrix:
+    rng = np.random.default_rng(0)
+    r, u, w, v = rng.standard_normal((4, SAMPLES))
+    u = 0.6 * r + 0.5 * u
+    y = np.convolve(u, [0.5, 0.3, 0.2])[:SAMPLES] + 0.4 * v
+    return spectra({"r": r, "u": u, "w": w + 0.5 * u, "y": y})
+
+
+R, U, W, Y = range(4)
+
+
+def test_direct_single_input_is_the_ratio_of_spectra(matrix: SpectralMatrix) -> None:
+    part = condition(matrix, instruments=[U], inputs=[U], output=Y)
+    auto, cross, out = matrix.values[:, U, U].real, matrix.values[:, U, Y], matrix.values[:, Y, Y].real
+    coherence = np.abs(cross) ** 2 / (auto * out)
+    assert np.allclose(part.response[0], cross / auto, rtol=1e-12)
+    assert np.allclose(part.input_power[0], auto, rtol=1e-12)
+    assert np.allclose(part.instrument_coherence[0], coherence, rtol=1e-12)
+    # The difference of nearly equal powers loses as many digits as the coherence is near one.
+    assert np.allclose(part.noise, out * (1.0 - coherence), rtol=1e-9)
+
+
+def test_joint_single_input_is_the_ratio_of_instrument_spectra(matrix: SpectralMatrix) -> None:
+    part = condition(matrix, instruments=[R], inputs=[U], output=Y)
+    s = matrix.values
+    assert np.allclose(part.response[0], s[:, R, Y] / s[:, R, U], rtol=1e-12)
+    assert np.allclose(part.input_power[0], np.abs(s[:, R, U]) ** 2 / s[:, R, R].real, rtol=1e-12)
+    expected = np.abs(s[:, R, Y]) ** 2 / (s[:, R, R] * s[:, Y, Y]).real
+    assert np.allclose(part.instrument_coherence[0], expected, rtol=1e-12)
+
+
+def test_conditioned_power_is_what_the_other_input_does_not_explain(matrix: SpectralMatrix) -> None:
+    part = condition(matrix, instruments=[U, W], inputs=[U, W], output=Y)
+    s = matrix.values
+    between = np.abs(s[:, U, W]) ** 2 / (s[:, U, U] * s[:, W, W]).real
+    assert np.allclose(part.input_power[0], s[:, U, U].real * (1.0 - between), rtol=1e-10)
+    assert np.allclose(part.input_power[1], s[:, W, W].real * (1.0 - between), rtol=1e-10)
+
+
+def test_noise_is_the_spectrum_of_the_residual(matrix: SpectralMatrix) -> None:
+    part = condition(matrix, instruments=[R, W], inputs=[U, W], output=Y)
+    explained = np.einsum("uf,kuf->kf", part.response, matrix.transforms[:, [U, W]])
+    residual = matrix.transforms[:, Y] - explained
+    assert np.allclose(part.noise, np.mean(np.abs(residual) ** 2, axis=0), rtol=1e-9)
+
+
+def test_correlated_inputs_are_separated_exactly_without_noise() -> None:
+    a, b = np.random.default_rng(1).standard_normal((2, SAMPLES))
+    b = 0.8 * a + 0.6 * b  # coherence 0.64 between the inputs
+    part = condition(spectra({"a": a, "b": b, "y": 2.0 * a - 3.0 * b}), instruments=[0, 1], inputs=[0, 1], output=2)
+    # Conditioning multiplies rounding by the spread of the eigenvalues of the inputs, here some ten.
+    assert np.abs(part.response[0] - 2.0).max() <= 1e-12
+    assert np.abs(part.response[1] + 3.0).max() <= 1e-12
+
+
+def test_composite_of_correlated_inputs_is_exact_without_noise() -> None:
+    a, b = np.random.default_rng(2).standard_normal((2, SAMPLES))
+    b = 0.8 * a + 0.6 * b
+    signals = {"a": a, "b": b, "y": 2.0 * a - 3.0 * b, "z": a + b}
+    response = frequency_response(
+        [record(signals)], inputs=["a", "b"], outputs=["y", "z"], omega_rad_s=OMEGA, windows_s=[16.0, 8.0, 4.0]
+    )
+    expected = np.array([[2.0, -3.0], [1.0, 1.0]])[:, :, None]
+    assert np.abs(response.values - expected).max() <= 1e-9
+    assert response.coherence.min() >= 1.0 - 1e-9
+    assert response.random_error.max() <= 1e-5
+
+
+@pytest.mark.parametrize("factor", [1.0, -0.3, 1e6])
+def test_proportional_inputs_are_refused(factor: float) -> None:
+    a, v = np.random.default_rng(3).standard_normal((2, SAMPLES))
+    with pytest.raises(InsufficientDataError, match="proportional") as caught:
+        frequency_response(
+            [record({"a": a, "b": factor * a, "y": a + v})],
+            inputs=["a", "b"],
+            outputs=["y"],
+            omega_rad_s=OMEGA,
+            windows_s=[8.0],
+        )
+    (finding,) = caught.value.findings
+    assert (finding.kind, finding.severity, finding.where) == ("correlated_inputs", "error", "a, b")
+    assert finding.numbers["frequencies"] == OMEGA[np.pi / 2.0 <= OMEGA].size
+
+
+def test_one_instrument_for_two_inputs_is_refused() -> None:
+    a, b, v = np.random.default_rng(4).standard_normal((3, SAMPLES))
+    signals = {"r": a, "s": 2.0 * a, "a": a + 0.1 * b, "b": b, "y": a + b + v}
+    with pytest.raises(InsufficientDataError) as caught:
+        frequency_response(
+            [record(signals)],
+            inputs=["a", "b"],
+            outputs=["y"],
+            instruments=["r", "s"],
+            omega_rad_s=OMEGA,
+            windows_s=[8.0],
+        )
+    assert [finding.kind for finding in caught.value.findings] == ["correlated_inputs"]
+
+
+def test_inputs_of_very_different_size_are_not_mistaken_for_correlated() -> None:
+    a, b = np.random.default_rng(5).standard_normal((2, SAMPLES))
+    part = condition(spectra({"a": a, "b": 1e-7 * b, "y": a + b}), instruments=[0, 1], inputs=[0, 1], output=2)
+    assert np.abs(part.response[1] / 1e7 - 1.0).max() <= 1e-9
