@@ -107,11 +107,7 @@ def ulog_header(folder: Path) -> Path:
 
 UNREADABLE = [
     *(not_a_log, binary_noise, empty, missing, a_folder, header_only, cut_in_a_line, half_an_archive),
-    pytest.param(
-        ulog_header,
-        marks=pytest.mark.xfail(reason="a ULog that ends in its header is refused without its name"),
-        id="ulog_header",
-    ),
+    ulog_header,
 ]
 
 

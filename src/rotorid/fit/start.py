@@ -12,7 +12,7 @@ from rotorid.typing import FloatArray
 
 
 def start_values(problem: FrequencyProblem, *, count: int = 3) -> tuple[FloatArray, ...]:
-    """The best few points of a coarse grid over the parameters' start values, each shape ``(p,)``.
+    """The best few of the parameters' own values and a coarse grid over their start values, each shape ``(p,)``.
 
     The gain of the structure, where it has one, is solved for at every grid point: the weighted mean of the logarithm
     of data over model gives its magnitude, and the nearer branch of the phase its sign.
@@ -20,7 +20,7 @@ def start_values(problem: FrequencyProblem, *, count: int = 3) -> tuple[FloatArr
     free = problem.parameters.free
     gain = problem.structure.gain if problem.structure.gain in free else None
     choices = [problem.parameters[name].starts or (problem.parameters[name].value,) for name in free]
-    starts = []
+    starts = [(float(problem.costs(problem.parameters.pack()).sum()), problem.parameters.pack())]
     for point in itertools.product(*choices):
         theta = np.array(point)
         if gain is not None:

@@ -116,7 +116,12 @@ def read(
                 remedy="leave --map out: this format names its own channels",
             )
         source = Source(name=path.name, format=module.FORMAT, sha256=sha256_of(path))
-        record: FlightRecord = module.read(log, source, **options)
+        try:
+            record: FlightRecord = module.read(log, source, **options)
+        except LogError as error:
+            if path.name in error.came:
+                raise
+            raise LogError(f"{path.name}: {error.came}", needed=error.needed, remedy=error.remedy) from error
     return record
 
 

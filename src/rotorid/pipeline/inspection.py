@@ -96,7 +96,7 @@ def inspect(record: FlightRecord) -> InspectDocument:
     ... )
     >>> record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256=""), topics=(gyro,))
     >>> inspect(record).supports["rate.roll"].because
-    'roll_command is not in the log'
+    'the log lacks roll_command'
     """
     maneuvers = sorted((m for axis in AXES for m in find_excitations(record, axis)), key=lambda m: m.start_s)  # type: ignore[arg-type]
     return InspectDocument(
@@ -138,7 +138,7 @@ def _support(record: FlightRecord, model: str) -> SupportDocument:
     advice = _LOGGING_ADVICE.get(record.source.format, _OTHER_LOGGING)
     missing = [name for name in (axis.input, axis.output) if name not in record.channel_names]
     if missing:
-        return SupportDocument(possible=False, because=f"{' and '.join(missing)} is not in the log", remedy=advice)
+        return SupportDocument(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
     rates = {name: max(t.sample_rate_hz for t, _ in record.holding(name)) for name in (axis.input, axis.output)}
     slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < _LOWEST_RATE_HZ]
     if slow:

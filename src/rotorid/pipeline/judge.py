@@ -200,7 +200,7 @@ def require_usable(measured: Measured, used: BoolArray, *, rate_model: bool) -> 
         )
     best = float(data.coherence.max())
     raise InsufficientDataError(
-        f"the coherence of {name} reaches {best:.2f} at most inside {low:.3g} to {high:.3g} rad/s",
+        f"the coherence of {name} reaches {best:.4g} at most inside {low:.3g} to {high:.3g} rad/s",
         needed="points above the limit of coherence with an error below 30 %",
         remedy="excite the axis harder or longer, or fly in calmer air",
         findings=[
@@ -208,7 +208,7 @@ def require_usable(measured: Measured, used: BoolArray, *, rate_model: bool) -> 
                 kind="low_coherence",
                 severity="error",
                 where=name,
-                message=f"No usable stretch of {name}: the coherence reaches {best:.2f} at most.",
+                message=f"No usable stretch of {name}: the coherence reaches {best:.4g} at most.",
                 numbers={"best_coherence": best},
             )
         ],

@@ -16,8 +16,9 @@ from rotorid.errors import UsageError
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.selection import Flown, axis_of, cut, find_instrument, histories
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.signal.clock import missing_channel
 from rotorid.spectral.estimate import frequency_response
-from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, plan_windows
+from rotorid.spectral.windows import PERIODS_IN_WINDOW, given_windows, plan_windows
 from rotorid.typing import BoolArray, FloatArray
 
 POINTS = 100
@@ -90,7 +91,7 @@ def measure(
     InsufficientDataError
         A channel is missing, or the maneuvers are too short for the band.
     """
-    instruments = choose_instruments(flown, inputs, settings)
+    instruments = choose_instruments(flown, inputs, outputs, settings)
     others = _other_commands(flown, inputs)
     followers = tuple(dict.fromkeys((*instruments, *others)))
     segments, findings = cut(flown, channels=(*inputs, *outputs), followers=followers, progress=progress)
@@ -98,7 +99,7 @@ def measure(
     band = settings.band_rad_s or default_band(flown, records[0].sample_rate_hz)
     lengths = [record.duration_s for record in records]
     if settings.windows_s:
-        plan = WindowPlan(lengths_s=tuple(sorted(settings.windows_s, reverse=True)))
+        plan = given_windows(settings.windows_s, min(lengths))
     else:
         plan = plan_windows(min(lengths), sum(lengths), band)
     low = max(band[0], PERIODS_IN_WINDOW * 2.0 * np.pi / max(plan.lengths_s))
@@ -130,7 +131,9 @@ def measure(
     )
 
 
-def choose_instruments(flown: Sequence[Flown], inputs: Sequence[str], settings: IdentifySettings) -> tuple[str, ...]:
+def choose_instruments(
+    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: IdentifySettings
+) -> tuple[str, ...]:
     """Instruments for all inputs, or none.
 
     Raises
@@ -141,6 +144,7 @@ def choose_instruments(flown: Sequence[Flown], inputs: Sequence[str], settings: 
     if settings.estimate == "direct":
         return ()
     if settings.instruments:
+        _require_instruments(flown, inputs, outputs, settings.instruments)
         if len(settings.instruments) != len(inputs):
             raise UsageError(
                 f"{len(settings.instruments)} instruments for {len(inputs)} inputs came", needed="one for each input"
@@ -157,6 +161,21 @@ def choose_instruments(flown: Sequence[Flown], inputs: Sequence[str], settings: 
             remedy="name one with --instrument, or use --estimate direct",
         )
     return ()
+
+
+def _require_instruments(
+    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str]
+) -> None:
+    for name in instruments:
+        if name in (*inputs, *outputs):
+            raise UsageError(
+                f"{name} is part of the response itself",
+                needed="an instrument: a channel that excites the input and contains no feedback",
+                remedy="name another one, or use --estimate direct",
+            )
+        for record, _ in flown:
+            if name not in record.channel_names:
+                raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
 
 
 def default_band(flown: Sequence[Flown], sample_rate_hz: float) -> tuple[float, float]:

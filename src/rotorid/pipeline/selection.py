@@ -182,7 +182,36 @@ def cut(
         for history in conditioned.histories:
             rate = history.sample_rate_hz
             segments.append(Segment(record=record.source.name, maneuver=maneuver, history=history))
-    return tuple(segments), tuple(findings)
+    return tuple(segments), (*findings, *other_sources(segments, segments, channels))
+
+
+def other_sources(
+    reference: Sequence[Segment], segments: Sequence[Segment], channels: Sequence[str]
+) -> tuple[Finding, ...]:
+    """Channels that come from another place in the log than in the first segment of ``reference``.
+
+    Autopilots log one quantity in several places, filtered and not; a filter shifts a model by its delay.
+    """
+    findings = {}
+    for segment in segments:
+        for name in channels:
+            here, there = source_of(segment, name), source_of(reference[0], name)
+            if here != there:
+                findings[segment.record, name] = Finding(
+                    kind="other_source",
+                    severity="warning",
+                    where=f"{segment.record}: {name}",
+                    message=(
+                        f"{name} comes from {there} in one place and from {here} in another. Where the autopilot "
+                        "filters one and not the other, they differ by the delay of that filter."
+                    ),
+                )
+    return tuple(findings.values())
+
+
+def source_of(segment: Segment, name: str) -> str:
+    """Where a channel of a segment stands in its log."""
+    return segment.history.channels[segment.history.names.index(name)].source
 
 
 def histories(segments: Sequence[Segment]) -> tuple[TimeHistory, ...]:

@@ -12,9 +12,8 @@ from rotorid.fit.frequency_cost import ACCEPTABLE_COST, pair_costs, point_weight
 from rotorid.fit.problem import usable_points
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.fitting import Fitted
-from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.measure import Measured, measure
-from rotorid.pipeline.selection import RICH_KINDS, Flown, Selection, axis_of, cut
+from rotorid.pipeline.selection import RICH_KINDS, Flown, Selection, axis_of, cut, other_sources
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.reduce.elimination import fit_and_drop
 from rotorid.signal.segment import find_excitations
@@ -91,7 +90,7 @@ def _predict(fitted: Fitted, measured: Measured, short: Sequence[Flown], progres
         for segment in segments
         if segment.history.duration_s >= _SHORTEST_S
     )
-    remarks = (*findings, *_other_sources(measured.segments, segments, outputs), *(f for c in checks for f in _poor(c)))
+    remarks = (*findings, *other_sources(measured.segments, segments, outputs), *(f for c in checks for f in _poor(c)))
     return Checked(verifications=checks, findings=remarks)
 
 
@@ -115,9 +114,7 @@ def _hold_out(
         # One maneuver alone may be too short for the band of all together; then nothing was left unseen.
         return Checked(findings=(_not_verified(),))
     name = f"{last[0][0].source.name} at {last[0][1].start_s:.1f} s"
-    return Checked(
-        frequency={f"{name}: {pair}": cost for pair, cost in costs.items()}, findings=(_held_out(name, costs),)
-    )
+    return Checked(frequency=costs, findings=(_held_out(name, costs),))
 
 
 def _cost_on(
@@ -140,29 +137,6 @@ def _cost_on(
 def _usable(measured: Measured, settings: IdentifySettings, band_rad_s: tuple[float, float]) -> BoolArray:
     limit = settings.least_coherence(joint=measured.response.estimate == "joint")
     return usable_points(measured.response, coherence=limit, band_rad_s=band_rad_s)
-
-
-def _other_sources(fitted: Sequence[Segment], unseen: Sequence[Segment], outputs: Sequence[str]) -> tuple[Finding, ...]:
-    """Outputs that come from another place in the log than those of the fit, and may have passed another filter."""
-    findings = {}
-    for segment in unseen:
-        for name in outputs:
-            here, there = _source_of(segment, name), _source_of(fitted[0], name)
-            if here != there:
-                findings[segment.record, name] = Finding(
-                    kind="other_source",
-                    severity="info",
-                    where=f"{segment.record}: {name}",
-                    message=(
-                        f"{name} was fitted from {there} and is verified on {here}. Where the autopilot filters one "
-                        "and not the other, the prediction looks early or late by the delay of that filter."
-                    ),
-                )
-    return tuple(findings.values())
-
-
-def _source_of(segment: Segment, name: str) -> str:
-    return segment.history.channels[segment.history.names.index(name)].source
 
 
 def _poor(check: Verification) -> list[Finding]:

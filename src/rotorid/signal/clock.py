@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ LONGEST_BRIDGED_GAP_S = 0.1
 _GAP_STEPS = 2.5
 _TURNING = ("phi", "theta", "psi", "psi_setpoint")
 _COVERED_S = 0.25
+_ENOUGH = 0.5
 _SHORTEST_PART_S = 1.0
 _SAME_STAMP_S = 1e-9
 
@@ -88,8 +89,11 @@ def one_clock(
     findings += _rate_findings(channels, series, start_s, stop_s)
     holes, remarks = _holes(series, start_s, stop_s)
     findings += remarks
+    low = max([start_s, *(float(time_s[0]) for time_s, _ in series.values())])
+    high = min([stop_s, *(float(time_s[-1]) for time_s, _ in series.values())])
+    findings += _trimmed(sources, low, high, start_s, stop_s)
     histories = []
-    for part_start, part_stop in _parts(series, start_s, stop_s, holes):
+    for part_start, part_stop in _parts(low, high, holes):
         stamps = series[base][0]
         first = stamps[np.searchsorted(stamps, part_start)]
         # The last stamp itself belongs to the part, whatever the division rounds to.
@@ -133,20 +137,41 @@ def _absent(record: FlightRecord, name: str, start_s: float, stop_s: float) -> I
 
 
 def _source(record: FlightRecord, name: str, start_s: float, stop_s: float) -> tuple[Topic, int]:
-    best: tuple[float, Topic, int] | None = None
+    """The best topic that covers at least half of the interval, or else the one that covers most.
+
+    A topic that is good but ends early (ArduPilot's SIDD, beside the filtered RATE) is worth more than a worse one that
+    goes on: the interval is cut to it, and the caller is told.
+    """
+    within = max(min(stop_s, record.stop_s) - max(start_s, record.start_s), 1e-9)
+    covered: list[tuple[float, Topic, int]] = []
     for topic, row in record.holding(name):
-        inside = topic.time_s[(topic.time_s >= start_s - 1.0) & (topic.time_s <= stop_s + 1.0)]
-        if inside.size < 2:
-            continue
-        missing = max(inside[0] - start_s, 0.0) + max(stop_s - inside[-1], 0.0)
-        if missing <= _COVERED_S:
-            return topic, row
-        if best is None or missing < best[0]:
-            best = (missing, topic, row)
-    if best is None:
+        inside = topic.time_s[(topic.time_s >= start_s) & (topic.time_s <= stop_s)]
+        if inside.size >= 2:
+            covered.append((float(inside.max() - inside.min()) / within, topic, row))
+    if not covered:
         known = name in record.channel_names
         raise _absent(record, name, start_s, stop_s) if known else missing_channel(record, name)
-    return best[1], best[2]
+    enough = [item for item in covered if item[0] >= _ENOUGH] or [max(covered, key=lambda item: item[0])]
+    return enough[0][1], enough[0][2]
+
+
+def _trimmed(
+    sources: Mapping[str, tuple[Topic, int]], low: float, high: float, start_s: float, stop_s: float
+) -> list[Finding]:
+    """What to say when the channels do not reach the ends of the interval."""
+    missing = max(low - start_s, 0.0) + max(stop_s - high, 0.0)
+    if missing <= _COVERED_S:
+        return []
+    places = ", ".join(dict.fromkeys(topic.name for topic, _ in sources.values()))
+    return [
+        Finding(
+            kind="segment_trimmed",
+            severity="info",
+            where=f"{start_s:.1f} to {stop_s:.1f} s",
+            message=f"Of {start_s:.2f} to {stop_s:.2f} s, {places} together hold {low:.2f} to {high:.2f} s.",
+            numbers={"start_s": low, "stop_s": high},
+        )
+    ]
 
 
 def _ordered(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray, list[Finding]]:
@@ -229,15 +254,8 @@ def _holes(
     return holes, findings
 
 
-def _parts(
-    series: dict[str, tuple[FloatArray, FloatArray]],
-    start_s: float,
-    stop_s: float,
-    holes: Sequence[tuple[float, float]],
-) -> list[tuple[float, float]]:
-    """Stretches that all channels cover, between the holes."""
-    low = max([start_s, *(float(time_s[0]) for time_s, _ in series.values())])
-    high = min([stop_s, *(float(time_s[-1]) for time_s, _ in series.values())])
+def _parts(low: float, high: float, holes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Stretches between the holes of what all channels cover."""
     parts = []
     for begin, end in sorted(holes):
         parts.append((low, min(begin, high)))

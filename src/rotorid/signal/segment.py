@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from rotorid.data.channel import STANDARD_UNITS
+from rotorid.data.channel import AXES, STANDARD_UNITS
 from rotorid.data.maneuver import Kind, Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.typing import Axis, BoolArray, FloatArray
@@ -62,17 +63,37 @@ def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     tuple of Maneuver
         In order of time; empty where nothing was excited.
     """
+    found = _from_outside(record, axis)
+    if found:
+        return found
+    # A controller answers an excitation of one axis on the others too: that is no excitation of theirs.
+    elsewhere = [m for other in AXES if other != axis for m in _from_outside(record, other)]  # type: ignore[arg-type]
+    return tuple(
+        m for m in _purposeful(record, axis, [f"{axis}_command"]) if not any(_mostly_inside(m, e) for e in elsewhere)
+    )
+
+
+def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Excitations of an axis that the log declares or that signals without feedback show."""
     declared = tuple(maneuver for maneuver in record.declared if maneuver.axis == axis)
-    if declared:
-        return declared
-    for name in excitation_signals(record, axis):
-        found = tuple(
-            m for topic, row in record.holding(name) for m in _in_signal(topic.time_s, topic.values[row], axis, name)
-        )
-        purposeful = tuple(m for m in found if m.kind != "other")
-        if purposeful:
-            return purposeful
+    names = [name for name in excitation_signals(record, axis) if name != f"{axis}_command"]
+    return declared or _purposeful(record, axis, names)
+
+
+def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple[Maneuver, ...]:
+    """Excitations in the first signal, in its best topic, that shows any of a known kind."""
+    for name in names:
+        for topic, row in record.holding(name):
+            found = _in_signal(topic.time_s, topic.values[row], axis, name)
+            purposeful = tuple(maneuver for maneuver in found if maneuver.kind != "other")
+            if purposeful:
+                return purposeful
     return ()
+
+
+def _mostly_inside(maneuver: Maneuver, other: Maneuver) -> bool:
+    shared = min(maneuver.stop_s, other.stop_s) - max(maneuver.start_s, other.start_s)
+    return shared > 0.5 * maneuver.duration_s
 
 
 def _in_signal(time_s: FloatArray, values: FloatArray, axis: Axis, name: str) -> list[Maneuver]:

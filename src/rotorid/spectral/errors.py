@@ -55,6 +55,30 @@ def random_error(coherence: FloatArray, n_averages: float | FloatArray, *, overl
     return np.asarray(overlap_constant(overlap) * np.sqrt((1.0 - gamma2) / (2.0 * n_averages * gamma2)))
 
 
+def smear(omega_rad_s: FloatArray, window_s: float | FloatArray) -> FloatArray:
+    r"""Relative bias of a response because a window sees it through a spectral line of finite width.
+
+    .. math:: b = \tfrac12 \sigma_\omega^2 \left| H'' / H \right| = \left( \frac{\pi}{\omega T} \right)^2
+
+    with the variance :math:`\sigma_\omega^2 = (\pi / T)^2` of a half-sine's line and :math:`|H''/H| = 2/\omega^2` of a
+    response that falls like an integrator, as rates do. A measure of the size, not a correction: it keeps short windows
+    from winning where only their random error is small.
+
+    Parameters
+    ----------
+    omega_rad_s, window_s
+        Frequencies and lengths, of shapes that fit each other.
+
+    Examples
+    --------
+    Two and six periods in the window:
+
+    >>> smear(np.array([2.0, 6.0]) * 2.0 * np.pi, 1.0).round(4)
+    array([0.0625, 0.0069])
+    """
+    return np.asarray((np.pi / (omega_rad_s * window_s)) ** 2)
+
+
 def influence(
     matrix: SpectralMatrix, projection: ComplexArray, *, blocks: int, taper: Taper, moments: int = 1
 ) -> ComplexArray:

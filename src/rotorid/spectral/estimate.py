@@ -13,7 +13,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.spectral.composite import PairSpectra, compose_by_least_squares, compose_by_weights, window_weights
 from rotorid.spectral.conditioning import Conditioned, condition
-from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance
+from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance, smear
 from rotorid.spectral.kernel import BlockGrid
 from rotorid.spectral.preconditions import require_finite, require_motion, require_windows
 from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
@@ -177,7 +177,9 @@ class _Composer:
             input_auto=power.real, output_auto=np.abs(response) ** 2 * power.real + noise.real, cross=response * power
         )
         averages = np.array([matrix.averages for matrix in self.matrices])[:, None]
-        weights = window_weights(random_error(pairs.coherence, averages, overlap=self.overlap), self.valid)
+        random = random_error(pairs.coherence, averages, overlap=self.overlap)
+        lengths = np.array([matrix.window_s for matrix in self.matrices])[:, None]
+        weights = window_weights(np.hypot(random, smear(self.omega_rad_s, lengths)), self.valid)
         total = self.compose(pairs, weights)
         share = weights**self.weight_power * pairs.input_auto
         share = share / share.sum(axis=0)

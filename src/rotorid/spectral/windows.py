@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +121,24 @@ def plan_windows(record_s: float, total_s: float, band_rad_s: tuple[float, float
     shortest = min(_SHORTEST_PERIODS * 2.0 * math.pi / high, longest)
     lengths = np.geomspace(longest, shortest, WINDOWS) if longest > 1.2 * shortest else [longest]
     return WindowPlan(lengths_s=tuple(float(length) for length in lengths), findings=findings)
+
+
+def given_windows(lengths_s: Sequence[float], record_s: float) -> WindowPlan:
+    """Windows that the user chose: obeyed, with a remark where the longest exceeds half of the shortest record."""
+    plan = tuple(sorted(lengths_s, reverse=True))
+    if plan[0] <= record_s / _RECORD_SHARE:
+        return WindowPlan(lengths_s=plan)
+    finding = Finding(
+        kind="record_too_short",
+        severity="warning",
+        where="windows",
+        message=(
+            f"The longest window of {plan[0]:.3g} s is more than half of the shortest record of {record_s:.3g} s; "
+            "few averages stand behind the lowest frequencies."
+        ),
+        numbers={"record_s": record_s, "longest_window_s": plan[0]},
+    )
+    return WindowPlan(lengths_s=plan, findings=(finding,))
 
 
 def _short_record(record_s: float, total_s: float, longest_s: float, low: float) -> Finding:

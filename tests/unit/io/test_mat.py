@@ -76,7 +76,7 @@ def test_segments_by_sample_become_times(tmp_path: Path) -> None:
 def test_without_a_mapping_the_names_mean_themselves(tmp_path: Path, wrap: Any) -> None:
     record = read_saved(tmp_path, wrap({"time": TIME, "q": TIME, "roll_excitation": TIME, "note": "text"}))
     assert record.channel_names == ("q", "roll_excitation")
-    assert record.instruments == {"roll": ("roll_excitation",)}
+    assert record.instruments == {}
 
 
 def test_without_a_mapping_and_without_names_it_says_what_there_is(tmp_path: Path) -> None:
