@@ -109,11 +109,6 @@ def test_the_truth_lies_within_four_standard_deviations(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="short windows smear the response near the pole at 4 rad/s (3 s: 0.06 rad of phase at 5.5 rad/s), and the "
-    "composite weighs them by random error alone: damping is off by 0.9 standard deviations and covered to 89 %",
-)
 def test_intervals_of_95_percent_cover_95_percent_of_flights() -> None:
     flights = 150
     ratios = np.array([errors / spreads for errors, spreads in map(identify, range(100, 100 + flights))])
