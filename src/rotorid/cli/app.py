@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
+import signal
 import sys
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -48,8 +51,17 @@ def _main(
     pass
 
 
+def _interrupt(_signal: int, _frame: FrameType | None) -> None:
+    """End like Ctrl-C does, so that temporary files are removed."""
+    raise KeyboardInterrupt
+
+
 def main() -> None:
     """Entry point: errors become one sentence and an exit code."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A terminal that cannot show a sign shows a question mark; results are not lost over a unit.
+        sys.stdout.reconfigure(errors="replace")
+    signal.signal(signal.SIGTERM, _interrupt)
     try:
         app()
     except RotoridError as error:

@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+_PIPE_WIDTH = 240
+
+
 def error_console() -> Console:
     """Console on standard error."""
     from rich.console import Console
@@ -19,10 +22,11 @@ def error_console() -> Console:
 
 
 def output_console() -> Console:
-    """Console on standard output."""
+    """Console on standard output; in a pipe wide enough that no table wraps."""
     from rich.console import Console
 
-    return Console(highlight=False)
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=_PIPE_WIDTH)
 
 
 def say(text: str) -> None:

@@ -55,18 +55,22 @@ def _print(demo: Demonstration, folder: Path) -> None:
         table.add_column(name, justify="left" if name in ("model", "parameter", "unit") else "right")
     for result in demo.identifications:
         for name, parameter in result.document.parameters.items():
-            if parameter.std is None:
-                continue
             truth = demo.truth.get(name)
+            if parameter.status == "dropped" and not truth:
+                continue
             table.add_row(
                 result.document.model,
                 name,
-                f"{parameter.value:.5g}",
-                f"{parameter.std:.2g}",
+                "dropped" if parameter.status == "dropped" else f"{parameter.value:.5g}",
+                "" if parameter.std is None else f"{parameter.std:.2g}",
                 "" if truth is None else f"{truth:.5g}",
                 parameter.unit,
             )
     console.print(table)
+    console.print(
+        "± is one standard deviation from the noise of this flight. A rate model leaves out the coupling between the\n"
+        "axes, which moves some values further from the truth than that; the findings in the report say where."
+    )
     console.print(f"log:    {folder / 'flight.csv'}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
     if not (folder / "overview.png").exists():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from rotorid.cli.options import Json, Logs, Map, Out, Quiet, Seed, Segments
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
+    from rotorid.errors import RotoridError
     from rotorid.pipeline.document import ResultDocument
     from rotorid.pipeline.settings import IdentifySettings
 
@@ -50,7 +52,7 @@ def identify_command(
 
     settings = _settings(band, windows, coherence, estimate, instrument, fix, segment, seed)
     structure = resolve_model(model)
-    folder = out or Path("rotorid-out") / f"{_stem(logs[0])}-{structure.name}"
+    folder = out or Path("rotorid-out") / _file_name(f"{_stem(logs[0])}-{structure.name}")
     command = ["rotorid", *sys.argv[1:]]
     records: list[FlightRecord] = []
     try:
@@ -66,10 +68,7 @@ def identify_command(
         document = refused(error, records, structure, settings=settings, command=command)
         if json:
             sys.stdout.write(to_json(document))
-        say(f"rotorid: {error}")
-        for finding in document.findings:
-            if not quiet and finding.severity != "info":
-                say(f"  {finding.kind}: {finding.message}")
+        _say_refused(error, document, folder, quiet=quiet)
         raise typer.Exit(1) from None
     if json:
         sys.stdout.write(to_json(result.document))
@@ -99,6 +98,20 @@ def _settings(
         segments=tuple(parse_segment(text) for text in segment or ()),
         seed=seed,
     )
+
+
+def _say_refused(error: RotoridError, document: ResultDocument, folder: Path, *, quiet: bool) -> None:
+    say(f"rotorid: {error}")
+    for finding in document.findings:
+        if not quiet and finding.severity != "info":
+            say(f"  {finding.kind}: {finding.message}")
+    if (folder / "result.json").exists():
+        say(f"rotorid: the results in {folder} are those of an earlier run")
+
+
+def _file_name(text: str) -> str:
+    """Text as the name of a folder: a model file may call itself anything."""
+    return re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "result"
 
 
 def _stem(log: Path) -> str:

@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 MOTORS = 16
+
+LOWEST_RATE_HZ = 40.0
+"""Rates and commands logged more slowly show neither motor lag nor delay of a small multirotor."""
+
 AXES = ("roll", "pitch", "yaw", "thrust")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid.data.channel import AXES
+from rotorid.data.channel import AXES, LOWEST_RATE_HZ
 from rotorid.data.findings import Finding, Severity
 from rotorid.data.record import FlightRecord, Source, Topic
 from rotorid.errors import LogError
@@ -25,12 +25,9 @@ from rotorid.io.ardupilot_systemid import (
 from rotorid.io.dataflash import decode, sniff
 from rotorid.io.dataflash_formats import Table
 
-__all__ = ["FORMAT", "LOWEST_RATE_HZ", "read", "sniff"]
+__all__ = ["FORMAT", "read", "sniff"]
 
 FORMAT = "ArduPilot DataFlash"
-
-LOWEST_RATE_HZ = 50.0
-"""Below this, a log shows neither motor lag nor delay, and aliases the rates of a small multirotor."""
 
 FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
 """Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""

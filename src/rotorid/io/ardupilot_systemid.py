@@ -41,6 +41,9 @@ target, 10–13 the mixer.
 """
 
 
+_ENDED_EARLY = 0.9
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Run:
     """One stay in SYSTEMID mode.
@@ -53,14 +56,17 @@ class Run:
         Their first and last stamp.
     entry
         ``SID_AXIS`` of the run, zero when the log does not say.
+    planned_rad_s
+        Band that was set, when the log says.
     band_rad_s
-        First and last frequency of the chirp, when the log says.
+        Band that was flown: the run may have been left early.
     """
 
     messages: slice
     start_s: float
     stop_s: float
     entry: int
+    planned_rad_s: tuple[float, float] | None
     band_rad_s: tuple[float, float] | None
 
     @property
@@ -83,9 +89,30 @@ def system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float])
     runs = []
     for begin, end in pairwise(edges):
         start_s, stop_s = float(data.time_s[begin]), float(data.time_s[end - 1])
-        entry, band = _settings(tables.get("SIDS"), start_s) or (int(parameters.get("SID_AXIS", 0.0)), None)
-        runs.append(Run(messages=slice(begin, end), start_s=start_s, stop_s=stop_s, entry=entry, band_rad_s=band))
+        entry, planned = _settings(tables.get("SIDS"), start_s) or (int(parameters.get("SID_AXIS", 0.0)), None)
+        messages = slice(begin, end)
+        runs.append(
+            Run(
+                messages=messages,
+                start_s=start_s,
+                stop_s=stop_s,
+                entry=entry,
+                planned_rad_s=planned,
+                band_rad_s=_flown(data, messages, planned),
+            )
+        )
     return tuple(runs)
+
+
+def _flown(data: Table, messages: slice, planned: tuple[float, float] | None) -> tuple[float, float] | None:
+    """The band that was really flown: a pilot may leave the mode early, and a log may be cut."""
+    if not data.holds_numbers("F"):
+        return planned
+    frequency = 2.0 * math.pi * data.column("F")[messages].astype(np.float64)
+    frequency = frequency[np.isfinite(frequency) & (frequency > 0.0)]
+    if frequency.size == 0 or not frequency.min() < frequency.max():
+        return planned
+    return float(frequency.min()), float(frequency.max())
 
 
 def _settings(setup: Table | None, start_s: float) -> tuple[int, tuple[float, float] | None] | None:
@@ -133,6 +160,15 @@ def declared_maneuvers(runs: tuple[Run, ...]) -> tuple[Maneuver, ...]:
 def system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
     """Runs whose injected signal has no name here."""
     for number, run in enumerate(runs, start=1):
+        if run.planned_rad_s and run.band_rad_s and run.band_rad_s[1] < _ENDED_EARLY * run.planned_rad_s[1]:
+            yield Finding(
+                kind="sweep_ended_early",
+                severity="warning",
+                where=f"SIDD run {number}",
+                message=f"the sweep of {run.start_s:.2f} s to {run.stop_s:.2f} s reached {run.band_rad_s[1]:.3g} of "
+                f"the planned {run.planned_rad_s[1]:.3g} rad/s",
+                numbers={"reached_rad_s": run.band_rad_s[1], "planned_rad_s": run.planned_rad_s[1]},
+            )
         if run.axis is None:
             yield Finding(
                 kind="no_excitation",

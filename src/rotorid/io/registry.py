@@ -142,7 +142,7 @@ def _head(path: Path, name: str) -> bytes:
         raise LogError(
             f"{name or path} is a folder",
             needed=f"one flight log: {_READ}",
-            remedy="give a file in it, or use `rotorid batch` for many",
+            remedy="give a file in it; folders are not read yet",
         )
     try:
         with path.open("rb") as file:

@@ -29,7 +29,7 @@ from rotorid.pipeline.document import (
     ScoreDocument,
     VerificationDocument,
 )
-from rotorid.pipeline.selection import Flown
+from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.verification import Checked
 from rotorid.uncertainty.bounds import Bounds

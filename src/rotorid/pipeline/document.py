@@ -26,7 +26,7 @@ class FindingDocument(Document):
 
 
 class ParameterDocument(Document):
-    """One parameter with its uncertainty; percents are CIFER's, ``std`` is one honest standard deviation."""
+    """One parameter with its uncertainty; percents are CIFER's, ``std`` covers random errors, not a wrong structure."""
 
     value: float
     unit: str

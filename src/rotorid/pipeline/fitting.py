@@ -13,10 +13,12 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters, require_known_gain, require_usable
-from rotorid.pipeline.measure import Measured, correlated_inputs, feedback_bias
+from rotorid.pipeline.feedback import correlated_inputs, feedback_bias
+from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters
+from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.resolve import chosen_parameters
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.support import require_known_gain, require_support
 from rotorid.reduce.elimination import fit_and_drop
 from rotorid.uncertainty.bounds import Bounds, bounds
 
@@ -57,8 +59,13 @@ class Fitted:
     @property
     def band_rad_s(self) -> tuple[float, float]:
         """Lowest and highest fitted frequency."""
-        omega = self.problem.data.omega_rad_s[self.problem.used.any(axis=(0, 1))]
-        return float(omega[0]), float(omega[-1])
+        return fitted_band(self.problem)
+
+
+def fitted_band(problem: FrequencyProblem) -> tuple[float, float]:
+    """Lowest and highest fitted frequency of a problem that has points."""
+    omega = problem.data.omega_rad_s[problem.used.any(axis=(0, 1))]
+    return float(omega[0]), float(omega[-1])
 
 
 def pose(structure: LinearStructure, measured: Measured, settings: IdentifySettings) -> FrequencyProblem:
@@ -72,7 +79,7 @@ def pose(structure: LinearStructure, measured: Measured, settings: IdentifySetti
     data = measured.response
     limit = settings.least_coherence(joint=data.estimate == "joint")
     used = usable_points(data, coherence=limit, band_rad_s=measured.trusted_rad_s)
-    require_usable(measured, used, rate_model=structure.name in RATE_AXES)
+    require_support(measured, used, least_coherence=limit, rate_model=structure.name in RATE_AXES)
     return FrequencyProblem(
         structure=structure, parameters=chosen_parameters(structure, settings), data=data, used=used
     )

@@ -43,6 +43,8 @@ class Identification:
         The maneuvers that were used, with their data.
     verifications
         Unseen maneuvers, measured and predicted.
+    least_coherence
+        Coherence below which points were left out.
     """
 
     document: ResultDocument
@@ -53,3 +55,4 @@ class Identification:
     fitted: BoolArray
     segments: tuple[Segment, ...]
     verifications: tuple[Verification, ...]
+    least_coherence: float = 0.6

@@ -26,9 +26,10 @@ from rotorid.pipeline.assemble import (
 from rotorid.pipeline.document import ProvenanceDocument, ResultDocument
 from rotorid.pipeline.fitting import Fitted, fit_with_bounds, pose
 from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.instruments import axis_of
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.resolve import resolve_model
-from rotorid.pipeline.selection import axis_of, select_maneuvers
+from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.verification import Checked, check
 from rotorid.uncertainty.identifiability import unseen_combinations

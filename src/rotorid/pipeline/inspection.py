@@ -7,16 +7,17 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from rotorid.data.channel import AXES
+from rotorid.data.channel import AXES, LOWEST_RATE_HZ
 from rotorid.data.record import FlightRecord, Topic
 from rotorid.models.rate import RATE_AXES
 from rotorid.pipeline.assemble import finding_documents, maneuver_document
 from rotorid.pipeline.document import Document, FindingDocument, ManeuverDocument
-from rotorid.pipeline.selection import RICH_KINDS, axis_of, find_instrument
+from rotorid.pipeline.instruments import axis_of, find_instrument
+from rotorid.pipeline.selection import RICH_KINDS
+from rotorid.pipeline.support import LOWEST_TOP_RAD_S
 from rotorid.signal.segment import find_excitations
 
 _GAP_STEPS = 2.5
-_LOWEST_RATE_HZ = 40.0
 
 _LOGGING_ADVICE = {
     "ArduPilot DataFlash": "set LOG_BITMASK so that fast attitude (bit 0) and fast IMU (bit 18) are logged",
@@ -27,7 +28,7 @@ _FLYING_ADVICE = {
     "ArduPilot DataFlash": "fly SYSTEMID mode with SID_AXIS {sid_axis}",
     "PX4 ULog": "sweep the {axis} stick, slow to fast, for a minute or more",
 }
-_OTHER_FLYING = "fly a {axis} sweep, slow to fast, for a minute or more"
+_OTHER_FLYING = "fly a {axis} sweep, slow to fast, for a minute or more, or name one with --segment"
 _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 
 
@@ -140,20 +141,26 @@ def _support(record: FlightRecord, model: str) -> SupportDocument:
     if missing:
         return SupportDocument(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
     rates = {name: max(t.sample_rate_hz for t, _ in record.holding(name)) for name in (axis.input, axis.output)}
-    slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < _LOWEST_RATE_HZ]
+    slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]
     if slow:
-        because = f"{' and '.join(slow)} is too slow; {_LOWEST_RATE_HZ:.0f} Hz is the least"
+        because = f"{' and '.join(slow)} is too slow; {LOWEST_RATE_HZ:.0f} Hz is the least"
         return SupportDocument(possible=False, because=because, remedy=advice)
     found = find_excitations(record, axis_of(axis.input))
     rich = [maneuver for maneuver in found if maneuver.kind in RICH_KINDS]
     if not rich:
         kinds = ", ".join(dict.fromkeys(maneuver.kind for maneuver in found))
-        because = f"only short maneuvers ({kinds}) excite this axis" if kinds else "nothing excites this axis"
+        because = (
+            f"only short maneuvers ({kinds}) excite this axis" if kinds else "no excitation of this axis was found"
+        )
         flying = _FLYING_ADVICE.get(record.source.format, _OTHER_FLYING)
         name = axis_of(axis.input)
         return SupportDocument(
             possible=False, because=because, remedy=flying.format(axis=name, sid_axis=_SID_AXIS[name])
         )
+    tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s and maneuver.kind == "sweep"]
+    if len(tops) == len(rich) and max(tops) < LOWEST_TOP_RAD_S:
+        because = f"the sweeps end at {max(tops):.2g} rad/s; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more"
+        return SupportDocument(possible=False, because=because, remedy="fly a sweep that goes faster")
     instrument = find_instrument([(record, maneuver) for maneuver in rich], axis_of(axis.input))
     estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
     return SupportDocument(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from rotorid.data.findings import Finding
-from rotorid.errors import InsufficientDataError
 from rotorid.fit.frequency_cost import ACCEPTABLE_COST, EXCELLENT_COST
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Outcome, Solution
@@ -14,9 +13,6 @@ from rotorid.models.rate import MOTOR_LAG
 from rotorid.pipeline.measure import Measured
 from rotorid.typing import BoolArray
 from rotorid.uncertainty.bounds import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, Bounds
-
-LOWEST_TOP_RAD_S = 8.0
-"""A rate model is not identified from data that end below: there the speed modes of the airframe rule."""
 
 _EXCITED_SHARE = 0.7
 
@@ -80,36 +76,6 @@ def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, .
     )
 
 
-def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bounds) -> None:
-    """Refuse a model whose gain could as well have the other sign.
-
-    Raises
-    ------
-    InsufficientDataError
-        The gain lies within two standard deviations of zero.
-    """
-    if gain not in bounds.names:
-        return
-    value, std = parameters[gain].value, float(bounds.std[bounds.names.index(gain)])
-    if abs(value) >= 2.0 * std:
-        return
-    found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"
-    raise InsufficientDataError(
-        f"the data do not show {gain}: {found}",
-        needed="a gain that differs from zero by two standard deviations",
-        remedy="give longer segments or a wider band, or excite the axis harder",
-        findings=[
-            Finding(
-                kind="not_identifiable",
-                severity="error",
-                where=gain,
-                message=f"Not even the sign of {gain} is certain: the fit gives {found}.",
-                numbers={"value": value, "std": std},
-            )
-        ],
-    )
-
-
 def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -> tuple[Finding, ...]:
     """How well the structure follows the data, and how the solver ended."""
     findings = []
@@ -132,6 +98,16 @@ def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -
                 numbers={"average_cost": mean_cost},
             )
         )
+    for name, at_bound in zip(problem.parameters.free, solution.at_bound, strict=True):
+        if at_bound:
+            findings.append(
+                Finding(
+                    kind="parameter_at_bound",
+                    severity="warning",
+                    where=name,
+                    message=f"{name} ended on a bound of the search; its value says no more than that.",
+                )
+            )
     if solution.outcome is not Outcome.CONVERGED:
         findings.append(
             Finding(
@@ -139,6 +115,13 @@ def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -
             )
         )
     return tuple(findings)
+
+
+def _what_ends(measured: Measured, top: float) -> str:
+    """Why the fitted band ends where it does."""
+    if measured.excited_to_rad_s < measured.asked_rad_s[1] and top > 0.9 * measured.trusted_rad_s[1]:
+        return f"the sweeps end at {measured.excited_to_rad_s:.3g} rad/s"
+    return "the rest is not coherent enough, or its error is above 30 %"
 
 
 def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
@@ -156,60 +139,10 @@ def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
                     severity="warning",
                     where=f"{data.outputs[y]}/{data.inputs[u]}",
                     message=(
-                        f"Of the band {low:.2g} to {high:.3g} rad/s only {omega[0]:.2g} to {omega[-1]:.3g} rad/s is "
-                        "coherent enough to be fitted."
+                        f"Of the band {low:.2g} to {high:.3g} rad/s only {omega[0]:.2g} to {omega[-1]:.3g} rad/s could "
+                        f"be fitted; {_what_ends(measured, float(omega[-1]))}."
                     ),
                     numbers={"low_rad_s": float(omega[0]), "high_rad_s": float(omega[-1])},
                 )
             )
     return tuple(findings)
-
-
-def require_usable(measured: Measured, used: BoolArray, *, rate_model: bool) -> None:
-    """Refuse a fit where the data end below what the model needs.
-
-    Raises
-    ------
-    InsufficientDataError
-        No point is usable, or a rate model would be fitted to speed modes alone.
-    """
-    data = measured.response
-    name = f"{data.outputs[0]}/{data.inputs[0]}"
-    top = min(measured.excited_to_rad_s, float(data.omega_rad_s[-1]))
-    usable_top = float(data.omega_rad_s[used.any(axis=(0, 1))][-1]) if used.any() else 0.0
-    if used.any() and not (rate_model and usable_top < LOWEST_TOP_RAD_S):
-        return
-    low, high = measured.asked_rad_s
-    if top < max(low, LOWEST_TOP_RAD_S):
-        message = (
-            f"There is no excitation above {top:.2g} rad/s in {name}; what is coherent above is feedback and noise."
-        )
-        raise InsufficientDataError(
-            f"no excitation above {top:.2g} rad/s came for {name}",
-            needed=f"excitation that goes on to {max(low, LOWEST_TOP_RAD_S if rate_model else 0.0):.3g} rad/s and more",
-            remedy="fly a sweep that goes faster",
-            findings=[
-                Finding(
-                    kind="no_excitation",
-                    severity="error",
-                    where=name,
-                    message=message,
-                    numbers={"highest_rad_s": top, "low_rad_s": low, "high_rad_s": high},
-                )
-            ],
-        )
-    best = float(data.coherence.max())
-    raise InsufficientDataError(
-        f"the coherence of {name} reaches {best:.4g} at most inside {low:.3g} to {high:.3g} rad/s",
-        needed="points above the limit of coherence with an error below 30 %",
-        remedy="excite the axis harder or longer, or fly in calmer air",
-        findings=[
-            Finding(
-                kind="low_coherence",
-                severity="error",
-                where=name,
-                message=f"No usable stretch of {name}: the coherence reaches {best:.4g} at most.",
-                numbers={"best_coherence": best},
-            )
-        ],
-    )

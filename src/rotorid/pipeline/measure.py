@@ -1,10 +1,9 @@
-"""From selected maneuvers to frequency responses: instruments, windows, grid, joint and direct estimates."""
+"""From selected maneuvers to frequency responses: windows, grid, joint and direct estimates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,18 +11,16 @@ from rotorid.data.channel import AXES
 from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.errors import UsageError
+from rotorid.pipeline.cutting import cut, histories
 from rotorid.pipeline.identification import Segment
-from rotorid.pipeline.selection import Flown, axis_of, cut, find_instrument, histories
+from rotorid.pipeline.instruments import Flown, choose_instruments, no_instrument
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.signal.clock import missing_channel
 from rotorid.spectral.estimate import frequency_response
-from rotorid.spectral.windows import PERIODS_IN_WINDOW, given_windows, plan_windows
-from rotorid.typing import BoolArray, FloatArray
+from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, given_windows, plan_windows
+from rotorid.typing import FloatArray
 
 POINTS = 100
 HIGHEST_DEFAULT_RAD_S = 100.0
-_BIAS_LIMIT_DB = 1.0
 _HALF_LINE = 1.5
 """Half the width of the main lobe of a half-sine taper, in units of one over its length."""
 
@@ -97,85 +94,58 @@ def measure(
     segments, findings = cut(flown, channels=(*inputs, *outputs), followers=followers, progress=progress)
     records = histories(segments)
     band = settings.band_rad_s or default_band(flown, records[0].sample_rate_hz)
-    lengths = [record.duration_s for record in records]
-    if settings.windows_s:
-        plan = given_windows(settings.windows_s, min(lengths))
-    else:
-        plan = plan_windows(min(lengths), sum(lengths), band)
-    low = max(band[0], PERIODS_IN_WINDOW * 2.0 * np.pi / max(plan.lengths_s))
-    omega: FloatArray = np.geomspace(min(low, 0.9 * band[1]), band[1], POINTS)
+    plan = _windows(records, band, settings)
+    omega = _grid(band, plan)
     progress("frequency responses")
-    common: dict[str, Any] = {"inputs": inputs, "outputs": outputs, "omega_rad_s": omega, "windows_s": plan.lengths_s}
-    direct = frequency_response(records, **common)
-    cross = _cross_coherence(records, instruments or inputs, others, common)
-    if not instruments:
-        remark = (_no_instrument(inputs),) if settings.estimate == "auto" else ()
-        return Measured(
-            response=direct,
-            beside=None,
-            segments=segments,
-            cross_coherence=cross,
-            asked_rad_s=band,
-            excited_to_rad_s=_excited_to(flown),
-            findings=(*findings, *plan.findings, *remark),
-        )
-    joint = frequency_response(records, **common, instruments=instruments)
+    direct = _respond(records, inputs, outputs, omega, plan)
+    joint = _respond(records, inputs, outputs, omega, plan, instruments) if instruments else None
+    unknown = settings.estimate == "auto" and not instruments
     return Measured(
-        response=joint,
-        beside=direct,
+        response=joint or direct,
+        beside=direct if joint else None,
         segments=segments,
-        cross_coherence=cross,
+        cross_coherence=_cross_coherence(records, instruments or inputs, others, omega, plan),
         asked_rad_s=band,
         excited_to_rad_s=_excited_to(flown),
-        findings=(*findings, *plan.findings),
+        findings=(*findings, *plan.findings, *((no_instrument(inputs),) if unknown else ())),
     )
 
 
-def choose_instruments(
-    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: IdentifySettings
-) -> tuple[str, ...]:
-    """Instruments for all inputs, or none.
+def _respond(
+    records: Sequence[TimeHistory],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    omega_rad_s: FloatArray,
+    plan: WindowPlan,
+    instruments: Sequence[str] = (),
+) -> FrequencyResponse:
+    return frequency_response(
+        records,
+        inputs=inputs,
+        outputs=outputs,
+        instruments=instruments,
+        omega_rad_s=omega_rad_s,
+        windows_s=plan.lengths_s,
+    )
 
-    Raises
-    ------
-    UsageError
-        The joint estimate was asked for and an instrument is missing, or the number does not match.
+
+def _windows(records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: IdentifySettings) -> WindowPlan:
+    """Windows for the records: half of the time flown lies in records of at least the planned length.
+
+    A gap may leave a stub of a second beside records of a minute. Windows that do not fit into it pass it over.
     """
-    if settings.estimate == "direct":
-        return ()
-    if settings.instruments:
-        _require_instruments(flown, inputs, outputs, settings.instruments)
-        if len(settings.instruments) != len(inputs):
-            raise UsageError(
-                f"{len(settings.instruments)} instruments for {len(inputs)} inputs came", needed="one for each input"
-            )
-        return settings.instruments
-    found = [find_instrument(flown, axis_of(name)) for name in inputs]
-    if all(found):
-        return tuple(name for name in found if name)
-    if settings.estimate == "joint":
-        missing = ", ".join(name for name, instrument in zip(inputs, found, strict=True) if not instrument)
-        raise UsageError(
-            f"no instrument for {missing} was found in the log",
-            needed="a channel that excites it and contains no feedback",
-            remedy="name one with --instrument, or use --estimate direct",
-        )
-    return ()
+    lengths = np.sort([record.duration_s for record in records])[::-1]
+    typical = float(lengths[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])
+    if settings.windows_s:
+        return given_windows(settings.windows_s, typical)
+    return plan_windows(typical, float(lengths.sum()), band_rad_s)
 
 
-def _require_instruments(
-    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str]
-) -> None:
-    for name in instruments:
-        if name in (*inputs, *outputs):
-            raise UsageError(
-                f"{name} is part of the response itself",
-                needed="an instrument: a channel that excites the input and contains no feedback",
-                remedy="name another one, or use --estimate direct",
-            )
-        for record, _ in flown:
-            if name not in record.channel_names:
-                raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
+def _grid(band_rad_s: tuple[float, float], plan: WindowPlan) -> FloatArray:
+    """Logarithmic grid over what the windows support of the band."""
+    lowest = PERIODS_IN_WINDOW * 2.0 * np.pi / max(plan.lengths_s)
+    low, high = max(band_rad_s[0], lowest), band_rad_s[1]
+    return np.geomspace(min(low, 0.9 * high), high, POINTS)
 
 
 def default_band(flown: Sequence[Flown], sample_rate_hz: float) -> tuple[float, float]:
@@ -193,54 +163,6 @@ def _excited_to(flown: Sequence[Flown]) -> float:
     return max(tops) if len(tops) == len(flown) else np.inf
 
 
-def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
-    """How far the direct estimate lies from the joint one where the joint one was used."""
-    if measured.beside is None or not used.any():
-        return ()
-    ratio = np.abs(measured.beside.values[used] / measured.response.values[used])
-    decibel = 20.0 * np.log10(ratio)
-    worst = float(decibel[np.argmax(np.abs(decibel))])
-    instruments = ", ".join(measured.response.instruments)
-    typical = float(np.sqrt(np.mean(decibel**2)))
-    serious = typical > _BIAS_LIMIT_DB
-    return (
-        Finding(
-            kind="closed_loop_bias",
-            severity="warning" if serious else "info",
-            where=f"{measured.response.outputs[0]}/{measured.response.inputs[0]}",
-            message=(
-                f"The joint estimate with {instruments} was used. A direct estimate would differ by {typical:.1f} dB "
-                f"rms and {worst:+.1f} dB at most in the fitted band"
-                + (": feedback biases it." if serious else ", so feedback hardly biases this flight.")
-            ),
-            numbers={"largest_db": worst, "rms_db": typical},
-        ),
-    )
-
-
-def correlated_inputs(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
-    """Commands of other axes that moved along: a model of one input takes their effect for its own."""
-    points = used.any(axis=(0, 1))
-    findings = []
-    for name, coherence in measured.cross_coherence.items():
-        mean = float(np.mean(coherence[points])) if points.any() else 0.0
-        if mean > _CORRELATION_LIMIT:
-            findings.append(
-                Finding(
-                    kind="correlated_inputs",
-                    severity="warning",
-                    where=f"{name}, {measured.response.inputs[0]}",
-                    message=(
-                        f"{name} moved along with the excitation (mean coherence {mean:.2f} in the fitted band). What "
-                        f"it does to {', '.join(measured.response.outputs)} is taken for an effect of "
-                        f"{', '.join(measured.response.inputs)}."
-                    ),
-                    numbers={"mean_coherence": mean, "limit": _CORRELATION_LIMIT},
-                )
-            )
-    return tuple(findings)
-
-
 def _other_commands(flown: Sequence[Flown], inputs: Sequence[str]) -> tuple[str, ...]:
     """Commands of the other axes that every record holds."""
     names = [f"{axis}_command" for axis in AXES]
@@ -248,24 +170,16 @@ def _other_commands(flown: Sequence[Flown], inputs: Sequence[str]) -> tuple[str,
 
 
 def _cross_coherence(
-    records: Sequence[TimeHistory], drivers: Sequence[str], others: Sequence[str], common: Mapping[str, Any]
+    records: Sequence[TimeHistory],
+    drivers: Sequence[str],
+    others: Sequence[str],
+    omega_rad_s: FloatArray,
+    plan: WindowPlan,
 ) -> dict[str, FloatArray]:
-    size = {name: sum(float(np.std(record[name])) for record in records) for name in (*others, *common["inputs"])}
-    moving = [name for name in others if size[name] > _LEAST_SHARE * max(size[own] for own in common["inputs"])]
+    """Coherence of the other commands with the excitation, of those that move enough to matter."""
+    size = {name: sum(float(np.std(record[name])) for record in records) for name in (*others, *drivers)}
+    moving = tuple(name for name in others if size[name] > _LEAST_SHARE * max(size[own] for own in drivers))
     if len(drivers) != 1 or not moving:
         return {}
-    response = frequency_response(records, **{**common, "inputs": tuple(drivers), "outputs": tuple(moving)})
+    response = _respond(records, drivers, moving, omega_rad_s, plan)
     return {name: response.coherence[row, 0] for row, name in enumerate(moving)}
-
-
-def _no_instrument(inputs: Sequence[str]) -> Finding:
-    names = ", ".join(inputs)
-    return Finding(
-        kind="closed_loop_bias",
-        severity="warning",
-        where=names,
-        message=(
-            f"No excitation free of feedback is logged for {names}, so the direct estimate was used. In closed loop "
-            "it leans toward the inverse of the controller wherever gusts and noise rule."
-        ),
-    )

@@ -1,25 +1,21 @@
-"""Which stretches of which logs are fitted, which are kept unseen, and which channel is the instrument."""
+"""Which stretches of which logs are fitted, and which are kept unseen."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rotorid.data.channel import STANDARD_UNITS
 from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.identification import Segment
+from rotorid.pipeline.instruments import Flown, find_instrument
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.signal.clock import missing_channel, one_clock
-from rotorid.signal.segment import LEAST_MOTION, classify, excitation_signals, find_excitations
+from rotorid.signal.clock import missing_channel
+from rotorid.signal.segment import classify, find_excitations
 from rotorid.typing import Axis
-
-Flown = tuple[FlightRecord, Maneuver]
 
 RICH_KINDS = ("sweep", "random_binary")
 
@@ -45,11 +41,6 @@ class Selection:
         return any(_overlap(maneuver, m) for r, m in self.fitted if r is record or r.source.sha256 == sha256)
 
 
-def axis_of(input: str) -> Axis:
-    """Axis of a command channel."""
-    return input.removesuffix("_command")  # type: ignore[return-value]
-
-
 def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: IdentifySettings) -> Selection:
     """Split the excitations of the axes into those to fit and those to keep unseen.
 
@@ -63,7 +54,7 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
     _each_once(records)
     found = [(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
     if settings.segments:
-        given = [m for m in settings.segments if m.axis in axes]
+        given = _of_axes(settings.segments, axes)
         fitted = [(record, _described(record, m)) for record in records for m in given if _inside(record, m)]
     else:
         fitted = [(record, m) for record, m in found if m.kind in RICH_KINDS]
@@ -76,6 +67,18 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
         if m.kind in ("doublet", "multistep") and not any(_overlap(m, f) for r, f in fitted if r is record)
     ]
     return Selection(fitted=tuple(fitted), unseen=tuple(unseen))
+
+
+def _of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:
+    """The given segments, of which every one must be of an axis of the model."""
+    for segment in segments:
+        if segment.axis not in axes:
+            raise UsageError(
+                f"the segment {segment.axis}:{segment.start_s:g}:{segment.stop_s:g} is of another axis",
+                needed=f"segments of {' or '.join(axes)}",
+                remedy="leave it out, or choose the model of that axis",
+            )
+    return list(segments)
 
 
 def _each_once(records: Sequence[FlightRecord]) -> None:
@@ -109,114 +112,6 @@ def _described(record: FlightRecord, given: Maneuver) -> Maneuver:
             kind, band = classify(topic.time_s[inside], motion - np.median(motion))
             return replace(given, kind=kind, band_rad_s=band, signal=name)
     return given
-
-
-def find_instrument(flown: Sequence[Flown], axis: Axis) -> str | None:
-    """The channel that excites ``axis`` in every maneuver and contains no feedback, or ``None``.
-
-    The best candidate that moves. Candidates are what the reader knows to be free of feedback, then set-points from
-    the outermost loop inward: as soon as an outer loop is excited, the set-points inside it contain its feedback.
-    """
-    candidates = [set(excitation_signals(record, axis)) for record, _ in flown]
-    shared = set.intersection(*candidates) if candidates else set()
-    for name in excitation_signals(flown[0][0], axis):
-        if name in shared and not name.endswith("_command") and all(_moves(r, m, name) for r, m in flown):
-            return name
-    return None
-
-
-def _moves(record: FlightRecord, maneuver: Maneuver, name: str) -> bool:
-    for topic, row in record.holding(name):
-        inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
-        values = topic.values[row, inside]
-        values = values[np.isfinite(values)]
-        if values.size > 10:
-            return float(np.ptp(values)) > LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02)
-    return False
-
-
-def cut(
-    flown: Sequence[Flown],
-    *,
-    channels: Sequence[str],
-    followers: Sequence[str] = (),
-    rest_s: float = 0.0,
-    progress: Callable[[str], None] = lambda _: None,
-) -> tuple[tuple[Segment, ...], tuple[Finding, ...]]:
-    """Maneuvers as time histories on one clock, all at the rate of the first.
-
-    Parameters
-    ----------
-    flown
-        Records and maneuvers.
-    channels, followers
-        See :func:`rotorid.signal.clock.one_clock`.
-    rest_s
-        Seconds of rest to take along on either side.
-    progress
-        Told what is done, sentence by sentence.
-
-    Raises
-    ------
-    InsufficientDataError
-        A channel is missing.
-    """
-    for record, _ in flown:
-        for name in channels:
-            if name not in record.channel_names:
-                raise missing_channel(record, name)
-    rate: float | None = None
-    segments: list[Segment] = []
-    findings: list[Finding] = []
-    for record, maneuver in flown:
-        progress(f"{record.source.name}: {maneuver.axis} {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s")
-        conditioned = one_clock(
-            record,
-            channels=channels,
-            followers=followers,
-            start_s=maneuver.start_s - rest_s,
-            stop_s=maneuver.stop_s + rest_s,
-            sample_rate_hz=rate,
-        )
-        findings += conditioned.findings
-        for history in conditioned.histories:
-            rate = history.sample_rate_hz
-            segments.append(Segment(record=record.source.name, maneuver=maneuver, history=history))
-    return tuple(segments), (*findings, *other_sources(segments, segments, channels))
-
-
-def other_sources(
-    reference: Sequence[Segment], segments: Sequence[Segment], channels: Sequence[str]
-) -> tuple[Finding, ...]:
-    """Channels that come from another place in the log than in the first segment of ``reference``.
-
-    Autopilots log one quantity in several places, filtered and not; a filter shifts a model by its delay.
-    """
-    findings = {}
-    for segment in segments:
-        for name in channels:
-            here, there = source_of(segment, name), source_of(reference[0], name)
-            if here != there:
-                findings[segment.record, name] = Finding(
-                    kind="other_source",
-                    severity="warning",
-                    where=f"{segment.record}: {name}",
-                    message=(
-                        f"{name} comes from {there} in one place and from {here} in another. Where the autopilot "
-                        "filters one and not the other, they differ by the delay of that filter."
-                    ),
-                )
-    return tuple(findings.values())
-
-
-def source_of(segment: Segment, name: str) -> str:
-    """Where a channel of a segment stands in its log."""
-    return segment.history.channels[segment.history.names.index(name)].source
-
-
-def histories(segments: Sequence[Segment]) -> tuple[TimeHistory, ...]:
-    """The data of several segments."""
-    return tuple(segment.history for segment in segments)
 
 
 def _nothing_flown(

@@ -44,6 +44,7 @@ def bode(
     model: ComplexArray | None = None,
     beside: FrequencyResponse | None = None,
     fitted: BoolArray | None = None,
+    least_coherence: float = COHERENCE_GUIDELINE,
 ) -> Figure:
     r"""Magnitude, phase and coherence of one response ``output/input``, with the model over it.
 
@@ -63,6 +64,8 @@ def bode(
         Another estimate of the same pair, drawn thin.
     fitted
         Points that entered the fit, shape ``(y, u, f)``; the others are faded. ``None`` emphasizes all.
+    least_coherence
+        Coherence below which points were left out, drawn as a line.
 
     Raises
     ------
@@ -72,44 +75,66 @@ def bode(
     row = response.pair(output, input)
     values, coherence = response.values[row], response.coherence[row]
     used = np.isfinite(values) if fitted is None else fitted[row] & np.isfinite(values)
+    exact = None if model is None else model[row]
     lean_deg = (
-        reference_deg(response.omega_rad_s, values, used & (coherence >= COHERENCE_GUIDELINE))
-        if model is None
-        else unwrapped_deg(model[row])
+        reference_deg(response.omega_rad_s, values, used & (coherence >= least_coherence))
+        if exact is None
+        else unwrapped_deg(exact)
     )
     measured = measured_curve(response, output=output, input=input, lean_deg=lean_deg)
-    magnitude = _band(measured.omega_rad_s, measured.magnitude_db, measured.magnitude_error_db, used, legend=True)
-    phase = _band(measured.omega_rad_s, measured.phase_deg, measured.phase_error_deg, used, legend=False)
-    if beside is not None and beside.omega_rad_s.size:
-        lean_beside_deg = np.interp(beside.omega_rad_s, response.omega_rad_s, lean_deg)
-        other = measured_curve(beside, output=output, input=input, lean_deg=lean_beside_deg)
-        magnitude.append(_thin(other.omega_rad_s, other.magnitude_db, f"{beside.estimate} estimate", legend=True))
-        phase.append(_thin(other.omega_rad_s, other.phase_deg, f"{beside.estimate} estimate", legend=False))
-    magnitude += _points(measured.omega_rad_s, measured.magnitude_db, used, "dB", legend=True)
-    phase += _points(measured.omega_rad_s, measured.phase_deg, used, "°", legend=False)
-    if model is not None:
-        magnitude += _model(measured.omega_rad_s, _db(model[row]), used, "dB", legend=True)
-        phase += _model(measured.omega_rad_s, lean_deg, used, "°", legend=False)
-    shown_coherence = _points(measured.omega_rad_s, coherence, used, "", legend=False)
-    label = f"Magnitude of {quantity(output).words} over {quantity(input).words} [dB]"
-    return stacked(
-        (
-            Panel(label=label, traces=magnitude, height_px=230, axis=_magnitude_axis(magnitude)),
-            Panel(label="Phase [°]", traces=phase, height_px=160, axis=_phase_axis(phase)),
-            Panel(
-                label="Coherence",
-                traces=shown_coherence,
-                height_px=95,
-                axis={"range": [0, 1.05], "dtick": 0.5},
-                level=COHERENCE_GUIDELINE,
-            ),
+    other = _beside(beside, measured, output=output, input=input, lean_deg=lean_deg)
+    name = f"{beside.estimate} estimate" if beside else ""
+    panels = (
+        _magnitude_panel(
+            measured, used, exact, other, name, label=f"{quantity(output).words} over {quantity(input).words}"
         ),
-        x_axis={
-            "type": "log",
-            "title": {"text": "Frequency [rad/s]"},
-            "tickvals": frequency_ticks(response.omega_rad_s),
-        },
+        _phase_panel(measured, used, None if exact is None else lean_deg, other, name),
+        Panel(
+            label="Coherence",
+            traces=_points(measured.omega_rad_s, coherence, used, "", legend=False),
+            height_px=95,
+            axis={"range": [0, 1.05], "dtick": 0.5},
+            level=least_coherence,
+        ),
     )
+    ticks = frequency_ticks(response.omega_rad_s)
+    return stacked(panels, x_axis={"type": "log", "title": {"text": "Frequency [rad/s]"}, "tickvals": ticks})
+
+
+def _beside(
+    beside: FrequencyResponse | None, measured: Curve, *, output: str, input: str, lean_deg: FloatArray
+) -> Curve | None:
+    """The other estimate on the phase branch of the measured one."""
+    if beside is None or not beside.omega_rad_s.size:
+        return None
+    near = np.interp(beside.omega_rad_s, measured.omega_rad_s, lean_deg)
+    return measured_curve(beside, output=output, input=input, lean_deg=near)
+
+
+def _magnitude_panel(
+    measured: Curve, used: BoolArray, model: ComplexArray | None, other: Curve | None, name: str, *, label: str
+) -> Panel:
+    omega = measured.omega_rad_s
+    traces = _band(omega, measured.magnitude_db, measured.magnitude_error_db, used, legend=True)
+    if other is not None:
+        traces.append(_thin(other.omega_rad_s, other.magnitude_db, name, legend=True))
+    traces += _points(omega, measured.magnitude_db, used, "dB", legend=True)
+    if model is not None:
+        traces += _model(omega, _db(model), used, "dB", legend=True)
+    return Panel(label=f"Magnitude of {label} [dB]", traces=traces, height_px=230, axis=_magnitude_axis(traces))
+
+
+def _phase_panel(
+    measured: Curve, used: BoolArray, model_deg: FloatArray | None, other: Curve | None, name: str
+) -> Panel:
+    omega = measured.omega_rad_s
+    traces = _band(omega, measured.phase_deg, measured.phase_error_deg, used, legend=False)
+    if other is not None:
+        traces.append(_thin(other.omega_rad_s, other.phase_deg, name, legend=False))
+    traces += _points(omega, measured.phase_deg, used, "°", legend=False)
+    if model_deg is not None:
+        traces += _model(omega, model_deg, used, "°", legend=False)
+    return Panel(label="Phase [°]", traces=traces, height_px=160, axis=_phase_axis(traces))
 
 
 def measured_curve(response: FrequencyResponse, *, output: str, input: str, lean_deg: FloatArray) -> Curve:

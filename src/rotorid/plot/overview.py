@@ -10,7 +10,7 @@ import numpy as np
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.plot.bode import COHERENCE_GUIDELINE, SIGMAS, measured_curve, runs
+from rotorid.plot.bode import SIGMAS, measured_curve, runs
 from rotorid.plot.phase import unwrapped_deg
 from rotorid.plot.quantity import quantity
 from rotorid.plot.theme import BESIDE, MEASURED, MODEL
@@ -61,6 +61,9 @@ class Identified(Protocol):
 
     @property
     def verifications(self) -> Sequence[Verification]: ...
+
+    @property
+    def least_coherence(self) -> float: ...
 
 
 def overview_png(identifications: Sequence[Identified], *, dots_per_inch: int = 130) -> bytes:
@@ -151,7 +154,7 @@ def _bode(cells: Sequence[Axes], identified: Identified, y: int, u: int) -> None
         cell.semilogx(omega, exact, color=MODEL, linewidth=1.6, label="model")
     cells[2].semilogx(omega[used], coherence[used], ".", color=MEASURED, markersize=4.5)
     cells[2].semilogx(omega[~used], coherence[~used], ".", color=MEASURED, markersize=3.0, alpha=0.3)
-    cells[2].axhline(COHERENCE_GUIDELINE, color=BESIDE, linewidth=0.9, linestyle=":")
+    cells[2].axhline(identified.least_coherence, color=BESIDE, linewidth=0.9, linestyle=":")
     cells[2].set_ylim(0.0, 1.05)
     cells[2].set_xlabel("frequency [rad/s]")
     _ticks(cells, omega)

@@ -85,8 +85,11 @@ def _at_zero(name: str) -> Finding:
         severity="warning",
         where=name,
         message=(
-            f"{name} was driven to its bound of zero and left out: in this band the data would have it cross into "
-            "values that a hovering vehicle does not have. The band reaches into speed modes, or is too narrow to "
-            "show it."
+            f"{name} was driven to its bound of zero and left out: the data would have it on the other side. "
+            + (
+                "A delay below zero means clocks that disagree, a filtered input, or a wrong channel."
+                if name.startswith("tau_")
+                else "The band reaches into speed modes or coupling that this structure leaves out, or is too narrow."
+            )
         ),
     )

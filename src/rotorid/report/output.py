@@ -26,8 +26,8 @@ def write_results(
 ) -> None:
     """Write ``result.json``, ``responses.npz``, ``model.toml`` and ``report.html``.
 
-    The files are made in a temporary folder beside the target and moved there when all of them are complete, so that
-    no reader ever sees a part of a result.
+    The files are made in a temporary folder inside the target and moved there one by one when all of them are complete:
+    no file is ever partial, and a run that fails leaves the files of the run before.
 
     Parameters
     ----------

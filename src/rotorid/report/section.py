@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.identification import Identification, Segment
@@ -28,7 +28,8 @@ from rotorid.report.tables import (
     pole_rows,
     score_rows,
 )
-from rotorid.report.wording import Verdict, cost_verdict, summary, tic_verdict
+from rotorid.report.wording import LEVELS, Verdict, cost_verdict, summary, worst_prediction
+from rotorid.verify.verification import Scores
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,17 +60,23 @@ class Section:
     records: tuple[str, ...]
     sentences: tuple[str, ...]
     cost: Verdict | None
-    worst_tic: Verdict | None
+    unseen: Verdict | None
     parameters: tuple[ParameterRow, ...]
     costs: tuple[CostRow, ...]
     responses: tuple[Picture, ...]
     joint: bool
+    least_coherence: float
     maneuvers: tuple[ManeuverRow, ...]
     timelines: tuple[Picture, ...]
     poles: tuple[PoleRow, ...]
     checks: tuple[Check, ...]
     findings: tuple[FindingRow, ...]
     command: str
+
+    @property
+    def far_from_truth(self) -> bool:
+        """Whether a known truth lies beyond what random errors explain."""
+        return any(row.off.marked for row in self.parameters)
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
@@ -90,19 +97,20 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         True parameter values where they are known, as ``model.name`` or ``name``.
     """
     document = identified.document
-    tics = [scores.tic for check in identified.verifications for scores in check.scores.values()]
+    scores = [one for check in identified.verifications for one in check.scores.values()]
     return Section(
         anchor=anchor,
         title=_title(document),
         document=document,
         records=tuple(dict.fromkeys(segment.record for segment in identified.segments)),
-        sentences=summary(document, tics=tics),
-        cost=_cost(document),
-        worst_tic=_worst(tics),
+        sentences=summary(document, scores=scores),
+        cost=_cost(document.cost.average) if document.cost else None,
+        unseen=_unseen(document, scores),
         parameters=parameter_rows(document, truth),
         costs=cost_rows(document),
         responses=_responses(identified, anchor),
         joint=identified.response.estimate == "joint",
+        least_coherence=identified.least_coherence,
         maneuvers=tuple(maneuver_row(segment.record, segment.maneuver) for segment in identified.segments),
         timelines=_timelines(identified, anchor),
         poles=pole_rows(document.poles),
@@ -119,14 +127,15 @@ def _title(document: ResultDocument) -> str:
     return document.model
 
 
-def _cost(document: ResultDocument) -> Verdict | None:
-    if document.cost is None:
-        return None
-    return replace(cost_verdict(document.cost.average), words=f"cost {significant(document.cost.average)}")
+def _cost(cost: float) -> Verdict:
+    return Verdict(cost_verdict(cost).level, f"cost {significant(cost)}")
 
 
-def _worst(tics: Sequence[float]) -> Verdict | None:
-    return replace(tic_verdict(max(tics)), words=f"TIC {significant(max(tics), digits=2)}") if tics else None
+def _unseen(document: ResultDocument, scores: Sequence[Scores]) -> Verdict | None:
+    """The worse of what predictions and unseen sweeps say."""
+    costs = document.verification.frequency.values()
+    verdicts = [*([worst_prediction(scores)] if scores else []), *([_cost(max(costs))] if costs else [])]
+    return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level), default=None)
 
 
 def _responses(identified: Identification, anchor: str) -> tuple[Picture, ...]:
@@ -148,6 +157,7 @@ def _responses(identified: Identification, anchor: str) -> tuple[Picture, ...]:
                 model=identified.model_response,
                 beside=identified.beside,
                 fitted=identified.fitted,
+                least_coherence=identified.least_coherence,
             ),
         )
         for number, (output, input) in enumerate(pairs)

@@ -13,13 +13,16 @@ from rotorid.report.wording import (
     Verdict,
     cost_verdict,
     finding_heading,
+    held_out,
     parameter_words,
     pole_words,
-    tic_verdict,
+    prediction_verdict,
 )
 from rotorid.verify.verification import Verification
 
 CRAMER_RAO_GUIDELINE, INSENSITIVITY_GUIDELINE = 20.0, 10.0
+FAR_SIGMAS = 3.0
+"""A distance from the truth that random errors alone hardly explain."""
 
 _SEVERITIES = ("error", "warning", "info")
 
@@ -44,7 +47,7 @@ class ParameterRow:
     insensitivity: Cell
     status: str
     truth: str
-    off: str
+    off: Cell
 
 
 def parameter_rows(document: ResultDocument, truth: Mapping[str, float]) -> tuple[ParameterRow, ...]:
@@ -69,10 +72,11 @@ def _percent(value: float | None, guideline: float) -> Cell:
     return Cell(significant(value, digits=2), value is not None and value > guideline)
 
 
-def _off(parameter: ParameterDocument, truth: float | None) -> str:
+def _off(parameter: ParameterDocument, truth: float | None) -> Cell:
     if truth is None or not parameter.std:
-        return ""
-    return f"{abs(parameter.value - truth) / parameter.std:.1f} σ"
+        return Cell("")
+    sigmas = abs(parameter.value - truth) / parameter.std
+    return Cell(f"{sigmas:.1f} σ", sigmas > FAR_SIGMAS)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,7 +91,7 @@ class CostRow:
 
 
 def cost_rows(document: ResultDocument) -> tuple[CostRow, ...]:
-    """Cost of each fitted response, then of each response on unseen sweeps."""
+    """Cost of each fitted response, then of each response on unseen sweeps or on the maneuver that was held out."""
     fitted = document.cost.pairs if document.cost else {}
     rows = [
         CostRow(
@@ -100,9 +104,10 @@ def cost_rows(document: ResultDocument) -> tuple[CostRow, ...]:
         for pair, cost in fitted.items()
     ]
     unseen = document.verification.frequency.items()
+    of = "held-out maneuver" if held_out(document) else "unseen sweeps"
     rows += [
         CostRow(
-            pair=f"{pair}, unseen sweep",
+            pair=f"{pair}, {of}",
             value=significant(value),
             verdict=cost_verdict(value),
             band=MISSING,
@@ -135,7 +140,7 @@ def score_rows(check: Verification) -> tuple[ScoreRow, ...]:
                 output=paper.words,
                 fit=significant(scores.nrmse_fit_percent),
                 tic=significant(scores.tic, digits=2),
-                verdict=tic_verdict(scores.tic),
+                verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent),
                 rms=f"{significant(paper.factor * scores.rms)} {paper.unit}",
                 shift=f"{significant(paper.factor * scores.reference_shift, digits=2)} {paper.unit}",
             )

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from rotorid.fit.frequency_cost import ACCEPTABLE_COST, EXCELLENT_COST
 from rotorid.pipeline.document import ParameterDocument, PoleDocument, ResultDocument
 from rotorid.plot.quantity import quantity
 from rotorid.report.numbers import significant, unit, with_error
-from rotorid.verify.scores import GOOD_TIC
+from rotorid.verify.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
+from rotorid.verify.verification import Scores
 
 Level: TypeAlias = Literal["good", "fair", "poor"]
 
-GOOD_COST, ACCEPTABLE_COST = 50.0, 100.0
+LEVELS: tuple[Level, ...] = ("good", "fair", "poor")
 
 _LAG = "T_motor"
 _GAINS = {
@@ -37,13 +40,17 @@ _HEADINGS = {
     "correlated_inputs": "Inputs moved together",
     "dropped_parameter": "A parameter was dropped",
     "gap": "A gap in the data",
+    "held_out": "Judged on a held-out maneuver",
     "impossible_physics": "A value that physics does not allow",
     "insensitive_parameter": "The data hardly feel this parameter",
     "inverse_controller": "This looks like the inverse of the controller",
     "low_coherence": "Low coherence",
     "missing_channel": "A channel is missing",
     "no_excitation": "No excitation found",
+    "not_converged": "The fit did not converge",
     "not_identifiable": "Parameters that cannot be told apart",
+    "not_verified": "Not verified",
+    "other_source": "Channels from different sources",
     "poor_fit": "The model misses the measurement",
     "poor_verification": "The model misses the unseen flight",
     "rate_too_low": "Logged too slowly",
@@ -64,27 +71,57 @@ class Verdict:
 
 def cost_verdict(cost: float) -> Verdict:
     """Verdict on a frequency-domain cost, by Tischler and Remple's guidelines of 50 and 100."""
-    if cost <= GOOD_COST:
+    if cost <= EXCELLENT_COST:
         return Verdict("good", "hardly distinguishable from the flight")
     if cost <= ACCEPTABLE_COST:
         return Verdict("fair", "acceptable")
     return Verdict("poor", "the model misses what was measured")
 
 
-def tic_verdict(tic: float) -> Verdict:
-    """Verdict on a Theil inequality coefficient, by the guideline of 0.25."""
-    return Verdict("good", "good") if tic <= GOOD_TIC else Verdict("poor", "above the guideline")
+def prediction_verdict(tic: float, fit_percent: float) -> Verdict:
+    """Verdict on a prediction by both of its scores: a Theil coefficient up to 0.25 and a fit of 50 % and more.
+
+    Good needs both. One alone is fair at most, and the words say which guideline was missed.
+
+    Examples
+    --------
+    >>> prediction_verdict(0.06, 91.0).words, prediction_verdict(0.23, 41.0).words
+    ('good', 'fit below the guideline')
+    """
+    met = guidelines_met(tic, fit_percent)
+    if met == GUIDELINES:
+        return Verdict("good", "good")
+    if met == 0:
+        return Verdict("poor", "both beyond the guideline")
+    return Verdict("fair", "TIC above the guideline" if fit_percent >= GOOD_FIT_PERCENT else "fit below the guideline")
 
 
-def summary(document: ResultDocument, *, tics: Sequence[float] = ()) -> tuple[str, ...]:
-    """What was found, one sentence for each input, and one for the cost or the fit.
+def worst_prediction(scores: Sequence[Scores]) -> Verdict:
+    """Verdict on the worst of several predictions, with its scores as words."""
+    worst = max(scores, key=_badness)
+    words = f"TIC {significant(worst.tic, digits=2)}, fit {significant(worst.nrmse_fit_percent, digits=2)} %"
+    return Verdict(prediction_verdict(worst.tic, worst.nrmse_fit_percent).level, words)
+
+
+def _badness(scores: Scores) -> tuple[int, float]:
+    tic = scores.tic if math.isfinite(scores.tic) else math.inf
+    return -guidelines_met(scores.tic, scores.nrmse_fit_percent), tic
+
+
+def held_out(document: ResultDocument) -> bool:
+    """Whether the costs on unseen sweeps are those of a second model, fitted without the last maneuver."""
+    return any(finding.kind == "held_out" for finding in document.findings)
+
+
+def summary(document: ResultDocument, *, scores: Sequence[Scores] = ()) -> tuple[str, ...]:
+    """What was found, one sentence for each input, one for the cost or the fit, and one for each kind of check.
 
     Parameters
     ----------
     document
         The result.
-    tics
-        Theil inequality coefficients of all outputs of all unseen maneuvers.
+    scores
+        Scores of all outputs of all unseen maneuvers.
     """
     sentences = [sentence for name in document.inputs if (sentence := _input_sentence(document, name))]
     if not sentences:
@@ -92,19 +129,26 @@ def summary(document: ResultDocument, *, tics: Sequence[float] = ()) -> tuple[st
         sentences.append(f"{document.model}: {free} parameters identified.")
     if document.cost is not None:
         words = cost_verdict(document.cost.average).words
-        sentences.append(f"Cost {significant(document.cost.average)}: {words} (guideline: below {GOOD_COST:.0f}).")
+        sentences.append(f"Cost {significant(document.cost.average)}: {words} (guideline: below {EXCELLENT_COST:.0f}).")
     for name, percent in (document.fit_percent or {}).items():
         sentences.append(f"The model explains {significant(percent)} % of {quantity(name).words}.")
-    sentences.append(_unseen_sentence(tics))
-    return tuple(sentences)
+    return (*sentences, *_unseen_sentences(document, scores))
 
 
-def _unseen_sentence(tics: Sequence[float]) -> str:
-    if not tics:
-        return "Not verified on an unseen flight yet."
-    count = f"{len(tics)} prediction{'' if len(tics) == 1 else 's'}"
-    worst = f"TIC at worst {significant(max(tics), digits=2)}, {tic_verdict(max(tics)).words}"
-    return f"Unseen flight: {count}, {worst} (guideline: up to {GOOD_TIC})."
+def _unseen_sentences(document: ResultDocument, scores: Sequence[Scores]) -> tuple[str, ...]:
+    sentences = []
+    if scores:
+        good = sum(guidelines_met(one.tic, one.nrmse_fit_percent) == GUIDELINES for one in scores)
+        count = "1 prediction" if len(scores) == 1 else f"{len(scores)} predictions, {good} of them good, the worst"
+        sentences.append(
+            f"Unseen flight: {count} with {worst_prediction(scores).words} "
+            f"(good: TIC up to {GOOD_TIC:g} and a fit of {GOOD_FIT_PERCENT:g} % and more)."
+        )
+    if costs := document.verification.frequency:
+        cost = max(costs.values())
+        what = "Held-out maneuver, by a second model fitted without it" if held_out(document) else "Unseen sweeps"
+        sentences.append(f"{what}: cost at worst {significant(cost)}, {cost_verdict(cost).words}.")
+    return tuple(sentences) or ("Not verified on an unseen flight yet.",)
 
 
 def _input_sentence(document: ResultDocument, name: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.channel import LOWEST_RATE_HZ
 from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.record import FlightRecord, Topic
@@ -52,9 +53,9 @@ def one_clock(
     """Bring channels of a record onto one uniform clock.
 
     The slowest of ``channels`` sets the rate, and the clock starts on one of its stamps, so that a log with one clock
-    passes unchanged. Faster channels pass a zero-phase low-pass filter before they are thinned out; in between samples
-    a cubic spline is used. ``followers`` do not take part in setting the rate: an instrument may be slower than the
-    channels it explains, since the same distortion stands in both spectra of a joint estimate.
+    passes unchanged. Channels faster by half and more pass a zero-phase low-pass filter before they are thinned out; in
+    between samples a cubic spline is used. ``followers`` do not take part in setting the rate: an instrument may be
+    slower than the channels it explains, since the same distortion stands in both spectra of a joint estimate.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def _trimmed(
     return [
         Finding(
             kind="segment_trimmed",
-            severity="info",
+            severity="warning",
             where=f"{start_s:.1f} to {stop_s:.1f} s",
             message=f"Of {start_s:.2f} to {stop_s:.2f} s, {places} together hold {low:.2f} to {high:.2f} s.",
             numbers={"start_s": low, "stop_s": high},
@@ -213,7 +214,21 @@ def _rate_findings(
 ) -> list[Finding]:
     rates = {name: _rate(series[name][0], start_s, stop_s) for name in channels}
     fastest = max(rates.values())
-    return [
+    slow = [
+        Finding(
+            kind="rate_too_low",
+            severity="warning",
+            where=name,
+            message=(
+                f"{name} was logged at {rate:.3g} Hz; below {LOWEST_RATE_HZ:.0f} Hz neither motor lag nor delay of a "
+                "small multirotor can be seen."
+            ),
+            numbers={"rate_hz": rate, "needed_hz": LOWEST_RATE_HZ},
+        )
+        for name, rate in rates.items()
+        if rate < LOWEST_RATE_HZ
+    ]
+    return slow + [
         Finding(
             kind="rate_too_low",
             severity="warning",
@@ -222,36 +237,38 @@ def _rate_findings(
             numbers={"rate_hz": rate, "fastest_hz": fastest},
         )
         for name, rate in rates.items()
-        if rate < 0.6 * fastest
+        if LOWEST_RATE_HZ <= rate < 0.6 * fastest
     ]
 
 
 def _holes(
     series: dict[str, tuple[FloatArray, FloatArray]], start_s: float, stop_s: float
 ) -> tuple[list[tuple[float, float]], list[Finding]]:
-    holes: list[tuple[float, float]] = []
-    findings = []
+    """Gaps too long to be bridged, and a remark for each set of channels with the same gaps."""
+    holes: dict[tuple[float, float], None] = {}
+    alike: dict[tuple[int, float, bool], list[str]] = {}
     for name, (time_s, _) in series.items():
         inside = time_s[(time_s >= start_s) & (time_s <= stop_s)]
         steps = np.diff(inside)
-        if steps.size == 0:
-            continue
-        gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps))
+        limit = _GAP_STEPS * np.median(steps) if steps.size else np.inf
+        gaps = np.flatnonzero(steps > limit)
         if gaps.size == 0:
             continue
-        long = [int(gap) for gap in gaps if steps[gap] > max(LONGEST_BRIDGED_GAP_S, _GAP_STEPS * np.median(steps))]
-        holes += [(float(inside[gap]), float(inside[gap + 1])) for gap in long]
-        findings.append(
-            Finding(
-                kind="gap",
-                severity="warning" if long else "info",
-                where=name,
-                message=f"{gaps.size} gaps in {name}, the longest {steps.max():.3f} s; "
-                + ("the data were split there." if long else "they were short and interpolated."),
-                numbers={"gaps": gaps.size, "longest_s": float(steps.max())},
-            )
+        long = gaps[steps[gaps] > max(LONGEST_BRIDGED_GAP_S, limit)]
+        holes |= {(float(inside[gap]), float(inside[gap + 1])): None for gap in long}
+        alike.setdefault((gaps.size, float(steps.max()), bool(long.size)), []).append(name)
+    findings = [
+        Finding(
+            kind="gap",
+            severity="warning" if split else "info",
+            where=", ".join(names),
+            message=f"{count} gaps in {', '.join(names)}, the longest {longest_s:.3f} s; "
+            + ("the data were split there." if split else "they were short and interpolated."),
+            numbers={"gaps": count, "longest_s": longest_s},
         )
-    return holes, findings
+        for (count, longest_s, split), names in alike.items()
+    ]
+    return list(holes), findings
 
 
 def _parts(low: float, high: float, holes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

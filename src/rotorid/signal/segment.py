@@ -44,7 +44,7 @@ def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
 
 
 def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
-    """Excitations of one axis: those that the log declares, or else those that its signals show.
+    """Excitations of one axis: those that the log declares, and those that its signals show beside them.
 
     The first signal of :func:`excitation_signals` that shows any is taken. An interval is active while the signal
     leaves its resting value by more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps are
@@ -76,8 +76,12 @@ def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
 def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Excitations of an axis that the log declares or that signals without feedback show."""
     declared = tuple(maneuver for maneuver in record.declared if maneuver.axis == axis)
-    names = [name for name in excitation_signals(record, axis) if name != f"{axis}_command"]
-    return declared or _purposeful(record, axis, names)
+    # What the log declares shows in the injected signal too; other maneuvers show elsewhere.
+    known = {f"{axis}_command", f"{axis}_excitation"} if declared else {f"{axis}_command"}
+    names = [name for name in excitation_signals(record, axis) if name not in known]
+    found = _purposeful(record, axis, names)
+    others = tuple(m for m in found if not any(_mostly_inside(m, e) or _mostly_inside(e, m) for e in declared))
+    return tuple(sorted((*declared, *others), key=lambda maneuver: maneuver.start_s))
 
 
 def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple[Maneuver, ...]:
@@ -172,9 +176,7 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
         single = len(switches) == 1 and duration < 8.0
         return ("doublet", None) if single else ("other", None)
     halves = np.diff(switches)
-    # Noise makes single half periods too short, so the fastest few decide together.
-    fastest = float(np.sort(halves)[: max(3, halves.size // 20)].mean())
-    band = (float(np.pi / halves.max()), float(np.pi / fastest))
+    band = (float(np.pi / halves.max()), _fastest_rad_s(switches))
     many = len(halves) >= 7
     if many and duration > 6.0:
         if _has_trend(halves):
@@ -182,6 +184,25 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
         two_levels = float(np.mean(np.abs(motion) > _TWO_LEVEL_SHARE * level))
         return ("random_binary", band) if two_levels > 0.7 else ("other", band)
     return ("other", band) if many or duration >= 15.0 else ("multistep", None)
+
+
+def _fastest_rad_s(switches: FloatArray) -> float:
+    """Highest frequency of a row of switches: a straight line through its fastest stretch, at the faster end.
+
+    From whole periods, which an offset of the signal does not change. Noise makes single ones too short, and a mean of
+    several misses where a sweep really ended.
+    """
+    if switches.size < 3:
+        return float(np.pi / np.diff(switches).min())
+    rates, middles = 2.0 * np.pi / (switches[2:] - switches[:-2]), switches[1:-1]
+    count = max(5, rates.size // 5)
+    if rates.size < count:
+        return float(rates.max())
+    ends = (slice(-count, None), switches[-1]), (slice(0, count), switches[0])
+    part, end_s = max(ends, key=lambda end: float(np.median(rates[end[0]])))
+    slope, level = np.polyfit(middles[part] - end_s, rates[part], 1)
+    # A slope that points the other way is noise of a row of equal periods.
+    return float(level if slope * (middles[part].mean() - end_s) < 0.0 else np.median(rates[part]))
 
 
 def _switch_times(time_s: FloatArray, motion: FloatArray, threshold: float) -> FloatArray:

@@ -12,9 +12,11 @@ from rotorid.models.state_space import StateSpace
 from rotorid.simulate.linear import simulate_linear
 from rotorid.typing import FloatArray
 from rotorid.verify.scores import nrmse_fit_percent, rms, theil_inequality
+from rotorid.verify.unknowns import adjust
 from rotorid.verify.verification import Scores, Verification
 
 _LEAST_PERIODS = 1.5
+_LEAST_PADDING_S = 3.0
 _FILTER_ORDER = 2
 
 
@@ -30,11 +32,11 @@ def verify_in_time(
 ) -> Verification:
     r"""Drive a model with measured inputs and compare its outputs with the measured ones.
 
-    What the model cannot know is estimated by linear least squares, everything else is frozen: the initial state
-    :math:`x_0`, a constant bias :math:`b` of the first state equation (trim, steady wind) and reference shifts
-    :math:`c` of the outputs,
+    What the model cannot know is estimated by linear least squares, everything else is frozen: reference shifts
+    :math:`c` of the outputs, the initial state :math:`x_0`, and a constant bias :math:`b` of the first state equation
+    (trim, steady wind), as far as they can be told apart, see :func:`rotorid.verify.unknowns.adjust`,
 
-    .. math:: \hat y = y_{model}(u) + \Phi(t) x_0 + \Psi(t) b + c
+    .. math:: \hat y = y_{model}(u) + c + \Phi(t) x_0 + \Psi(t) b
 
     A model is judged where it was identified: measurement and prediction pass the same zero-phase filter, a low-pass
     at the upper end of the fitted band and, where the maneuver holds 1.5 periods of it, a high-pass at the lower end.
@@ -61,22 +63,8 @@ def verify_in_time(
     measured = band_pass(np.stack([history[name] for name in outputs]))
     # What came before is not known; that an input began as it first shows costs a late one the least.
     forced = band_pass(simulate_linear(system, u, sample_rate_hz=rate, before=u[:, 0], hold="first"))
-    columns = [band_pass(column) for column in _free_responses(system, u.shape, rate)]
-    shifts = np.kron(np.eye(len(outputs)), np.ones(measured.shape[1]))
-    regressors = np.vstack([*(column.ravel() for column in columns), shifts]).T
-    coefficients = np.linalg.lstsq(regressors, (measured - forced).ravel(), rcond=1e-9)[0]
-    predicted = forced + (regressors @ coefficients).reshape(measured.shape)
-    offsets, bias = coefficients[len(columns) :], float(coefficients[len(columns) - 1])
-    scores = {
-        name: Scores(
-            nrmse_fit_percent=nrmse_fit_percent(measured[row], predicted[row]),
-            tic=theil_inequality(measured[row] - offsets[row], predicted[row] - offsets[row]),
-            rms=rms(measured[row] - predicted[row]),
-            bias=bias,
-            reference_shift=float(offsets[row]),
-        )
-        for row, name in enumerate(outputs)
-    }
+    adjustment = adjust(system, measured - forced, sample_rate_hz=rate, band_pass=band_pass)
+    predicted = forced + adjustment.response
     return Verification(
         record=record,
         maneuver=maneuver,
@@ -86,17 +74,23 @@ def verify_in_time(
         predicted=predicted,
         input_names=inputs,
         output_names=outputs,
-        scores=scores,
+        scores={
+            name: _scores(measured[row], predicted[row], bias=adjustment.bias, shift=float(adjustment.shifts[row]))
+            for row, name in enumerate(outputs)
+        },
     )
 
 
-def _free_responses(system: StateSpace, shape: tuple[int, ...], rate_hz: float) -> list[FloatArray]:
-    """Responses to each initial state, and last to a constant bias of the first state equation."""
-    quiet = np.zeros(shape)
-    states = np.eye(system.F.shape[0])
-    dynamic = np.flatnonzero(np.abs(system.M).sum(axis=1) > 0.0)
-    free = [simulate_linear(system, quiet, sample_rate_hz=rate_hz, x0=states[state]) for state in dynamic]
-    return [*free, simulate_linear(system, quiet, sample_rate_hz=rate_hz, bias=states[dynamic[0]])]
+def _scores(measured: FloatArray, predicted: FloatArray, *, bias: float, shift: float) -> Scores:
+    """Scores of one output about its trim: a hover of -9.81 m/s^2 that is predicted as such is no merit of a model."""
+    trim = measured.mean()
+    return Scores(
+        nrmse_fit_percent=nrmse_fit_percent(measured - trim, predicted - trim),
+        tic=theil_inequality(measured - trim, predicted - trim),
+        rms=rms(measured - predicted),
+        bias=bias,
+        reference_shift=shift,
+    )
 
 
 def _band_pass(
@@ -108,11 +102,15 @@ def _band_pass(
     sections = []
     if high < 0.9:
         sections.append(butter(_FILTER_ORDER, high, output="sos"))
-    if band_rad_s[0] * duration_s / (2.0 * np.pi) >= _LEAST_PERIODS and low < min(high, 0.9):
+    least_s = _LEAST_PERIODS * 2.0 * np.pi / band_rad_s[0]
+    high_pass = duration_s >= least_s and low < min(high, 0.9)
+    if high_pass:
         sections.append(butter(_FILTER_ORDER, low, btype="high", output="sos"))
     if not sections:
         return np.asarray
     stacked = np.vstack(sections)
+    # The high-pass filter rings at the ends of a trend; a padding as long as its slowest wave keeps that outside.
+    padding_s = max(_LEAST_PADDING_S, least_s if high_pass else 0.0)
     return lambda values: np.asarray(
-        sosfiltfilt(stacked, values, axis=-1, padlen=min(values.shape[-1] - 1, 3 * round(rate_hz)))
+        sosfiltfilt(stacked, values, axis=-1, padlen=min(values.shape[-1] - 1, round(padding_s * rate_hz)))
     )

@@ -21,13 +21,15 @@ class Scores:
     nrmse_fit_percent
         :math:`100 (1 - ||y - \hat y|| / ||y - \bar y||)`.
     tic
-        Theil inequality coefficient; up to 0.25 is good.
+        Theil inequality coefficient of the motion about the trim: the mean of the measurement is taken off both
+        signals. Up to 0.25 is good.
     rms
         Root mean square of the error, in the unit of the output.
     bias
-        Estimated constant input to the first state equation that drives this output (0 where none was estimated).
+        Estimated constant input to the first dynamic state equation. 0 where none was estimated: where it cannot be
+        told from a reference shift or the initial state, or where the filter removes what it does.
     reference_shift
-        Estimated constant offset of the output, in its unit.
+        Estimated constant offset of the output, in its unit, 0 where the filter removes it.
     """
 
     nrmse_fit_percent: float

@@ -8,7 +8,8 @@ import pytest
 from rotorid.errors import InsufficientDataError
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import rate_model
-from rotorid.pipeline.judge import judge_parameters, require_known_gain
+from rotorid.pipeline.judge import judge_parameters
+from rotorid.pipeline.support import require_known_gain
 from rotorid.uncertainty.bounds import Bounds
 
 FOUND = rate_model("rate.roll").parameters

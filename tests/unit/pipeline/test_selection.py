@@ -11,7 +11,8 @@ from rotorid.data.channel import STANDARD_UNITS, Channel
 from rotorid.data.maneuver import Kind, Maneuver
 from rotorid.data.record import FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.selection import find_instrument, select_maneuvers
+from rotorid.pipeline.instruments import find_instrument
+from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 
 RATE_HZ = 50.0
@@ -49,10 +50,16 @@ def test_rich_maneuvers_are_fitted_and_short_ones_kept_unseen() -> None:
 
 def test_given_segments_replace_what_is_found_and_what_they_cover_is_not_unseen() -> None:
     log = record(SWEEP, DOUBLET, moving=["roll_excitation"])
-    given = (parse_segment("roll:50:90"), parse_segment("pitch:1:2"))
+    given = (parse_segment("roll:50:90"),)
     selection = select_maneuvers([log], ["roll"], IdentifySettings(segments=given))
     assert [(m.start_s, m.stop_s, m.origin) for _, m in selection.fitted] == [(50.0, 90.0, "given")]
     assert selection.unseen == ()
+
+
+def test_a_segment_of_another_axis_is_not_left_out_silently() -> None:
+    given = (parse_segment("roll:50:90"), parse_segment("pitch:1:2"))
+    with pytest.raises(UsageError, match="pitch:1:2 is of another axis"):
+        select_maneuvers([record(SWEEP)], ["roll"], IdentifySettings(segments=given))
 
 
 def test_a_segment_beyond_the_log_is_refused_with_the_span_of_the_log() -> None:

@@ -96,6 +96,11 @@ class TestBode:
         (points,) = traces(figure, axis="y", name="measured")
         assert points["y"].count(None) == 1
 
+    @pytest.mark.parametrize("limit", [0.4, 0.85])
+    def test_line_of_coherence_is_the_limit_in_force(self, limit: float) -> None:
+        (line,) = sample_bode(least_coherence=limit)["layout"]["shapes"]
+        assert (line["yref"], line["y0"], line["y1"]) == ("y3", limit, limit)
+
     def test_unknown_pair_is_refused(self) -> None:
         with pytest.raises(ValueError, match="not in tuple"):
             bode(response(), output="q", input="roll_command")

@@ -27,6 +27,13 @@ def test_one_column_for_each_identification() -> None:
     assert wide[1] == narrow[1]
 
 
+def test_line_of_coherence_is_the_limit_in_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[float] = []
+    monkeypatch.setattr("matplotlib.axes.Axes.axhline", lambda self, y, **style: drawn.append(y))
+    overview_png([dataclasses.replace(identification(), least_coherence=0.45)], dots_per_inch=40)
+    assert drawn == [0.45]
+
+
 def test_missing_matplotlib_is_said_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(UsageError, match=r"pip install 'rotorid\[figures\]'"):

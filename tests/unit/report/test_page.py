@@ -17,6 +17,7 @@ from rotorid.errors import UsageError
 from rotorid.pipeline.document import FindingDocument, ParameterDocument, VerificationDocument
 from rotorid.pipeline.identification import Identification
 from rotorid.report.page import json_for_script, render_report
+from rotorid.report.section import section
 from rotorid.verify.verification import Scores
 
 
@@ -95,6 +96,35 @@ def test_answer_comes_first_and_truth_beside_it(page: Page) -> None:
     assert "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms." in text
     assert text.index("437 ± 3") < text.index("Cramér–Rao") < text.index("Excitations") < text.index("sha256")
     assert "Truth" in text
+
+
+@pytest.mark.parametrize(("truth", "said"), [(437.0, False), (500.0, True)])
+def test_why_a_truth_may_lie_far_off_is_said_where_one_does(truth: float, said: bool) -> None:
+    text = "".join(Page(render_report([identification()], title="t", truth={"L_roll": truth})).text)
+    assert ("leaves out the coupling of the axes" in text) == said
+
+
+def test_error_is_said_to_cover_random_errors_only() -> None:
+    text = " ".join("".join(Page(render_report([identification()], title="t")).text).split())
+    assert "± is one standard deviation: it covers the random errors of this flight, not what the structure" in text
+
+
+def test_guideline_of_coherence_is_the_one_in_force() -> None:
+    shown = Page(render_report([dataclasses.replace(identification(), least_coherence=0.4)], title="t"))
+    assert "coherence is below 0.4 (dotted line)" in " ".join("".join(shown.text).split())
+    levels = [shape["y0"] for shape in shown.figures["pictures"]["s1-response-0"]["layout"]["shapes"]]
+    assert levels == [0.4]
+
+
+def test_contents_show_the_worse_of_predictions_and_unseen_sweeps() -> None:
+    missed = changed(verification=VerificationDocument(frequency={"p/roll_command": 4313.0}))
+    unflown = dataclasses.replace(changed(verification=VerificationDocument()), verifications=())
+    shown = [section(one, anchor="s1", truth={}).unseen for one in (identification(), missed, unflown)]
+    assert [verdict and (verdict.level, verdict.words) for verdict in shown] == [
+        ("good", "TIC 0.041, fit 92 %"),
+        ("poor", "cost 4.31·10³"),
+        None,
+    ]
 
 
 def test_no_truth_no_column() -> None:

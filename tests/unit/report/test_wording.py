@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.report.sample import document
 
-from rotorid.pipeline.document import PoleDocument, ResultDocument
+from rotorid.pipeline.document import FindingDocument, PoleDocument, ResultDocument, VerificationDocument
 from rotorid.report.numbers import significant, unit, with_error
-from rotorid.report.tables import finding_rows, parameter_rows, pole_rows
-from rotorid.report.wording import cost_verdict, parameter_words, summary, tic_verdict
+from rotorid.report.tables import Cell, cost_rows, finding_rows, parameter_rows, pole_rows
+from rotorid.report.wording import cost_verdict, parameter_words, prediction_verdict, summary
+from rotorid.verify.verification import Scores
 
 
 @pytest.mark.parametrize(
@@ -63,21 +64,43 @@ def test_cost_guidelines(cost: float, level: str) -> None:
     assert cost_verdict(cost).level == level
 
 
-@pytest.mark.parametrize(("tic", "level"), [(0.25, "good"), (0.26, "poor"), (math.nan, "poor")])
-def test_tic_guideline(tic: float, level: str) -> None:
-    assert tic_verdict(tic).level == level
+@pytest.mark.parametrize(
+    ("tic", "fit", "level", "words"),
+    [
+        (0.25, 50.0, "good", "good"),
+        (0.06, 49.0, "fair", "fit below the guideline"),
+        (0.33, 50.0, "fair", "TIC above the guideline"),
+        (0.26, 49.0, "poor", "both beyond the guideline"),
+        (math.nan, math.nan, "poor", "both beyond the guideline"),
+        (0.1, -math.inf, "fair", "fit below the guideline"),
+    ],
+)
+def test_a_prediction_is_good_by_both_scores(tic: float, fit: float, level: str, words: str) -> None:
+    verdict = prediction_verdict(tic, fit)
+    assert (verdict.level, verdict.words) == (level, words)
+
+
+def scores(tic: float, fit: float) -> Scores:
+    return Scores(nrmse_fit_percent=fit, tic=tic, rms=0.1, bias=0.0, reference_shift=0.0)
+
+
+def verified(*kinds: str, **costs: float) -> ResultDocument:
+    """The sample with other costs on unseen sweeps and findings of these kinds."""
+    found = [FindingDocument(kind=kind, severity="info", where="", message="") for kind in kinds]
+    return document().model_copy(update={"verification": VerificationDocument(frequency=costs), "findings": found})
 
 
 def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
-    assert summary(document(), tics=[0.041]) == (
+    assert summary(document(), scores=[scores(0.041, 92.4)]) == (
         "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms.",
         "Cost 1.9: hardly distinguishable from the flight (guideline: below 50).",
-        "Unseen flight: 1 prediction, TIC at worst 0.041, good (guideline: up to 0.25).",
+        "Unseen flight: 1 prediction with TIC 0.041, fit 92 % (good: TIC up to 0.25 and a fit of 50 % and more).",
+        "Unseen sweeps: cost at worst 12.3, hardly distinguishable from the flight.",
     )
 
 
 def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
-    foreign = document().model_copy(update={"model": "mine", "inputs": ["x"], "cost": None, "fit_percent": {"p": 88.0}})
+    foreign = verified().model_copy(update={"model": "mine", "inputs": ["x"], "cost": None, "fit_percent": {"p": 88.0}})
     assert summary(foreign) == (
         "mine: 4 parameters identified.",
         "The model explains 88 % of roll rate p.",
@@ -86,9 +109,24 @@ def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
 
 
 def test_summary_names_the_worst_prediction() -> None:
-    assert summary(document(), tics=[0.1, 0.31, 0.2])[-1].startswith(
-        "Unseen flight: 3 predictions, TIC at worst 0.31, above"
+    # Of two that miss one guideline each the larger Theil coefficient is the worse.
+    several = [scores(0.1, 80.0), scores(0.31, 55.0), scores(0.2, 45.0)]
+    assert summary(verified(), scores=several)[-1].startswith(
+        "Unseen flight: 3 predictions, 1 of them good, the worst with TIC 0.31, fit 55 % (good:"
     )
+
+
+def test_an_unseen_sweep_counts_as_unseen_flight() -> None:
+    sentences = summary(verified(p=4313.0))
+    assert sentences[-1] == "Unseen sweeps: cost at worst 4.31·10³, the model misses what was measured."
+    assert not any("Not verified" in sentence for sentence in sentences)
+
+
+def test_a_held_out_maneuver_is_not_said_to_judge_the_model_itself() -> None:
+    held = verified("held_out", p=12.0)
+    assert summary(held)[-1].startswith("Held-out maneuver, by a second model fitted without it: cost at worst 12,")
+    assert [row.pair for row in cost_rows(held)][-1] == "p, held-out maneuver"
+    assert [row.pair for row in cost_rows(verified(p=12.0))][-1] == "p, unseen sweeps"
 
 
 @pytest.mark.parametrize(
@@ -118,8 +156,14 @@ def test_only_values_beyond_the_guidelines_are_marked() -> None:
 
 def test_truth_of_the_model_goes_before_truth_of_the_name() -> None:
     rows = {row.name: row for row in parameter_rows(document(), {"L_roll": 1.0, "rate.roll.L_roll": 437.0})}
-    assert (rows["L_roll"].truth, rows["L_roll"].off) == ("437", "0.1 σ")
-    assert (rows["L_p"].truth, rows["L_p"].off) == ("–", "")
+    assert (rows["L_roll"].truth, rows["L_roll"].off) == ("437", Cell("0.1 σ"))
+    assert (rows["L_p"].truth, rows["L_p"].off) == ("–", Cell(""))
+
+
+@pytest.mark.parametrize(("truth", "far"), [(436.8 + 2.9 * 3.1, False), (436.8 - 3.1 * 3.1, True)])
+def test_distances_that_random_errors_hardly_explain_are_marked(truth: float, far: bool) -> None:
+    rows = {row.name: row for row in parameter_rows(document(), {"L_roll": truth})}
+    assert rows["L_roll"].off.marked == far
 
 
 def test_conjugate_poles_are_one_row_and_growth_is_said() -> None:

@@ -15,9 +15,10 @@ from rotorid.models.rate import RATE_AXES, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.simulate.linear import simulate_linear
 from rotorid.typing import FloatArray
-from rotorid.verify.scores import nrmse_fit_percent, rms, theil_inequality
+from rotorid.verify.scores import GUIDELINES, guidelines_met, nrmse_fit_percent, rms, theil_inequality
 from rotorid.verify.time_domain import verify_in_time
-from rotorid.verify.verification import Verification
+from rotorid.verify.unknowns import told_apart
+from rotorid.verify.verification import Scores, Verification
 
 RATE_HZ = 200.0
 BAND = (1.0, 40.0)
@@ -65,11 +66,92 @@ def test_the_exact_model_predicts_exactly(name: str, lag: float, trim: float) ->
     assert scores.rms < 1e-6
 
 
-def test_offset_and_bias_are_estimated_together() -> None:
-    """A steady torque ends in a steady rate, as a shifted sensor shows it: of a damped state only the sum is seen."""
+def test_the_shift_takes_what_a_bias_does_to_a_damped_rate() -> None:
+    """A steady torque ends in a steady rate, as a shifted sensor shows it: only their sum is seen, and is a shift."""
     scores = check(system(), flown("rate.roll"), band=(0.01, 40.0)).scores["p"]
     trim = 60.0 * PULSE.mean()
-    assert (scores.bias - trim) / 2.0 + scores.reference_shift == pytest.approx(0.7 / 2.0 + 0.25, rel=1e-6)
+    assert scores.bias == 0.0
+    assert scores.reference_shift - trim / 2.0 == pytest.approx(0.7 / 2.0 + 0.25, rel=1e-6)
+
+
+def test_the_ramp_of_an_undamped_rate_is_a_bias() -> None:
+    integrator = rate_model("rate.roll").matrices({"L_roll": 60.0, "L_p": 0.0, "T_motor": 0.05, "tau_roll": 0.0})
+    u = FROM_REST - FROM_REST.mean()
+    y = simulate_linear(
+        integrator, u[None], sample_rate_hz=RATE_HZ, bias=np.array([0.7, 0.0]), before=u[:1], hold="first"
+    )[0]
+    scores = check(integrator, history("rate.roll", u, y + 0.25), band=(0.01, 40.0)).scores["p"]
+    assert scores.bias == pytest.approx(0.7, rel=1e-6)
+    assert scores.reference_shift == pytest.approx(0.25, rel=1e-6)
+
+
+@pytest.mark.parametrize("damping", [0.0, -1e-3])
+def test_what_the_filter_removes_is_not_estimated(damping: float) -> None:
+    """Of a ramp the high-pass leaves rounding noise, which any coefficient could scale up to explain anything."""
+    values = {"L_roll": 60.0, "L_p": damping, "T_motor": 0.05, "tau_roll": 0.012}
+    u = np.tile(FROM_REST, 6)
+    noise = np.random.default_rng(2).standard_normal(u.size)
+    model = rate_model("rate.roll").matrices(values)
+    y = simulate_linear(model, u[None], sample_rate_hz=RATE_HZ, hold="first")[0] + 0.3 + 0.05 * noise
+    scores = check(model, history("rate.roll", u, y), band=(8.0, 40.0)).scores["p"]
+    assert (scores.bias, scores.reference_shift) == (0.0, 0.0)
+    assert scores.tic < 0.05
+
+
+class TestGravity:
+    """An accelerometer shows g all the time; that a model is told so is no merit of it."""
+
+    def scores(self, model: StateSpace, *, gravity: float = -9.81) -> Scores:
+        rng = np.random.default_rng(3)
+        truth = rate_model("rate.vertical").matrices(self.values(1.0))
+        y = simulate_linear(truth, FROM_REST[None], sample_rate_hz=RATE_HZ, hold="first")[0]
+        y = y + gravity + 0.02 * rng.standard_normal(y.size)
+        return check(model, history("rate.vertical", FROM_REST, y), band=(0.5, 40.0)).scores["az"]
+
+    @staticmethod
+    def values(factor: float, *, damping: float = 0.0) -> dict[str, float]:
+        return {"Z_thrust": -20.0 * factor, "Z_w": damping, "T_motor": 0.05, "tau_thrust": 0.012}
+
+    @pytest.mark.parametrize("factor", [0.5, 1.0])
+    @pytest.mark.parametrize("damping", [0.0, -0.5])
+    def test_scores_do_not_depend_on_gravity(self, factor: float, damping: float) -> None:
+        model = rate_model("rate.vertical").matrices(self.values(factor, damping=damping))
+        with_g, without = self.scores(model), self.scores(model, gravity=0.0)
+        assert with_g.tic == pytest.approx(without.tic, rel=1e-9)
+        assert with_g.nrmse_fit_percent == pytest.approx(without.nrmse_fit_percent, abs=1e-6)
+
+    def test_half_the_gain_is_not_good(self) -> None:
+        scores = self.scores(rate_model("rate.vertical").matrices(self.values(0.5)))
+        # |1 - f| / (1 + f) and 100 f, but for the noise.
+        assert scores.tic == pytest.approx(1.0 / 3.0, rel=0.1)
+        assert scores.nrmse_fit_percent == pytest.approx(50.0, abs=3.0)
+        assert guidelines_met(scores.tic, scores.nrmse_fit_percent) < GUIDELINES
+
+    def test_the_shift_is_all_of_gravity(self) -> None:
+        scores = self.scores(rate_model("rate.vertical").matrices(self.values(1.0)))
+        assert scores.bias == 0.0
+        # The input without its mean, which a doublet hardly has, and the mean of the noise.
+        assert scores.reference_shift == pytest.approx(-9.81, abs=0.01)
+
+
+class TestToldApart:
+    """Columns are kept in their order, unless the filter or those before them leave nothing of them."""
+
+    line = np.linspace(-1.0, 1.0, 50)
+    columns = np.stack([np.ones(50), np.ones(50) + 1e-4 * line, np.ones(50) + 1e-2 * line, line])
+
+    def test_first_come_first_kept(self) -> None:
+        kept = told_apart(self.columns, np.linalg.norm(self.columns, axis=1))
+        assert kept.tolist() == [True, False, True, False]
+        turned = told_apart(self.columns[::-1], np.linalg.norm(self.columns[::-1], axis=1))
+        assert turned.tolist() == [True, True, False, False]
+
+    @pytest.mark.parametrize(("left", "kept"), [(0.5e-3, False), (2e-3, True)])
+    def test_a_column_must_survive_its_filter(self, left: float, kept: bool) -> None:
+        assert told_apart(left * self.line[None], np.array([np.linalg.norm(self.line)])).tolist() == [kept]
+
+    def test_a_column_of_zeros_is_none(self) -> None:
+        assert told_apart(np.zeros((1, 5)), np.zeros(1)).tolist() == [False]
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, -1.0])
@@ -136,6 +218,13 @@ class TestScores:
         assert theil_inequality(self.y, self.y) == 0.0
         assert theil_inequality(self.y, -self.y) == 1.0
         assert theil_inequality(self.y, 0.0 * self.y) == 1.0
+
+    @pytest.mark.parametrize("factor", [0.2, 0.55, 1.0, 1.45, 1.6, 3.0])
+    def test_each_guideline_catches_what_the_other_forgives(self, factor: float) -> None:
+        motion = self.y - self.y.mean()
+        tic, fit = theil_inequality(motion, factor * motion), nrmse_fit_percent(motion, factor * motion)
+        # TIC up to 0.25 means 3/5 to 5/3 of the size, a fit of 50 % means 1/2 to 3/2.
+        assert guidelines_met(tic, fit) == int(3 / 5 <= factor <= 5 / 3) + int(1 / 2 <= factor <= 3 / 2)
 
     def test_signals_that_rest(self) -> None:
         rest = np.ones(3)

@@ -1,0 +1,86 @@
+"""Where all that was flown was fitted: fit again without the last maneuver, and judge that model on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from rotorid.data.findings import Finding
+from rotorid.errors import InsufficientDataError
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.fitting import fitted_band, pose
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.measure import measure
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.unseen_sweeps import Judged, judge_sweeps
+from rotorid.reduce.elimination import fit_and_drop
+
+_ADVICE = "Fly doublets, or give another log with --verify."
+
+
+def hold_out(
+    structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings, progress: Callable[[str], None]
+) -> Judged:
+    """Fit a structure to all maneuvers but the last, and judge that second model on the last one.
+
+    The second fit begins from nothing: its band, its start values and what it drops come from the maneuvers that are
+    left. It is another model than the one of the result, which has seen all of them.
+
+    Parameters
+    ----------
+    structure
+        What to fit.
+    flown
+        All maneuvers that the model of the result was fitted to.
+    settings
+        Choices of the run.
+    progress
+        Told what is being done.
+    """
+    if len(flown) < 2:
+        return Judged(findings=(_nothing_left(),))
+    progress("holding out the last maneuver")
+    rest, last = flown[:-1], flown[-1:]
+    name = f"{last[0][0].source.name} at {last[0][1].start_s:.1f} s"
+    try:
+        measured = measure(rest, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        reduced = fit_and_drop(pose(structure, measured, settings))
+        parameters = reduced.problem.parameters.unpack(reduced.solution.theta)
+        band = fitted_band(reduced.problem)
+        judged = judge_sweeps(structure, parameters, last, band_rad_s=band, settings=settings)
+    except InsufficientDataError as error:
+        return Judged(findings=(_not_held_out(name, error),))
+    return Judged(costs=judged.costs, findings=(*judged.findings, _held_out(name, max(judged.costs.values()))))
+
+
+def _nothing_left() -> Finding:
+    return Finding(
+        kind="not_verified",
+        severity="warning",
+        where="verification",
+        message=f"Everything that was flown was fitted, so nothing is left to judge the model on. {_ADVICE}",
+    )
+
+
+def _not_held_out(name: str, error: InsufficientDataError) -> Finding:
+    return Finding(
+        kind="not_verified",
+        severity="warning",
+        where=name,
+        message=(
+            f"No maneuver is left unseen, and that of {name} could not be held out of a second fit: "
+            f"{error.came.rstrip('.')}. {_ADVICE}"
+        ),
+    )
+
+
+def _held_out(name: str, worst: float) -> Finding:
+    return Finding(
+        kind="held_out",
+        severity="info",
+        where=name,
+        message=(
+            f"No maneuver is left unseen. A second model, fitted without that of {name}, predicts its response with a "
+            f"cost of {worst:.1f}; the model of this result was fitted to all maneuvers."
+        ),
+        numbers={"cost": worst},
+    )

@@ -1,0 +1,120 @@
+"""Which channels excite the inputs of a model and contain no feedback."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rotorid.data.channel import AXES, STANDARD_UNITS
+from rotorid.data.findings import Finding
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import FlightRecord
+from rotorid.errors import ModelError, UsageError
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.signal.clock import missing_channel
+from rotorid.signal.segment import LEAST_MOTION, excitation_signals
+from rotorid.typing import Axis
+
+Flown = tuple[FlightRecord, Maneuver]
+
+
+def axis_of(input: str) -> Axis:
+    """Axis of a command channel.
+
+    Raises
+    ------
+    ModelError
+        The input of a model is something else than one of the four commands.
+    """
+    axis = input.removesuffix("_command")
+    if axis not in AXES or axis == input:
+        raise ModelError(
+            f"the model has the input {input}", needed=f"one of {', '.join(f'{axis}_command' for axis in AXES)}"
+        )
+    return axis  # type: ignore[return-value]
+
+
+def find_instrument(flown: Sequence[Flown], axis: Axis) -> str | None:
+    """The channel that excites ``axis`` in every maneuver and contains no feedback, or ``None``.
+
+    The best candidate that moves. Candidates are what the reader knows to be free of feedback, then set-points from
+    the outermost loop inward: as soon as an outer loop is excited, the set-points inside it contain its feedback.
+    """
+    candidates = [set(excitation_signals(record, axis)) for record, _ in flown]
+    shared = set.intersection(*candidates) if candidates else set()
+    for name in excitation_signals(flown[0][0], axis):
+        if name in shared and not name.endswith("_command") and all(_moves(r, m, name) for r, m in flown):
+            return name
+    return None
+
+
+def _moves(record: FlightRecord, maneuver: Maneuver, name: str) -> bool:
+    for topic, row in record.holding(name):
+        inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
+        values = topic.values[row, inside]
+        values = values[np.isfinite(values)]
+        if values.size > 10:
+            return float(np.ptp(values)) > LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02)
+    return False
+
+
+def choose_instruments(
+    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: IdentifySettings
+) -> tuple[str, ...]:
+    """Instruments for all inputs, or none.
+
+    Raises
+    ------
+    UsageError
+        The joint estimate was asked for and an instrument is missing, or the number does not match.
+    """
+    if settings.estimate == "direct":
+        return ()
+    if settings.instruments:
+        _require_instruments(flown, inputs, outputs, settings.instruments)
+        if len(settings.instruments) != len(inputs):
+            raise UsageError(
+                f"{len(settings.instruments)} instruments for {len(inputs)} inputs came", needed="one for each input"
+            )
+        return settings.instruments
+    found = [find_instrument(flown, axis_of(name)) for name in inputs]
+    if all(found):
+        return tuple(name for name in found if name)
+    if settings.estimate == "joint":
+        missing = ", ".join(name for name, instrument in zip(inputs, found, strict=True) if not instrument)
+        raise UsageError(
+            f"no instrument for {missing} was found in the log",
+            needed="a channel that excites it and contains no feedback",
+            remedy="name one with --instrument, or use --estimate direct",
+        )
+    return ()
+
+
+def _require_instruments(
+    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str]
+) -> None:
+    for name in instruments:
+        if name in (*inputs, *outputs):
+            raise UsageError(
+                f"{name} is part of the response itself",
+                needed="an instrument: a channel that excites the input and contains no feedback",
+                remedy="name another one, or use --estimate direct",
+            )
+        for record, _ in flown:
+            if name not in record.channel_names:
+                raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
+
+
+def no_instrument(inputs: Sequence[str]) -> Finding:
+    """What to say when the direct estimate is all there is."""
+    names = ", ".join(inputs)
+    return Finding(
+        kind="closed_loop_bias",
+        severity="warning",
+        where=names,
+        message=(
+            f"No excitation free of feedback is logged for {names}, so the direct estimate was used. In closed loop "
+            "it leans toward the inverse of the controller wherever gusts and noise rule."
+        ),
+    )
