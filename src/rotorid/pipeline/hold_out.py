@@ -49,7 +49,7 @@ def hold_out(
         judged = judge_sweeps(structure, parameters, last, band_rad_s=band, settings=settings)
     except InsufficientDataError as error:
         return Judged(findings=(_not_held_out(name, error),))
-    return Judged(costs=judged.costs, findings=(*judged.findings, _held_out(name, max(judged.costs.values()))))
+    return Judged(costs=judged.costs, findings=(*judged.findings, _held_out(name, max(judged.costs.values()), band)))
 
 
 def _nothing_left() -> Finding:
@@ -73,14 +73,16 @@ def _not_held_out(name: str, error: InsufficientDataError) -> Finding:
     )
 
 
-def _held_out(name: str, worst: float) -> Finding:
+def _held_out(name: str, worst: float, band_rad_s: tuple[float, float]) -> Finding:
+    # Fewer maneuvers may carry a narrower band, in which a model of the wrong form passes: so the band is said.
     return Finding(
         kind="held_out",
         severity="info",
         where=name,
         message=(
-            f"No maneuver is left unseen. A second model, fitted without that of {name}, predicts its response with a "
-            f"cost of {worst:.1f}; the model of this result was fitted to all maneuvers."
+            f"No maneuver is left unseen. A second model, fitted from {band_rad_s[0]:.2g} to {band_rad_s[1]:.3g} rad/s "
+            f"without that of {name}, predicts its response with a cost of {worst:.1f}; the model of this result was "
+            "fitted to all maneuvers."
         ),
-        numbers={"cost": worst},
+        numbers={"cost": worst, "low_rad_s": band_rad_s[0], "high_rad_s": band_rad_s[1]},
     )

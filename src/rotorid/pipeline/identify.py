@@ -108,6 +108,7 @@ def identify(
         beside=measured.beside,
         model_response=structure.response(fitted.parameters.values, measured.response.omega_rad_s),
         fitted=np.asarray(fitted.problem.used),
+        least_coherence=settings.least_coherence(joint=measured.response.estimate == "joint"),
         segments=measured.segments,
         verifications=checked.verifications,
     )

@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 from tests.unit.cli.commands import fly_roll_sweeps
 
+from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.fit.problem import FrequencyProblem
 from rotorid.io.registry import read
+from rotorid.models.rate import rate_model
 from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.fitting import Fitted, fit_with_bounds, pose
+from rotorid.pipeline.hold_out import hold_out
 from rotorid.pipeline.identify import identify
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.measure import Measured, measure
+from rotorid.pipeline.selection import Selection, select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.pipeline.unseen_sweeps import Judged, judge_sweeps
+from rotorid.pipeline.verification import Checked, check
+from rotorid.reduce.elimination import Reduced, fit_and_drop
 
 BAND = (12.0, 50.0)
 
@@ -26,6 +41,72 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def record(log: Path) -> FlightRecord:
     return read(log)
+
+
+class Fit(NamedTuple):
+    """A model of the first sweep, and the second one that it has not seen."""
+
+    fitted: Fitted
+    measured: Measured
+    selection: Selection
+    settings: IdentifySettings
+    second: Flown
+
+
+def silent(_: str) -> None:
+    """Say nothing."""
+
+
+@pytest.fixture(scope="module")
+def first(record: FlightRecord) -> Fit:
+    settings = IdentifySettings(band_rad_s=BAND)
+    both = select_maneuvers([record], ["roll"], settings).fitted
+    measured = measure(both[:1], inputs=("roll_command",), outputs=("p",), settings=settings)
+    fitted = fit_with_bounds(pose(rate_model("rate.roll"), measured, settings), measured)
+    return Fit(fitted, measured, Selection(fitted=both[:1], unseen=()), settings, both[1])
+
+
+def named(record: FlightRecord, name: str) -> FlightRecord:
+    """The same data as another log."""
+    return replace(record, source=replace(record.source, name=name, sha256=name))
+
+
+def changed(record: FlightRecord, name: str, **channels: float | None) -> FlightRecord:
+    """Another log, with channels multiplied by a factor, or left out where that is ``None``."""
+    (topic,) = record.topics
+    kept = [row for row, channel in enumerate(topic.channels) if channels.get(channel.name, 1.0) is not None]
+    factors = [channels.get(topic.channels[row].name, 1.0) for row in kept]
+    values = topic.values[kept] * np.array(factors, dtype=np.float64)[:, None]
+    other = replace(topic, values=values, channels=tuple(topic.channels[row] for row in kept))
+    return replace(named(record, name), topics=(other,))
+
+
+def deaf(record: FlightRecord, name: str) -> FlightRecord:
+    """Another log, whose rate is noise that no command caused."""
+    (topic,) = record.topics
+    values = topic.values.copy()
+    values[topic.row("p")] = np.random.default_rng(4).standard_normal(topic.time_s.size)
+    return replace(named(record, name), topics=(replace(topic, values=values),))
+
+
+def judged(fit: Fit, flown: Flown, *, band: tuple[float, float] | None = None) -> Judged:
+    fitted = fit.fitted
+    return judge_sweeps(
+        fitted.structure,
+        fitted.parameters,
+        [flown],
+        band_rad_s=band or fitted.band_rad_s,
+        settings=fit.settings,
+    )
+
+
+def checked(fit: Fit, *verify: FlightRecord) -> Checked:
+    return check(fit.fitted, fit.measured, fit.selection, verify, fit.settings, silent)
+
+
+def of_kind(kind: str, findings: tuple[Finding, ...]) -> dict[str, str]:
+    """Messages of the findings of a kind, by where they are."""
+    return {finding.where: finding.message for finding in findings if finding.kind == kind}
 
 
 def kinds(document: ResultDocument) -> set[str]:
@@ -61,3 +142,88 @@ def test_a_wrong_model_is_said_to_be_wrong_on_what_was_held_out(record: FlightRe
     settings = IdentifySettings(band_rad_s=BAND, fix={"T_motor": 0.2, "L_p": -2.0})
     document = identify([record], "rate.roll", settings=settings).document
     assert {"poor_fit", "poor_verification"} <= kinds(document)
+
+
+def ending(flown: Flown, top_rad_s: float) -> Flown:
+    return flown[0], replace(flown[1], band_rad_s=(1.0, top_rad_s))
+
+
+def test_a_sweep_is_judged_only_as_far_as_it_goes(first: Fit) -> None:
+    short = ending(first.second, 30.0)
+    response = measure([short], inputs=("roll_command",), outputs=("p",), settings=first.settings)
+    top = response.trusted_rad_s[1]
+    assert top < 30.0 < first.fitted.band_rad_s[1]
+    (cost,) = judged(first, short).costs.values()
+    assert [cost] == list(judged(first, first.second, band=(first.fitted.band_rad_s[0], top)).costs.values())
+    assert [cost] != list(judged(first, first.second).costs.values())
+
+
+def test_a_sweep_below_the_fitted_band_says_so(first: Fit) -> None:
+    with pytest.raises(InsufficientDataError, match="do not reach the fitted band of 1"):
+        judged(first, ending(first.second, 11.0))
+
+
+def test_a_log_of_another_vehicle_is_said_to_be_missed(first: Fit, record: FlightRecord) -> None:
+    found = checked(first, changed(record, "other.csv", p=3.0))
+    # Three times the gain is 9.5 dB everywhere: a cost of about 20 times its square.
+    assert found.frequency["p/roll_command"] == pytest.approx(20.0 * (20.0 * np.log10(3.0)) ** 2, rel=0.2)
+    assert list(of_kind("poor_verification", found.findings)) == ["other.csv: p/roll_command"]
+    assert "not_verified" not in {finding.kind for finding in found.findings}
+
+
+def test_every_log_that_adds_nothing_is_named_with_its_cause(first: Fit, record: FlightRecord) -> None:
+    quiet = changed(record, "quiet.csv", roll_command=0.0, roll_excitation=0.0, p_setpoint=0.0, phi_setpoint=0.0)
+    lacking, useful = changed(record, "lacking.csv", p=None), named(record, "useful.csv")
+    found = checked(first, quiet, deaf(record, "deaf.csv"), useful, lacking)
+    causes = of_kind("not_verified", found.findings)
+    assert causes.keys() == {"quiet.csv", "deaf.csv", "lacking.csv"}
+    assert "holds no excitation of roll" in causes["quiet.csv"]
+    assert "no point of its sweeps in the fitted band" in causes["deaf.csv"]
+    assert "lacking.csv holds no p" in causes["lacking.csv"]
+    assert found.frequency["p/roll_command"] < 50.0
+
+
+def test_a_good_log_does_not_hide_a_bad_one(first: Fit, record: FlightRecord) -> None:
+    good, bad = named(record, "good.csv"), changed(record, "bad.csv", p=3.0)
+    alone, both = checked(first, bad), checked(first, good, bad)
+    assert both.frequency == alone.frequency
+    assert list(of_kind("poor_verification", both.findings)) == ["bad.csv: p/roll_command"]
+
+
+def test_remarks_on_unseen_sweeps_are_kept(first: Fit, record: FlightRecord) -> None:
+    # Without an instrument the estimate is a direct one, which is remarked on.
+    bare = changed(record, "bare.csv", roll_excitation=None, phi_setpoint=None)
+    assert "roll_command" in of_kind("closed_loop_bias", judged(first, (bare, first.second[1])).findings)
+
+
+def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    posed: list[FrequencyProblem] = []
+
+    def seen(problem: FrequencyProblem) -> Reduced:
+        posed.append(problem)
+        return fit_and_drop(problem)
+
+    monkeypatch.setattr("rotorid.pipeline.hold_out.fit_and_drop", seen)
+    structure = first.fitted.structure
+    hold_out(structure, [*first.selection.fitted, first.second], first.settings, silent)
+    (problem,) = posed
+    # The fit of the result dropped some; the data without the last maneuver have to speak for themselves.
+    assert problem.parameters.free == structure.parameters.free
+    assert first.fitted.problem.parameters.free != problem.parameters.free
+    np.testing.assert_array_equal(problem.data.values, first.measured.response.values)
+
+
+def test_why_nothing_could_be_held_out_is_said(first: Fit, record: FlightRecord) -> None:
+    rest = (record, parse_segment("roll:0.2:2.4"))
+    held = hold_out(first.fitted.structure, [rest, first.second], first.settings, silent)
+    (message,) = of_kind("not_verified", held.findings).values()
+    measured = measure([rest], inputs=("roll_command",), outputs=("p",), settings=first.settings)
+    with pytest.raises(InsufficientDataError) as caught:
+        pose(first.fitted.structure, measured, first.settings)
+    assert caught.value.came.rstrip(".") in message
+    assert held.costs == {}
+
+
+def test_a_single_maneuver_cannot_be_held_out(first: Fit) -> None:
+    held = hold_out(first.fitted.structure, [first.second], first.settings, silent)
+    assert "Everything that was flown was fitted" in of_kind("not_verified", held.findings)["verification"]
