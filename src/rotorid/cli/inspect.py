@@ -2,67 +2,134 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
 
 from rotorid.cli.options import Json, Log, Map, Quiet
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.inspection import InspectDocument
+    from rich.table import Table
+
+    from rotorid.pipeline.document import FindingDocument, ManeuverDocument
+    from rotorid.pipeline.inspection import ChannelDocument, InspectDocument
+
+Plot: TypeAlias = Annotated[
+    Path | None, typer.Option("--plot", help="Write a picture of the log: FILE.html or FILE.png.")
+]
+
+_MOST_FINDINGS = 8
 
 
-def inspect_command(log: Log, map: Map = None, json: Json = False, quiet: Quiet = False) -> None:
+def inspect_command(log: Log, map: Map = None, plot: Plot = None, json: Json = False, quiet: Quiet = False) -> None:
     """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
+    from rotorid.report.inspection_page import require_suffix, write_inspection
     from rotorid.report.output import to_json
 
-    document = inspect(read(log, mapping=map))
+    if plot is not None:
+        require_suffix(plot)
+    record = read(log, mapping=map)
+    document = inspect(record)
+    if plot is not None:
+        write_inspection(plot, record, document)
     if json:
         sys.stdout.write(to_json(document))
     elif not quiet:
-        _print(document)
+        _print(document, plot)
 
 
-def _print(document: InspectDocument) -> None:
-    from rich.table import Table
-
+def _print(document: InspectDocument, plot: Path | None) -> None:
+    """One screen: the log, its topics, what was flown, what that supports, remarks."""
     from rotorid.cli.console import output_console
 
     console = output_console()
+
+    def say(lines: Iterable[str], heading: str = "") -> None:
+        if heading:
+            console.print(f"\n[bold]{heading}[/bold]")
+        for line in lines:
+            # Names come from the log: brackets in them are no markup.
+            console.print(line, markup=False, soft_wrap=True)
+
+    say(_head(document))
+    console.print()
+    console.print(_topics(document))
+    say([f"  {_maneuver(m)} {m.origin} in {m.signal}" for m in document.excitations] or ["  none found"], "excitations")
+    if document.candidates:
+        lines = [f"  {_maneuver(item)} in {item.signal}: --segment {item.segment}" for item in document.candidates]
+        say(lines, "candidates: if they were meant, name them")
+    say(_supports(document), "what it can support")
+    if document.findings:
+        say(_findings(document.findings), "findings")
+    if plot is not None:
+        say([f"\npicture: {plot}"])
+
+
+def _head(document: InspectDocument) -> Iterator[str]:
     firmware = f", {document.firmware}" if document.firmware else ""
-    console.print(f"[bold]{document.name}[/bold]  {document.format}{firmware}")
-    console.print(
-        f"{document.start_s:.2f} to {document.stop_s:.2f} s on the log's clock, {document.parameters} parameters\n"
+    yield f"{document.name}  {document.format}{firmware}"
+    battery = document.battery
+    volts = f", battery {battery.start_v:.2f} to {battery.stop_v:.2f} V" if battery else ""
+    lowest = f" (lowest {battery.lowest_v:.2f} V)" if battery else ""
+    yield (
+        f"{document.start_s:.2f} to {document.stop_s:.2f} s on the log's clock, {document.parameters} parameters"
+        f"{volts}{lowest}"
     )
-    topics = Table(box=None, pad_edge=False)
+    if document.settings:
+        yield "  ".join(f"{name}={value:.6g}" for name, value in document.settings.items())
+
+
+def _topics(document: InspectDocument) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False)
     for name in ("topic", "rate", "from", "to", "gaps", "channels"):
-        topics.add_column(name, justify="right" if name in ("rate", "from", "to", "gaps") else "left")
-    for topic in dict.fromkeys(channel.topic for channel in document.channels):
-        rows = [channel for channel in document.channels if channel.topic == topic]
-        first = rows[0]
-        topics.add_row(
+        table.add_column(name, justify="right" if name in ("rate", "from", "to", "gaps") else "left")
+    for topic, rows in groupby(document.channels, key=lambda channel: channel.topic):
+        channels = list(rows)
+        first = channels[0]
+        cells = (
             topic,
             f"{first.rate_hz:.0f} Hz",
             "" if first.start_s is None else f"{first.start_s:.1f}",
             "" if first.stop_s is None else f"{first.stop_s:.1f}",
             f"{first.gaps} (longest {first.longest_gap_s:.2f} s)" if first.gaps else "0",
-            " ".join(row.name for row in rows),
+            _names(channels),
         )
-    console.print(topics)
-    console.print("\n[bold]excitations[/bold]")
-    for item in document.excitations:
-        band = f"{item.band_rad_s[0]:.2g} to {item.band_rad_s[1]:.3g} rad/s" if item.band_rad_s else ""
-        console.print(
-            f"  {item.axis:<7}{item.kind:<14}{item.start_s:9.2f} to {item.stop_s:9.2f} s  {band:<20} {item.origin} in "
-            f"{item.signal}"
-        )
-    if not document.excitations:
-        console.print("  none found")
-    console.print("\n[bold]what it can support[/bold]")
+        table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def _names(channels: Sequence[ChannelDocument]) -> str:
+    """Names of channels in a row; numbered ones, such as the motors, as the first and the last."""
+    shown = []
+    for _, group in groupby((channel.name for channel in channels), key=lambda name: re.sub(r"\d+$", "#", name)):
+        names = list(group)
+        shown.append(f"{names[0]}…{names[-1].rpartition('_')[2]}" if len(names) > 2 else " ".join(names))
+    return " ".join(shown)
+
+
+def _maneuver(item: ManeuverDocument) -> str:
+    band = f"{item.band_rad_s[0]:.2g} to {item.band_rad_s[1]:.3g} rad/s" if item.band_rad_s else ""
+    return f"{item.axis:<7}{item.kind:<14}{item.start_s:9.2f} to {item.stop_s:9.2f} s  {band:<20}"
+
+
+def _supports(document: InspectDocument) -> Iterator[str]:
     for model, support in document.supports.items():
-        mark = "[green]yes[/green]" if support.possible else "[red]no[/red] "
         remedy = f"; {support.remedy}" if support.remedy else ""
-        console.print(f"  {model:<14} {mark}  {support.because}{remedy}")
-    for finding in document.findings:
-        console.print(f"\n{finding.severity} {finding.kind} ({finding.where}): {finding.message}", markup=False)
+        yield f"  {model:<14} {'yes' if support.possible else 'no '}  {support.because}{remedy}"
+
+
+def _findings(findings: Sequence[FindingDocument]) -> Iterator[str]:
+    for finding in findings[:_MOST_FINDINGS]:
+        yield f"  {finding.severity} {finding.kind} ({finding.where}): {finding.message}"
+    if len(findings) > _MOST_FINDINGS:
+        yield f"  and {len(findings) - _MOST_FINDINGS} more, which --json and --plot FILE.html show"

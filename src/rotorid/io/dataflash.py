@@ -28,6 +28,9 @@ SNIFFED = bytes((*MAGIC, FMT.number, FMT.number, FMT.length)) + b"FMT"
 ROUNDS = 4
 """How often the chain is followed anew when it turns out that a definition was no message of the chain."""
 
+BLOCK = 1 << 20
+"""Messages that are looked up or sorted at once: NumPy widens an index to 64 bits, which for all would be much."""
+
 Definitions = Mapping[int, tuple[tuple[int, Format], ...]]
 """Type to its definitions: position in the log, and what was defined there."""
 
@@ -94,11 +97,11 @@ def decode(data: bytes | memoryview | AnyArray) -> DataFlashLog:
     """
     log: AnyArray = np.ascontiguousarray(np.frombuffer(data, dtype=np.uint8))
     headers = _headers(log)
-    types = log[headers + 2]
+    types = _types(log, headers)
     definitions = _definitions(log, headers[types == FMT.number])
     for _ in range(ROUNDS):
         starts, gaps = _follow(log.size, *_messages(log.size, headers, types, definitions))
-        confirmed = _definitions(log, starts[log[starts + 2] == FMT.number])
+        confirmed = _definitions(log, starts[_types(log, starts) == FMT.number])
         if confirmed == definitions:
             break
         definitions = confirmed
@@ -113,14 +116,28 @@ def decode(data: bytes | memoryview | AnyArray) -> DataFlashLog:
 
 
 def _headers(log: AnyArray, block: int = 1 << 19) -> IntArray:
-    """Positions of the magic bytes, true headers or not; by blocks that stay in the cache."""
+    """Positions of the magic bytes, true headers or not; by blocks that stay in the cache.
+
+    A log has one for every 50 bytes: in logs below 2 GB they are kept in 32 bits, which halves the memory of all that
+    follows.
+    """
     last = max(log.size - HEADER_BYTES + 1, 0)
+    width = np.int32 if log.size + TYPES < np.iinfo(np.int32).max else np.int64
     found = []
     for begin in range(0, last, block):
         part = log[begin : min(begin + block, last)]
         first = np.flatnonzero(part == MAGIC[0]) + begin
-        found.append(first[log[first + 1] == MAGIC[1]])
-    return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+        found.append(first[log[first + 1] == MAGIC[1]].astype(width))
+    return np.concatenate(found) if found else np.empty(0, dtype=width)
+
+
+def _types(log: AnyArray, positions: IntArray) -> AnyArray:
+    """Type of the message at each position, ``uint8``."""
+    types = np.empty(positions.size, dtype=np.uint8)
+    for begin in range(0, positions.size, BLOCK):
+        part = positions[begin : begin + BLOCK]
+        types[begin : begin + BLOCK] = log[part + 2]
+    return types
 
 
 def _definitions(log: AnyArray, positions: IntArray) -> Definitions:
@@ -139,17 +156,25 @@ def _definitions(log: AnyArray, positions: IntArray) -> Definitions:
 
 def _messages(size: int, headers: IntArray, types: AnyArray, definitions: Definitions) -> tuple[IntArray, IntArray]:
     """First byte, and first byte after it, of every header that could be a message: defined, and not cut off."""
-    lengths = np.zeros(TYPES, dtype=np.int64)
+    lengths = np.zeros(TYPES, dtype=headers.dtype)
     for number, layouts in definitions.items():
         lengths[number] = layouts[0][1].length
-    length = lengths[types]
+    length = np.empty(types.size, dtype=headers.dtype)
+    for begin in range(0, types.size, BLOCK):
+        length[begin : begin + BLOCK] = lengths[types[begin : begin + BLOCK]]
     for number, layouts in definitions.items():
         if len(layouts) > 1:
             here = np.flatnonzero(types == number)
             length[here] = np.array([layout.length for _, layout in layouts])[_epoch(layouts, headers[here])]
-    stops = headers + length
-    possible = (length > 0) & (stops <= size)
-    return (headers, stops) if possible.all() else (headers[possible], stops[possible])
+    possible = length > 0
+    stops = np.add(headers, length, out=length)
+    possible &= stops <= size
+    if possible.all():
+        return headers, stops
+    # One after the other, so that the long arrays and the short ones never all exist at once.
+    del length
+    stops = stops[possible]
+    return headers[possible], stops
 
 
 def _epoch(layouts: Iterable[tuple[int, Format]], positions: IntArray) -> IntArray:
@@ -169,7 +194,7 @@ def _follow(size: int, starts: IntArray, stops: IntArray) -> tuple[IntArray, tup
     ends = np.append(np.flatnonzero(starts[1:] != stops[:-1]), starts.size - 1)
     after = np.searchsorted(starts, stops[ends])
     # The end of the log follows a message as well as another message does.
-    joined = np.append(starts, size)[after] == stops[ends]
+    joined = _begin(starts, after, size) == stops[ends]
     trusted = np.ones(starts.size, dtype=np.bool_)
     trusted[ends] = joined
     runs, gaps = _walk(size, starts, stops, ends, np.where(joined, after, -1), trusted)
@@ -179,7 +204,20 @@ def _follow(size: int, starts: IntArray, stops: IntArray) -> tuple[IntArray, tup
         steps[firsts] += 1
         steps[lasts] -= 1
     chained = np.cumsum(steps[:-1], dtype=np.int8).astype(np.bool_)
-    return starts[chained], tuple(gaps)
+    return starts if chained.all() else starts[chained], tuple(gaps)
+
+
+def _resume(ends: IntArray, successors: IntArray) -> IntArray:
+    """The next trusted candidate after each end: only ends where the chain breaks are not trusted."""
+    broken = (np.diff(ends) == 1) & (successors[1:] < 0)
+    lasts = np.append(np.flatnonzero(~broken), ends.size - 1)
+    following: IntArray = ends[lasts[np.searchsorted(lasts, np.arange(ends.size))]] + 1
+    return following
+
+
+def _begin(starts: IntArray, index: IntArray, size: int) -> IntArray:
+    """First byte of each candidate; the end of the log for the index after the last one."""
+    return np.where(index < starts.size, starts[np.minimum(index, starts.size - 1)], size)
 
 
 def _walk(
@@ -189,16 +227,15 @@ def _walk(
 
     ``successors`` holds, for each of ``ends``, the candidate at which it ends, or -1 where the chain breaks.
     """
-    anchors = np.flatnonzero(trusted)
-    resume = np.append(anchors, starts.size)[np.searchsorted(anchors, ends, side="right")]
-    reach = np.append(starts, size)[resume].tolist()
+    resume = _resume(ends, successors)
+    reach = _begin(starts, resume, size).tolist()
     end_at, begin_of_end, stop_of_end = ends.tolist(), starts[ends].tolist(), stops[ends].tolist()
     successor, resume_at = successors.tolist(), resume.tolist()
 
     runs: list[tuple[int, int]] = []
     gaps: list[tuple[int, int]] = []
-    at = 0 if starts[0] == 0 else int(np.append(anchors, starts.size)[0])
-    begin = int(np.append(starts, size)[at])
+    at = 0 if starts[0] == 0 else int(np.argmax(trusted)) if trusted.any() else starts.size
+    begin = int(starts[at]) if at < starts.size else size
     if begin:
         gaps.append((0, begin))
     place = 0
@@ -220,15 +257,30 @@ def _walk(
     return runs, gaps
 
 
+def _of_type(log: AnyArray, starts: IntArray) -> list[IntArray]:
+    """Positions of the messages of each type, rising."""
+    types = _types(log, starts)
+    blocks = [slice(begin, begin + BLOCK) for begin in range(0, starts.size, BLOCK)]
+    counts = np.array([np.bincount(types[block], minlength=TYPES) for block in blocks]).reshape(-1, TYPES)
+    borders = np.concatenate(([0], np.cumsum(counts.sum(axis=0))))
+    places = borders[:-1] + np.cumsum(counts, axis=0) - counts
+    ordered = np.empty_like(starts)
+    for block, count, place in zip(blocks, counts, places, strict=True):
+        part = starts[block][np.argsort(types[block], kind="stable")]
+        for number, piece in enumerate(np.split(part, np.cumsum(count)[:-1])):
+            ordered[place[number] : place[number] + piece.size] = piece
+    return [ordered[begin:end] for begin, end in pairwise(borders.tolist())]
+
+
 def _tables(log: AnyArray, starts: IntArray, definitions: Definitions) -> tuple[Mapping[str, Table], tuple[str, ...]]:
     """One table for each definition of which there are messages, in the order of their names' first definition."""
-    types = log[starts + 2]
-    order = np.argsort(types, kind="stable")
-    borders = np.concatenate(([0], np.cumsum(np.bincount(types, minlength=TYPES))))
-    of_type = [starts[order[begin:end]] for begin, end in pairwise(borders.tolist())]
+    of_type = _of_type(log, starts)
     parts: list[tuple[int, Format, IntArray]] = []
     for number, layouts in definitions.items():
-        epoch = _epoch(layouts, of_type[number]) if len(layouts) > 1 else np.zeros(of_type[number].size, dtype=np.int64)
+        if len(layouts) == 1:
+            parts.append((*layouts[0], of_type[number]))
+            continue
+        epoch = _epoch(layouts, of_type[number])
         parts += [
             (position, layout, of_type[number][epoch == index]) for index, (position, layout) in enumerate(layouts)
         ]

@@ -35,18 +35,17 @@ class Reader:
 READERS: Sequence[Reader] = (
     Reader(module="rotorid.io.px4", takes_sandbox=True),
     Reader(module="rotorid.io.ardupilot"),
+    Reader(module="rotorid.io.blackbox"),
+    Reader(module="rotorid.io.rosbag", takes_mapping=True, takes_sandbox=True),
+    Reader(module="rotorid.io.tlog"),
     Reader(module="rotorid.io.mat", takes_mapping=True, takes_sandbox=True),
     # Last, since nearly every text looks like a table.
     Reader(module="rotorid.io.tabular", takes_mapping=True),
 )
 """In the order in which they are asked."""
 
-_READ = "PX4 .ulg, ArduPilot .BIN, MATLAB .mat and CSV, each also as .gz, .xz, .bz2 or .zip"
+_READ = "PX4 .ulg, ArduPilot .BIN, Betaflight .BBL, ROS bag, .tlog, .mat and CSV, each also as .gz, .xz, .bz2 or .zip"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
-    (b"H Product:Blackbox", "a Betaflight or INAV blackbox log", "export it to CSV and name the columns with --map"),
-    (b"#ROSBAG", "a ROS 1 bag", "export the topics to CSV and name the columns with --map"),
-    (b"SQLite format 3", "an SQLite database, such as a ROS 2 bag", "export the topics to CSV"),
-    (b"\x89MCAP", "an MCAP file", "export the topics to CSV and name the columns with --map"),
     (b"FMT, ", "an ArduPilot log converted to text", "give the .BIN file that it was made from"),
     (b"PAR1", "a Parquet file", "save the table as CSV"),
     (b"\x93NUMPY", "a NumPy array", "save it as CSV with a header"),
@@ -112,7 +111,7 @@ def read(
         elif mapping is not None:
             raise UsageError(
                 f"a mapping was given for {path.name}, which is {module.FORMAT}",
-                needed="a mapping for CSV and MATLAB files only",
+                needed="a mapping for CSV, MATLAB and ROS files only",
                 remedy="leave --map out: this format names its own channels",
             )
         source = Source(name=path.name, format=module.FORMAT, sha256=sha256_of(path))

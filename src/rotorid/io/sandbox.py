@@ -23,9 +23,9 @@ import numpy as np
 from rotorid.errors import LogError
 from rotorid.typing import AnyArray
 
-Parser: TypeAlias = Literal["ulog", "mat"]
+Parser: TypeAlias = Literal["ulog", "mat", "rosbag"]
 
-PARSERS: Mapping[str, str] = {"ulog": "rotorid.io.ulog", "mat": "rotorid.io.mat"}
+PARSERS: Mapping[str, str] = {"ulog": "rotorid.io.ulog", "mat": "rotorid.io.mat", "rosbag": "rotorid.io.bag_extract"}
 """Parser to the module whose ``extract(path, options)`` does the work, imported by the child alone."""
 
 _MIB = 1 << 20

@@ -1,4 +1,4 @@
-"""Remarks on what else moved: feedback in the input, and commands of other axes."""
+"""Remarks on feedback in the input."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from rotorid.pipeline.measure import Measured
 from rotorid.typing import BoolArray
 
 _BIAS_LIMIT_DB = 1.0
-_CORRELATION_LIMIT = 0.5
 
 
 def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
@@ -35,26 +34,3 @@ def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
             numbers={"largest_db": worst, "rms_db": typical},
         ),
     )
-
-
-def correlated_inputs(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
-    """Commands of other axes that moved along: a model of one input takes their effect for its own."""
-    points = used.any(axis=(0, 1))
-    findings = []
-    for name, coherence in measured.cross_coherence.items():
-        mean = float(np.mean(coherence[points])) if points.any() else 0.0
-        if mean > _CORRELATION_LIMIT:
-            findings.append(
-                Finding(
-                    kind="correlated_inputs",
-                    severity="warning",
-                    where=f"{name}, {measured.response.inputs[0]}",
-                    message=(
-                        f"{name} moved along with the excitation (mean coherence {mean:.2f} in the fitted band). What "
-                        f"it does to {', '.join(measured.response.outputs)} is taken for an effect of "
-                        f"{', '.join(measured.response.inputs)}."
-                    ),
-                    numbers={"mean_coherence": mean, "limit": _CORRELATION_LIMIT},
-                )
-            )
-    return tuple(findings)

@@ -13,7 +13,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.feedback import correlated_inputs, feedback_bias
+from rotorid.pipeline.feedback import feedback_bias
 from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters
 from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.resolve import chosen_parameters
@@ -103,7 +103,6 @@ def fit_with_bounds(problem: FrequencyProblem, measured: Measured) -> Fitted:
     findings = (
         *judge_band(measured, problem.used),
         *feedback_bias(measured, problem.used),
-        *correlated_inputs(measured, problem.used),
         *reduced.findings,
         *judge_parameters(parameters, limits),
         *judge_fit(problem, solution, mean_cost),

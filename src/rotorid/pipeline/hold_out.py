@@ -49,7 +49,9 @@ def hold_out(
         judged = judge_sweeps(structure, parameters, last, band_rad_s=band, settings=settings)
     except InsufficientDataError as error:
         return Judged(findings=(_not_held_out(name, error),))
-    return Judged(costs=judged.costs, findings=(*judged.findings, _held_out(name, max(judged.costs.values()), band)))
+    # What was said of the data when all of it was fitted need not be said of its parts again.
+    poor = (finding for finding in judged.findings if finding.kind == "poor_verification")
+    return Judged(costs=judged.costs, findings=(*poor, _held_out(name, max(judged.costs.values()), band)))
 
 
 def _nothing_left() -> Finding:

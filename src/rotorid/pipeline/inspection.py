@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
 from rotorid.data.channel import AXES, LOWEST_RATE_HZ
+from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord, Topic
 from rotorid.models.rate import RATE_AXES
 from rotorid.pipeline.assemble import finding_documents, maneuver_document
@@ -15,7 +17,8 @@ from rotorid.pipeline.document import Document, FindingDocument, ManeuverDocumen
 from rotorid.pipeline.instruments import axis_of, find_instrument
 from rotorid.pipeline.selection import RICH_KINDS
 from rotorid.pipeline.support import LOWEST_TOP_RAD_S
-from rotorid.signal.segment import find_excitations
+from rotorid.signal.segment import candidate_excitations, find_excitations
+from rotorid.typing import Axis, FloatArray, IntArray
 
 _GAP_STEPS = 2.5
 
@@ -30,6 +33,16 @@ _FLYING_ADVICE = {
 }
 _OTHER_FLYING = "fly a {axis} sweep, slow to fast, for a minute or more, or name one with --segment"
 _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
+
+_SETTINGS = (
+    *("LOG_BITMASK", "SCHED_LOOP_RATE", "INS_GYRO_FILTER", "INS_ACCEL_FILTER", "MOT_THST_EXPO", "FRAME_CLASS"),
+    *("FRAME_TYPE", "ATC_RAT_RLL_P", "ATC_RAT_PIT_P", "ATC_RAT_YAW_P", "SID_AXIS", "SID_MAGNITUDE"),
+    *("SDLOG_PROFILE", "IMU_INTEG_RATE", "IMU_GYRO_CUTOFF", "IMU_DGYRO_CUTOFF", "IMU_ACCEL_CUTOFF", "THR_MDL_FAC"),
+    *("CA_AIRFRAME", "MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_YAWRATE_P"),
+)
+"""Parameters of the autopilot that decide what is logged, filtered and fed back: the first ones to look at."""
+
+_PerAxis: TypeAlias = Mapping[str, Sequence[Maneuver]]
 
 
 class ChannelDocument(Document):
@@ -47,6 +60,28 @@ class ChannelDocument(Document):
     longest_gap_s: float
 
 
+class CandidateDocument(ManeuverDocument):
+    """A stretch that moves an axis enough to try, and the value of ``--segment`` that takes it."""
+
+    segment: str
+
+
+class BatteryDocument(Document):
+    """Voltage of the battery at both ends of its record, and the lowest in between."""
+
+    start_v: float
+    stop_v: float
+    lowest_v: float
+
+
+class NeedDocument(Document):
+    """One thing that a model needs, and whether the log has it."""
+
+    need: str
+    there: bool
+    found: str
+
+
 class SupportDocument(Document):
     """Whether a model can be identified from this log, and what to change if not."""
 
@@ -54,6 +89,7 @@ class SupportDocument(Document):
     because: str
     remedy: str = ""
     instrument: str | None = None
+    needs: list[NeedDocument] = Field(default_factory=list)
 
 
 class InspectDocument(Document):
@@ -71,6 +107,9 @@ class InspectDocument(Document):
     excitations: list[ManeuverDocument]
     supports: dict[str, SupportDocument]
     findings: list[FindingDocument]
+    candidates: list[CandidateDocument] = Field(default_factory=list)
+    battery: BatteryDocument | None = None
+    settings: dict[str, float] = Field(default_factory=dict)
 
 
 def inspect(record: FlightRecord) -> InspectDocument:
@@ -99,7 +138,8 @@ def inspect(record: FlightRecord) -> InspectDocument:
     >>> inspect(record).supports["rate.roll"].because
     'the log lacks roll_command'
     """
-    maneuvers = sorted((m for axis in AXES for m in find_excitations(record, axis)), key=lambda m: m.start_s)  # type: ignore[arg-type]
+    found = {axis: find_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
+    candidates = {axis: candidate_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     return InspectDocument(
         name=record.source.name,
         format=record.source.format,
@@ -109,16 +149,71 @@ def inspect(record: FlightRecord) -> InspectDocument:
         stop_s=record.stop_s,
         parameters=len(record.parameters),
         channels=[_channel(topic, row) for topic in record.topics for row in range(len(topic.channels))],
-        excitations=[maneuver_document(record, maneuver) for maneuver in maneuvers],
-        supports={model: _support(record, model) for model in RATE_AXES},
+        excitations=[maneuver_document(record, maneuver) for maneuver in _in_time(*found.values())],
+        supports={
+            model: _support(record, axis.input, axis.output, found, candidates) for model, axis in RATE_AXES.items()
+        },
         findings=finding_documents(record.findings),
+        candidates=[_candidate(record, maneuver) for maneuver in _in_time(*candidates.values())],
+        battery=_battery(record),
+        settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
 
 
-def _channel(topic: Topic, row: int) -> ChannelDocument:
-    steps = np.diff(topic.time_s)
+def coverage(time_s: FloatArray) -> tuple[tuple[float, float], ...]:
+    """Stretches without a gap, shape of ``time_s`` ``(samples,)``: steps of more than 2.5 usual ones part them.
+
+    Examples
+    --------
+    >>> coverage(np.array([0.0, 0.1, 0.2, 0.9, 1.0]))
+    ((0.0, 0.2), (0.9, 1.0))
+    """
+    time_s = time_s[np.isfinite(time_s)]
+    if not time_s.size:
+        return ()
+    breaks = _gaps(time_s)
+    starts = np.concatenate([[0], breaks + 1])
+    stops = np.concatenate([breaks, [time_s.size - 1]])
+    return tuple((float(time_s[a]), float(time_s[b])) for a, b in zip(starts, stops, strict=True))
+
+
+def segment_of(axis: str, start_s: float, stop_s: float) -> str:
+    """The value of ``--segment`` that takes an interval.
+
+    Examples
+    --------
+    >>> segment_of("roll", 0.0, 17.5512)
+    'roll:0.00:17.55'
+    """
+    return f"{axis}:{start_s:.2f}:{stop_s:.2f}"
+
+
+def _in_time(*groups: Sequence[Maneuver]) -> list[Maneuver]:
+    return sorted((maneuver for group in groups for maneuver in group), key=lambda maneuver: maneuver.start_s)
+
+
+def _candidate(record: FlightRecord, maneuver: Maneuver) -> CandidateDocument:
+    plain = maneuver_document(record, maneuver)
+    return CandidateDocument(**plain.model_dump(), segment=segment_of(maneuver.axis, maneuver.start_s, maneuver.stop_s))
+
+
+def _battery(record: FlightRecord) -> BatteryDocument | None:
+    for topic, row in record.holding("battery_voltage"):
+        volts = topic.values[row][np.isfinite(topic.values[row])]
+        if volts.size:
+            return BatteryDocument(start_v=float(volts[0]), stop_v=float(volts[-1]), lowest_v=float(volts.min()))
+    return None
+
+
+def _gaps(time_s: FloatArray) -> IntArray:
+    """Index of the last sample before each gap."""
+    steps = np.diff(time_s)
     usual = float(np.median(steps)) if steps.size else 0.0
-    gaps = steps[steps > _GAP_STEPS * usual] if usual > 0.0 else steps[:0]
+    return np.flatnonzero(steps > _GAP_STEPS * usual) if usual > 0.0 else np.empty(0, dtype=np.int64)
+
+
+def _channel(topic: Topic, row: int) -> ChannelDocument:
+    gaps = np.diff(topic.time_s)[_gaps(topic.time_s)]
     channel = topic.channels[row]
     return ChannelDocument(
         name=channel.name,
@@ -134,37 +229,80 @@ def _channel(topic: Topic, row: int) -> ChannelDocument:
     )
 
 
-def _support(record: FlightRecord, model: str) -> SupportDocument:
-    axis = RATE_AXES[model]
+def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, candidates: _PerAxis) -> SupportDocument:
+    name = axis_of(input)
+    rates = {channel: _best_rate_hz(record, channel) for channel in (input, output)}
+    rich = [maneuver for maneuver in found[name] if maneuver.kind in RICH_KINDS]
+    tried = max(candidates[name], key=lambda maneuver: maneuver.duration_s, default=None)
+    instrument = find_instrument([(record, maneuver) for maneuver in rich], name) if rich else None
+    verdict = _unlogged(record, rates) or _unflown(record, name, rich, found[name], tried)
+    if verdict is None:
+        estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
+        because = f"{len(rich)} rich excitation(s), {min(rates.values()):.0f} Hz, {estimate}"
+        verdict = SupportDocument(possible=True, because=because, instrument=instrument)
+    return verdict.model_copy(update={"needs": _needs(rates, name, rich, instrument)})
+
+
+def _best_rate_hz(record: FlightRecord, channel: str) -> float:
+    """Rate of the fastest topic that holds a channel; zero where none does."""
+    return max((topic.sample_rate_hz for topic, _ in record.holding(channel)), default=0.0)
+
+
+def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> SupportDocument | None:
+    """The refusal of a log that lacks channels, or holds them too slowly."""
     advice = _LOGGING_ADVICE.get(record.source.format, _OTHER_LOGGING)
-    missing = [name for name in (axis.input, axis.output) if name not in record.channel_names]
+    missing = [name for name in rates if name not in record.channel_names]
     if missing:
         return SupportDocument(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
-    rates = {name: max(t.sample_rate_hz for t, _ in record.holding(name)) for name in (axis.input, axis.output)}
     slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]
     if slow:
         because = f"{' and '.join(slow)} is too slow; {LOWEST_RATE_HZ:.0f} Hz is the least"
         return SupportDocument(possible=False, because=because, remedy=advice)
-    found = find_excitations(record, axis_of(axis.input))
-    rich = [maneuver for maneuver in found if maneuver.kind in RICH_KINDS]
+    return None
+
+
+def _unflown(
+    record: FlightRecord, axis: Axis, rich: Sequence[Maneuver], found: Sequence[Maneuver], tried: Maneuver | None
+) -> SupportDocument | None:
+    """The refusal of a flight that does not excite an axis, or not fast enough; a candidate is pointed at."""
     if not rich:
         kinds = ", ".join(dict.fromkeys(maneuver.kind for maneuver in found))
         because = (
             f"only short maneuvers ({kinds}) excite this axis" if kinds else "no excitation of this axis was found"
         )
         flying = _FLYING_ADVICE.get(record.source.format, _OTHER_FLYING)
-        name = axis_of(axis.input)
-        return SupportDocument(
-            possible=False, because=because, remedy=flying.format(axis=name, sid_axis=_SID_AXIS[name])
-        )
+        remedy = flying.format(axis=axis, sid_axis=_SID_AXIS[axis])
+        if tried is not None:
+            remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
+        return SupportDocument(possible=False, because=because, remedy=remedy)
     tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s and maneuver.kind == "sweep"]
     if len(tops) == len(rich) and max(tops) < LOWEST_TOP_RAD_S:
         because = f"the sweeps end at {max(tops):.2g} rad/s; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more"
         return SupportDocument(possible=False, because=because, remedy="fly a sweep that goes faster")
-    instrument = find_instrument([(record, maneuver) for maneuver in rich], axis_of(axis.input))
-    estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
-    return SupportDocument(
-        possible=True,
-        because=f"{len(rich)} rich excitation(s), {min(rates.values()):.0f} Hz, {estimate}",
-        instrument=instrument,
-    )
+    return None
+
+
+def _needs(
+    rates: Mapping[str, float], axis: Axis, rich: Sequence[Maneuver], instrument: str | None
+) -> list[NeedDocument]:
+    """What a rate model needs, each with what the log has of it; without the last, feedback may bias the model."""
+    logged = [
+        NeedDocument(
+            need=f"{name} at {LOWEST_RATE_HZ:.0f} Hz or more",
+            there=rate >= LOWEST_RATE_HZ,
+            found=f"{rate:.3g} Hz" if rate else "not logged",
+        )
+        for name, rate in rates.items()
+    ]
+    tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s]
+    reach = f" up to {max(tops):.3g} rad/s" if tops else ""
+    flown = ", ".join(dict.fromkeys(maneuver.kind.replace("_", " ") for maneuver in rich))
+    return [
+        *logged,
+        NeedDocument(
+            need=f"a sweep or random binary signal on {axis}",
+            there=bool(rich),
+            found=f"{len(rich)} ({flown}){reach}" if rich else "none found",
+        ),
+        NeedDocument(need="an instrument free of feedback", there=bool(instrument), found=instrument or "none found"),
+    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.pipeline.cutting import cut, histories
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import Flown, choose_instruments, no_instrument
+from rotorid.pipeline.quality import data_quality
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, given_windows, plan_windows
@@ -23,9 +24,6 @@ POINTS = 100
 HIGHEST_DEFAULT_RAD_S = 100.0
 _HALF_LINE = 1.5
 """Half the width of the main lobe of a half-sine taper, in units of one over its length."""
-
-_CORRELATION_LIMIT = 0.5
-_LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,8 +38,6 @@ class Measured:
         The direct estimate, when ``response`` is a joint one.
     segments
         The data behind them.
-    cross_coherence
-        Coherence of each other command with the excitation, shape ``(f,)``.
     asked_rad_s
         Band that was looked at.
     excited_to_rad_s
@@ -53,7 +49,6 @@ class Measured:
     response: FrequencyResponse
     beside: FrequencyResponse | None
     segments: tuple[Segment, ...]
-    cross_coherence: Mapping[str, FloatArray]
     asked_rad_s: tuple[float, float]
     excited_to_rad_s: float
     findings: tuple[Finding, ...]
@@ -104,10 +99,14 @@ def measure(
         response=joint or direct,
         beside=direct if joint else None,
         segments=segments,
-        cross_coherence=_cross_coherence(records, instruments or inputs, others, omega, plan),
         asked_rad_s=band,
         excited_to_rad_s=_excited_to(flown),
-        findings=(*findings, *plan.findings, *((no_instrument(inputs),) if unknown else ())),
+        findings=(
+            *findings,
+            *data_quality(flown, segments),
+            *plan.findings,
+            *((no_instrument(inputs),) if unknown else ()),
+        ),
     )
 
 
@@ -167,19 +166,3 @@ def _other_commands(flown: Sequence[Flown], inputs: Sequence[str]) -> tuple[str,
     """Commands of the other axes that every record holds."""
     names = [f"{axis}_command" for axis in AXES]
     return tuple(n for n in names if n not in inputs and all(n in record.channel_names for record, _ in flown))
-
-
-def _cross_coherence(
-    records: Sequence[TimeHistory],
-    drivers: Sequence[str],
-    others: Sequence[str],
-    omega_rad_s: FloatArray,
-    plan: WindowPlan,
-) -> dict[str, FloatArray]:
-    """Coherence of the other commands with the excitation, of those that move enough to matter."""
-    size = {name: sum(float(np.std(record[name])) for record in records) for name in (*others, *drivers)}
-    moving = tuple(name for name in others if size[name] > _LEAST_SHARE * max(size[own] for own in drivers))
-    if len(drivers) != 1 or not moving:
-        return {}
-    response = _respond(records, drivers, moving, omega_rad_s, plan)
-    return {name: response.coherence[row, 0] for row, name in enumerate(moving)}

@@ -52,16 +52,16 @@ def render_report(
         section(identified, anchor=f"s{number}", truth=truth or {})
         for number, identified in enumerate(identifications, start=1)
     ]
-    library, script = _asset("vendor/plotly-basic.min.js"), _asset("page.js")
+    library, script = asset("vendor/plotly-basic.min.js"), asset("page.js")
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.from_string(_asset("template.html")).render(
+    return environment.from_string(asset("template.html")).render(
         title=title,
         sections=sections,
         has_truth=bool(truth),
-        policy=_policy(library, script),
-        style=Markup(_asset("style.css")),
+        policy=policy(library, script),
+        style=Markup(asset("style.css")),
         library=Markup(library),
         script=Markup(script),
         figures=_figures(sections),
@@ -100,12 +100,14 @@ def _figures(sections: Sequence[Section]) -> Markup:
     return json_for_script({"pictures": pictures, "light": template(), "dark": template(dark=True)})
 
 
-def _policy(*scripts: str) -> str:
+def policy(*scripts: str) -> str:
+    """Content security policy that allows these scripts and no request at all."""
     digests = (hashlib.sha256(script.encode()).digest() for script in scripts)
     allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     # Plotly styles its drawings through elements it makes itself, and saves pictures through blobs.
     return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """Text of a file that ships with this package."""
     return files("rotorid.report").joinpath(name).read_text(encoding="utf-8")

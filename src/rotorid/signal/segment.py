@@ -29,6 +29,12 @@ _LONGEST_REST_S = 1.6
 _SHORTEST_S = 0.3
 _HYSTERESIS = 0.3
 _TWO_LEVEL_SHARE = 0.7
+_MOST_TRANSITIONS = 0.5
+_LEAST_VARIATION = 0.2
+_HELD_SHARE = 0.9
+_LEAST_AT_LEVEL = 0.25
+_SHORTEST_RICH_S = 6.0
+_FEWEST_HALVES = 7
 
 
 def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
@@ -73,6 +79,84 @@ def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     )
 
 
+def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Stretches that move an axis enough to try, and that :func:`find_excitations` does not take by itself.
+
+    Looked at are the injected signal and the outermost other signal that is logged: set-points inside it contain its
+    feedback. The command is judged only where the log holds nothing else. A candidate lasts 6 s or more, changes side
+    eight times or more, and not as fast as its samples follow each other, which is noise. Unlike there, a signal that
+    never rests between two levels is measured from their middle, so that a random binary signal which fills its whole
+    log is told as one.
+
+    Whether a candidate was meant as an excitation, only who flew it knows: a pilot who is merely busy makes them too.
+
+    Parameters
+    ----------
+    record
+        The log.
+    axis
+        The axis to look at.
+
+    Returns
+    -------
+    tuple of Maneuver
+        In order of time; none overlaps an excitation that was found on this axis.
+    """
+    known = find_excitations(record, axis)
+    elsewhere = [m for other in AXES if other != axis for m in find_excitations(record, other)]  # type: ignore[arg-type]
+    for name in _free_signals(record, axis):
+        for topic, row in record.holding(name):
+            values = topic.values[row]
+            moving = _in_signal(topic.time_s, values, axis, name, rest=_middle_of_levels(values))
+            if moving:
+                rich = [m for m in moving if _is_rich(m, topic.time_s, values)]
+                # Two clean levels are no controller's answer to another axis; anything else beside one may be.
+                return tuple(
+                    m
+                    for m in rich
+                    if not _any_shared(m, known) and (m.kind != "other" or not _any_shared(m, elsewhere))
+                )
+    return ()
+
+
+def _free_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
+    """The injected signal and the outermost other one; the command where the log holds neither."""
+    names = excitation_signals(record, axis)
+    injected = tuple(name for name in names if name == f"{axis}_excitation")
+    others = [name for name in names if name not in (*injected, f"{axis}_command")]
+    return (*injected, *others[:1]) or names
+
+
+def _any_shared(maneuver: Maneuver, others: Sequence[Maneuver]) -> bool:
+    return any(_mostly_inside(maneuver, other) or _mostly_inside(other, maneuver) for other in others)
+
+
+def _is_rich(maneuver: Maneuver, time_s: FloatArray, values: FloatArray) -> bool:
+    """Whether a stretch is long, changes side often, and more slowly than noise does from sample to sample."""
+    if maneuver.duration_s < _SHORTEST_RICH_S:
+        return False
+    inside = (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s) & np.isfinite(values)
+    part_time, part = time_s[inside], values[inside]
+    motion = part - _middle_of_levels(part)
+    halves = np.diff(_switch_times(part_time, motion, _HYSTERESIS * float(np.percentile(np.abs(motion), 95.0))))
+    return halves.size >= _FEWEST_HALVES and float(np.median(halves)) > 3.0 * float(np.median(np.diff(part_time)))
+
+
+def _middle_of_levels(values: FloatArray) -> float:
+    """Resting value: the middle of two levels between which a signal always switches, else the median.
+
+    The median of such a signal is one of its levels, so that half of it would look like rest.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.0
+    low, high = np.percentile(finite, [2.0, 98.0])
+    near = 0.5 * (1.0 - _TWO_LEVEL_SHARE) * (high - low)
+    shares = float(np.mean(finite <= low + near)), float(np.mean(finite >= high - near))
+    both = high > low and min(shares) >= _LEAST_AT_LEVEL and sum(shares) >= _HELD_SHARE
+    return float(low + high) / 2.0 if both else float(np.median(finite))
+
+
 def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Excitations of an axis that the log declares or that signals without feedback show."""
     declared = tuple(maneuver for maneuver in record.declared if maneuver.axis == axis)
@@ -80,7 +164,7 @@ def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     known = {f"{axis}_command", f"{axis}_excitation"} if declared else {f"{axis}_command"}
     names = [name for name in excitation_signals(record, axis) if name not in known]
     found = _purposeful(record, axis, names)
-    others = tuple(m for m in found if not any(_mostly_inside(m, e) or _mostly_inside(e, m) for e in declared))
+    others = tuple(m for m in found if not _any_shared(m, declared))
     return tuple(sorted((*declared, *others), key=lambda maneuver: maneuver.start_s))
 
 
@@ -100,12 +184,15 @@ def _mostly_inside(maneuver: Maneuver, other: Maneuver) -> bool:
     return shared > 0.5 * maneuver.duration_s
 
 
-def _in_signal(time_s: FloatArray, values: FloatArray, axis: Axis, name: str) -> list[Maneuver]:
+def _in_signal(
+    time_s: FloatArray, values: FloatArray, axis: Axis, name: str, *, rest: float | None = None
+) -> list[Maneuver]:
+    """Every active stretch of a signal as it is classified; the resting value is its median unless it is given."""
     finite = np.isfinite(values)
     time_s, values = time_s[finite], values[finite]
     if time_s.size < 10:
         return []
-    motion = values - np.median(values)
+    motion = values - (np.median(values) if rest is None else rest)
     largest = float(np.percentile(np.abs(motion), 99.8))
     if largest < LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02):
         return []
@@ -177,12 +264,11 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
         return ("doublet", None) if single else ("other", None)
     halves = np.diff(switches)
     band = (float(np.pi / halves.max()), _fastest_rad_s(switches))
-    many = len(halves) >= 7
-    if many and duration > 6.0:
+    many = len(halves) >= _FEWEST_HALVES
+    if many and duration > _SHORTEST_RICH_S:
         if _has_trend(halves):
             return "sweep", band
-        two_levels = float(np.mean(np.abs(motion) > _TWO_LEVEL_SHARE * level))
-        return ("random_binary", band) if two_levels > 0.7 else ("other", band)
+        return ("random_binary", band) if _has_two_levels(time_s, motion, switches, level) else ("other", band)
     return ("other", band) if many or duration >= 15.0 else ("multistep", None)
 
 
@@ -211,6 +297,24 @@ def _switch_times(time_s: FloatArray, motion: FloatArray, threshold: float) -> F
     decided = np.flatnonzero(side)
     changes = decided[1:][np.diff(side[decided]) != 0]
     return np.asarray(time_s[changes])
+
+
+def _has_two_levels(time_s: FloatArray, motion: FloatArray, switches: FloatArray, level: float) -> bool:
+    """Whether a signal stays at two levels, the samples on its way between them not counted.
+
+    At 20 Hz those are many: the sample at which the side changes and the one before it. Of a sine that is sampled as
+    coarsely, too, nothing but the crests remains without them; but its half periods are all of one length.
+    """
+    held = np.abs(motion) > _TWO_LEVEL_SHARE * level
+    if float(np.mean(held)) > _TWO_LEVEL_SHARE:
+        return True
+    index = np.searchsorted(time_s, switches)
+    between = np.zeros(motion.size, dtype=np.bool_)
+    between[index] = between[np.maximum(index - 1, 0)] = True
+    halves = np.diff(switches)
+    irregular = float(np.std(halves)) > _LEAST_VARIATION * float(np.mean(halves))
+    few = float(np.mean(between)) <= _MOST_TRANSITIONS
+    return irregular and few and float(np.mean(held[~between])) >= _HELD_SHARE
 
 
 def _has_trend(halves: FloatArray) -> bool:

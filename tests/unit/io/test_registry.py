@@ -46,7 +46,6 @@ def test_a_mapping_may_be_a_path(tmp_path: Path) -> None:
         (b"Dear pilot\nhello\n", "no format that is known"),
         (bytes(5000), "no format that is known"),
         (b"%PDF-1.7 ,,,", "a PDF document"),
-        (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "blackbox"),
         (b"<!DOCTYPE html>\n<html>,", "a web page"),
         (b"FMT, 128, 89, FMT, BBnNZ, Type,Length\n", "converted to text.*\\.BIN"),
         (gzip.compress(gzip.compress(TABLE)), "an archive inside an archive"),

@@ -1,0 +1,233 @@
+"""The header of a blackbox log: its settings, and how its frames are encoded."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from rotorid.errors import LogError
+
+MAGIC = b"H Product:Blackbox"
+LONGEST_LINE = 4096
+MOST_FIELDS = 128
+LARGEST_CADENCE = 65_535
+MOST_PREDICTED = 8
+"""Fields of a frame that take no byte at all. Loggers know one, the loop number; many would inflate a small file."""
+
+FRAMES = "IPSGH"
+GROUPED: Mapping[int, int] = MappingProxyType({6: 8, 7: 3, 8: 4, 10: 3})
+"""Encodings that write several fields at once, and how many. 6 also takes fewer."""
+SINGLE = frozenset({0, 1, 3, 9})
+CONSTANTS: Mapping[int, str] = MappingProxyType({4: "minthrottle", 8: "", 9: "vbatref", 11: "motorOutput"})
+RELATIVE = frozenset({0, 1, 2, 3, 5, 6, 7, 10})
+
+_INTEGER = re.compile(r"-?\d{1,10}")
+_PARTS = MappingProxyType({"PID": ("P", "I", "D")})
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Layout:
+    """How a kind of frame is encoded.
+
+    Parameters
+    ----------
+    names
+        Fields in the order of the frame.
+    groups
+        Rows of encoding, first field, number of fields: what is read from the bytes at once.
+    predictors
+        Rows of predictor, constant, and whether the field has a sign. The constant is added to a field that is
+        predicted by a setting (predictor 0), and the field to look at for predictors 5 and 7.
+    """
+
+    names: tuple[str, ...] = ()
+    groups: tuple[tuple[int, int, int], ...] = ()
+    predictors: tuple[tuple[int, int, int], ...] = ()
+
+    @property
+    def least_bytes(self) -> int:
+        """Length of the shortest possible frame, with its letter."""
+        return 1 + sum(encoding != 9 for encoding, _, _ in self.groups)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Header:
+    """Settings of a flight and layouts of its frames.
+
+    Parameters
+    ----------
+    values
+        The lines of the header as they stand there.
+    layouts
+        Letter of a kind of frame to its layout; empty for kinds that the flight does not log.
+    cadence
+        Every how many loops an I frame comes, and that P of every Q loops are logged.
+    size
+        Bytes of the header.
+    """
+
+    values: Mapping[str, str]
+    layouts: Mapping[str, Layout]
+    cadence: tuple[int, int, int]
+    size: int
+
+    def number(self, name: str, default: float = 0.0) -> float:
+        """First number of a setting, decimal or hexadecimal."""
+        text = self.values.get(name, "").split(",")[0]
+        value = _number(text)
+        return default if value is None else value
+
+
+def parse_header(data: bytes) -> Header:
+    """Read the lines ``H name:value`` at the beginning of a flight.
+
+    Raises
+    ------
+    LogError
+        The header does not say how to read the frames, or contradicts itself.
+    """
+    values: dict[str, str] = {}
+    at = 0
+    while data.startswith(b"H ", at):
+        end = data.find(b"\n", at, at + LONGEST_LINE)
+        if end < 0:
+            break
+        name, colon, value = data[at + 2 : end].decode("latin-1").rstrip("\r").partition(":")
+        if colon:
+            values.setdefault(name.strip(), value.strip())
+        at = end + 1
+    layouts = {letter: _layout(letter, values) for letter in FRAMES}
+    if layouts["I"].names[:2] != ("loopIteration", "time"):
+        raise _contradiction(f"the main frames begin with {', '.join(layouts['I'].names[:2]) or 'no field'}")
+    return Header(values=MappingProxyType(values), layouts=layouts, cadence=_cadence(values), size=at)
+
+
+def parameters_of(header: Header) -> Mapping[str, float]:
+    """The numbers among the settings; of lists one name each, ``rollPID_P`` or ``motorOutput_1``.
+
+    Examples
+    --------
+    >>> values = {"rollPID": "14,10,18", "minthrottle": "1070", "Craft name": "CS110"}
+    >>> dict(parameters_of(Header(values=values, layouts={}, cadence=(32, 1, 4), size=0)))
+    {'rollPID_P': 14.0, 'rollPID_I': 10.0, 'rollPID_D': 18.0, 'minthrottle': 1070.0}
+    """
+    numbers: dict[str, float] = {}
+    for name, text in header.values.items():
+        values = [_number(part) for part in text.split(",")]
+        if name.startswith("Field ") or None in values:
+            continue
+        known = _PARTS.get(name[-3:], ()) if len(values) == 3 else ()
+        parts = known or tuple(str(index) for index in range(len(values)))
+        names = [name] if len(values) == 1 else [f"{name}_{part}" for part in parts]
+        numbers |= {key: value for key, value in zip(names, values, strict=True) if value is not None}
+    return numbers
+
+
+def _number(text: str) -> float | None:
+    """A setting as a number; hexadecimal ones are the bits of a float."""
+    if re.fullmatch(r"0x[0-9a-fA-F]{8}", text):
+        value = struct.unpack("<f", struct.pack("<I", int(text, 16)))[0]
+    elif re.fullmatch(r"-?\d{1,15}(\.\d{1,15})?", text):
+        value = float(text)
+    else:
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def _layout(letter: str, values: Mapping[str, str]) -> Layout:
+    # P frames hold the fields of I frames, and only their encoding differs.
+    owner = "I" if letter == "P" else letter
+    listed = values.get(f"Field {owner} name", "")
+    if not listed:
+        return Layout()
+    names = tuple(listed.split(","))
+    if len(names) > MOST_FIELDS:
+        raise _contradiction(f"{len(names)} fields of {letter} frames were announced")
+    encodings = _integers(f"Field {letter} encoding", values, len(names))
+    predictors = _integers(f"Field {letter} predictor", values, len(names))
+    signs = _integers(f"Field {owner} signed", values, len(names))
+    if encodings.count(9) > MOST_PREDICTED:
+        raise _contradiction(f"{encodings.count(9)} fields of {letter} frames take no bytes")
+    if letter != "P" and not {1, 2, 3}.isdisjoint(predictors):
+        raise _contradiction(f"{letter} frames are counted from the frames before them")
+    constants = [_prediction(names, index, code, values) for index, code in enumerate(predictors)]
+    return Layout(
+        names=names,
+        groups=_groups(letter, encodings, first_version=values.get("Data version") == "1"),
+        predictors=tuple((*constant, sign) for constant, sign in zip(constants, signs, strict=True)),
+    )
+
+
+def _groups(letter: str, encodings: Sequence[int], *, first_version: bool) -> tuple[tuple[int, int, int], ...]:
+    groups: list[tuple[int, int, int]] = []
+    at = 0
+    while at < len(encodings):
+        code = encodings[at]
+        if code not in SINGLE and code not in GROUPED:
+            raise _contradiction(f"encoding {code} of {letter} frames is not known")
+        count = 1
+        while count < GROUPED.get(code, 1) and at + count < len(encodings) and encodings[at + count] == code:
+            count += 1
+        if code not in (6, *SINGLE) and count < GROUPED[code]:
+            raise _contradiction(f"encoding {code} of {letter} frames needs {GROUPED[code]} fields and has {count}")
+        groups.append((-8 if code == 8 and first_version else code, at, count))
+        at += count
+    return tuple(groups)
+
+
+def _prediction(names: Sequence[str], index: int, code: int, values: Mapping[str, str]) -> tuple[int, int]:
+    """Predictor and constant of a field; settings become the constant of predictor 0, which predicts nothing else."""
+    if code == 8:
+        return 0, 1500
+    if code in CONSTANTS:
+        text = values.get(CONSTANTS[code], "").split(",")[0]
+        if not _INTEGER.fullmatch(text):
+            raise _contradiction(f"{names[index]} is counted from {CONSTANTS[code]}, which is {text or 'not given'}")
+        return 0, int(text)
+    if code == 5:
+        if "motor[0]" not in names[:index]:
+            raise _contradiction(f"{names[index]} is counted from motor[0], which is not before it")
+        return code, names.index("motor[0]")
+    if code == 7:
+        coordinate = "GPS_home[1]" if names[index].endswith("[1]") else "GPS_home[0]"
+        home = values.get("Field H name", "").split(",")
+        if coordinate not in home:
+            raise _contradiction(f"{names[index]} is counted from {coordinate}, which is not logged")
+        return code, home.index(coordinate)
+    if code not in RELATIVE:
+        raise _contradiction(f"predictor {code} of {names[index]} is not known")
+    return code, 0
+
+
+def _integers(name: str, values: Mapping[str, str], count: int) -> list[int]:
+    parts = values.get(name, "").split(",")
+    if len(parts) != count or not all(_INTEGER.fullmatch(part) for part in parts):
+        raise _contradiction(f"`{name}` should list {count} whole numbers")
+    return [int(part) for part in parts]
+
+
+def _cadence(values: Mapping[str, str]) -> tuple[int, int, int]:
+    """Loops between I frames, and P of every Q loops: logged as ``P/Q``, as ``Q`` alone, or 0 for no P frames."""
+    interval = values.get("I interval", "32")
+    some, slash, of = values.get("P interval", "1/1").partition("/")
+    if not slash:
+        some, of = "1", some
+    if not all(_INTEGER.fullmatch(text) for text in (interval, some, of)):
+        raise _contradiction("the intervals of the frames are not whole numbers")
+    every = int(interval)
+    part, whole = (1, every) if int(of) == 0 else (int(some), int(of))
+    if not (1 <= every <= LARGEST_CADENCE and 1 <= part <= whole <= LARGEST_CADENCE):
+        raise _contradiction(f"I frames every {every} loops and {part} of {whole} loops logged cannot be")
+    return every, part, whole
+
+
+def _contradiction(came: str) -> LogError:
+    return LogError(
+        f"the header of this blackbox log is damaged: {came}",
+        needed="the definitions of the fields, complete",
+        remedy="download the log from the flight controller again",
+    )

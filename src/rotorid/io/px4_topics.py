@@ -1,0 +1,236 @@
+"""PX4's topics, old and new, as channels of the package: one table for every container that holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.channel import STANDARD_UNITS, Channel
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.errors import LogError
+from rotorid.frames import euler_from_quaternion
+from rotorid.io.px4_findings import findings_of
+from rotorid.typing import AnyArray, FloatArray
+
+_SAMPLED = ("timestamp_sample", "timestamp")
+_PUBLISHED = ("timestamp",)
+_LARGEST_STAMP_DELAY_US = 100_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rule:
+    """Fields of a topic and the channels that they are.
+
+    Parameters
+    ----------
+    topic, fields
+        As the log names them. PX4 logs SI units and FRD/NED axes throughout.
+    channels
+        One for each field; three Euler angles for the four parts of a quaternion.
+    sign
+        Factor of the values.
+    clocks
+        Stamps to use, best first. A measurement is stamped when the motion was sampled, a command when it was
+        published: between those two instants lies the delay of the airframe, without that of the controller.
+    optional
+        Fields that are absent or never a number are left out one by one; otherwise all must be there.
+    last_resort
+        Used only when no other topic holds the channels: the raw axes of a sensor.
+    """
+
+    topic: str
+    fields: tuple[str, ...]
+    channels: tuple[str, ...]
+    sign: float = 1.0
+    clocks: tuple[str, ...] = _PUBLISHED
+    optional: bool = False
+    last_resort: bool = False
+
+
+def _rule(topic: str, fields: str, channels: str, **options: Any) -> Rule:
+    return Rule(topic=topic, fields=tuple(fields.split()), channels=tuple(channels.split()), **options)
+
+
+_ATTITUDE_SETPOINT = "phi_setpoint theta_setpoint psi_setpoint"
+_STICKS = "roll_stick pitch_stick yaw_stick thrust_stick"
+_MOTOR_FIELDS = " ".join(f"control[{index}]" for index in range(12))
+_MOTORS = " ".join(f"motor_{number}" for number in range(1, 13))
+
+RULES: tuple[Rule, ...] = (
+    _rule("vehicle_torque_setpoint", "xyz[0] xyz[1] xyz[2]", "roll_command pitch_command yaw_command"),
+    _rule("vehicle_thrust_setpoint", "xyz[2]", "thrust_command", sign=-1.0),
+    _rule(
+        "actuator_controls_0",
+        "control[0] control[1] control[2] control[3]",
+        "roll_command pitch_command yaw_command thrust_command",
+    ),
+    _rule("actuator_motors", _MOTOR_FIELDS, _MOTORS, optional=True),
+    _rule("vehicle_angular_velocity", "xyz[0] xyz[1] xyz[2]", "p q r", clocks=_SAMPLED),
+    _rule("vehicle_acceleration", "xyz[0] xyz[1] xyz[2]", "ax ay az", clocks=_SAMPLED),
+    _rule("sensor_combined", "gyro_rad[0] gyro_rad[1] gyro_rad[2]", "p q r"),
+    _rule("sensor_combined", "accelerometer_m_s2[0] accelerometer_m_s2[1] accelerometer_m_s2[2]", "ax ay az"),
+    _rule("vehicle_attitude", "q[0] q[1] q[2] q[3]", "phi theta psi", clocks=_SAMPLED),
+    _rule("vehicle_attitude", "rollspeed pitchspeed yawspeed", "p q r", clocks=_SAMPLED),
+    _rule("sensor_gyro", "x y z", "p q r", clocks=_SAMPLED, last_resort=True),
+    _rule("sensor_accel", "x y z", "ax ay az", clocks=_SAMPLED, last_resort=True),
+    _rule(
+        "vehicle_local_position",
+        "x y z vx vy vz",
+        "north east down velocity_north velocity_east velocity_down",
+        clocks=_SAMPLED,
+    ),
+    _rule("vehicle_attitude_setpoint", "roll_body pitch_body yaw_body", _ATTITUDE_SETPOINT),
+    _rule("vehicle_attitude_setpoint", "q_d[0] q_d[1] q_d[2] q_d[3]", _ATTITUDE_SETPOINT),
+    _rule("vehicle_rates_setpoint", "roll pitch yaw", "p_setpoint q_setpoint r_setpoint"),
+    _rule("manual_control_setpoint", "roll pitch yaw throttle", _STICKS),
+    _rule("manual_control_setpoint", "y x r z", _STICKS),
+    _rule("battery_status", "voltage_v", "battery_voltage"),
+)
+"""Newest names first: the order of the topics is the order of preference."""
+
+# Set-points of the outer loops contain feedback, and that of yaw most of all: only sticks excite every axis. The tilt
+# set-points come second, since in stabilized flight they are the stick through a fixed curve.
+_INSTRUMENTS = {
+    "roll": ("roll_stick", "phi_setpoint"),
+    "pitch": ("pitch_stick", "theta_setpoint"),
+    "yaw": ("yaw_stick",),
+    "thrust": ("thrust_stick",),
+}
+
+
+def wanted_fields() -> dict[str, list[str]]:
+    """Name of each topic to the names of its fields, as the table wants them; stamps are wanted without being named."""
+    wanted: dict[str, list[str]] = {}
+    for rule in RULES:
+        wanted.setdefault(rule.topic, []).extend(rule.fields)
+    return wanted
+
+
+def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: Source) -> FlightRecord:
+    """The flight record behind the arrays of a PX4 log, whatever container they came from.
+
+    Parameters
+    ----------
+    arrays
+        ``topic/field`` to samples as logged, shape ``(samples,)`` and of one length within a topic; the stamps
+        ``topic/timestamp`` and ``topic/timestamp_sample`` are unsigned microseconds.
+    facts
+        What the container says: ``parameters``, and what `rotorid.io.px4_findings.findings_of` asks for.
+    source
+        Name, format and hash of the log.
+
+    Raises
+    ------
+    LogError
+        No topic is one that the package has a name for.
+    """
+    parameters: Mapping[str, float] = facts["parameters"]
+    topics, remarks = _topics(arrays, parameters)
+    if not topics:
+        raise LogError(
+            f"{source.name} holds no topic with commands, rates, attitude or position",
+            needed="a log of a flight, such as vehicle_torque_setpoint with vehicle_angular_velocity",
+            remedy="check that the logger was on in flight (SDLOG_MODE, SDLOG_PROFILE)",
+        )
+    return FlightRecord(
+        source=source,
+        topics=topics,
+        parameters=parameters,
+        instruments=_instruments(topics),
+        findings=(*findings_of(topics, facts), *remarks),
+    )
+
+
+def _topics(
+    arrays: Mapping[str, AnyArray], parameters: Mapping[str, float]
+) -> tuple[tuple[Topic, ...], tuple[Finding, ...]]:
+    topics: list[Topic] = []
+    findings: list[Finding] = []
+    for rule in RULES:
+        fields = _present(rule, arrays)
+        held = {channel.name for topic in topics for channel in topic.channels}
+        own = {channel.name for topic in topics if topic.name == rule.topic for channel in topic.channels}
+        # A second name of the same fields, or a raw sensor next to its calibrated form.
+        if not fields or own & set(rule.channels) or (rule.last_resort and held & set(rule.channels)):
+            continue
+        if rule.last_resort and parameters.get("SENS_BOARD_ROT", 0.0) != 0.0:
+            findings.append(_rotated(rule.topic, parameters["SENS_BOARD_ROT"]))
+            continue
+        for topic in _topic(rule, fields, arrays):
+            topics.append(topic)
+            lost = arrays[f"{rule.topic}/timestamp"].size - topic.time_s.size
+            if lost:
+                findings.append(_not_numbers(topic, lost))
+    return tuple(topics), tuple(findings)
+
+
+def _present(rule: Rule, arrays: Mapping[str, AnyArray]) -> tuple[str, ...]:
+    present = tuple(field for field in rule.fields if f"{rule.topic}/{field}" in arrays)
+    if rule.optional:
+        return tuple(field for field in present if np.isfinite(arrays[f"{rule.topic}/{field}"]).any())
+    return present if present == rule.fields else ()
+
+
+def _topic(rule: Rule, fields: Sequence[str], arrays: Mapping[str, AnyArray]) -> Iterator[Topic]:
+    """One topic of the samples that are numbers; channels with other gaps than the rest stand alone."""
+    values = np.stack([arrays[f"{rule.topic}/{field}"] for field in fields]).astype(np.float64) * rule.sign
+    names = [rule.channels[rule.fields.index(field)] for field in fields] if rule.optional else list(rule.channels)
+    sources = [f"{rule.topic}.{field}" for field in fields]
+    if len(names) < len(fields):
+        values, sources = euler_from_quaternion(values), [f"{rule.topic}.{fields[0][:-3]}"] * 3
+    time_s = _stamps(rule, arrays)
+    finite = np.isfinite(values)
+    groups: dict[bytes, list[int]] = {}
+    for row, pattern in enumerate(finite):
+        groups.setdefault(pattern.tobytes(), []).append(row)
+    for rows in groups.values():
+        kept = finite[rows[0]]
+        channels = tuple(Channel(name=names[row], unit=STANDARD_UNITS[names[row]], source=sources[row]) for row in rows)
+        if kept.any():
+            yield Topic(name=rule.topic, time_s=time_s[kept], channels=channels, values=values[rows][:, kept])
+
+
+def _stamps(rule: Rule, arrays: Mapping[str, AnyArray]) -> FloatArray:
+    """Seconds on the log's own clock, by the best clock that can be right."""
+    published = arrays[f"{rule.topic}/timestamp"]
+    for clock in rule.clocks:
+        stamps = arrays.get(f"{rule.topic}/{clock}", published)
+        # Unsigned stamps wrap when they are subtracted, so that a sample "after" its publication is huge as well.
+        if np.all(published - stamps <= _LARGEST_STAMP_DELAY_US):
+            published = stamps
+            break
+    # Microseconds since boot stay exact in double precision for two centuries.
+    seconds: FloatArray = published.astype(np.float64) * 1e-6
+    return seconds
+
+
+def _instruments(topics: Sequence[Topic]) -> dict[str, tuple[str, ...]]:
+    held = {channel.name for topic in topics for channel in topic.channels}
+    present = {axis: tuple(name for name in names if name in held) for axis, names in _INSTRUMENTS.items()}
+    return {axis: names for axis, names in present.items() if names}
+
+
+def _rotated(topic: str, rotation: float) -> Finding:
+    return Finding(
+        kind="missing_channel",
+        severity="warning",
+        where=topic,
+        message=f"{topic} is in the axes of a sensor that is mounted turned (SENS_BOARD_ROT = {rotation:g}) and was "
+        "not used; log vehicle_angular_velocity and vehicle_acceleration instead (SDLOG_PROFILE).",
+        numbers={"SENS_BOARD_ROT": rotation},
+    )
+
+
+def _not_numbers(topic: Topic, lost: int) -> Finding:
+    names = ", ".join(channel.name for channel in topic.channels)
+    return Finding(
+        kind="gap",
+        severity="info",
+        where=topic.name,
+        message=f"{lost} samples of {names} in {topic.name} are not numbers and were left out.",
+        numbers={"lost_samples": lost},
+    )

@@ -1,0 +1,209 @@
+"""When a vehicle was in the air: take-off and landing cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.channel import MOTORS
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord, Topic
+from rotorid.errors import InsufficientDataError
+from rotorid.typing import BoolArray, FloatArray
+
+FLYING_SHARE = 0.5
+"""A vehicle flies while its thrust exceeds this share of its usual thrust."""
+
+_LONGEST_DIP_S = 1.0
+_SHORTEST_FLIGHT_S = 2.0
+_WINDOW_S = 0.5
+_LIVELIER = 5.0
+_QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
+_SENSORS = ("ax", "ay", "az", "p", "q", "r")
+_HIGH_PERCENT = 99.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Airborne:
+    """Stretches of a record in the air.
+
+    Parameters
+    ----------
+    intervals
+        Start and stop of each flight in seconds on the log's own clock, in order of time.
+    seen_in
+        What told: a thrust command, the motors, or the activity of accelerometer and gyro.
+    findings
+        ``airborne`` with start and stop of the longest flight.
+    """
+
+    intervals: tuple[tuple[float, float], ...]
+    seen_in: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def longest(self) -> tuple[float, float]:
+        """Start and stop of the longest flight."""
+        return max(self.intervals, key=lambda interval: interval[1] - interval[0])
+
+
+def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
+    """Find the flights in a record without landed flags.
+
+    From the first of these that the record holds: the thrust command, the mean of the motor outputs (more than half of
+    its usual value while it runs), the activity of accelerometer and gyro (spread within half a second more than the
+    geometric mean of that at rest and that in flight, where these differ by five and more). Dips of up to 1 s belong
+    to a flight; flights under 2 s are left out.
+
+    A vehicle that lifts off below half of its usual thrust, glides for seconds, or is carried about by hand misleads
+    it. A record that begins in the air begins its flight with its first sample.
+
+    Parameters
+    ----------
+    record
+        The log.
+    margin_s
+        Cut from both ends of each flight that begins or ends within the record, where the ground still acts.
+
+    Raises
+    ------
+    InsufficientDataError
+        There is neither thrust nor motor, accelerometer or gyro, or the vehicle never flew.
+
+    Examples
+    --------
+    >>> from rotorid.data.channel import Channel
+    >>> from rotorid.data.record import Source
+    >>> time_s = np.arange(0.0, 60.0, 0.02)
+    >>> thrust = np.where((time_s >= 10.0) & (time_s < 50.0), 0.4, 0.0)
+    >>> command = Channel(name="thrust_command", unit="1")
+    >>> topic = Topic(name="mixer", time_s=time_s, channels=(command,), values=thrust[None])
+    >>> record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256=""), topics=(topic,))
+    >>> start_s, stop_s = airborne(record).longest
+    >>> round(start_s, 2), round(stop_s, 2)
+    (11.0, 48.98)
+    """
+    time_s, flying, seen_in = _flying(record)
+    intervals = _intervals(time_s, flying, margin_s)
+    if not intervals:
+        message = f"{record.source.name} holds no flight of {_SHORTEST_FLIGHT_S:g} s and more, as {seen_in} tells."
+        raise InsufficientDataError(
+            message,
+            needed="a vehicle in the air",
+            remedy="choose another log, or name the interval with --segment",
+            findings=[Finding(kind="never_airborne", severity="error", where=seen_in, message=message)],
+        )
+    found = Airborne(intervals=intervals, seen_in=seen_in, findings=())
+    return Airborne(intervals=intervals, seen_in=seen_in, findings=(_finding(found, record),))
+
+
+def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, str]:
+    for time_s, thrust, name in _thrusts(record):
+        usual = _usual(thrust)
+        if usual > 0.0:
+            return time_s, thrust > FLYING_SHARE * usual, name
+    sensors = _together(record, _SENSORS)
+    if sensors is None:
+        raise InsufficientDataError(
+            f"{record.source.name} holds neither thrust nor accelerometer nor gyro",
+            needed="thrust_command, motor_1 ..., ax ay az, or p q r",
+            remedy="log one of them, or name its source with --map",
+        )
+    time_s, values, name = sensors
+    return time_s, _lively(time_s, values), f"the activity of {name}"
+
+
+def _thrusts(record: FlightRecord) -> Iterator[tuple[FloatArray, FloatArray, str]]:
+    """Signals that rise with thrust, best first."""
+    command = _together(record, ("thrust_command",))
+    if command:
+        yield command[0], command[1][0], command[2]
+    motors = _together(record, tuple(f"motor_{number}" for number in range(1, MOTORS + 1)))
+    if motors:
+        yield motors[0], motors[1].mean(axis=0), "the mean of the motors"
+
+
+def _together(record: FlightRecord, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray, str] | None:
+    """Those of the channels that stand in one topic, the one that lasts longest, where all are finite."""
+    topics = dict.fromkeys(topic for name in names for topic, _ in record.holding(name))
+    lasting = [(float(np.ptp(topic.time_s)), topic) for topic in topics if topic.time_s.size >= 2]
+    if not lasting:
+        return None
+    topic = max(lasting, key=lambda item: item[0])[1]
+    rows = {name: topic.row(name) for name in names}
+    present = {name: row for name, row in rows.items() if row is not None}
+    return _sound(topic, list(present.values()), ", ".join(present))
+
+
+def _sound(topic: Topic, rows: list[int], names: str) -> tuple[FloatArray, FloatArray, str] | None:
+    """Samples that are finite at stamps that rise."""
+    values = topic.values[rows]
+    kept = np.isfinite(values).all(axis=0) & np.isfinite(topic.time_s)
+    time_s, values = topic.time_s[kept], values[:, kept]
+    order = np.argsort(time_s, kind="stable")
+    return (time_s[order], values[:, order], names) if time_s.size >= 2 else None
+
+
+def _usual(thrust: FloatArray) -> float:
+    """Thrust in flight: the median of all above half of its highest values, so that waiting does not count."""
+    high = float(np.percentile(thrust, _HIGH_PERCENT))
+    running = thrust[thrust > 0.5 * high]
+    return float(np.median(running)) if high > 0.0 and running.size else 0.0
+
+
+def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
+    """Where sensors move as in flight; everywhere, when they never rest."""
+    window = max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2)
+    mean, square = (_moving_mean(power, window) for power in (values, values**2))
+    # Sensors of both kinds count alike, each in units of its own spread over the record.
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+    scale = np.percentile(spread, _FLYING_PERCENT, axis=1, keepdims=True)
+    activity = np.mean(spread / np.where(scale > 0.0, scale, 1.0), axis=0)
+    quiet, usual = (float(level) for level in np.percentile(activity, [_QUIET_PERCENT, _FLYING_PERCENT]))
+    if usual <= 0.0:
+        return np.zeros(time_s.size, dtype=np.bool_)
+    if usual < _LIVELIER * quiet:
+        return np.ones(time_s.size, dtype=np.bool_)
+    return np.asarray(activity > np.sqrt(max(quiet, usual / _LIVELIER**2) * usual))
+
+
+def _moving_mean(values: FloatArray, window: int) -> FloatArray:
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(values, window, axis=1, mode="nearest"))
+
+
+def _intervals(time_s: FloatArray, flying: BoolArray, margin_s: float) -> tuple[tuple[float, float], ...]:
+    """Stretches of flight, dips bridged, margins cut where the flight does not reach an end of the record."""
+    index = np.flatnonzero(flying)
+    if index.size == 0:
+        return ()
+    breaks = np.flatnonzero((np.diff(time_s[index]) > _LONGEST_DIP_S) & (np.diff(index) > 1))
+    starts = index[np.concatenate([[0], breaks + 1])]
+    stops = index[np.concatenate([breaks, [index.size - 1]])]
+    cut = [
+        (
+            float(time_s[start]) + (margin_s if start > 0 else 0.0),
+            float(time_s[stop]) - (margin_s if stop < time_s.size - 1 else 0.0),
+        )
+        for start, stop in zip(starts, stops, strict=True)
+    ]
+    return tuple((start, stop) for start, stop in cut if stop - start >= _SHORTEST_FLIGHT_S)
+
+
+def _finding(found: Airborne, record: FlightRecord) -> Finding:
+    start_s, stop_s = found.longest
+    whole = start_s <= record.start_s and stop_s >= record.stop_s
+    more = f"; {len(found.intervals)} flights in all" if len(found.intervals) > 1 else ""
+    return Finding(
+        kind="airborne",
+        severity="info",
+        where=found.seen_in,
+        message=(
+            f"In the air from {start_s:.1f} to {stop_s:.1f} s, as {found.seen_in} tells"
+            f"{', which is the whole record' if whole else ''}{more}."
+        ),
+        numbers={"start_s": start_s, "stop_s": stop_s, "flights": len(found.intervals)},
+    )

@@ -1,0 +1,237 @@
+"""What limits the trust in a maneuver before anything is estimated: limits, other axes, the battery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rotorid.data.channel import AXES, MOTORS
+from rotorid.data.findings import Finding
+from rotorid.data.history import TimeHistory
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.signal.coherent import cross_spectrum
+from rotorid.typing import Axis, FloatArray
+
+SATURATED_SHARE = 0.01
+"""A channel at its limit for more than this share of a maneuver is worth a warning; a tenth of it, a remark."""
+
+OFF_AXIS_SHARE = 0.5
+"""Another command that moves by more than this share of the excited one is worth a warning; half of it, a remark."""
+
+CORRELATED = 0.5
+"""Inputs more coherent than this cannot be told apart, after Tischler and Remple."""
+
+SAG = 0.05
+"""Thrust goes about with the square of the voltage: a change by this share moves gains by a tenth."""
+
+_REMARKED_SHARE = 0.1
+_LEAST_MOTION = 0.05
+_HARD_LIMIT = 1e-6
+_EDGE = 2e-4
+_PILED = 3.0
+_LEAST_PILE = 10
+_FEW_LEVELS = 16.0
+_MOTORS = tuple(f"motor_{number}" for number in range(1, MOTORS + 1))
+_SENSORS = ("p", "q", "r", "ax", "ay", "az")
+
+
+def quality_findings(history: TimeHistory, *, axis: Axis) -> tuple[Finding, ...]:
+    r"""Remarks with numbers about the data of one maneuver.
+
+    ``saturation``
+        Share of samples of a command or motor at a limit: 0, 1 (−1 and 1 for roll, pitch, yaw), or a value at which
+        samples pile up, see :func:`limited_share`.
+    ``sensor_clipping``
+        The same pile-up at an end of an accelerometer or gyro.
+    ``off_axis_input``
+        Spread of every other command relative to that of the excited one.
+    ``correlated_inputs``
+        Coherence of every other command with the excited one, averaged over frequency by the power of the excited one,
+        where it moves by a twentieth and more of it. Feedback and pilots make it; it biases single-input estimates.
+
+    Parameters
+    ----------
+    history
+        One maneuver. Channels that are not there are not judged, and constant ones are taken for unused.
+    axis
+        The excited axis.
+
+    Raises
+    ------
+    UsageError
+        The axis is unknown.
+
+    Examples
+    --------
+    >>> from rotorid.data.channel import Channel
+    >>> motion = 1.3 * np.sin(np.linspace(0.0, 60.0, 4000) ** 1.5)
+    >>> history = TimeHistory(
+    ...     values=np.clip(motion, -1.0, 1.0)[None], sample_rate_hz=100.0, start_s=0.0,
+    ...     channels=(Channel(name="roll_command", unit="1"),),
+    ... )
+    >>> [(finding.kind, round(finding.numbers["share"], 2)) for finding in quality_findings(history, axis="roll")]
+    [('saturation', 0.44)]
+    """
+    if axis not in AXES:
+        raise UsageError(f"the axis {axis!r} came", needed=f"one of {', '.join(AXES)}")
+    return (*_limits(history), *_other_axes(history, f"{axis}_command"))
+
+
+def battery_sag(record: FlightRecord, maneuver: Maneuver) -> Finding | None:
+    r"""How much the voltage fell over a maneuver: the slope of a straight line times the duration, in percent.
+
+    .. math:: \Delta = 100 \, \frac{\dot U \, T}{\bar U}
+
+    Thrust per unit command goes about with :math:`U^2` unless the autopilot compensates, so gains drift by twice that
+    within the maneuver, and between maneuvers. The line averages over the dips that thrust itself makes.
+
+    Parameters
+    ----------
+    record
+        The log.
+    maneuver
+        The interval.
+
+    Returns
+    -------
+    Finding or None
+        ``battery_sag``, a warning from 5 % on; ``None`` when fewer than three samples of the voltage lie inside.
+    """
+    for topic, row in record.holding("battery_voltage"):
+        time_s, voltage = topic.time_s, topic.values[row]
+        inside = (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s) & np.isfinite(voltage) & (voltage > 0.0)
+        time_s, voltage = time_s[inside], voltage[inside]
+        if time_s.size >= 3 and np.ptp(time_s) > 0.0:
+            return _sag(time_s - time_s.mean(), voltage, maneuver)
+    return None
+
+
+def limited_share(values: FloatArray) -> float:
+    r"""Share of samples that pile up at the lowest or highest value of a signal.
+
+    A smooth signal is as often within :math:`\epsilon` of its extreme as between :math:`\epsilon` and
+    :math:`4 \epsilon` away from it, since its peaks are parabolas, and a noisy one less often. Three times as often
+    is a limit, when ten values or more stand there. :math:`\epsilon` is 0.02 % of the range, or half a step of a signal
+    that comes in steps. A signal of few levels, like a random binary one, stands at its extremes on purpose and is
+    never taken for limited. Resampling smears a limit, so ask before.
+
+    Parameters
+    ----------
+    values
+        Shape ``(samples,)``.
+
+    Examples
+    --------
+    >>> wave = np.sin(np.linspace(0.0, 100.0, 10000))
+    >>> limited_share(wave), round(limited_share(np.minimum(wave, 0.9)), 3)
+    (0.0, 0.145)
+    """
+    finite = values[np.isfinite(values)]
+    span = float(np.ptp(finite)) if finite.size else 0.0
+    if span == 0.0:
+        return 0.0
+    levels = np.unique(finite)
+    edge = max(_EDGE * span, 0.5 * float(np.median(np.diff(levels))))
+    if _FEW_LEVELS * edge > span:
+        return 0.0
+    # A signal that holds each value for some samples has that many fewer values.
+    held = float(np.median(np.diff(np.flatnonzero(np.diff(finite, prepend=np.nan, append=np.nan)))))
+    share = 0.0
+    for away in (finite - levels[0], levels[-1] - finite):
+        near = int(np.count_nonzero(away <= edge))
+        beside = int(np.count_nonzero((away > edge) & (away <= 4.0 * edge)))
+        if near > max(_PILED * beside, _LEAST_PILE * held):
+            share += near / finite.size
+    return share
+
+
+def _limits(history: TimeHistory) -> Iterator[Finding]:
+    """Channels at their limits, the worst first."""
+    shares = {name: _saturated(name, history[name]) for name in history.names if _is_input(name)}
+    clipped = {name: limited_share(history[name]) for name in history.names if name in _SENSORS}
+    for name, share in sorted({**shares, **clipped}.items(), key=lambda item: -item[1]):
+        if share < _REMARKED_SHARE * SATURATED_SHARE:
+            continue
+        sensor = name in clipped
+        place = "the end of its range" if sensor else "a limit"
+        yield Finding(
+            kind="sensor_clipping" if sensor else "saturation",
+            severity="warning" if share >= SATURATED_SHARE else "info",
+            where=name,
+            message=f"{name} stood at {place} for {share:.1%} of the maneuver.",
+            numbers={"share": share},
+        )
+
+
+def _is_input(name: str) -> bool:
+    return name in _MOTORS or name in {f"{axis}_command" for axis in AXES}
+
+
+def _saturated(name: str, values: FloatArray) -> float:
+    if np.ptp(values) == 0.0:
+        return 0.0
+    lowest = 0.0 if name in _MOTORS or name == "thrust_command" else -1.0
+    hard = np.mean((values <= lowest + _HARD_LIMIT) | (values >= 1.0 - _HARD_LIMIT))
+    return max(float(hard), limited_share(values))
+
+
+def _other_axes(history: TimeHistory, excited: str) -> Iterator[Finding]:
+    if excited not in history.names or not np.std(history[excited]) > 0.0:
+        return
+    for other in (f"{axis}_command" for axis in AXES):
+        if other != excited and other in history.names and np.std(history[other]) > 0.0:
+            spread, reference = float(np.std(history[other])), float(np.std(history[excited]))
+            yield from _off_axis(excited, other, spread, reference)
+            if spread >= _LEAST_MOTION * reference:
+                yield from _correlated(history, excited, other)
+
+
+def _off_axis(excited: str, other: str, spread: float, reference: float) -> Iterator[Finding]:
+    ratio = spread / reference
+    if ratio >= 0.5 * OFF_AXIS_SHARE:
+        yield Finding(
+            kind="off_axis_input",
+            severity="warning" if ratio >= OFF_AXIS_SHARE else "info",
+            where=other,
+            message=f"{other} moved by {ratio:.0%} of {excited} ({spread:.3g} against {reference:.3g} rms).",
+            numbers={"ratio": ratio, "rms": spread, "excited_rms": reference},
+        )
+
+
+def _correlated(history: TimeHistory, excited: str, other: str) -> Iterator[Finding]:
+    try:
+        lines = cross_spectrum(history, excited, other)
+    except InsufficientDataError:
+        # Too short for a coherence: a doublet has none, and nothing can be said.
+        return
+    coherence = float(np.average(lines.coherence, weights=lines.first)) if lines.first.sum() > 0.0 else 0.0
+    if coherence > CORRELATED:
+        yield Finding(
+            kind="correlated_inputs",
+            severity="warning",
+            where=f"{other}/{excited}",
+            message=(
+                f"{other} follows {excited} with a coherence of {coherence:.2f}; their effects cannot be told apart "
+                "well, so use both as inputs."
+            ),
+            numbers={"coherence": coherence},
+        )
+
+
+def _sag(time_s: FloatArray, voltage: FloatArray, maneuver: Maneuver) -> Finding:
+    mean = float(voltage.mean())
+    slope = float(np.sum(time_s * voltage) / np.sum(time_s**2))
+    change = slope * maneuver.duration_s / mean
+    return Finding(
+        kind="battery_sag",
+        severity="warning" if abs(change) >= SAG else "info",
+        where="battery_voltage",
+        message=(
+            f"The voltage {'fell' if change < 0.0 else 'rose'} by {abs(change):.1%} of {mean:.4g} V over the "
+            f"{maneuver.axis} maneuver of {maneuver.duration_s:.3g} s."
+        ),
+        numbers={"change_percent": 100.0 * change, "mean_v": mean, "slope_v_per_s": slope},
+    )

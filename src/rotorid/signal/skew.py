@@ -1,0 +1,311 @@
+"""Time skew: by how much one channel lags another, to a fraction of a sample, and how to take it out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.history import TimeHistory
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.signal.coherent import CrossSpectrum, coherent_lines, cross_spectrum
+from rotorid.typing import FloatArray
+
+Relation: TypeAlias = Literal["same", "opposite", "derivative", "opposite derivative", "integral", "opposite integral"]
+
+_QUARTER_TURNS: Mapping[Relation, int] = {
+    "same": 0,
+    "derivative": 1,
+    "opposite integral": 1,
+    "opposite": 2,
+    "integral": 3,
+    "opposite derivative": 3,
+}
+_LONGEST_SKEW_S = 0.5
+_WINDOW_SHARE = 0.25
+_GRID_STEP_RAD = 0.5
+_REFINEMENTS = 8
+_SURE = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeSkew:
+    """How far one channel comes after another.
+
+    Parameters
+    ----------
+    reference, delayed
+        The channels. ``seconds`` is positive when ``delayed`` comes later.
+    seconds, std
+        The skew and one standard deviation of it.
+    coherence
+        Mean coherence of the lines behind it, weighted as they were.
+    relation
+        What ``delayed`` is to ``reference`` apart from the skew.
+    band_rad_s
+        Lowest and highest line that was used.
+    findings
+        The skew in words: ``clock_skew``, a warning when it is surely longer than one sample.
+    """
+
+    reference: str
+    delayed: str
+    seconds: float
+    std: float
+    coherence: float
+    relation: Relation
+    band_rad_s: tuple[float, float]
+    findings: tuple[Finding, ...] = ()
+
+
+def time_skew(
+    history: TimeHistory,
+    *,
+    reference: str,
+    delayed: str,
+    band_rad_s: tuple[float, float] | None = None,
+    relation: Relation | None = None,
+    known_lag_s: float = 0.0,
+    known_delay_s: float = 0.0,
+) -> TimeSkew:
+    r"""Delay between two channels, from the slope of the phase between them.
+
+    .. math:: \arg S_{rd}(\omega) = k \frac{\pi}{2} - \omega \, \tau - \omega \, \tau_0 - \arctan \omega T_0
+
+    with the quarter turns :math:`k` of the relation, the known delay and lag :math:`\tau_0, T_0`, and every line
+    weighted by the inverse variance of its phase, :math:`2 n_d \gamma^2 / (1 - \gamma^2)`. Lines below a coherence of
+    0.6 are not used. The standard deviation grows with misfit: lines that do not lie on a straight line say that the
+    phase is not a delay alone.
+
+    **What can be found.** Between two channels that measure one motion (two gyros, an attitude rate and a gyro, a
+    channel and its copy) the whole skew, far below one sample. Skews up to 0.5 s are searched.
+
+    **What cannot.** Between a motor or a command and a gyro, the delay of the vehicle, the lag of its motors, the
+    filter of its gyro and an error of stamps all turn the phase alike: one record gives their sum. Give what is known
+    as ``known_delay_s`` and ``known_lag_s``, or compare two records with :func:`skew_change`, in which the vehicle
+    cancels. With feedback and little excitation the phase leans toward that of the inverse controller.
+
+    Parameters
+    ----------
+    history
+        Both channels on one clock.
+    reference, delayed
+        Channel names.
+    band_rad_s
+        Where to look; by default from two periods in a window to 0.8 of the Nyquist frequency.
+    relation
+        Found from the phase when it is not given. A narrow band far from zero cannot tell relations apart: give it.
+    known_lag_s, known_delay_s
+        What lies between the channels besides the skew.
+
+    Raises
+    ------
+    UsageError
+        There is no such channel, or the band or the relation makes no sense.
+    InsufficientDataError
+        The record is too short, or the channels are not coherent.
+
+    References
+    ----------
+    J. S. Bendat and A. G. Piersol, *Random Data*, 4th edition, 2010, sections 5.2.4 and 9.2.
+
+    Examples
+    --------
+    >>> from rotorid.data.channel import Channel
+    >>> motion = np.cumsum(np.random.default_rng(0).standard_normal(8000))
+    >>> history = TimeHistory(
+    ...     values=np.stack([motion[3:], motion[:-3]]), sample_rate_hz=200.0, start_s=0.0,
+    ...     channels=(Channel(name="p", unit="rad/s"), Channel(name="p_other", unit="rad/s")),
+    ... )
+    >>> skew = time_skew(history, reference="p", delayed="p_other")
+    >>> round(1e3 * skew.seconds, 1), skew.relation
+    (15.0, 'same')
+    """
+    if relation is not None and relation not in _QUARTER_TURNS:
+        raise UsageError(f"the relation {relation!r} came", needed=f"one of {', '.join(_QUARTER_TURNS)}")
+    lines = coherent_lines(cross_spectrum(history, reference, delayed, band_rad_s=band_rad_s), f"{delayed}/{reference}")
+    known = lines.omega_rad_s * known_delay_s + np.arctan(lines.omega_rad_s * known_lag_s)
+    phase = np.angle(lines.cross) + known
+    weight = lines.weight
+    turns, start_s = _coarse(phase, weight, lines, relation)
+    seconds, std = _refined(phase - turns * np.pi / 2.0, weight, lines.omega_rad_s, start_s)
+    found = relation or _named(turns, lines)
+    return TimeSkew(
+        reference=reference,
+        delayed=delayed,
+        seconds=seconds,
+        std=std,
+        coherence=float(np.average(lines.coherence, weights=weight)),
+        relation=found,
+        band_rad_s=(float(lines.omega_rad_s[0]), float(lines.omega_rad_s[-1])),
+        findings=(_finding(reference, delayed, seconds, std, 1.0 / history.sample_rate_hz),),
+    )
+
+
+def skew_change(before: TimeSkew, after: TimeSkew) -> TimeSkew:
+    r"""What changed between two records of the same pair of channels: the vehicle between them cancels.
+
+    .. math:: \tau = \tau_{after} - \tau_{before}, \qquad \sigma^2 = \sigma_{after}^2 + \sigma_{before}^2
+
+    Assumes that vehicle, filters and band are the same in both. A phase that is not a straight line is weighed by where
+    each record is coherent, so give ``band_rad_s`` to both, and the lag of the motors as well as it is known.
+
+    Raises
+    ------
+    UsageError
+        The two are not of one pair of channels, or were not related alike.
+
+    Examples
+    --------
+    >>> skew = TimeSkew(
+    ...     reference="motor_1", delayed="p", seconds=0.05, std=0.003, coherence=0.9, relation="integral",
+    ...     band_rad_s=(1.0, 50.0),
+    ... )
+    >>> later = replace(skew, seconds=0.054, std=0.004)
+    >>> change = skew_change(skew, later)
+    >>> round(change.seconds, 6), round(change.std, 6)
+    (0.004, 0.005)
+    """
+    pairs = [(skew.reference, skew.delayed, skew.relation) for skew in (before, after)]
+    if pairs[0] != pairs[1]:
+        raise UsageError(
+            "skews of " + " and of ".join(f"{ref} to {name} ({relation})" for ref, name, relation in pairs) + " came",
+            needed="one pair of channels, related alike",
+            remedy="estimate both with the same channels, band_rad_s and relation",
+        )
+    return replace(
+        after,
+        seconds=after.seconds - before.seconds,
+        std=math.hypot(after.std, before.std),
+        coherence=min(after.coherence, before.coherence),
+        band_rad_s=(
+            max(before.band_rad_s[0], after.band_rad_s[0]),
+            min(before.band_rad_s[1], after.band_rad_s[1]),
+        ),
+        findings=(),
+    )
+
+
+def shift(history: TimeHistory, channel: str, seconds: float) -> TimeHistory:
+    r"""Delay one channel against the others, by any fraction of a sample.
+
+    .. math:: y(t) = x(t - \tau)
+
+    as a turn of the phase of every Fourier line: exact for what lies below the Nyquist frequency. The line through the
+    first and last sample is shifted apart, and the rest continued as its own point reflection, so that ends that differ
+    do not ring. Samples that would come from outside the record are cut from all channels. What remains within a few
+    samples of an end still leans on the reflection.
+
+    Parameters
+    ----------
+    history
+        At least four samples.
+    channel
+        Name of the channel.
+    seconds
+        Positive delays it; ``-skew.seconds`` takes a :class:`TimeSkew` out of its ``delayed`` channel.
+
+    Raises
+    ------
+    UsageError
+        There is no such channel, or the shift is not finite.
+    InsufficientDataError
+        The record is no longer than the shift, or the channel holds samples that are not finite.
+
+    Examples
+    --------
+    >>> from rotorid.data.channel import Channel
+    >>> history = TimeHistory(
+    ...     values=np.arange(6.0)[None], channels=(Channel(name="q", unit="rad/s"),), sample_rate_hz=10.0, start_s=0.0
+    ... )
+    >>> shift(history, "q", 0.05)["q"].round(6).tolist()
+    [0.5, 1.5, 2.5, 3.5, 4.5]
+    """
+    if channel not in history.names:
+        raise UsageError(f"there is no channel {channel} in the data", needed=f"one of {', '.join(history.names)}")
+    if not math.isfinite(seconds):
+        raise UsageError(f"a shift of {seconds} s came", needed="a finite number")
+    samples = seconds * history.sample_rate_hz
+    lost = math.ceil(abs(samples) - 1e-9)
+    count = history.values.shape[1]
+    if count - lost < 4 or not np.isfinite(history[channel]).all():
+        raise InsufficientDataError(
+            f"{count} samples of {channel} came, to be shifted by {abs(samples):.4g}",
+            needed="finite samples, at least four more than the shift",
+        )
+    values = history.values.copy()
+    values[history.names.index(channel)] = _turned(history[channel], samples)
+    kept = slice(lost, count) if samples > 0.0 else slice(0, count - lost)
+    return replace(
+        history,
+        values=values[:, kept],
+        start_s=history.start_s + kept.start / history.sample_rate_hz,
+        processing=(*history.processing, f"{channel} delayed by {1e3 * seconds:.6g} ms"),
+    )
+
+
+def _turned(values: FloatArray, samples: float) -> FloatArray:
+    slope = (values[-1] - values[0]) / (values.size - 1)
+    index = np.arange(values.size)
+    rest = values - (values[0] + slope * index)
+    # With both ends at zero the point reflection joins smoothly, also around the period.
+    period = np.concatenate([rest, -rest[-2:0:-1]])
+    turn = np.exp(-2j * np.pi * np.fft.rfftfreq(period.size) * samples)
+    moved = np.fft.irfft(np.fft.rfft(period) * turn, period.size)[: values.size]
+    return np.asarray(moved + values[0] + slope * (index - samples))
+
+
+def _coarse(
+    phase: FloatArray, weight: FloatArray, lines: CrossSpectrum, relation: Relation | None
+) -> tuple[int, float]:
+    """Quarter turns and delay with the largest weighted cosine of the misfit: no phase needs to be unwrapped."""
+    longest = min(_LONGEST_SKEW_S, _WINDOW_SHARE * lines.window_s)
+    steps = math.ceil(longest * lines.omega_rad_s[-1] / _GRID_STEP_RAD)
+    delays = np.linspace(-longest, longest, 2 * steps + 1)
+    vectors = np.exp(1j * np.outer(delays, lines.omega_rad_s)) @ (weight * np.exp(1j * phase))
+    candidates = (0, 1, 2, 3) if relation is None else (_QUARTER_TURNS[relation],)
+    agreement = np.stack([(vectors * (-1j) ** turns).real for turns in candidates])
+    best = np.unravel_index(int(np.argmax(agreement)), agreement.shape)
+    return candidates[int(best[0])], float(delays[best[1]])
+
+
+def _refined(phase: FloatArray, weight: FloatArray, omega: FloatArray, start_s: float) -> tuple[float, float]:
+    """Weighted least squares of the phase on the frequency, from a start within half a turn."""
+    seconds = start_s
+    information = float(np.sum(weight * omega**2))
+    misfit = np.zeros_like(phase)
+    for _ in range(_REFINEMENTS):
+        misfit = np.angle(np.exp(1j * (phase + omega * seconds)))
+        seconds -= float(np.sum(weight * omega * misfit)) / information
+    spread = max(1.0, float(np.sum(weight * misfit**2)) / (omega.size - 1))
+    return seconds, math.sqrt(spread / information)
+
+
+def _named(turns: int, lines: CrossSpectrum) -> Relation:
+    """The relation behind quarter turns; a gain that rises or falls tells a derivative from an integral."""
+    if turns in (0, 2):
+        return "same" if turns == 0 else "opposite"
+    log_omega, log_gain = np.log(lines.omega_rad_s), np.log(np.abs(lines.cross) / lines.first)
+    center = np.average(log_omega, weights=lines.weight)
+    rising = float(np.sum(lines.weight * (log_omega - center) * log_gain)) > 0.0
+    if turns == 1:
+        return "derivative" if rising else "opposite integral"
+    return "opposite derivative" if rising else "integral"
+
+
+def _finding(reference: str, delayed: str, seconds: float, std: float, sample_s: float) -> Finding:
+    long = abs(seconds) > sample_s and abs(seconds) > _SURE * std
+    return Finding(
+        kind="clock_skew",
+        severity="warning" if long else "info",
+        where=f"{delayed}/{reference}",
+        message=(
+            f"{delayed} comes {1e3 * abs(seconds):.2f} ± {1e3 * std:.2f} ms {'after' if seconds >= 0.0 else 'before'} "
+            f"{reference}; one sample is {1e3 * sample_s:.2f} ms."
+        ),
+        numbers={"skew_s": seconds, "std_s": std, "sample_s": sample_s},
+    )

@@ -1,0 +1,359 @@
+"""The blackbox decoder: every encoding and predictor by hand, then whole flights that a small encoder writes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.data.record import FlightRecord, Source
+from rotorid.errors import LogError
+from rotorid.io.blackbox import FORMAT, read, sniff
+from rotorid.io.blackbox_decode import Flight, flights
+from rotorid.io.blackbox_header import parse_header
+
+PRODUCT = "H Product:Blackbox flight data recorder by Nicholas Sherlock\n"
+END = b"E\xffEnd of log\x00"
+
+
+def unsigned(value: int) -> bytes:
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def signed(value: int) -> bytes:
+    return unsigned(2 * value if value >= 0 else -2 * value - 1)
+
+
+def header(
+    names: Sequence[str],
+    *,
+    inter_encoding: Sequence[int],
+    inter_predictor: Sequence[int],
+    lines: str = "",
+    signs: Sequence[int] | None = None,
+) -> bytes:
+    """I frames of plain numbers; P frames as given, after loop number and time."""
+    count = len(names) + 2
+    signs = [1] * len(names) if signs is None else signs
+    text = {
+        "Field I name": ["loopIteration", "time", *names],
+        "Field I signed": [0, 0, *signs],
+        "Field I predictor": [0] * count,
+        "Field I encoding": [1, 1, *[0] * len(names)],
+        "Field P predictor": [6, 1, *inter_predictor],
+        "Field P encoding": [9, 1, *inter_encoding],
+    }
+    fields = "".join(f"H {key}:{','.join(map(str, values))}\n" for key, values in text.items())
+    return f"{PRODUCT}H Data version:2\nH I interval:8\nH P interval:1/2\n{fields}{lines}".encode()
+
+
+def intra(iteration: int, time: int, *values: int) -> bytes:
+    return b"I" + unsigned(iteration) + unsigned(time) + b"".join(map(signed, values))
+
+
+def inter(body: bytes, step: int = 1000) -> bytes:
+    return b"P" + unsigned(step) + body
+
+
+def only(data: bytes) -> Flight:
+    ((_, flight),) = flights(data)
+    assert isinstance(flight, Flight)
+    return flight
+
+
+@pytest.mark.parametrize(
+    ("encoding", "count", "body", "values"),
+    [
+        pytest.param(0, 1, signed(-300), [-300], id="signed"),
+        pytest.param(1, 1, unsigned(70_000), [70_000], id="unsigned"),
+        pytest.param(3, 1, unsigned(5), [-5], id="negated"),
+        pytest.param(3, 1, unsigned((-5) & 0x3FFF), [5], id="negated 14 bits, below zero"),
+        pytest.param(9, 1, b"", [0], id="null"),
+        pytest.param(6, 3, b"\x05" + signed(7) + signed(-2), [7, 0, -2], id="eight tagged, three used"),
+        pytest.param(6, 1, signed(9), [9], id="eight tagged, a lone one has no tag"),
+        pytest.param(6, 9, b"\x80" + signed(3) + signed(4), [0] * 7 + [3, 4], id="eight tagged, nine fields"),
+        pytest.param(7, 3, bytes([0b00_01_10_11]), [1, -2, -1], id="three of 2 bits"),
+        pytest.param(7, 3, bytes([0b0100_0111, 0b1000_1111]), [7, -8, -1], id="three of 4 bits"),
+        pytest.param(7, 3, bytes([0b10_100000, 31, 0b111111]), [-32, 31, -1], id="three of 6 bits"),
+        pytest.param(
+            7, 3, bytes([0b11_11_01_00, 0xFF, 0x00, 0x80, 1, 0, 0, 0x80]), [-1, -32768, 1 - 2**31], id="three of bytes"
+        ),
+        pytest.param(7, 3, bytes([0b11_00_00_10, 0, 0, 0x80, 5, 6]), [-(2**23), 5, 6], id="three, one of 24 bits"),
+        pytest.param(10, 3, bytes([0b00_01_10_11]), [1, -2, -1], id="variable, 2 bits"),
+        pytest.param(10, 3, bytes([0b01_01111_1, 0b0000_0111]), [15, -16, 7], id="variable, 5 5 4 bits"),
+        pytest.param(10, 3, bytes([0b10_011111, 0b11_100000, 0b0_1111111]), [127, -64, -1], id="variable, 8 7 7 bits"),
+        pytest.param(10, 3, bytes([0b11_00_00_00, 1, 2, 0xFD]), [1, 2, -3], id="variable, bytes"),
+        pytest.param(8, 4, b"\x00", [0, 0, 0, 0], id="four, all zero"),
+        pytest.param(8, 4, bytes([0b01_01_01_01, 0x7F, 0x81]), [7, -1, -8, 1], id="four of 4 bits"),
+        pytest.param(8, 4, bytes([0b00_11_10_01, 0x58, 0x08, 0x00, 0x10]), [5, -128, -32767, 0], id="four, shifted"),
+        pytest.param(8, 4, bytes([0b10_00_00_11, 0x12, 0x34, 0xFF]), [0x1234, 0, 0, -1], id="four, high byte first"),
+    ],
+)
+def test_encodings(encoding: int, count: int, body: bytes, values: list[int]) -> None:
+    names = [f"debug[{index}]" for index in range(count)]
+    start = header(names, inter_encoding=[encoding] * count, inter_predictor=[0] * count)
+
+    flight = only(start + intra(0, 5000, *[0] * count) + inter(body) + END)
+
+    assert flight.frames.tolist() == [[0, 5000, *[0] * count], [2, 6000, *values]]
+    assert flight.damage.skipped_bytes == 0
+
+
+def test_four_numbers_of_the_first_data_version() -> None:
+    names = [f"debug[{index}]" for index in range(4)]
+    start = header(names, inter_encoding=[8] * 4, inter_predictor=[0] * 4).replace(b"version:2", b"version:1")
+    body = bytes([0b11_10_01_01, 0x7F, 0x80, 0x34, 0x12])
+
+    flight = only(start + intra(0, 5000, 0, 0, 0, 0) + inter(body) + END)
+
+    assert flight.frames[1, 2:].tolist() == [-1, 7, -128, 0x1234]
+
+
+@pytest.mark.parametrize(
+    ("predictor", "expected"),
+    [
+        pytest.param(0, [1, 1], id="none"),
+        pytest.param(1, [-4, -3], id="previous"),
+        pytest.param(2, [-4, -2], id="straight line"),
+        # (-5 - 5) / 2 + 1 = -4, then (-4 - 5) / 2 + 1 with division towards zero = -3
+        pytest.param(3, [-4, -3], id="average"),
+        pytest.param(4, [1071, 1071], id="minimum throttle"),
+        pytest.param(8, [1501, 1501], id="center of the stick"),
+        pytest.param(9, [76, 76], id="reference voltage"),
+        pytest.param(10, [5001, 6001], id="time of the main frame"),
+        pytest.param(11, [139, 139], id="idle of the motors"),
+    ],
+)
+def test_predictors(predictor: int, expected: list[int]) -> None:
+    lines = "H minthrottle:1070\nH vbatref:75\nH motorOutput:138,2047\n"
+    start = header(["debug[0]"], inter_encoding=[0], inter_predictor=[predictor], lines=lines)
+
+    flight = only(start + intra(0, 5000, -5) + 2 * inter(signed(1)) + END)
+
+    assert flight.field("debug[0]").tolist() == [-5, *expected]
+
+
+def test_motors_are_counted_from_the_first_motor() -> None:
+    start = header(["motor[0]", "motor[1]"], inter_encoding=[0, 0], inter_predictor=[1, 5])
+
+    flight = only(start + intra(0, 5000, 400, 500) + inter(signed(10) + signed(-20)) + END)
+
+    assert flight.frames[1, 2:].tolist() == [410, 390]
+
+
+def test_positions_are_counted_from_home() -> None:
+    lines = (
+        "H Field H name:GPS_home[0],GPS_home[1]\nH Field H signed:1,1\nH Field H predictor:0,0\n"
+        "H Field H encoding:0,0\nH Field G name:time,GPS_coord[0],GPS_coord[1]\nH Field G signed:0,1,1\n"
+        "H Field G predictor:10,7,7\nH Field G encoding:1,0,0\n"
+        "H Field S name:flightModeFlags\nH Field S signed:0\nH Field S predictor:0\nH Field S encoding:1\n"
+    )
+    start = header(["debug[0]"], inter_encoding=[0], inter_predictor=[1], lines=lines)
+    place = b"H" + signed(520_000_000) + signed(-130_000_000)
+    fix = b"G" + unsigned(250) + signed(-7) + signed(9)
+
+    flight = only(start + intra(0, 5000, 1) + b"S\x03" + place + fix + inter(signed(1)) + END)
+
+    assert flight.fixes.tolist() == [[5250, 519_999_993, -129_999_991]]
+    assert flight.fix_time_s.tolist() == pytest.approx([5.25e-3])
+    assert len(flight.frames) == 2
+
+
+EVENTS = [
+    b"E\x00" + unsigned(5000),
+    b"E\x0d\x05" + signed(-3),
+    b"E\x0d\x85\x00\x00\x80\x3f",
+    b"E\x0f" + unsigned(2),
+    b"E\x1e" + unsigned(300) + unsigned(1),
+]
+
+
+def small_flight(blocks: int = 3, offset: int = 0) -> list[bytes]:
+    """Blocks of an I frame and three P frames, every second loop of 8."""
+    body = b"".join(inter(signed(1)) for _ in range(3))
+    return [intra(8 * block + offset, 5000 + 4000 * block, block) + body for block in range(blocks)]
+
+
+START = header(["debug[0]"], inter_encoding=[0], inter_predictor=[1])
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_events_stand_between_frames(event: bytes) -> None:
+    flight = only(START + event.join([b"", *small_flight(), b""]) + END)
+
+    assert len(flight.frames) == 12
+    assert (flight.damage.skipped_bytes, flight.damage.lost_frames) == (0, 0)
+
+
+def test_a_pause_of_the_logger_is_no_loss() -> None:
+    resume = b"E\x0e" + unsigned(8000) + unsigned(4_005_000)
+    late = intra(8000, 4_005_001, 5) + inter(signed(1))
+
+    flight = only(START + b"".join(small_flight()) + resume + late + END)
+
+    assert len(flight.frames) == 14
+    assert (flight.damage.skipped_bytes, flight.damage.lost_frames) == (0, 0)
+
+
+def test_a_damaged_frame_costs_the_rest_of_its_block() -> None:
+    blocks = small_flight(6)
+    blocks[2] = blocks[2][:-3] + b"\xaa\xaa\xaa"
+
+    flight = only(START + b"".join(blocks) + END)
+
+    iterations = flight.field("loopIteration").tolist()
+    lost = sorted(set(range(0, 48, 2)) - set(iterations))
+    assert lost
+    assert set(lost) <= {16, 18, 20, 22}
+    assert flight.damage.lost_frames == len(lost)
+    assert flight.damage.skipped_bytes > 0
+    assert np.all(np.diff(flight.time_s) > 0.0)
+
+
+def test_time_goes_on_when_its_counter_wraps() -> None:
+    near = 2**32 - 1500
+    flight = only(START + intra(0, near, 1) + 3 * inter(signed(1)) + END)
+
+    assert np.diff(flight.time_s).tolist() == pytest.approx([1e-3] * 3)
+
+
+def test_erased_memory_behind_the_log_is_no_damage() -> None:
+    flight = only(START + b"".join(small_flight()) + b"\xff" * 5000)
+
+    assert len(flight.frames) == 12
+    assert flight.damage.skipped_bytes == 0
+    assert not flight.damage.ended
+
+
+@pytest.mark.parametrize(
+    ("written", "cadence"), [("1/4", (32, 1, 4)), ("2/3", (32, 2, 3)), ("4", (32, 1, 4)), ("0", (32, 1, 32))]
+)
+def test_cadence(written: str, cadence: tuple[int, int, int]) -> None:
+    text = START.replace(b"I interval:8", b"I interval:32").replace(b"P interval:1/2", f"P interval:{written}".encode())
+    assert parse_header(text).cadence == cadence
+
+
+NAMES = (
+    *(f"gyroADC[{i}]" for i in range(3)),
+    *(f"accSmooth[{i}]" for i in range(3)),
+    *(f"setpoint[{i}]" for i in range(4)),
+    *(f"rcCommand[{i}]" for i in range(4)),
+    *(f"debug[{i}]" for i in range(4)),
+    *(f"motor[{i}]" for i in range(4)),
+    "eRPM[0]",
+    "vbatLatest",
+)
+LINES = (
+    "H Firmware type:Cleanflight\nH Firmware revision:Betaflight 4.5.1 (77d01ba3b) STM32F7X2\nH gyro_scale:0x3f800000\n"
+    "H acc_1G:2048\nH motorOutput:0,2000\nH motor_poles:14\nH rollPID:45,80,40\nH Craft name:fly\n"
+    "H chirp_time_seconds:20\nH chirp_amplitude_roll:230\nH chirp_amplitude_pitch:200\nH yaw_motors_reversed:0\n"
+)
+
+
+def described(frames: int = 2000, *, chirp: bool = False) -> bytes:
+    """A flight of I and P frames of plain numbers; every value is logged anew."""
+    start = header(NAMES, inter_encoding=[0] * len(NAMES), inter_predictor=[0] * len(NAMES), lines=LINES)
+    parts = [start]
+    for index in range(frames):
+        phase = (0.01 * index) % (2.0 * math.pi)
+        debug = [round(5000 * phase), 1, 25, round(1000 * math.cos(phase))] if chirp else [0, -1, 0, 0]
+        values = [10, 20, 30, 205, 410, 2048, 1, 2, 3, 400, 50, 100, -250, 1500, *debug, 800, 900, 1000, 1100, 70, 1480]
+        if index % 4:
+            parts.append(inter(b"".join(map(signed, values))))
+        else:
+            parts.append(intra(2 * index, 5000 + 1000 * index, *values))
+    return b"".join(parts) + END
+
+
+def record_of(data: bytes, folder: Path) -> FlightRecord:
+    path = folder / "log.bbl"
+    path.write_bytes(data)
+    return read(path, Source(name=path.name, format=FORMAT, sha256=""))
+
+
+def test_channels_have_their_signs_and_units(tmp_path: Path) -> None:
+    record = record_of(described(), tmp_path)
+
+    (topic,) = record.topics
+    first = {channel.name: float(topic.values[row, 0]) for row, channel in enumerate(topic.channels)}
+    degree, g = math.pi / 180.0, 9.80665
+    assert first == pytest.approx(
+        {
+            "p": 10 * degree,
+            "q": -20 * degree,
+            "r": -30 * degree,
+            "ax": 205 / 2048 * g,
+            "ay": -410 / 2048 * g,
+            "az": -g,
+            "p_setpoint": degree,
+            "q_setpoint": -2 * degree,
+            "r_setpoint": -3 * degree,
+            "roll_stick": 0.1,
+            "pitch_stick": -0.2,
+            "yaw_stick": 0.5,
+            "thrust_stick": 0.5,
+            "motor_1": 0.4,
+            "motor_2": 0.45,
+            "motor_3": 0.5,
+            "motor_4": 0.55,
+            "roll_command": 0.05,
+            "pitch_command": 0.025,
+            "yaw_command": 0.0,
+            "thrust_command": 0.475,
+            "motor_speed_1": 7000 * 2 / 14 * 2 * math.pi / 60,
+            "battery_voltage": 14.8,
+        },
+        abs=1e-12,
+    )
+    assert record.parameters["rollPID_P"] == 45.0
+    assert "Craft name" not in record.parameters
+    assert record.instruments["roll"] == ("roll_stick",)
+    assert record.declared == ()
+
+
+def test_chirp_is_declared_and_is_the_instrument(tmp_path: Path) -> None:
+    record = record_of(described(chirp=True), tmp_path)
+
+    (sweep,) = record.declared
+    assert (sweep.axis, sweep.kind, sweep.origin) == ("pitch", "sweep", "declared")
+    assert (sweep.start_s, sweep.stop_s) == pytest.approx((0.005, 2.004))
+    assert record.instruments["pitch"] == ("pitch_excitation", "pitch_stick")
+    ((topic, row),) = record.holding("pitch_excitation")
+    assert topic.values[row, 0] == pytest.approx(-200 * math.pi / 180.0)
+
+
+def test_other_vehicles_use_the_sums_of_the_controllers(tmp_path: Path) -> None:
+    names = ["gyroADC[0]", "axisP[1]", "axisI[1]", "motor[0]"]
+    start = header(names, inter_encoding=[0] * 4, inter_predictor=[0] * 4)
+
+    record = record_of(start + intra(0, 5000, 1, 30, 20, 1500) + END, tmp_path)
+
+    ((topic, row),) = record.holding("pitch_command")
+    assert topic.values[row].tolist() == pytest.approx([-0.05])
+    assert topic.channels[row].source == "axisP[1] + axisI[1]"
+
+
+def test_longest_flight_comes_first(tmp_path: Path) -> None:
+    record = record_of(described(40) + described(80) + described(20), tmp_path)
+
+    assert [topic.name for topic in record.topics] == ["flight 2", "flight 1", "flight 3"]
+    several = [finding for finding in record.findings if finding.kind == "several_flights"]
+    assert [finding.numbers["flights"] for finding in several] == [3.0]
+
+
+def test_sniffs_by_content() -> None:
+    assert sniff(START)
+    assert sniff(b"\xff\xff" + START)
+    assert not sniff(b"ULog")
+
+
+def test_a_log_without_frames_is_said_to_be_one(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="no frame"):
+        record_of(START, tmp_path)

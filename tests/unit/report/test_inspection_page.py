@@ -1,0 +1,170 @@
+"""The picture of a log: what it holds, that it is self-contained, and that no name in a log can act."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.cli.commands import rotorid
+
+from rotorid.data.channel import STANDARD_UNITS, Channel
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.errors import UsageError
+from rotorid.pipeline.inspection import inspect
+from rotorid.pipeline.settings import parse_segment
+from rotorid.report.inspection_page import log_picture, render_inspection, write_inspection
+
+EVIL = "</script><script>alert(1)</script>[bold]"
+
+
+def topic(name: str, time_s: np.ndarray, **channels: np.ndarray) -> Topic:
+    return Topic(
+        name=name,
+        time_s=time_s,
+        channels=tuple(Channel(name=key, unit=STANDARD_UNITS[key]) for key in channels),
+        values=np.stack(list(channels.values())),
+    )
+
+
+def flight() -> FlightRecord:
+    """A multisine on roll, a gap in the gyro, a battery; names that try to act."""
+    time_s = np.arange(0.0, 40.0, 0.01)
+    moving = (time_s > 5.0) & (time_s < 35.0)
+    sines = sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.3, 0.5, 0.8, 1.1))
+    motion = np.where(moving, 0.05 * sines, 0.0)
+    kept = (time_s < 20.0) | (time_s > 21.0)
+    return FlightRecord(
+        source=Source(name=f"{EVIL}.csv", format="CSV", sha256="ab"),
+        topics=(
+            topic(EVIL, time_s, roll_command=motion),
+            topic("gyro", time_s[kept], p=motion[kept]),
+            topic("battery", time_s[::100], battery_voltage=np.linspace(16.0, 15.0, 40)),
+        ),
+        parameters={"LOG_BITMASK": 1.0, "UNINTERESTING": 2.0},
+        findings=(Finding(kind="gap", severity="warning", where="gyro", message=EVIL),),
+    )
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    record = flight()
+    return render_inspection(record, inspect(record))
+
+
+def test_the_document_names_candidates_battery_and_settings() -> None:
+    document = inspect(flight())
+    (candidate,) = document.candidates
+    segment = parse_segment(candidate.segment)
+    assert (segment.axis, segment.start_s) == ("roll", pytest.approx(candidate.start_s, abs=0.005))
+    assert f"--segment {candidate.segment}" in document.supports["rate.roll"].remedy
+    assert document.battery is not None
+    assert (document.battery.start_v, document.battery.stop_v, document.battery.lowest_v) == (16.0, 15.0, 15.0)
+    assert document.settings == {"LOG_BITMASK": 1.0}
+    needs = {need.need: need.there for need in document.supports["rate.roll"].needs}
+    assert list(needs.values()) == [True, True, False, False]
+    assert [need.found for need in document.supports["rate.pitch"].needs][:2] == ["not logged", "not logged"]
+
+
+def test_bars_break_where_a_topic_does() -> None:
+    record = flight()
+    bars = {bar.row: bar for bar in log_picture(record, inspect(record)).topics}
+    (first, second) = bars["gyro"].spans
+    assert (first[0], second[1]) == (0.0, pytest.approx(39.99))
+    # One sample on either side of the missing second.
+    assert (first[1], second[0]) == (pytest.approx(19.99), pytest.approx(21.01))
+
+
+def test_runs_of_one_channel_are_joined_with_a_break() -> None:
+    early, late = np.arange(0.0, 100.0, 0.01), np.arange(200.0, 260.0, 0.01)
+    record = FlightRecord(
+        source=Source(name="a.BIN", format="CSV", sha256=""),
+        topics=tuple(
+            topic(f"run {at}", time_s, p=np.sin(time_s), roll_excitation=np.cos(time_s))
+            for at, time_s in enumerate((late, early))
+        ),
+    )
+    rate = next(trend for trend in log_picture(record, inspect(record)).trends if trend.channel == "p")
+    assert (rate.time_s[0], rate.time_s[-1]) == (0.0, pytest.approx(259.99))
+    breaks = np.flatnonzero(np.isnan(rate.values[:-1]))
+    assert breaks.size == 1
+    assert rate.time_s[breaks[0]] < 100.0 <= 200.0 <= rate.time_s[breaks[0] + 1]
+
+
+def test_the_page_is_self_contained_and_nothing_in_a_log_acts(page: str) -> None:
+    assert "default-src 'none'" in html.unescape(page)
+    assert not re.search(r"<(?:link|img|iframe)\b|<script[^>]+src=", page)
+    # Three scripts are ours: the numbers, the library, the drawing. The name of the log adds none.
+    assert len(re.findall(r"<script(?: type=\"application/json\" id=\"figures\")?>", page)) == 3
+    assert "alert(1)</script>" not in page
+
+
+def test_the_page_holds_what_was_asked_for(page: str) -> None:
+    for words in ("What each identification needs", "Channels and rates", "Excitations", "LOG_BITMASK = 1", "16.00"):
+        assert words in page
+    assert re.search(r"--segment roll:\d+\.\d\d:\d+\.\d\d", page)
+    text = re.search(r'id="figures">(.*?)</script>', page, re.DOTALL)
+    assert text is not None
+    figure = json.loads(text[1])["pictures"]["log"]
+    assert {"candidate", "logged", "input", "output"} <= {trace["name"] for trace in figure["data"]}
+    assert all(len(trace["x"]) == len(trace["y"]) for trace in figure["data"])
+
+
+def test_a_long_log_makes_no_long_page(page: str) -> None:
+    time_s = np.arange(0.0, 4000.0, 0.01)
+    record = FlightRecord(
+        source=Source(name="a.csv", format="CSV", sha256=""),
+        topics=(topic("t", time_s, roll_command=np.sin(time_s), p=np.cos(time_s)),),
+    )
+    # At most 4000 points of two numbers with ten letters for each of two channels, beside the same page.
+    assert len(render_inspection(record, inspect(record))) < len(page) + 2 * 4000 * 2 * 10
+
+
+def test_png_and_html_are_written_by_their_ending(tmp_path: Path) -> None:
+    record = flight()
+    document = inspect(record)
+    write_inspection(tmp_path / "made" / "log.png", record, document)
+    assert (tmp_path / "made" / "log.png").read_bytes().startswith(b"\x89PNG")
+    write_inspection(tmp_path / "log.HTML", record, document)
+    assert (tmp_path / "log.HTML").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    with pytest.raises(UsageError, match=r"needed: \.html or \.png"):
+        write_inspection(tmp_path / "log.pdf", record, document)
+
+
+def test_an_empty_log_has_a_page() -> None:
+    record = FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=())
+    assert "None found." in render_inspection(record, inspect(record))
+
+
+def test_the_command_writes_the_picture_beside_pure_json(tmp_path: Path) -> None:
+    log, picture = tmp_path / "log.csv", tmp_path / "log.html"
+    rows = "\n".join(f"{0.01 * k:.2f},{np.sin(0.05 * k):.4f}" for k in range(1000))
+    log.write_text(f"time [s],p [rad/s]\n{rows}\n", encoding="utf-8")
+    ran = rotorid("inspect", log, "--plot", picture, "--json")
+    assert (ran.code, ran.err) == (0, "")
+    assert json.loads(ran.out)["schema"] == "rotorid.inspect/1"
+    assert picture.exists()
+
+
+def test_another_ending_is_refused_before_the_log_is_read(tmp_path: Path) -> None:
+    ran = rotorid("inspect", tmp_path / "missing.csv", "--plot", tmp_path / "log.pdf")
+    assert ran.code == 2
+    assert "log.pdf" in ran.err
+
+
+def test_the_screen_groups_motors_and_shows_the_line_to_paste(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    motors = [f"motor_{n}" for n in range(1, 5)]
+    time_s = np.arange(0.0, 30.0, 0.01)
+    sines = 0.05 * sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.3, 0.5, 0.8, 1.1))
+    header = ",".join(["time [s]", "roll_command [1]", *(f"{name} [1]" for name in motors)])
+    table = np.column_stack([time_s, sines, *(np.full(time_s.size, 0.5) for _ in motors)])
+    np.savetxt(log, table, delimiter=",", header=header, comments="", fmt="%.5f")
+    ran = rotorid("inspect", log)
+    assert (ran.code, ran.err) == (0, "")
+    assert "motor_1…4" in ran.out
+    assert re.search(r"--segment roll:\d", ran.out)

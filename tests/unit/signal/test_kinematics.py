@@ -1,0 +1,184 @@
+"""Kinematics: a flight that obeys them is consistent, and each planted error is found inside its spread."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rotorid.data.channel import STANDARD_UNITS, Channel
+from rotorid.data.history import TimeHistory
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.signal.kinematics import kinematic_consistency
+from rotorid.signal.reconstruct import derivative, reconstruct
+from rotorid.signal.skew import shift
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2 as G
+
+RATE_HZ = 200.0
+TIME_S = np.arange(0.0, 60.0, 1.0 / RATE_HZ)
+
+
+class Tones:
+    """A sum of slow tones with exact derivative, so that a twin needs no integration."""
+
+    def __init__(self, seed: int, rms: float) -> None:
+        rng = np.random.default_rng(seed)
+        self.omega = rng.uniform(1.0, 20.0, 60)[:, None]
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, 60)[:, None]
+        self.size = rms * np.sqrt(2.0 / 60)
+
+    @property
+    def value(self) -> FloatArray:
+        return np.asarray(self.size * np.sin(self.omega * TIME_S + self.phase).sum(axis=0))
+
+    @property
+    def slope(self) -> FloatArray:
+        return np.asarray(self.size * (self.omega * np.cos(self.omega * TIME_S + self.phase)).sum(axis=0))
+
+
+def flight() -> dict[str, FloatArray]:
+    """A motion with large angles: attitude and body velocity chosen, the rest from textbook kinematics."""
+    phi, theta, psi = (Tones(seed, 0.2) for seed in range(3))
+    u, v, w = (Tones(seed, 1.0) for seed in range(3, 6))
+    f, t, y = phi.value, theta.value, psi.value
+    p = phi.slope - psi.slope * np.sin(t)
+    q = theta.slope * np.cos(f) + psi.slope * np.cos(t) * np.sin(f)
+    r = psi.slope * np.cos(t) * np.cos(f) - theta.slope * np.sin(f)
+    channels = {"phi": f, "theta": t, "psi": y, "u": u.value, "v": v.value, "w": w.value, "p": p, "q": q, "r": r}
+    channels["ax"] = u.slope + q * w.value - r * v.value + G * np.sin(t)
+    channels["ay"] = v.slope + r * u.value - p * w.value - G * np.cos(t) * np.sin(f)
+    channels["az"] = w.slope + p * v.value - q * u.value - G * np.cos(t) * np.cos(f)
+    return channels
+
+
+def earth(channels: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Velocity in earth axes, row by row of the direction cosines."""
+    f, t, y, u, v, w = (channels[name] for name in ("phi", "theta", "psi", "u", "v", "w"))
+    sf, cf, st, ct, sy, cy = np.sin(f), np.cos(f), np.sin(t), np.cos(t), np.sin(y), np.cos(y)
+    return {
+        "velocity_north": ct * cy * u + (sf * st * cy - cf * sy) * v + (cf * st * cy + sf * sy) * w,
+        "velocity_east": ct * sy * u + (sf * st * sy + cf * cy) * v + (cf * st * sy - sf * cy) * w,
+        "velocity_down": -st * u + sf * ct * v + cf * ct * w,
+    }
+
+
+def history(channels: dict[str, FloatArray]) -> TimeHistory:
+    return TimeHistory(
+        values=np.stack(list(channels.values())),
+        channels=tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in channels),
+        sample_rate_hz=RATE_HZ,
+        start_s=0.0,
+    )
+
+
+SENSORS = ("p", "q", "r", "ax", "ay", "az")
+
+
+@pytest.mark.parametrize("axes", ["body", "earth"])
+def test_a_true_flight_is_consistent(axes: str) -> None:
+    channels = flight()
+    if axes == "earth":
+        channels = {name: row for name, row in channels.items() if name not in "uvw"} | earth(channels)
+    result = kinematic_consistency(history(channels))
+    assert [check.channel for check in result.checks] == list(SENSORS)
+    assert {finding.kind for finding in result.findings} == {"kinematic_consistency"}
+    for check in result.checks:
+        # Products of tones reach 60 rad/s, 0.3 per sample, where the derivative of the spline is 0.3^4/180 short.
+        assert check.scale == pytest.approx(1.0, abs=1e-4)
+        assert abs(check.lag_s) <= 1e-5
+        assert abs(check.bias) <= 1e-3
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_scale_bias_and_lag_of_one_sensor_are_found(name: str) -> None:
+    rng = np.random.default_rng(7)
+    channels = flight()
+    channels[name] = 1.15 * channels[name] + 0.3
+    channels = {key: row + 0.02 * np.std(row) * rng.standard_normal(row.size) for key, row in channels.items()}
+    # The sensor under test is not an ingredient of its own expectation; late rates would spoil the forces.
+    late = shift(history(channels), name, 12e-3)
+    result = kinematic_consistency(late, band_rad_s=(2.0, 20.0))
+    (check,) = (check for check in result.checks if check.channel == name)
+    assert abs(check.scale - 1.15) <= 4.0 * check.scale_std
+    assert check.scale_std < 0.02
+    assert abs(check.lag_s - 12e-3) <= 4.0 * check.lag_std_s
+    assert check.lag_std_s < 1e-3
+    # The bias is that at the working point: a scale on the mean of az counts.
+    mean = flight()[name].mean()
+    assert abs(check.bias - 0.3 - 0.15 * mean) <= 4.0 * check.bias_std + 1e-2
+    (finding,) = (finding for finding in result.findings if finding.where == name)
+    assert (finding.kind, finding.severity) == ("kinematic_inconsistency", "warning")
+    assert finding.numbers["scale"] == check.scale
+
+
+def test_small_errors_are_no_warning() -> None:
+    channels = flight()
+    channels["q"] = 1.04 * channels["q"]
+    findings = kinematic_consistency(shift(history(channels), "q", 0.9 / RATE_HZ)).findings
+    assert {f.severity for f in findings if f.where == "q"} == {"info"}
+
+
+def test_a_wrong_sign_is_named() -> None:
+    channels = flight()
+    channels["r"] = -channels["r"]
+    result = kinematic_consistency(history({name: channels[name] for name in ("phi", "theta", "psi", "r")}))
+    assert result.checks[0].scale == pytest.approx(-1.0, abs=1e-4)
+    assert result.findings[0].kind == "kinematic_inconsistency"
+    assert "opposite" in result.findings[0].message
+
+
+def test_what_is_missing_or_silent_is_not_checked() -> None:
+    channels = flight()
+    assert kinematic_consistency(history({"p": channels["p"]})).checks == ()
+    noise = np.random.default_rng(0).standard_normal(TIME_S.size)
+    result = kinematic_consistency(history({"theta": channels["theta"], "q": noise}))
+    assert result.checks == ()
+    assert [(finding.kind, finding.where) for finding in result.findings] == [("kinematics_unchecked", "q")]
+
+
+def test_accelerations_are_reconstructed_without_trim() -> None:
+    made = reconstruct(history(flight()))
+    for seed, name in enumerate(("u_dot", "v_dot", "w_dot"), start=3):
+        slope = Tones(seed, 1.0).slope
+        # Exact but for rounding: specific force, rates and velocities are the twin's own.
+        np.testing.assert_allclose(made[name], slope - slope.mean(), atol=1e-12)
+        channel = made.channels[made.names.index(name)]
+        assert channel.unit == "m/s^2"
+        assert channel.source.startswith("reconstructed from a")
+    assert made.names[-6:] == ("p_dot", "q_dot", "r_dot", "u_dot", "v_dot", "w_dot")
+    assert made.processing[-1] == "p_dot, q_dot, r_dot, u_dot, v_dot, w_dot reconstructed"
+
+
+def test_what_is_logged_is_not_reconstructed() -> None:
+    given = history({"q": np.sin(TIME_S), "q_dot": np.full(TIME_S.size, 7.0), "p": np.cos(TIME_S)})
+    made = reconstruct(given)
+    assert made.names == ("q", "q_dot", "p", "p_dot")
+    np.testing.assert_array_equal(made["q_dot"], 7.0)
+    with pytest.raises(UsageError, match="nothing can be reconstructed"):
+        reconstruct(history({"theta": TIME_S}))
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0])
+def test_the_derivative_has_the_gain_of_its_docstring(rate_hz: float) -> None:
+    time_s = np.arange(0.0, 20.0, 1.0 / rate_hz)
+    x = 30.0 / rate_hz
+    made = derivative(np.sin(30.0 * time_s), rate_hz)
+    gain = 3.0 * np.sin(x) / (x * (2.0 + np.cos(x)))
+    # The ends of the spline fade by 0.27 per sample.
+    np.testing.assert_allclose(made[50:-50], gain * 30.0 * np.cos(30.0 * time_s)[50:-50], atol=1e-9)
+
+
+def test_holes_are_refused() -> None:
+    holed = history({"theta": np.where(TIME_S > 30.0, np.nan, 0.0), "q": TIME_S})
+    with pytest.raises(InsufficientDataError, match="finite"):
+        kinematic_consistency(holed)
+
+
+def test_the_history_is_not_changed() -> None:
+    given = history(flight())
+    before = replace(given).values
+    reconstruct(given)
+    kinematic_consistency(given)
+    np.testing.assert_array_equal(given.values, before)
