@@ -36,18 +36,23 @@ READERS: Sequence[Reader] = (
     Reader(module="rotorid.io.px4", takes_sandbox=True),
     Reader(module="rotorid.io.ardupilot"),
     Reader(module="rotorid.io.blackbox"),
+    Reader(module="rotorid.io.crazyflie"),
     Reader(module="rotorid.io.rosbag", takes_mapping=True, takes_sandbox=True),
     Reader(module="rotorid.io.tlog"),
     Reader(module="rotorid.io.mat", takes_mapping=True, takes_sandbox=True),
+    Reader(module="rotorid.io.npz", takes_mapping=True),
+    Reader(module="rotorid.io.parquet", takes_mapping=True, takes_sandbox=True),
     # Last, since nearly every text looks like a table.
     Reader(module="rotorid.io.tabular", takes_mapping=True),
 )
 """In the order in which they are asked."""
 
-_READ = "PX4 .ulg, ArduPilot .BIN, Betaflight .BBL, ROS bag, .tlog, .mat and CSV, each also as .gz, .xz, .bz2 or .zip"
+_READ = (
+    "PX4 .ulg, ArduPilot .BIN, Betaflight .BBL, Crazyflie uSD, .tlog, ROS bag, .mat, .npz, .parquet and CSV, "
+    "each also as .gz, .xz, .bz2 or .zip, and folders of ulog2csv files"
+)
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"FMT, ", "an ArduPilot log converted to text", "give the .BIN file that it was made from"),
-    (b"PAR1", "a Parquet file", "save the table as CSV"),
     (b"\x93NUMPY", "a NumPy array", "save it as CSV with a header"),
     (b"%PDF", "a PDF document", "give the flight log itself"),
     (b"<", "a web page or an XML file", "download the log itself, not the page about it"),
@@ -103,6 +108,8 @@ def read(
     path = Path(path)
     if mapping is not None and not isinstance(mapping, ChannelMapping):
         mapping = read_mapping(Path(mapping))
+    if path.is_dir() and mapping is None:
+        return _read_folder(path)
     with _opened(path) as (log, head):
         reader, module = _reader_of(head, path.name)
         options: dict[str, Any] = {"sandbox": sandbox} if reader.takes_sandbox else {}
@@ -111,7 +118,7 @@ def read(
         elif mapping is not None:
             raise UsageError(
                 f"a mapping was given for {path.name}, which is {module.FORMAT}",
-                needed="a mapping for CSV, MATLAB and ROS files only",
+                needed="a mapping for CSV, MATLAB, NPZ, Parquet and ROS files only",
                 remedy="leave --map out: this format names its own channels",
             )
         source = Source(name=path.name, format=module.FORMAT, sha256=sha256_of(path))
@@ -124,12 +131,26 @@ def read(
     return record
 
 
+def _read_folder(path: Path) -> FlightRecord:
+    """The log that was exported into a folder, topic by topic."""
+    from rotorid.io.px4_folder import FORMAT, is_folder_log, read_folder
+
+    if not is_folder_log(path):
+        raise LogError(
+            f"{path.name or path} is a folder",
+            needed=f"one flight log: {_READ}",
+            remedy="give a file in it, or a folder of ulog2csv files",
+        )
+    return read_folder(path, Source(name=path.name, format=FORMAT, sha256=""))
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[Path, bytes]]:
     """The log behind a path, unpacked when it was compressed, and its first bytes."""
     head = _head(path, path.name)
     compression = compression_of(head)
-    if not compression:
+    # An NPZ file is a zip archive itself.
+    if not compression or import_module("rotorid.io.npz").sniff(head):
         yield path, head
         return
     with unpacked(path, compression) as log:
@@ -141,7 +162,7 @@ def _head(path: Path, name: str) -> bytes:
         raise LogError(
             f"{name or path} is a folder",
             needed=f"one flight log: {_READ}",
-            remedy="give a file in it; folders are not read yet",
+            remedy="give a file in it, without a mapping",
         )
     try:
         with path.open("rb") as file:

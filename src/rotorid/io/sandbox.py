@@ -23,9 +23,14 @@ import numpy as np
 from rotorid.errors import LogError
 from rotorid.typing import AnyArray
 
-Parser: TypeAlias = Literal["ulog", "mat", "rosbag"]
+Parser: TypeAlias = Literal["ulog", "mat", "rosbag", "parquet"]
 
-PARSERS: Mapping[str, str] = {"ulog": "rotorid.io.ulog", "mat": "rotorid.io.mat", "rosbag": "rotorid.io.bag_extract"}
+PARSERS: Mapping[str, str] = {
+    "ulog": "rotorid.io.ulog",
+    "mat": "rotorid.io.mat",
+    "rosbag": "rotorid.io.bag_extract",
+    "parquet": "rotorid.io.parquet",
+}
 """Parser to the module whose ``extract(path, options)`` does the work, imported by the child alone."""
 
 _MIB = 1 << 20
