@@ -13,7 +13,6 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io import parquet
 from rotorid.io.mapping import parse_mapping
-from rotorid.io.sandbox import PARSERS
 
 pa = pytest.importorskip("pyarrow", reason="the extra [parquet] is not installed")
 pq = pytest.importorskip("pyarrow.parquet", reason="the extra [parquet] is not installed")
@@ -69,7 +68,6 @@ def test_a_mapping_that_names_no_column_is_told_so(tmp_path: Path) -> None:
         read(tmp_path, {"gyro_y": TIME}, mapping)
 
 
-@pytest.mark.skipif("parquet" not in PARSERS, reason="the sandbox does not know the parser")
 def test_the_sandbox_reads_it_too(tmp_path: Path) -> None:
     pq.write_table(pa.table({"time": TIME, "q [deg/s]": TIME}), tmp_path / "flight.parquet")
     record = parquet.read(tmp_path / "flight.parquet", SOURCE)
