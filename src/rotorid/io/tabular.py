@@ -15,15 +15,14 @@ from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.mapped import assemble, sources_of
-from rotorid.io.mapping import ChannelMapping, Clock, MappedChannel, Series, nearest
+from rotorid.io.mapping import ChannelMapping, nearest
+from rotorid.io.naming import HEADER_RULE, by_header
 from rotorid.io.store import write_atomically
 from rotorid.typing import FloatArray
-from rotorid.units import parse_unit
 
 FORMAT = "CSV"
 
 _SEPARATORS = ",;\t"
-_HEADER_RULE = "a header `time [s],NAME [UNIT],...` with names such as pitch_command, q, az"
 
 
 def sniff(head: bytes) -> bool:
@@ -56,7 +55,7 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     header, separator, first_line = _header(path, source.name)
     findings: tuple[Finding, ...] = ()
     if mapping is None:
-        mapping, findings = _by_header(header, source.name)
+        mapping, findings = by_header(header, source.name)
     missing = [name for name in sources_of(mapping) if name not in header]
     if missing:
         close = nearest(missing[0], header)
@@ -117,7 +116,7 @@ def _header(path: Path, file: str) -> tuple[list[str], str, int]:
                     return cells, separator, number + 1
     except UnicodeDecodeError as error:
         raise _no_text(file) from error
-    raise LogError(f"{file} is empty", needed=_HEADER_RULE, remedy="check how it was written")
+    raise LogError(f"{file} is empty", needed=HEADER_RULE, remedy="check how it was written")
 
 
 def _refuse_twins(cells: Sequence[str], file: str) -> None:
@@ -128,62 +127,6 @@ def _refuse_twins(cells: Sequence[str], file: str) -> None:
 
 def _no_text(file: str) -> LogError:
     return LogError(f"{file} is no text in UTF-8", needed="a CSV in UTF-8", remedy="save it again in that encoding")
-
-
-def _by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[Finding, ...]]:
-    """The mapping that a header of our own kind spells out."""
-    names = [_name_and_unit(cell) for cell in header]
-    if names[0][0] != "time":
-        raise LogError(
-            f"{file} is a table whose first column is {header[0]!r}",
-            needed=_HEADER_RULE,
-            remedy="correct the header, or name the columns with a mapping: --map FILE.toml",
-        )
-    channels: list[MappedChannel] = []
-    findings: list[Finding] = []
-    for cell, (name, unit) in zip(header[1:], names[1:], strict=True):
-        if name in STANDARD_UNITS:
-            _check_unit(name, unit, cell, file)
-            channels.append(MappedChannel(name=name, samples=Series(source=cell, unit=unit)))
-        else:
-            findings.append(_unknown(cell, name))
-    if not channels:
-        raise LogError(
-            f"{file} has the columns {', '.join(header[:20])}",
-            needed=_HEADER_RULE,
-            remedy="correct the header, or name the columns with a mapping: --map FILE.toml",
-        )
-    _check_unit("time", names[0][1], header[0], file)
-    clock = Clock(time=Series(source=header[0], unit=names[0][1]))
-    return ChannelMapping(channels=tuple(channels), clock=clock), tuple(findings)
-
-
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    name, _, rest = cell.partition("[")
-    return name.strip(), rest.rstrip().removesuffix("]").strip()
-
-
-def _check_unit(name: str, unit: str, cell: str, file: str) -> None:
-    needed = STANDARD_UNITS.get(name, "s")
-    try:
-        found = parse_unit(unit).si if unit else needed
-    except UsageError as error:
-        raise UsageError(f"{file}, column {cell!r}: {error.came}", needed=error.needed, remedy=error.remedy) from error
-    if found != needed:
-        raise UsageError(
-            f"{file}, column {cell!r} has the unit {unit!r}", needed=f"a unit of {needed}", remedy="correct the header"
-        )
-
-
-def _unknown(cell: str, name: str) -> Finding:
-    close = nearest(name, STANDARD_UNITS)
-    return Finding(
-        kind="unknown_column",
-        severity="info",
-        where=cell or "(no name)",
-        message=f"The column {cell!r} has no name of the vocabulary and was left out."
-        + (f" Did you mean {close}?" if close else ""),
-    )
 
 
 def _table(
