@@ -13,7 +13,15 @@ from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.coherent import CrossSpectrum, coherent_lines, cross_spectrum
-from rotorid.signal.reconstruct import derivative, gravity_in_body, has_channels, transport
+from rotorid.signal.reconstruct import (
+    ACCELERATIONS,
+    RATES,
+    VELOCITIES,
+    derivative,
+    gravity_in_body,
+    has_channels,
+    transport,
+)
 from rotorid.signal.skew import Relation, time_skew
 from rotorid.typing import FloatArray
 
@@ -21,10 +29,7 @@ SCALE_TOLERANCE = 0.05
 """A scale further from one than this is worth a warning, when it is surely so."""
 
 _ATTITUDE = ("phi", "theta", "psi")
-_RATES = ("p", "q", "r")
-_VELOCITIES = ("u", "v", "w")
 _EARTH_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down")
-_ACCELERATIONS = ("ax", "ay", "az")
 _SURE = 3.0
 _BLOCKS = 10
 _HIGHEST_DEFAULT_RAD_S = 60.0
@@ -168,8 +173,8 @@ def _expected_rates(history: TimeHistory) -> tuple[dict[str, FloatArray], dict[s
         if name in history.names
     }
     if len(slopes) < len(_ATTITUDE):
-        small = {rate: slopes[angle] for rate, angle in zip(_RATES, _ATTITUDE, strict=True) if angle in slopes}
-        origins = {r: f"{a}, taken for small" for r, a in zip(_RATES, _ATTITUDE, strict=True) if a in slopes}
+        small = {rate: slopes[angle] for rate, angle in zip(RATES, _ATTITUDE, strict=True) if angle in slopes}
+        origins = {r: f"{a}, taken for small" for r, a in zip(RATES, _ATTITUDE, strict=True) if a in slopes}
         return small, origins
     phi, theta = history["phi"], history["theta"]
     d_phi, d_theta, d_psi = slopes.values()
@@ -182,14 +187,14 @@ def _expected_rates(history: TimeHistory) -> tuple[dict[str, FloatArray], dict[s
 
 
 def _expected_forces(history: TimeHistory) -> tuple[dict[str, FloatArray], str]:
-    if has_channels(history, (*_VELOCITIES, *_RATES, "phi", "theta")):
-        velocities = np.stack([history[name] for name in _VELOCITIES])
+    if has_channels(history, (*VELOCITIES, *RATES, "phi", "theta")):
+        velocities = np.stack([history[name] for name in VELOCITIES])
         forces = derivative(velocities, history.sample_rate_hz) + transport(history) - gravity_in_body(history)
-        return dict(zip(_ACCELERATIONS, forces, strict=True)), "body velocities, rates and attitude"
+        return dict(zip(ACCELERATIONS, forces, strict=True)), "body velocities, rates and attitude"
     if has_channels(history, (*_EARTH_VELOCITIES, *_ATTITUDE)):
         velocities = np.stack([history[name] for name in _EARTH_VELOCITIES])
         forces = _to_body(history, derivative(velocities, history.sample_rate_hz)) - gravity_in_body(history)
-        return dict(zip(_ACCELERATIONS, forces, strict=True)), "earth velocities and attitude"
+        return dict(zip(ACCELERATIONS, forces, strict=True)), "earth velocities and attitude"
     return {}, ""
 
 

@@ -12,19 +12,9 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-SCALE_TOLERANCE = 0.05
-"""A scale further from one than this is worth a warning, when it is surely so."""
-
-_ATTITUDE = ("phi", "theta", "psi")
-_RATES = ("p", "q", "r")
-_VELOCITIES = ("u", "v", "w")
-_EARTH_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down")
-_ACCELERATIONS = ("ax", "ay", "az")
-_SURE = 3.0
-_BLOCKS = 10
-_HIGHEST_DEFAULT_RAD_S = 60.0
-_FASTEST_RAD = 1.0
-"""Up to this phase per sample the derivative of a cubic spline is right within 0.6 %."""
+RATES = ("p", "q", "r")
+VELOCITIES = ("u", "v", "w")
+ACCELERATIONS = ("ax", "ay", "az")
 
 
 def reconstruct(history: TimeHistory) -> TimeHistory:
@@ -69,13 +59,13 @@ def reconstruct(history: TimeHistory) -> TimeHistory:
     ('q_dot', 'rad/s^2', 'reconstructed from q')
     """
     made: dict[str, tuple[FloatArray, str]] = {}
-    for name in _RATES:
+    for name in RATES:
         if name in history.names:
             made[f"{name}_dot"] = derivative(history[name], history.sample_rate_hz), name
-    if has_channels(history, (*_ACCELERATIONS, *_RATES, *_VELOCITIES, "phi", "theta")):
-        force = history.values[[history.names.index(name) for name in _ACCELERATIONS]]
+    if has_channels(history, (*ACCELERATIONS, *RATES, *VELOCITIES, "phi", "theta")):
+        force = history.values[[history.names.index(name) for name in ACCELERATIONS]]
         accelerations = force + gravity_in_body(history) - transport(history)
-        for name, row, sensor in zip(_VELOCITIES, accelerations, _ACCELERATIONS, strict=True):
+        for name, row, sensor in zip(VELOCITIES, accelerations, ACCELERATIONS, strict=True):
             made[f"{name}_dot"] = row - row.mean(), f"{sensor}, attitude, rates and velocities; trim removed"
     made = {name: value for name, value in made.items() if name not in history.names}
     if not made:
@@ -140,5 +130,5 @@ def gravity_in_body(history: TimeHistory) -> FloatArray:
 
 def transport(history: TimeHistory) -> FloatArray:
     """What turning axes add to the derivative of body velocities, shape ``(3, samples)``."""
-    rates, velocities = (np.stack([history[name] for name in names]) for names in (_RATES, _VELOCITIES))
+    rates, velocities = (np.stack([history[name] for name in names]) for names in (RATES, VELOCITIES))
     return np.asarray(np.cross(rates, velocities, axis=0))
