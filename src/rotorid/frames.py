@@ -2,9 +2,97 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal, TypeAlias
+
 import numpy as np
 
+from rotorid.errors import UsageError
 from rotorid.typing import FloatArray
+
+BodyFrame: TypeAlias = Literal["FRD", "FLU"]
+WorldFrame: TypeAlias = Literal["NED", "ENU", "NWU"]
+
+SignedAxes: TypeAlias = tuple[tuple[int, float], tuple[int, float], tuple[int, float]]
+SignedAngles: TypeAlias = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+_AXES: Mapping[str, SignedAxes] = MappingProxyType(
+    {
+        "FRD": ((0, 1.0), (1, 1.0), (2, 1.0)),
+        "FLU": ((0, 1.0), (1, -1.0), (2, -1.0)),
+        "NED": ((0, 1.0), (1, 1.0), (2, 1.0)),
+        "ENU": ((1, 1.0), (0, 1.0), (2, -1.0)),
+        "NWU": ((0, 1.0), (1, -1.0), (2, -1.0)),
+    }
+)
+_ANGLES: Mapping[tuple[str, str], SignedAngles] = MappingProxyType(
+    {
+        ("FRD", "NED"): ((1.0, 0.0), (1.0, 0.0), (1.0, 0.0)),
+        ("FLU", "ENU"): ((1.0, 0.0), (-1.0, 0.0), (-1.0, 0.5 * math.pi)),
+        ("FLU", "NWU"): ((1.0, 0.0), (-1.0, 0.0), (-1.0, 0.0)),
+    }
+)
+
+
+def signed_axes(frame: BodyFrame | WorldFrame) -> SignedAxes:
+    """Where each FRD or NED component of a vector stands in another frame, and with which sign.
+
+    Parameters
+    ----------
+    frame
+        Of the body: ``FRD`` or ``FLU``, forward, left, up. Of the earth: ``NED``, ``ENU`` (east, north, up) or ``NWU``
+        (north, west, up).
+
+    Returns
+    -------
+    tuple of (int, float)
+        For each of the three components here: its place in the vector of that frame, from zero, and its sign.
+
+    Examples
+    --------
+    North is the second component of a vector in ENU, and down the negative of its third:
+
+    >>> signed_axes("ENU")
+    ((1, 1.0), (0, 1.0), (2, -1.0))
+    """
+    return _AXES[frame]
+
+
+def signed_angles(frame: BodyFrame, world: WorldFrame) -> SignedAngles:
+    r"""How roll, pitch and yaw between two other frames become those from FRD to NED.
+
+    With :math:`(s, o)` from here, :math:`\phi = s_1 \phi' + o_1` and so on. From FLU to ENU roll stays, pitch changes
+    its sign, and :math:`\psi = \pi/2 - \psi'`.
+
+    Parameters
+    ----------
+    frame, world
+        The frames that the angles turn between, as `signed_axes` names them; angles are yaw–pitch–roll.
+
+    Returns
+    -------
+    tuple of (float, float)
+        Sign and offset in rad of phi, theta and psi.
+
+    Raises
+    ------
+    UsageError
+        One frame counts up and the other down: such angles mean a vehicle that hangs upside down.
+
+    Examples
+    --------
+    >>> signed_angles("FLU", "NWU")
+    ((1.0, 0.0), (-1.0, 0.0), (-1.0, 0.0))
+    """
+    if (frame, world) not in _ANGLES:
+        raise UsageError(
+            f"an attitude from {frame} to {world} came",
+            needed=" or ".join(f"{body} with {earth}" for body, earth in _ANGLES),
+            remedy="state the frame of the body and that of the earth",
+        )
+    return _ANGLES[frame, world]
 
 
 def euler_from_quaternion(quaternion: FloatArray) -> FloatArray:

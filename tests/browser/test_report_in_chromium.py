@@ -3,45 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
-import subprocess
 from pathlib import Path
 
-import pytest
+from tests.browser.chromium import dump
 from tests.unit.report.sample import HOSTILE, doublet, identification
 
 from rotorid.report.page import render_report
-
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-QUIET = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--enable-logging=stderr",
-    "--virtual-time-budget=10000",
-)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> str:
-    found = next((path for name in NAMES if (path := shutil.which(name))), None)
-    if found is None:
-        pytest.skip(f"no browser: none of {', '.join(NAMES)} is on the path")
-    return found
-
-
-def dump(chromium: str, html: str, folder: Path) -> tuple[str, list[str]]:
-    """The page's elements after its scripts ran, and what it wrote to the console."""
-    file = folder / "report.html"
-    file.write_text(html, encoding="utf-8")
-    command = [chromium, *QUIET, f"--user-data-dir={folder / 'profile'}", "--dump-dom", file.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, check=True)
-    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 
 def test_pictures_are_drawn_and_hostile_text_stays_text(chromium: str, tmp_path: Path) -> None:

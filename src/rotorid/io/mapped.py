@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
+from rotorid.data.channel import Channel
 from rotorid.data.findings import Finding
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord, Source, Topic
 from rotorid.errors import LogError, UsageError
-from rotorid.io.mapping import ChannelMapping, Clock, MappedChannel, Segment, Series, nearest
+from rotorid.frames import euler_from_quaternion
+from rotorid.io.mapping import ChannelMapping, Clock, MappedAttitude, MappedChannel, Segment, Series, nearest
 from rotorid.typing import FloatArray
 from rotorid.units import parse_unit
 
 _COMMON_CLOCK = "clock"
+_EULER = ("phi", "theta", "psi")
 
 
 def sources_of(mapping: ChannelMapping) -> tuple[str, ...]:
     """Every name that a mapping looks up in the file, each once."""
-    clock = mapping.clock or Clock()
-    series = [clock.time, clock.steps]
-    series += [item for channel in mapping.channels for item in (channel.samples, channel.time)]
-    return tuple(dict.fromkeys(item.source for item in series if item is not None))
+    found: list[Series | None] = []
+    for run in mapping.each_experiment():
+        clock = run.clock or Clock()
+        found += [clock.time, clock.steps]
+        found += [item for channel in run.channels for item in (channel.samples, channel.time)]
+        found += [*run.attitude.parts, run.attitude.time] if run.attitude else []
+    return tuple(dict.fromkeys(item.source for item in found if item is not None))
 
 
 def assemble(
@@ -31,14 +39,14 @@ def assemble(
 ) -> FlightRecord:
     """Build the record that a mapping describes.
 
-    Channels with the same stamps share a topic.
+    Channels with the same stamps share a topic. Several experiments follow each other in it.
 
     Parameters
     ----------
     arrays
         Variables of the file by name: vectors, or matrices of which the mapping picks a row or a column.
     mapping
-        Where each channel stands.
+        Where each channel stands in this file; of channels in other files see `rotorid.io.registry.read`.
     source
         Name, format and hash of the file.
     findings
@@ -47,43 +55,142 @@ def assemble(
     Raises
     ------
     UsageError
-        The mapping names a variable that the file does not hold, or a part of one that does not exist.
+        The mapping names a variable that the file does not hold, or a part of one that does not exist, or its
+        experiments would overlap.
     LogError
         Stamps and samples differ in number, or are not all finite.
     """
-    groups: dict[Series | None, list[MappedChannel]] = {}
-    for channel in mapping.channels:
-        groups.setdefault(channel.time, []).append(channel)
-    topics = tuple(_topic(time, channels, mapping.clock, arrays, source.name) for time, channels in groups.items())
+    runs = [_topics(arrays, run, source.name) for run in mapping.each_experiment()]
+    spacing_s = mapping.experiments.spacing_s if mapping.experiments else 0.0
+    topics = tuple(_in_sequence(parts, spacing_s, source.name) for parts in zip(*runs, strict=True))
+    # Segments count the samples of the first channel, and so does the length of an experiment.
+    sizes = [run[0].time_s.size for run in runs]
     return FlightRecord(
         source=source,
         topics=topics,
-        declared=tuple(_maneuver(segment, topics[0].time_s, source.name) for segment in mapping.segments),
+        declared=tuple(
+            maneuver
+            for segment in mapping.segments
+            for maneuver in _maneuvers(segment, topics[0].time_s, sizes, source.name)
+        ),
         findings=tuple(findings),
     )
+
+
+def joined(record: FlightRecord, others: Mapping[str, FlightRecord]) -> FlightRecord:
+    """One record out of those of several files, whose channels then say which file they came from.
+
+    Topics with the same stamps become one. The hash of the record covers all files.
+
+    Parameters
+    ----------
+    record
+        What the log holds.
+    others
+        What the other files hold, by the names that the mapping gave them.
+    """
+    if not others:
+        return record
+    topics = list(record.topics)
+    for name, other in others.items():
+        for topic in other.topics:
+            channels = tuple(replace(channel, source=f"{name}:{channel.source}") for channel in topic.channels)
+            _add(topics, replace(topic, channels=channels))
+    total = hashlib.sha256(record.source.sha256.encode())
+    for name, other in others.items():
+        total.update(f"\0{name}\0{other.source.sha256}".encode())
+    return replace(
+        record,
+        source=replace(record.source, sha256=total.hexdigest()),
+        topics=tuple(topics),
+        findings=(*record.findings, *(finding for other in others.values() for finding in other.findings)),
+    )
+
+
+def _add(topics: list[Topic], new: Topic) -> None:
+    for place, topic in enumerate(topics):
+        if topic.name == new.name and np.array_equal(topic.time_s, new.time_s):
+            topics[place] = replace(
+                topic, channels=(*topic.channels, *new.channels), values=np.concatenate([topic.values, new.values])
+            )
+            return
+    topics.append(new)
+
+
+def _topics(arrays: Mapping[str, FloatArray], mapping: ChannelMapping, file: str) -> tuple[Topic, ...]:
+    """Topics of one experiment on its own clock."""
+    groups: dict[Series | None, list[MappedChannel]] = {}
+    for channel in mapping.channels:
+        groups.setdefault(channel.time, []).append(channel)
+    if mapping.attitude is not None:
+        groups.setdefault(mapping.attitude.time, [])
+    return tuple(_topic(time, channels, mapping, arrays, file) for time, channels in groups.items())
 
 
 def _topic(
     time: Series | None,
     channels: list[MappedChannel],
-    clock: Clock | None,
+    mapping: ChannelMapping,
     arrays: Mapping[str, FloatArray],
     file: str,
 ) -> Topic:
-    rows = [_samples(channel.samples, arrays, STANDARD_UNITS[channel.name], file) for channel in channels]
-    time_s = _stamps(time, clock, arrays, rows[0].size, file)
-    for channel, row in zip(channels, rows, strict=True):
+    meta = [Channel(name=channel.name, unit=channel.si, source=channel.samples.source) for channel in channels]
+    rows = [_samples(channel.samples, arrays, channel.si, file) for channel in channels]
+    if mapping.attitude is not None and mapping.attitude.time == time:
+        meta += [Channel(name=name, unit="rad", source=mapping.attitude.parts[0].source) for name in _EULER]
+        rows += _angles(mapping.attitude, arrays, file)
+    time_s = _stamps(time, mapping.clock, arrays, rows[0].size, file)
+    for channel, row in zip(meta, rows, strict=True):
         if row.size != time_s.size:
             raise LogError(
-                f"{file}: {channel.samples.source} has {row.size} samples and its clock {time_s.size} stamps",
+                f"{file}: {channel.source} has {row.size} samples and its clock {time_s.size} stamps",
                 needed="as many of the one as of the other",
                 remedy="name the right `time` in the mapping, or the right `row` or `column`",
             )
-    meta = tuple(
-        Channel(name=channel.name, unit=STANDARD_UNITS[channel.name], source=channel.samples.source)
-        for channel in channels
+    return Topic(
+        name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=tuple(meta), values=np.stack(rows)
     )
-    return Topic(name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=meta, values=np.stack(rows))
+
+
+def _angles(attitude: MappedAttitude, arrays: Mapping[str, FloatArray], file: str) -> list[FloatArray]:
+    """Roll, pitch and yaw, within half a turn, of a quaternion in the frames of the file."""
+    parts = [_samples(part, arrays, "1", file) for part in attitude.parts]
+    if len({part.size for part in parts}) > 1:
+        raise LogError(
+            f"{file}: the parts of the quaternion have {', '.join(str(part.size) for part in parts)} samples",
+            needed="as many of each",
+            remedy="correct `sources` in [vectors.quaternion]",
+        )
+    quaternion = np.stack(parts)
+    if not np.all(np.any(quaternion != 0.0, axis=0)):
+        first = int(np.flatnonzero(np.all(quaternion == 0.0, axis=0))[0])
+        raise LogError(
+            f"{file}: sample {first + 1} of the quaternion is zero",
+            needed="an attitude in every sample",
+            remedy="leave the affected samples out before the file is read",
+        )
+    raw = euler_from_quaternion(quaternion)
+    turned = [sign * angle + offset for angle, (sign, offset) in zip(raw, attitude.angles, strict=True)]
+    return [np.arctan2(np.sin(angle), np.cos(angle)) for angle in turned]
+
+
+def _in_sequence(parts: Sequence[Topic], spacing_s: float, file: str) -> Topic:
+    """Experiments one after another; the first stays where it is."""
+    if len(parts) == 1:
+        return parts[0]
+    clocks = [part.time_s + number * spacing_s for number, part in enumerate(parts)]
+    for number, (before, after) in enumerate(pairwise(clocks), start=2):
+        if before.size and after.size and not before.max() < after.min():
+            raise UsageError(
+                f"{file}: experiment {number} begins at {after.min():.6g} s, and the one before ends at "
+                f"{before.max():.6g} s",
+                needed="experiments that follow each other",
+                remedy=f"write spacing_s = {np.ceil(spacing_s + before.max() - after.min() + 10.0):.0f} or more in "
+                "[experiments]",
+            )
+    return replace(
+        parts[0], time_s=np.concatenate(clocks), values=np.concatenate([part.values for part in parts], axis=1)
+    )
 
 
 def _stamps(
@@ -119,7 +226,7 @@ def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: st
             remedy="leave the affected samples out, or fill them in before the file is read",
         )
     factor = series.scale * parse_unit(series.unit or si).factor
-    return vector * factor
+    return (vector + series.offset) * factor if series.offset else vector * factor
 
 
 def _picked(series: Series, array: FloatArray, file: str) -> FloatArray:
@@ -144,16 +251,38 @@ def _picked(series: Series, array: FloatArray, file: str) -> FloatArray:
     return picked
 
 
-def _maneuver(segment: Segment, time_s: FloatArray, file: str) -> Maneuver:
-    start_s, stop_s = segment.start_s, segment.stop_s
-    if segment.start_sample is not None and segment.stop_sample is not None:
+def _maneuvers(segment: Segment, time_s: FloatArray, sizes: Sequence[int], file: str) -> list[Maneuver]:
+    """A segment on the clock of the record; one for each experiment when it names no interval."""
+    if segment.start_s is not None and segment.stop_s is not None:
+        spans = [(segment.start_s, segment.stop_s)]
+    elif segment.start_sample is not None and segment.stop_sample is not None:
         if segment.stop_sample >= time_s.size:
             raise UsageError(
                 f"{file}: a segment stops at sample {segment.stop_sample}",
                 needed=f"at most {time_s.size - 1}",
                 remedy="correct stop_sample in the mapping",
             )
-        start_s, stop_s = float(time_s[segment.start_sample]), float(time_s[segment.stop_sample])
-    assert start_s is not None
-    assert stop_s is not None
-    return Maneuver(axis=segment.axis, kind=segment.kind, start_s=start_s, stop_s=stop_s, origin="given")
+        spans = [(float(time_s[segment.start_sample]), float(time_s[segment.stop_sample]))]
+    else:
+        stops = np.cumsum(sizes)
+        spans = [(float(time_s[stop - size]), float(time_s[stop - 1])) for size, stop in zip(sizes, stops, strict=True)]
+    backward = next((span for span in spans if not span[0] < span[1]), None)
+    if backward is not None:
+        raise LogError(
+            f"{file}: a segment goes from {backward[0]:.6g} s to {backward[1]:.6g} s",
+            needed="stamps that rise from its first sample to its last",
+            remedy="correct the interval in [segments], or the clock",
+        )
+    return [
+        Maneuver(
+            axis=segment.axis,
+            kind=segment.kind,
+            start_s=start_s,
+            stop_s=stop_s,
+            # Whoever says what was flown declares it; a bare interval is still to be looked at.
+            origin="given" if segment.kind == "other" else "declared",
+            signal=segment.signal,
+            band_rad_s=segment.band_rad_s,
+        )
+        for start_s, stop_s in spans
+    ]

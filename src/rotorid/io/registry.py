@@ -17,6 +17,7 @@ from typing import Any
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.archive import compression_of, unpacked
+from rotorid.io.mapped import joined
 from rotorid.io.mapping import ChannelMapping, read_mapping
 from rotorid.io.store import sha256_of
 
@@ -74,8 +75,9 @@ def read(
         A log: PX4 ``.ulg``, ArduPilot ``.BIN``, MATLAB ``.mat`` or CSV, also compressed. The content decides, the
         extension does not matter.
     mapping
-        Names the channels of a MATLAB file or a CSV: the path of a TOML file, or what
-        `rotorid.io.mapping.read_mapping` made of it.
+        Names the channels of a CSV, MATLAB, NPZ, Parquet or ROS file: the path of a TOML file, or what
+        `rotorid.io.mapping.read_mapping` made of it. Some of the channels may stand in other files below the folder of
+        the log.
     sandbox
         Let foreign parsers run in a child process with limits of memory and time. Switch it off only for files that you
         trust, where processes cannot be started.
@@ -110,6 +112,14 @@ def read(
         mapping = read_mapping(Path(mapping))
     if path.is_dir() and mapping is None:
         return _read_folder(path)
+    parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
+    record = _read_file(path, parts.pop("", None), sandbox=sandbox)
+    others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
+    return joined(record, others)
+
+
+def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:
+    """One file by the reader of its format."""
     with _opened(path) as (log, head):
         reader, module = _reader_of(head, path.name)
         options: dict[str, Any] = {"sandbox": sandbox} if reader.takes_sandbox else {}
@@ -129,6 +139,18 @@ def read(
                 raise
             raise LogError(f"{path.name}: {error.came}", needed=error.needed, remedy=error.remedy) from error
     return record
+
+
+def _below(folder: Path, file: str) -> Path:
+    """A file that a mapping names, once it is certain that no link leads out of the log's folder."""
+    place = folder / file
+    if not place.resolve().is_relative_to(folder.resolve()):
+        raise UsageError(
+            f"{file}, which the mapping names, leads out of the folder of the log",
+            needed="a file below that folder",
+            remedy="copy the file next to the log",
+        )
+    return place
 
 
 def _read_folder(path: Path) -> FlightRecord:

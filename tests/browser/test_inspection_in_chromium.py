@@ -1,0 +1,88 @@
+"""The page of ``inspect --plot`` in a real browser: it stands alone, draws its pictures, and nothing complains."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.browser.chromium import dump
+from tests.unit.cli.commands import rotorid
+
+from rotorid.data.channel import Channel
+from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.io.tabular import write_csv
+from rotorid.pipeline.inspection import inspect
+from rotorid.report.inspection_page import render_inspection
+
+HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=document.title='run'>"
+
+
+def sweep() -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Forty seconds at 100 Hz: a roll sweep, the rate that follows it, and a battery that empties."""
+    time_s = np.arange(0.0, 40.0, 0.01)
+    moving = (time_s > 5.0) & (time_s < 35.0)
+    phase = 2.0 * np.pi * np.cumsum(np.where(moving, 0.2 * 20.0 ** ((time_s - 5.0) / 30.0), 0.0)) * 0.01
+    command = np.where(moving, 0.1 * np.sin(phase), 0.0)
+    columns = {"roll_command": command, "p": 3.0 * command, "battery_voltage": np.linspace(16.0, 15.0, time_s.size)}
+    return time_s, columns
+
+
+def test_the_page_that_the_command_writes_draws_everything(chromium: str, tmp_path: Path) -> None:
+    write_csv(tmp_path / "flight.csv", *sweep())
+    assert rotorid("inspect", tmp_path / "flight.csv", "--plot", tmp_path / "flight.html").code == 0
+    html = (tmp_path / "flight.html").read_text(encoding="utf-8")
+
+    elements, console = dump(chromium, html, tmp_path)
+
+    assert console == []
+    assert 'data-pictures="drawn"' in elements
+    body = elements[elements.index("<body") :]
+    pictures = len(re.findall(r"data-picture=", html))
+    assert pictures > 0
+    assert body.count('class="cartesianlayer"') == pictures
+    # The curves themselves, and not their axes alone: paths with points.
+    assert len(re.findall(r'class="js-line"[^>]* d="M', body)) >= pictures
+    assert re.findall(r' src="(?:\w+:)?//', elements) == []
+
+
+def test_names_of_a_hostile_log_stay_text(chromium: str, tmp_path: Path) -> None:
+    time_s, columns = sweep()
+    record = FlightRecord(
+        source=Source(name=f"{HOSTILE}.csv", format="CSV", sha256="ab"),
+        topics=tuple(
+            Topic(
+                name=f"{HOSTILE}{name}",
+                time_s=time_s,
+                channels=(Channel(name=name, unit=unit, source=HOSTILE),),
+                values=columns[name][None],
+            )
+            for name, unit in (("roll_command", "1"), ("p", "rad/s"))
+        ),
+    )
+
+    elements, console = dump(chromium, render_inspection(record, inspect(record)), tmp_path)
+
+    assert console == []
+    assert 'data-pictures="drawn"' in elements
+    assert "<title>run</title>" not in elements
+
+
+@pytest.mark.parametrize(
+    "injected", ["<script>document.title = 'run'</script>", "<img src='http://example.com/x.png'>"]
+)
+def test_what_is_injected_is_refused(chromium: str, tmp_path: Path, injected: str) -> None:
+    """The policy of the page holds even if escaping failed somewhere: no script of others, nothing from a network."""
+    time_s, columns = sweep()
+    channels = (Channel(name="p", unit="rad/s"),)
+    topic = Topic(name="gyro", time_s=time_s, channels=channels, values=columns["p"][None])
+    record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256="ab"), topics=(topic,))
+    html = render_inspection(record, inspect(record))
+    changed = html.replace("<main>", f"<main>{injected}", 1)
+    assert changed != html
+
+    elements, console = dump(chromium, changed, tmp_path)
+
+    assert "<title>run</title>" not in elements
+    assert any("Content Security Policy" in line for line in console)
