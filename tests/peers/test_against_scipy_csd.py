@@ -60,8 +60,16 @@ def test_every_density_agrees_to_rounding(taper: Taper, overlap: float, samples:
 def test_a_response_of_one_window_length_is_the_ratio_of_scipy_densities() -> None:
     history = _record(16_000)
     lines = 2.0 * np.pi / WINDOW_S * np.arange(2, 300)
-    response = frequency_response([history], inputs=["u"], outputs=["y"], omega_rad_s=lines, windows_s=[WINDOW_S])
-    (matrix,), grid = spectral_matrices([history], lines, windows_s=[WINDOW_S])
+    response = frequency_response(
+        [history],
+        inputs=["u"],
+        outputs=["y"],
+        omega_rad_s=lines,
+        windows_s=[WINDOW_S],
+        taper=HALF_SINE,
+        leakage="ignored",
+    )
+    (matrix,), grid = spectral_matrices([history], lines, windows_s=[WINDOW_S], taper=HALF_SINE)
     settings = _settings(matrix, HALF_SINE, grid.samples_per_block)
     u, _, y = history.values - history.values.mean(axis=1, keepdims=True)
     ratio = signal.csd(u, y, **settings)[1] / signal.welch(u, **settings)[1]

@@ -17,41 +17,85 @@ _LEAST_SEPARATION = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class OutputSpectra:
+    """Densities that involve one output.
+
+    Parameters
+    ----------
+    cross
+        :math:`S_{ay}` from every channel :math:`a` of the matrix, shape ``(f, channels)``.
+    auto
+        :math:`S_{yy}`, shape ``(f,)``.
+    """
+
+    cross: ComplexArray
+    auto: FloatArray
+
+
+def output_spectra(matrix: SpectralMatrix, output: int) -> OutputSpectra:
+    """The densities of one output as they stand in a matrix."""
+    return OutputSpectra(cross=matrix.values[:, :, output], auto=matrix.values[:, output, output].real)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Separated:
+    r"""What instruments and inputs alone decide, shared by all outputs of one window length.
+
+    Parameters
+    ----------
+    matrix
+        The spectra.
+    instruments, inputs
+        Rows of the matrix; equal for a direct estimate.
+    projection
+        :math:`S_{ru}^{-1}`, shape ``(u, f, r)``.
+    input_power
+        :math:`\tilde G_{jj} = 1 / [S_{ru}^{-1} S_{rr} S_{ru}^{-H}]_{jj}`, shape ``(u, f)``: the part of the input's
+        power that the instruments explain and the other inputs do not.
+    input_noise
+        :math:`[S_{uu} - S_{ur} S_{rr}^{-1} S_{ru}]_{jj}`, shape ``(u, f)``: the part that the instruments do not
+        explain. Zero for a direct estimate.
+    """
+
+    matrix: SpectralMatrix
+    instruments: tuple[int, ...]
+    inputs: tuple[int, ...]
+    projection: ComplexArray
+    input_power: FloatArray
+    input_noise: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Conditioned:
     r"""Response of one output to all inputs, from windows of one length.
 
     With instruments :math:`r` (the inputs themselves for a direct estimate) and :math:`y = H u + v`,
 
-    .. math:: H^T = S_{ru}^{-1} S_{ry}, \qquad
-       \tilde G_{jj} = 1 / [S_{ru}^{-1} S_{rr} S_{ru}^{-H}]_{jj}
+    .. math:: H^T = S_{ru}^{-1} S_{ry}
 
-    :math:`\tilde G_{jj}` is the part of the input's power that the instruments explain and the other inputs do not:
-    for a single direct input its auto-spectrum, for several the conditioned one. The variance of the response is
-    :math:`S_{vv} / (n_d \tilde G_{jj})`.
+    The variance of the response to input :math:`j` is :math:`S_{vv} / (n_d \tilde G_{jj})`.
 
     Parameters
     ----------
     response
         Shape ``(u, f)``.
-    input_power
-        :math:`\tilde G`, shape ``(u, f)``.
     noise
         :math:`S_{vv}`, shape ``(f,)``.
-    projection
-        :math:`S_{ru}^{-1}`, shape ``(u, f, r)``.
+    input_residual
+        :math:`S_{uv}` of each input and that noise, shape ``(u, f)``: what feedback puts into the input, zero for a
+        direct estimate whatever the truth is.
     instrument_coherence
         Coherence of each instrument and the output, shape ``(u, f)``.
     """
 
     response: ComplexArray
-    input_power: FloatArray
     noise: FloatArray
-    projection: ComplexArray
+    input_residual: ComplexArray
     instrument_coherence: FloatArray
 
 
-def condition(matrix: SpectralMatrix, *, instruments: Sequence[int], inputs: Sequence[int], output: int) -> Conditioned:
-    """Separate the inputs of one output; ``instruments`` equals ``inputs`` for a direct estimate.
+def separate(matrix: SpectralMatrix, *, instruments: Sequence[int], inputs: Sequence[int]) -> Separated:
+    """Tell the inputs apart; ``instruments`` equals ``inputs`` for a direct estimate.
 
     Raises
     ------
@@ -60,23 +104,37 @@ def condition(matrix: SpectralMatrix, *, instruments: Sequence[int], inputs: Seq
         ``correlated_inputs``.
     """
     _require_separable(matrix, instruments, inputs)
-    inverse: ComplexArray = np.asarray(np.linalg.inv(matrix.block(instruments, inputs)), dtype=np.complex128)
-    to_output = matrix.block(instruments, [output])
-    response = (inverse @ to_output)[:, :, 0]
-    spread = inverse @ matrix.block(instruments, instruments) @ np.swapaxes(inverse.conj(), 1, 2)
-    output_auto = matrix.values[:, output, output].real
-    to_inputs = matrix.block([output], inputs)[:, 0]
-    explained = 2.0 * np.sum(response * to_inputs, axis=1).real
-    power = np.einsum("fi,fij,fj->f", response.conj(), matrix.block(inputs, inputs), response).real
-    instrument_auto = np.einsum("fii->fi", matrix.block(instruments, instruments)).real
-    # The difference of nearly equal numbers may come out a rounding error below zero for noise-free data.
-    noise = np.maximum(output_auto - explained + power, output_auto * 1e-12 + _TINY)
-    return Conditioned(
-        response=response.T,
-        input_power=(1.0 / np.einsum("fii->fi", spread).real).T,
-        noise=noise,
+    cross, auto = matrix.block(instruments, inputs), matrix.block(instruments, instruments)
+    inverse: ComplexArray = np.asarray(np.linalg.inv(cross), dtype=np.complex128)
+    spread = np.einsum("fir,frs,fis->fi", inverse, auto, inverse.conj()).real
+    explained = np.einsum("fri,fri->fi", cross.conj(), np.linalg.solve(auto, cross)).real
+    power = np.einsum("fii->fi", matrix.block(inputs, inputs)).real
+    return Separated(
+        matrix=matrix,
+        instruments=tuple(instruments),
+        inputs=tuple(inputs),
         projection=np.moveaxis(inverse, 1, 0),
-        instrument_coherence=(np.abs(to_output[:, :, 0]) ** 2 / (instrument_auto * output_auto[:, None])).T,
+        input_power=(1.0 / spread).T,
+        input_noise=np.maximum(power - explained, 0.0).T,
+    )
+
+
+def condition(separated: Separated, output: OutputSpectra) -> Conditioned:
+    """The response of one output, from the densities that involve it."""
+    instruments, inputs = list(separated.instruments), list(separated.inputs)
+    matrix, to_output = separated.matrix, output.cross[:, instruments]
+    response = np.einsum("ufr,fr->uf", separated.projection, to_output)
+    predicted = np.einsum("fij,jf->fi", matrix.block(inputs, inputs), response)
+    residual = output.cross[:, inputs] - predicted
+    explained = np.einsum("uf,fu->f", response.conj(), output.cross[:, inputs] + residual).real
+    # The difference of nearly equal numbers may come out a rounding error below zero for noise-free data.
+    noise = np.maximum(output.auto - explained, output.auto * 1e-12 + _TINY)
+    instrument_auto = np.einsum("fii->fi", matrix.block(instruments, instruments)).real
+    return Conditioned(
+        response=response,
+        noise=noise,
+        input_residual=residual.T,
+        instrument_coherence=(np.abs(to_output) ** 2 / (instrument_auto * output.auto[:, None])).T,
     )
 
 

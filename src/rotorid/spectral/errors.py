@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rotorid.spectral.spectra import SpectralMatrix
+from rotorid.spectral.conditioning import Separated
 from rotorid.spectral.windows import Taper
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -79,9 +79,7 @@ def smear(omega_rad_s: FloatArray, window_s: float | FloatArray) -> FloatArray:
     return np.asarray((np.pi / (omega_rad_s * window_s)) ** 2)
 
 
-def influence(
-    matrix: SpectralMatrix, projection: ComplexArray, *, blocks: int, taper: Taper, moments: int = 1
-) -> ComplexArray:
+def influence(separated: Separated, index: int, *, blocks: int, taper: Taper, moments: int = 1) -> ComplexArray:
     r"""How a disturbance at each moment enters the estimate of one window length, shape ``(f, blocks * moments)``.
 
     The estimate errs by :math:`\delta H(\omega) = \int g(\omega, t) v(t) \, dt` with
@@ -95,10 +93,10 @@ def influence(
 
     Parameters
     ----------
-    matrix
-        Spectra of one window length, with the instruments first.
-    projection
-        Row :math:`a` of the inverse cross-spectrum of instruments and inputs, shape ``(f, r)``.
+    separated
+        Inputs of one window length, told apart; :math:`a` is row ``index`` of its projection.
+    index
+        The input.
     blocks
         Number of blocks in all records.
     taper
@@ -106,8 +104,9 @@ def influence(
     moments
         Moments in each block.
     """
-    instruments = projection.shape[1]
-    weights = np.einsum("fr,krf->fk", projection, matrix.transforms[:, :instruments].conj()) / len(matrix.transforms)
+    matrix, projection = separated.matrix, separated.projection[index]
+    flown = matrix.transforms[:, list(separated.instruments)].conj()
+    weights = np.einsum("fr,krf->fk", projection, flown) / len(flown)
     count = matrix.window.blocks * moments
     middle_s = (np.arange(count) + 0.5) * matrix.window_s / count
     shape = taper.samples(count) * np.exp(-1j * matrix.omega_rad_s[:, None] * middle_s)

@@ -148,7 +148,7 @@ def transform(
     grid, basis
         How the record was cut and compressed.
     taper
-        :math:`w`, even about the middle of the window.
+        :math:`w`, even or odd about the middle of the window.
     """
     channels, blocks, _ = compressed.shape
     positions, half = window.positions(blocks), (window.blocks + 1) // 2
@@ -159,8 +159,10 @@ def transform(
     weights = _half_weights(window, omega_rad_s, grid=grid, basis=basis, taper=taper)
     shape = (channels * positions, len(weights))
     product = np.empty((omega_rad_s.size, channels * positions), dtype=np.complex128)
-    product.real = (np.add(ahead, mirrored, order="C").reshape(shape) @ weights.real).T
-    product.imag = (np.subtract(ahead, mirrored, order="C").reshape(shape) @ weights.imag).T
+    # An odd taper turns the symmetry of what it multiplies around.
+    for_real, for_imag = (np.subtract, np.add) if taper.odd else (np.add, np.subtract)
+    product.real = (for_real(ahead, mirrored, order="C").reshape(shape) @ weights.real).T
+    product.imag = (for_imag(ahead, mirrored, order="C").reshape(shape) @ weights.imag).T
     to_middle_s = 0.5 * (window.blocks * grid.samples_per_block - 1) / grid.sample_rate_hz
     product *= np.exp(-1j * omega_rad_s * to_middle_s)[:, None]
     return product.reshape(omega_rad_s.size, channels, positions).transpose(2, 1, 0)

@@ -11,7 +11,7 @@ from rotorid.data.history import TimeHistory
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import UsageError
 from rotorid.spectral.kernel import BandBasis, BlockGrid, BlockWindow, band_basis, compress, transform
-from rotorid.spectral.windows import HALF_SINE, PERIODS_IN_WINDOW, Taper
+from rotorid.spectral.windows import HANN, PERIODS_IN_WINDOW, Taper
 from rotorid.typing import ComplexArray, FloatArray
 
 
@@ -71,7 +71,8 @@ def spectral_matrices(
     *,
     windows_s: Sequence[float],
     overlap: float = 0.8,
-    taper: Taper = HALF_SINE,
+    taper: Taper = HANN,
+    slopes_of: Sequence[str] = (),
 ) -> tuple[tuple[SpectralMatrix, ...], BlockGrid]:
     """Spectral matrices of several records together, one for each window length.
 
@@ -87,8 +88,11 @@ def spectral_matrices(
         Rising grid, shape ``(f,)``, below the Nyquist frequency.
     windows_s
         Window lengths.
-    overlap
-        Share of a window that the next one repeats.
+    overlap, taper
+        How windows overlap and fade.
+    slopes_of
+        Channels that are transformed once more with the slope of the taper, :math:`w'(t)` in 1/s. They stand last in
+        the matrices, under names from :func:`slope_name`; `rotorid.spectral.leakage` wants them.
 
     Raises
     ------
@@ -109,8 +113,13 @@ def spectral_matrices(
         lowest = PERIODS_IN_WINDOW * 2.0 * np.pi / (window.blocks * grid.block_s) * (1.0 - 1e-9)
         valid = omega_rad_s[omega_rad_s >= lowest]
         if valid.size and any(window.positions(part.shape[1]) for part in compressed):
-            matrices.append(_one_window(compressed, window, valid, grid, basis, taper, first.names))
+            matrices.append(_one_window(compressed, window, valid, grid, basis, taper, first.names, slopes_of))
     return tuple(matrices), grid
+
+
+def slope_name(channel: str) -> str:
+    """What a matrix calls the transform of a channel with the slope of the taper."""
+    return f"slope of the taper on {channel}"
 
 
 def _one_window(
@@ -121,10 +130,18 @@ def _one_window(
     basis: BandBasis,
     taper: Taper,
     names: tuple[str, ...],
+    slopes_of: Sequence[str],
 ) -> SpectralMatrix:
     offsets = np.cumsum([0, *(part.shape[1] for part in compressed)])
     used = [index for index, part in enumerate(compressed) if window.positions(part.shape[1])]
     parts = [transform(compressed[i], window, omega_rad_s, grid=grid, basis=basis, taper=taper) for i in used]
+    window_s = window.blocks * grid.block_s
+    if slopes_of:
+        rows = [names.index(name) for name in slopes_of]
+        slopes = (
+            transform(compressed[i][rows], window, omega_rad_s, grid=grid, basis=basis, taper=taper.slope) for i in used
+        )
+        parts = [np.concatenate([part, slope / window_s], axis=1) for part, slope in zip(parts, slopes, strict=True)]
     starts = [offsets[i] + window.hop * np.arange(len(part)) for i, part in zip(used, parts, strict=True)]
     samples = window.blocks * grid.samples_per_block
     scale = np.sqrt(2.0 / (grid.sample_rate_hz * samples * taper.mean_square))
@@ -136,8 +153,8 @@ def _one_window(
     return SpectralMatrix(
         omega_rad_s=omega_rad_s,
         values=values,
-        channels=names,
-        window_s=window.blocks * grid.block_s,
+        channels=(*names, *(slope_name(name) for name in slopes_of)),
+        window_s=window_s,
         averages=sum(compressed[i].shape[1] for i in used) / window.blocks,
         transforms=transforms,
         starts=np.concatenate(starts),

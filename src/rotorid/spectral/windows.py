@@ -28,8 +28,8 @@ class Taper:
     .. math:: w_n = \sum_s a_s \exp\left(j \pi s \, (n + 1/2) / N\right), \qquad n = 0 \dots N - 1
 
     Both classic tapers need two or three terms, so a tapered transform is a sum of plain ones at shifted frequencies.
-    A taper must be real and even about the middle of the window: terms come in pairs :math:`a_{-s} = a_s^*` with
-    :math:`a_s e^{j \pi s / 2}` real. The transform relies on it.
+    A taper must be real, and even or odd about the middle of the window: terms come in pairs :math:`a_{-s} = a_s^*`
+    with :math:`a_s e^{j \pi s / 2}` all real (even) or all imaginary (odd). The transform relies on it.
 
     Parameters
     ----------
@@ -37,17 +37,27 @@ class Taper:
         Pairs :math:`(s, a_s)`.
     mean_square
         Mean of :math:`w_n^2`, which makes spectra unbiased: 0.5 for the half-sine, 0.375 for Hann.
+    odd
+        Whether it is odd about the middle of the window, as slopes are.
     """
 
     name: str
     terms: tuple[tuple[int, complex], ...]
     mean_square: float
+    odd: bool = False
 
     def samples(self, count: int) -> FloatArray:
         """The taper itself, shape ``(count,)``."""
         phase = np.pi * (np.arange(count) + 0.5) / count
         terms = np.array([amplitude * np.exp(1j * shift * phase) for shift, amplitude in self.terms])
         return np.asarray(terms.sum(axis=0).real)
+
+    @property
+    def slope(self) -> Taper:
+        r"""Its derivative, for a window of length one: :math:`w'(t/T) / T` is what a window of length :math:`T` has."""
+        terms = tuple((shift, 1j * math.pi * shift * amplitude) for shift, amplitude in self.terms if shift)
+        power = sum(abs(amplitude) ** 2 for _, amplitude in terms)
+        return Taper(name=f"slope of {self.name}", terms=terms, mean_square=power, odd=not self.odd)
 
 
 HALF_SINE = Taper(name="half_sine", terms=((1, -0.5j), (-1, 0.5j)), mean_square=0.5)

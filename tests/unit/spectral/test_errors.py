@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.channel import Channel
 from rotorid.data.history import TimeHistory
-from rotorid.spectral.conditioning import condition
+from rotorid.spectral.conditioning import separate
 from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.spectra import spectral_matrices
@@ -65,8 +65,8 @@ def test_covariance_is_that_of_the_linear_map_from_disturbance_to_estimate(taper
     exact = answers @ answers.conj().T
     moments = int(np.ceil(5 / matrix.window.blocks))
     here = influence(
-        matrix,
-        condition(matrix, instruments=[0], inputs=[0], output=1).projection[0],
+        separate(matrix, instruments=[0], inputs=[0]),
+        0,
         blocks=samples // grid.samples_per_block,
         taper=taper,
         moments=moments,

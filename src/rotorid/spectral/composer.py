@@ -1,0 +1,164 @@
+"""All window lengths of one output joined into composite responses with their errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.spectral.composite import PairSpectra, window_weights
+from rotorid.spectral.conditioning import Conditioned, OutputSpectra, Separated, condition
+from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance, smear
+from rotorid.spectral.kernel import BlockGrid
+from rotorid.spectral.weakness import weak_instrument_factor
+from rotorid.spectral.windows import Taper
+from rotorid.typing import ComplexArray, FloatArray
+
+_SMOOTHING_POINTS = 2
+_MOMENTS_IN_WINDOW = 5
+_LARGEST_PUBLISHED_ERROR = 1e3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Composed:
+    """Responses of one output to every input.
+
+    Parameters
+    ----------
+    values
+        Shape ``(u, f)``.
+    coherence, random_error
+        Shape ``(u, f)``.
+    covariance
+        Shape ``(u, f, f)``; zeros in a draft.
+    """
+
+    values: ComplexArray
+    coherence: FloatArray
+    random_error: FloatArray
+    covariance: ComplexArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Composer:
+    """Composes one output at a time; holds what all of them share.
+
+    Parameters
+    ----------
+    windows
+        Inputs told apart, for each window length.
+    omega_rad_s
+        The union of their grids, shape ``(f,)``.
+    grid, blocks
+        How the records were cut, and into how many blocks.
+    overlap, taper
+        How windows overlap and fade.
+    compose
+        How spectra of several windows become one.
+    weight_power
+        With which power of its weight a window enters the composite.
+    """
+
+    windows: Sequence[Separated]
+    omega_rad_s: FloatArray
+    grid: BlockGrid
+    blocks: int
+    overlap: float
+    taper: Taper
+    compose: Callable[[PairSpectra, FloatArray], PairSpectra]
+    weight_power: int
+
+    def responses(self, spectra: Sequence[OutputSpectra], *, draft: bool = False) -> Composed:
+        """Responses of the output whose densities came, one set for each window length.
+
+        A draft has the textbook's random error of the composite and no covariance; it is for what needs a response
+        before the final one can be formed.
+        """
+        parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
+        columns = [self._one(parts, index, draft) for index in range(len(self.windows[0].inputs))]
+        values, coherence, error, covariance = (np.stack(arrays) for arrays in zip(*columns, strict=True))
+        return Composed(values=values, coherence=coherence, random_error=error, covariance=covariance)
+
+    @property
+    def _direct(self) -> bool:
+        return self.windows[0].instruments == self.windows[0].inputs
+
+    def _one(
+        self, parts: Sequence[Conditioned], index: int, draft: bool
+    ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray]:
+        power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
+        response = self._padded([part.response[index] for part in parts], 1.0)
+        noise = self._padded([self._unbiased(part, w) for part, w in zip(parts, self.windows, strict=True)], 1.0).real
+        pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
+        weights = self._weights(pairs)
+        total = self.compose(pairs, weights)
+        share = weights**self.weight_power * power
+        share = share / share.sum(axis=0)
+        coherence = total.coherence
+        if not self._direct:
+            seen = self._padded([part.instrument_coherence[index] for part in parts], 0.0).real
+            coherence = np.sum(share * seen, axis=0)
+        coherence = np.clip(coherence, 0.0, 1.0)
+        if draft:
+            averages = np.sum(share * self._averages, axis=0)
+            error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.overlap)
+            return total.response, coherence, error, np.zeros(0, dtype=np.complex128)
+        covariance = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
+        spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(total.response)
+        return total.response, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance
+
+    def _weights(self, pairs: PairSpectra) -> FloatArray:
+        random = random_error(pairs.coherence, self._averages, overlap=self.overlap)
+        lengths_s = np.array([window.matrix.window_s for window in self.windows])[:, None]
+        # Grids of shorter windows are tails of the longest one's.
+        valid = np.stack([self.omega_rad_s >= window.matrix.omega_rad_s[0] for window in self.windows])
+        return window_weights(np.hypot(random, smear(self.omega_rad_s, lengths_s)), valid)
+
+    @property
+    def _averages(self) -> FloatArray:
+        return np.array([window.matrix.averages for window in self.windows])[:, None]
+
+    def _unbiased(self, part: Conditioned, window: Separated) -> FloatArray:
+        """The noise with the freedom given back that estimating the response took from it."""
+        freedom = window.matrix.averages / overlap_constant(self.overlap) ** 2
+        return np.asarray(part.noise * freedom / max(freedom - len(window.inputs), 0.5))
+
+    def _padded(self, arrays: Sequence[FloatArray | ComplexArray], fill: float) -> ComplexArray:
+        padded = np.full((len(arrays), self.omega_rad_s.size), fill, dtype=np.complex128)
+        for row, array in zip(padded, arrays, strict=True):
+            row[row.size - array.size :] = array
+        return padded
+
+    def _covariance(
+        self, parts: Sequence[Conditioned], index: int, share: FloatArray, noise: FloatArray
+    ) -> ComplexArray:
+        # Little overlap makes long blocks, in which the taper would be seen too seldom for a variance.
+        moments = math.ceil(_MOMENTS_IN_WINDOW / min(window.matrix.window.blocks for window in self.windows))
+        influences = []
+        for row, window in zip(share, self.windows, strict=True):
+            here = influence(window, index, blocks=self.blocks, taper=self.taper, moments=moments)
+            full = np.zeros((self.omega_rad_s.size, self.blocks * moments), dtype=np.complex128)
+            full[self.omega_rad_s.size - len(here) :] = here
+            influences.append(row[:, None] * full)
+        covariance = response_covariance(influences, self.omega_rad_s, noise, self.grid.block_s / moments)
+        if self._direct:
+            return covariance
+        unexplained = self._padded([window.input_noise[index] for window in self.windows], 0.0).real
+        residual = self._padded([part.input_residual[index] for part in parts], 0.0)
+        factor = weak_instrument_factor(
+            np.einsum("ff->f", covariance).real,
+            noise,
+            np.sum(share * unexplained, axis=0),
+            np.sum(share * residual, axis=0),
+        )
+        return np.asarray(covariance * factor[:, None] * factor)
+
+
+def _smooth(noise: FloatArray) -> FloatArray:
+    """Geometric mean over neighboring points: a density from few windows scatters more than it varies."""
+    reach = _SMOOTHING_POINTS
+    padded = np.pad(np.log(noise), reach, mode="edge")
+    kernel = np.full(2 * reach + 1, 1.0 / (2 * reach + 1))
+    return np.asarray(np.exp(np.convolve(padded, kernel, mode="valid")))
