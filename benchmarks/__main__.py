@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from benchmarks import dataflash, frequency_response
+from benchmarks import dataflash, frequency_response, ulog
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +44,9 @@ def rows() -> Iterator[Row | str]:
         memory, limit = result["memory_gib"], frequency_response.MEMORY_BAR_GIB
         yield f"  without scipy.signal.coherence, formed from the densities instead: {result['ratio_densities']:.0f}"
         yield f"  memory {memory:.2f} GiB of {limit:.0f} GiB: {'met' if memory < limit else 'MISSED'}"
-    if not dataflash.LOG.is_file():
-        yield f"DataFlash skipped: there is no log {dataflash.LOG.name}; set ROTORID_DATA to the folder of flight data"
+    missing = [log.name for log in (dataflash.LOG, ulog.LOG) if not log.is_file()]
+    if missing:
+        yield f"logs skipped: there is no {' and no '.join(missing)}; set ROTORID_DATA to the folder of flight data"
         return
     result = dataflash.run()
     yield Row(
@@ -54,6 +55,14 @@ def rows() -> Iterator[Row | str]:
         peer="pymavlink",
         peer_s=result["pymavlink_s"],
         bar=100.0,
+    )
+    result = ulog.run()
+    yield Row(
+        job=f"ULog, {result['log_mb']:.0f} MB, a record against all topics",
+        ours_s=result["rotorid_s"],
+        peer="pyulog",
+        peer_s=result["pyulog_s"],
+        bar=1.0,
     )
 
 

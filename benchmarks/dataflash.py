@@ -27,7 +27,7 @@ REPEATS = 5
 def read_with_rotorid(path: Path) -> int:
     """Read every column, strings, arrays and units included; the number of values."""
     log = decode(np.fromfile(path, dtype=np.uint8))
-    return sum(table.column(name).shape[0] for table in log.tables.values() for name in table.columns)
+    return sum(values.shape[0] for table in log.tables.values() for values in table.read().values())
 
 
 def read_with_pymavlink(path: Path) -> int:

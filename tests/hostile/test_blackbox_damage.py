@@ -205,3 +205,11 @@ def test_frames_without_bytes_cannot_inflate_a_file(tmp_path: Path) -> None:
         assert tracemalloc.get_traced_memory()[1] < 50_000_000
     finally:
         tracemalloc.stop()
+
+
+def test_what_a_sentence_quotes_is_text_on_one_line(tmp_path: Path) -> None:
+    (tmp_path / "log.bbl").write_bytes(LOG.replace(b"loopIteration", b"loop\x1b[2J\r\x07" + b"x" * 3000))
+    with pytest.raises(LogError) as caught:
+        read(tmp_path / "log.bbl", Source(name="log.bbl", format=FORMAT, sha256=""))
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 500

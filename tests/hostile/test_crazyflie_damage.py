@@ -140,3 +140,10 @@ def test_two_megabytes_of_malice_take_no_time(tail: bytes) -> None:
     # Linear work takes tens of milliseconds, and the search for records ends after a second or two.
     assert time.process_time() - start < 5.0
     assert sum(event.time_s.size for event in log.events) >= SAMPLES
+
+
+def test_numbers_that_are_none_are_left_out_without_a_warning(tmp_path: Path) -> None:
+    signaling = struct.pack("<HQ", 0xFFFF, 1_000_000 + 1000 * SAMPLES) + b"\x01\0\xa0\x7f\x01\0\xa0\x7f"
+    record = read(tmp_path, BODY + signaling)
+    assert sum(topic.time_s.size for topic in record.topics) == SAMPLES
+    assert "gap" in {finding.kind for finding in record.findings}

@@ -88,6 +88,25 @@ def test_absurd_headers_are_one_sentence(tmp_path: Path, q: bytes, sentence: str
     assert sentence in found
 
 
+@pytest.mark.parametrize("kind", ["<f9", "<f0", "<b8", "<i3", ">u99"])
+def test_numbers_of_a_width_that_does_not_exist_are_one_sentence(tmp_path: Path, kind: str) -> None:
+    """One flipped bit makes `<f9` of `<f8`; in a large array the checksum behind it comes too late."""
+    q = member(f"{{'descr': '{kind}', 'fortran_order': False, 'shape': (9000,), }}", bytes(72_000))
+    found = outcome(tmp_path, archive_of(time=TIME, q=q))
+    assert isinstance(found, str)
+    assert "cannot be read as a NumPy archive" in found
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_methods_that_numpy_does_not_write_are_not_used(tmp_path: Path, method: int) -> None:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", method) as archive:
+        archive.writestr("time.npy", TIME)
+    found = outcome(tmp_path, buffer.getvalue())
+    assert isinstance(found, str)
+    assert "a method that NumPy does not write" in found
+
+
 def test_a_pickle_is_not_opened(tmp_path: Path) -> None:
     q = member("{'descr': '|O', 'fortran_order': False, 'shape': (2,), }", b"cos\nsystem\n(S'true'\ntR.")
     found = outcome(tmp_path, archive_of(time=TIME, q=q))

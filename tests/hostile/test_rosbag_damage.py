@@ -178,3 +178,65 @@ def test_definitions_that_make_no_sense_cost_their_topic(tmp_path: Path, definit
     base.close()
     with pytest.raises(LogError, match="/rig/pitch_command"):
         read_bytes(tmp_path, path.read_bytes())
+
+
+def changed(folder: Path, definition: str, kind: str, content: bytes) -> bytes:
+    """A database whose messages are of another type, each with the same content."""
+    intact_bag(folder, "sqlite")
+    path = folder / "flight" / "flight.db3"
+    base = sqlite3.connect(path)
+    base.execute("UPDATE message_definitions SET encoded_message_definition = ?, topic_type = ?", (definition, kind))
+    base.execute("UPDATE topics SET type = ?", (kind,))
+    base.execute("UPDATE messages SET data = ?", (content,))
+    base.commit()
+    base.close()
+    return path.read_bytes()
+
+
+CDR = b"\0\1\0\0"
+LISTS = f"geometry_msgs/Vector3 angular_velocity\n{'=' * 80}\nMSG: geometry_msgs/Vector3\n" + "".join(
+    f"float64[2] {axis}\n" for axis in "xyz"
+)
+
+
+@pytest.mark.parametrize(
+    ("definition", "kind", "content"),
+    [
+        pytest.param("float64[2] data\n", KIND, bytes(16), id="lists where a number should be"),
+        pytest.param(LISTS, "sensor_msgs/msg/Imu", bytes(48), id="lists in a vector"),
+        pytest.param("float64 data\n", KIND, b"", id="nothing in the messages"),
+        pytest.param(f"a/B x\n{'=' * 80}\nMSG: a/B\na/B x\n", KIND, bytes(16), id="a type that contains itself"),
+        pytest.param(
+            "a/B0 x\n" + "".join(f"{'=' * 80}\nMSG: a/B{n}\na/B{n + 1} x\n" for n in range(900)),
+            KIND,
+            bytes(16),
+            id="types deep inside of types",
+        ),
+        pytest.param(
+            "a/B0 x\n" + "".join(f"{'=' * 80}\nMSG: a/B{n}\na/B{n + 1}[9] x\n" for n in range(30)),
+            KIND,
+            bytes(16),
+            id="lists of lists of lists",
+        ),
+        pytest.param("float64[2000000000] data\n", KIND, bytes(16), id="a list without end"),
+    ],
+)
+def test_definitions_that_the_rules_do_not_expect_are_one_sentence(
+    tmp_path: Path, definition: str, kind: str, content: bytes
+) -> None:
+    with pytest.raises(LogError, match="/rig/pitch_command"):
+        read_bytes(tmp_path, changed(tmp_path, definition, kind, CDR + content))
+
+
+@pytest.mark.parametrize("content", [b"\x28\xb5\x2f\xfd", b"\x28\xb5\x2f\xfd" + b"\xff" * 9])
+def test_messages_that_only_begin_like_compressed_ones_do_not_decode(tmp_path: Path, content: bytes) -> None:
+    with pytest.raises(LogError, match="holds /rig/pitch_command"):
+        read_bytes(tmp_path, changed(tmp_path, "float64 data\n", KIND, content))
+
+
+def test_a_clock_that_is_not_finite_is_not_used(tmp_path: Path) -> None:
+    endless = struct.pack("<d3f", float("inf"), 1, 2, 3)
+    data = changed(
+        tmp_path, "float64 timestamp\nfloat32[3] xyz\n", "px4_msgs/msg/VehicleAngularVelocity", CDR + endless
+    )
+    assert np.isfinite(read_bytes(tmp_path, data).topics[0].time_s).all()

@@ -32,7 +32,7 @@ def message_starts(data: bytes) -> list[int]:
 
 def read_bytes(folder: Path, data: bytes) -> FlightRecord:
     (folder / "flight.ulg").write_bytes(data)
-    return px4.read(folder / "flight.ulg", SOURCE, sandbox=False)
+    return px4.read(folder / "flight.ulg", SOURCE)
 
 
 def test_an_intact_log_has_no_damage(intact: bytes) -> None:

@@ -42,6 +42,8 @@ class FrequencyResponse(Immutable):
         Window lengths that were combined.
     findings
         Remarks of the estimator.
+    processing
+        What was done to the response since it was estimated, oldest first.
     """
 
     omega_rad_s: FloatArray
@@ -55,6 +57,7 @@ class FrequencyResponse(Immutable):
     instruments: tuple[str, ...] = ()
     windows_s: tuple[float, ...] = ()
     findings: tuple[Finding, ...] = ()
+    processing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)
@@ -79,6 +82,7 @@ class FrequencyResponse(Immutable):
             instruments=tuple(self.instruments),
             windows_s=tuple(self.windows_s),
             findings=tuple(self.findings),
+            processing=tuple(self.processing),
         )
 
     def pair(self, output: str, input: str) -> tuple[int, int]:

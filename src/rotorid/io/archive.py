@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import lzma
 import tempfile
 import zlib
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 _MAGIC = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh": "bzip2", b"PK\x03\x04": "zip", b"PK\x05\x06": "zip"}
 _CHUNK_BYTES = 1 << 20
+_DECODER_BYTES = 256 << 20
+"""Memory that an xz file may ask its decoder for: four times what the strongest preset needs, a tenth of the most."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -96,9 +99,54 @@ def _stream(packed: IO[bytes], name: str, compression: str) -> Iterator[IO[bytes
     import bz2
     import gzip
 
-    openers: dict[str, Callable[[IO[bytes]], Any]] = {"gzip": gzip.open, "xz": lzma.open, "bzip2": bz2.open}
+    openers: dict[str, Callable[[IO[bytes]], Any]] = {"gzip": gzip.open, "xz": _xz, "bzip2": bz2.open}
     with openers[compression](packed) as stream:
         yield stream
+
+
+@contextmanager
+def _xz(packed: IO[bytes]) -> Iterator[IO[bytes]]:
+    with io.BufferedReader(_XzStream(packed)) as stream:
+        yield stream
+
+
+class _XzStream(io.RawIOBase):
+    """An xz file as a stream; `lzma.open` would let the file decide how much memory its decoder takes."""
+
+    def __init__(self, packed: IO[bytes]) -> None:
+        self._packed = packed
+        self._waiting = packed.read(_CHUNK_BYTES)
+        self._decoder = self._new_decoder()
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        while True:
+            if self._decoder.eof and not self._next_stream():
+                return 0
+            content = self._decoder.decompress(self._waiting, len(buffer))
+            self._waiting = b""
+            if content:
+                buffer[: len(content)] = content
+                return len(content)
+            if self._decoder.needs_input:
+                self._waiting = self._packed.read(_CHUNK_BYTES)
+                if not self._waiting:
+                    raise EOFError("the file ends inside its compressed data")
+
+    def _next_stream(self) -> bool:
+        """Begin with the stream behind the one that ended, if there is one; streams may be padded with zeros."""
+        rest = self._decoder.unused_data or self._packed.read(_CHUNK_BYTES)
+        while rest and not (rest := rest.lstrip(b"\0")):
+            rest = self._packed.read(_CHUNK_BYTES)
+        if rest:
+            self._waiting, self._decoder = rest, self._new_decoder()
+        return bool(rest)
+
+    @staticmethod
+    def _new_decoder() -> lzma.LZMADecompressor:
+        return lzma.LZMADecompressor(format=lzma.FORMAT_XZ, memlimit=_DECODER_BYTES)
 
 
 @contextmanager
@@ -108,12 +156,15 @@ def _only_member(packed: IO[bytes], name: str) -> Iterator[IO[bytes]]:
     try:
         with zipfile.ZipFile(packed) as archive, archive.open(_member_name(archive, name)) as member:
             yield member
-    # RuntimeError is zipfile's word for an encrypted member, NotImplementedError for a method that it does not know.
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
+    # RuntimeError is zipfile's word for an encrypted member, NotImplementedError for a method that it does not know,
+    # ValueError for names and offsets that are none. The answer to all of them is the same.
+    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, ValueError) as error:
         raise _damaged(name, "zip", str(error)) from error
 
 
 def _member_name(archive: ZipFile, name: str) -> str:
+    from zipfile import ZIP_LZMA
+
     members = [item for item in archive.namelist() if not item.endswith("/") and not item.startswith("__MACOSX/")]
     if len(members) != 1:
         shown = ", ".join(members[:3]) + (", ..." if len(members) > 3 else "")
@@ -122,6 +173,8 @@ def _member_name(archive: ZipFile, name: str) -> str:
             needed="a zip of exactly one flight log",
             remedy="unpack it and give the log itself",
         )
+    if archive.getinfo(members[0]).compress_type == ZIP_LZMA:
+        raise _damaged(name, "zip", "its method lets the file decide how much memory is taken")
     return members[0]
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from rotorid.data.channel import AXES, LOWEST_RATE_HZ
 from rotorid.data.findings import Finding, Severity
 from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.errors import LogError
 from rotorid.io.ardupilot_actuators import motor_topics, stick_topic
-from rotorid.io.ardupilot_channels import common_topics, is_legacy_rate
+from rotorid.io.ardupilot_channels import MESSAGES, common_topics, is_legacy_rate
 from rotorid.io.ardupilot_systemid import (
     Run,
+    decimation_findings,
     declared_maneuvers,
     system_id_findings,
     system_id_runs,
@@ -24,6 +24,8 @@ from rotorid.io.ardupilot_systemid import (
 )
 from rotorid.io.dataflash import decode, sniff
 from rotorid.io.dataflash_formats import Table
+from rotorid.io.gather import file_bytes
+from rotorid.io.privacy import without_places
 
 __all__ = ["FORMAT", "read", "sniff"]
 
@@ -32,8 +34,10 @@ FORMAT = "ArduPilot DataFlash"
 FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
 """Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
 
-_PLACE = re.compile(r"(^|_)(LAT|LON|LNG|OPOS|ORIG|ORIGIN|HOME)(_|$)")
-"""Names of parameters that say where on Earth the flight was; these stay out of the record."""
+WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC"}) | {
+    f"ESC{number}" for number in range(1, 33)
+}
+"""Messages that are read at all."""
 
 
 def read(path: Path, source: Source) -> FlightRecord:
@@ -42,7 +46,8 @@ def read(path: Path, source: Source) -> FlightRecord:
     Rates and accelerations come from ``SIDD`` while SYSTEMID mode ran, else from ``RATE`` and ``IMU``; mixer inputs
     from ``RATE``. All stamps are those of the log. ``RATE`` and ``IMU`` have passed the gyro filter
     (``INS_GYRO_FILTER``), ``SIDD`` has not: a model fitted to the former carries the filter's delay. Positions are
-    relative to the origin of the estimator; where on Earth that is does not enter the record.
+    relative to the origin of the estimator; where on Earth that is does not enter the record. The file is mapped and
+    only the messages behind the channels are collected, so that memory follows the record and not the log.
 
     Parameters
     ----------
@@ -56,11 +61,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     LogError
         The file cannot be read or is no DataFlash log.
     """
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
-    log = decode(data)
+    log = decode(file_bytes(path), WANTED)
     tables, parameters = log.tables, _parameters(log.tables)
     runs = system_id_runs(tables, parameters)
     sticks = stick_topic(tables, parameters)
@@ -69,10 +70,16 @@ def read(path: Path, source: Source) -> FlightRecord:
     return FlightRecord(
         source=replace(source, firmware=_firmware(tables)),
         topics=topics,
-        parameters={name: value for name, value in parameters.items() if not _PLACE.search(name)},
+        parameters=without_places(parameters),
         declared=declared_maneuvers(runs),
         instruments=_instruments(runs, sticks),
-        findings=(*log.findings, *system_id_findings(runs), *_dialect(tables), *_slow(topics, parameters)),
+        findings=(
+            *log.findings,
+            *system_id_findings(runs),
+            *decimation_findings(topics, runs, parameters),
+            *_dialect(tables),
+            *_slow(topics, parameters),
+        ),
     )
 
 

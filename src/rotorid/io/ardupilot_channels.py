@@ -11,7 +11,7 @@ import numpy as np
 from rotorid.data.channel import Channel
 from rotorid.data.record import Topic
 from rotorid.io.dataflash_formats import Table
-from rotorid.typing import AnyArray, BoolArray, FloatArray
+from rotorid.typing import AnyArray, BoolArray
 from rotorid.units import parse_unit
 
 
@@ -109,25 +109,24 @@ def topic_of(
         The messages that belong to the topic; all when not given.
     """
     held = [row for row in rows if table.holds_numbers(row.column)]
-    if not held or table.time_s is None:
+    part = table if chosen is None else table.chosen(chosen)
+    time_s = part.time_s
+    if not held or time_s is None:
         return None
-    part = slice(None) if chosen is None else chosen
-    values = [_converted(table.column(row.column)[part], row) for row in held]
+    values = part.numbers(*(row.column for row in held))
+    with np.errstate(over="ignore"):
+        for target, row in zip(values, held, strict=True):
+            target *= row.scale
+            target += row.offset
+            target *= parse_unit(row.unit).factor
     return Topic(
         name=name or table.name,
-        time_s=table.time_s[part],
+        time_s=time_s,
         channels=tuple(
             Channel(name=row.channel, unit=parse_unit(row.unit).si, source=f"{table.name}.{row.column}") for row in held
         ),
-        values=np.stack(values),
+        values=values,
     )
-
-
-def _converted(values: AnyArray, row: Row) -> FloatArray:
-    # Widening a signaling NaN, which damage may produce, is no reason for a warning: it stays a NaN.
-    with np.errstate(invalid="ignore", over="ignore"):
-        numbers: FloatArray = values.astype(np.float64) * row.scale + row.offset
-    return numbers * parse_unit(row.unit).factor
 
 
 def common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:

@@ -42,6 +42,11 @@ target, 10–13 the mixer.
 
 
 _ENDED_EARLY = 0.9
+_LOOP_BY_LOOP = 0.75
+"""Below this part of the loop's rate at most every second sample was logged."""
+
+_EVERY_LOOP_BITS = 0b11
+"""Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,14 +86,14 @@ def system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float])
     holds for the end of the flight.
     """
     data = tables.get("SIDD")
-    if data is None or data.time_s is None or not data.holds_numbers("Time"):
+    if data is None or (time_s := data.time_s) is None or not data.holds_numbers("Time"):
         return ()
     waveform_s = data.column("Time")
     begins = np.flatnonzero(waveform_s[1:] < waveform_s[:-1]) + 1
     edges = [0, *begins.tolist(), len(data)]
     runs = []
     for begin, end in pairwise(edges):
-        start_s, stop_s = float(data.time_s[begin]), float(data.time_s[end - 1])
+        start_s, stop_s = float(time_s[begin]), float(time_s[end - 1])
         entry, planned = _settings(tables.get("SIDS"), start_s) or (int(parameters.get("SID_AXIS", 0.0)), None)
         messages = slice(begin, end)
         runs.append(
@@ -108,7 +113,7 @@ def _flown(data: Table, messages: slice, planned: tuple[float, float] | None) ->
     """The band that was really flown: a pilot may leave the mode early, and a log may be cut."""
     if not data.holds_numbers("F"):
         return planned
-    frequency = 2.0 * math.pi * data.column("F")[messages].astype(np.float64)
+    frequency = 2.0 * math.pi * data.chosen(messages).numbers("F")[0]
     frequency = frequency[np.isfinite(frequency) & (frequency > 0.0)]
     if frequency.size == 0 or not frequency.min() < frequency.max():
         return planned
@@ -117,9 +122,9 @@ def _flown(data: Table, messages: slice, planned: tuple[float, float] | None) ->
 
 def _settings(setup: Table | None, start_s: float) -> tuple[int, tuple[float, float] | None] | None:
     """Axis and band of the last ``SIDS`` before a run."""
-    if setup is None or setup.time_s is None or not setup.holds_numbers("Ax"):
+    if setup is None or (time_s := setup.time_s) is None or not setup.holds_numbers("Ax"):
         return None
-    last = int(np.searchsorted(setup.time_s, start_s, side="right")) - 1
+    last = int(np.searchsorted(time_s, start_s, side="right")) - 1
     if last < 0:
         return None
     entry = int(setup.column("Ax")[last])
@@ -178,3 +183,36 @@ def system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
                 f"{run.entry}, which is none of 1 to 13; its signal is not used",
                 numbers={"sid_axis": run.entry, "start_s": run.start_s, "stop_s": run.stop_s},
             )
+
+
+def decimation_findings(
+    topics: tuple[Topic, ...], runs: tuple[Run, ...], parameters: Mapping[str, float]
+) -> Iterator[Finding]:
+    """Rates of a SYSTEMID log that hold every n-th sample of the loop, without a filter in front.
+
+    Vibration above half the rate of the log then appears as slower motion, in the band of the response or outside. The
+    remark is a warning where the sweeps themselves come within a factor of two of that limit: there the response's own
+    content is folded.
+    """
+    loop_hz = parameters.get("SCHED_LOOP_RATE", 0.0)
+    tops = [run.band_rad_s[1] for run in runs if run.band_rad_s]
+    reached_hz = max(tops, default=0.0) / (2.0 * math.pi)
+    mask = int(parameters.get("LOG_BITMASK", 0.0))
+    if not runs:
+        return
+    for topic in topics:
+        rate_hz = topic.sample_rate_hz
+        named = topic.name == "RATE" or topic.name.startswith("SIDD")
+        if not named or not 0.0 < rate_hz < _LOOP_BY_LOOP * loop_hz:
+            continue
+        bits = mask | _EVERY_LOOP_BITS
+        remedy = "" if bits == mask else f"; set bits 0 and 1 of LOG_BITMASK to log every loop: {mask} becomes {bits}"
+        yield Finding(
+            kind="decimated",
+            severity="warning" if 2.0 * reached_hz > 0.5 * rate_hz else "info",
+            where=topic.name,
+            message=f"{topic.name} was logged at {rate_hz:.0f} Hz out of a loop of {loop_hz:.0f} Hz, one sample in "
+            f"{loop_hz / rate_hz:.0f} without a filter in front: what the vehicle does above "
+            f"{0.5 * rate_hz:.0f} Hz, vibration above all, folds into the response{remedy}",
+            numbers={"rate_hz": rate_hz, "loop_hz": loop_hz, "nyquist_hz": 0.5 * rate_hz, "sweep_top_hz": reached_hz},
+        )

@@ -204,7 +204,10 @@ def _unpacked(data: bytes) -> bytes:
     """A message that rosbag2 compressed by itself; the size stands in its own header."""
     import zstandard
 
-    size = zstandard.frame_content_size(data)
+    try:
+        size = zstandard.frame_content_size(data)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"a message cannot be decompressed ({error})") from error
     if not 0 <= size <= _LARGEST_MESSAGE_BYTES:
         raise ValueError(f"a message of {size} bytes is announced")
     return decompressed(data, "zstd", size)

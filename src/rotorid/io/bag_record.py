@@ -53,13 +53,22 @@ def stamps_of(topic: str, arrays: Mapping[str, AnyArray], clocks: tuple[str, ...
     """
     held = _of_topic(topic, arrays)
     for path, factor in (*((clock, _MICROSECOND) for clock in clocks), (STAMP, 1.0)):
-        if path in held and (held[path].size == 1 or np.ptp(held[path]) > 0.0) and held[path].min() > 0.0:
+        if path in held and _moves(held[path]):
             return np.asarray(held[path] * factor, dtype=np.float64), path
     return np.asarray(held[RECEIVED], dtype=np.float64), RECEIVED
 
 
+def _moves(stamps: AnyArray) -> bool:
+    return bool(np.isfinite(stamps).all() and stamps.min() > 0.0 and (stamps.size == 1 or np.ptp(stamps) > 0.0))
+
+
 def _of_topic(topic: str, arrays: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-    return {name[len(topic) + 1 :]: array for name, array in arrays.items() if name.startswith(f"{topic}.")}
+    """Numbers of a topic by path; a bag may define a field that the rules know as a list, which is then none."""
+    return {
+        name[len(topic) + 1 :]: array
+        for name, array in arrays.items()
+        if name.startswith(f"{topic}.") and array.ndim == 1
+    }
 
 
 def _matches(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[Rule, str]]:

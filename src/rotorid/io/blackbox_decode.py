@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -18,6 +18,8 @@ PADDING = 4096
 ERASED = re.compile(rb"\xff{16,}\Z")
 """Flash memory that was never written."""
 WRAP = 1 << 32
+MOST_FLIGHTS = 10_000
+"""More than a memory holds; each takes room, even one of which there is nothing but the first words."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -97,8 +99,19 @@ def flights(data: bytes) -> Iterator[tuple[int, Flight | LogError]]:
     ----------
     data
         The whole file.
+
+    Raises
+    ------
+    LogError
+        The file holds more flights than any memory.
     """
-    starts = [match.start() for match in re.finditer(re.escape(MAGIC), data)]
+    starts = [match.start() for match in islice(re.finditer(re.escape(MAGIC), data), MOST_FLIGHTS + 1)]
+    if len(starts) > MOST_FLIGHTS:
+        raise LogError(
+            f"a blackbox log of {len(data)} bytes came that starts more than {MOST_FLIGHTS} flights",
+            needed="a log as the flight controller wrote it",
+            remedy="download the log from the flight controller again",
+        )
     for number, (start, stop) in enumerate(pairwise((*starts, len(data))), start=1):
         section = data[start:stop]
         try:

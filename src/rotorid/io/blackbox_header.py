@@ -14,6 +14,7 @@ from rotorid.errors import LogError
 MAGIC = b"H Product:Blackbox"
 LONGEST_LINE = 4096
 MOST_FIELDS = 128
+_LONGEST_QUOTE = 200
 LARGEST_CADENCE = 65_535
 MOST_PREDICTED = 8
 """Fields of a frame that take no byte at all. Loggers know one, the loop number; many would inflate a small file."""
@@ -226,8 +227,10 @@ def _cadence(values: Mapping[str, str]) -> tuple[int, int, int]:
 
 
 def _contradiction(came: str) -> LogError:
+    # What is quoted may be anything, frames among it, and a sentence is one line without control characters.
+    shown = "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in came[:_LONGEST_QUOTE])
     return LogError(
-        f"the header of this blackbox log is damaged: {came}",
+        f"the header of this blackbox log is damaged: {shown}",
         needed="the definitions of the fields, complete",
         remedy="download the log from the flight controller again",
     )

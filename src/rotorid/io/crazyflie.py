@@ -14,7 +14,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord, Source, Topic
 from rotorid.errors import LogError
 from rotorid.io.crazyflie_walk import Event, UsdLog, decode, sniff
-from rotorid.typing import FloatArray
+from rotorid.typing import AnyArray, FloatArray
 from rotorid.units import parse_unit
 
 __all__ = ["FORMAT", "read", "sniff"]
@@ -110,7 +110,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     log = decode(data)
     topics = tuple(topic for event in log.events if (topic := _topic(event)) is not None)
     if not topics:
-        held = ", ".join(name for event in log.events for name in event.columns) or "nothing"
+        held = ", ".join(repr(name)[1:-1] for event in log.events for name in event.columns) or "nothing"
         raise LogError(
             f"{source.name} has no samples of a variable with a known name; its header announces {held[:300]}",
             needed="variables such as gyro.x, acc.z, motor.m1",
@@ -129,14 +129,22 @@ def _topic(event: Event) -> Topic | None:
         if variable in event.columns and meaning.channel not in {channel.name for channel in channels}:
             unit = STANDARD_UNITS[meaning.channel]
             channels.append(Channel(name=meaning.channel, unit=unit, source=variable))
-            rows.append(event.columns[variable].astype(np.float64) * (meaning.scale * parse_unit(meaning.unit).factor))
+            rows.append(_doubles(event.columns[variable], meaning.scale * parse_unit(meaning.unit).factor))
     if all(variable in event.columns for variable in _MOTORS):
-        mean = np.mean([event.columns[variable].astype(np.float64) for variable in _MOTORS], axis=0) / _FULL_THROTTLE
+        with np.errstate(invalid="ignore"):
+            mean = np.mean([_doubles(event.columns[variable], 1.0 / _FULL_THROTTLE) for variable in _MOTORS], axis=0)
         channels.append(Channel(name="thrust_command", unit="1", source="mean of motor.m1 to motor.m4"))
         rows.append(mean)
     if not rows or not event.time_s.size:
         return None
     return Topic(name=event.name, time_s=event.time_s, channels=tuple(channels), values=np.stack(rows))
+
+
+def _doubles(values: AnyArray, factor: float) -> FloatArray:
+    """Values times a factor; what damage made of them may be no number, or none that fits, and is left out later."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        scaled: FloatArray = values.astype(np.float64) * factor
+    return scaled
 
 
 def _finite(topics: tuple[Topic, ...]) -> tuple[tuple[Topic, ...], tuple[Finding, ...]]:

@@ -175,6 +175,9 @@ class _Walk:
     def __init__(self, *, data: bytes, kinds: Sequence[_Kind], version: int, stop: int) -> None:
         self._data, self._stop = data, stop
         self._lengths = {kind.number: kind.layout.itemsize for kind in kinds}
+        self._longest = max(self._lengths.values(), default=0)
+        self._known = np.zeros(1 << 16, dtype=np.bool_)
+        self._known[list(self._lengths)] = True
         code, self._tick_s = ("<HI", 1e-3) if version == 1 else ("<HQ", 1e-6)
         self._head = struct.Struct(code)
         self._tries = 0
@@ -210,7 +213,7 @@ class _Walk:
             _, length, stamp_s = self._peek(place)
             if not length:
                 # The last records before a cut are followed by less than a record.
-                return count > 0 and self._stop - place < max(self._lengths.values())
+                return count > 0 and self._stop - place < self._longest
             low = 0.0 if last_s is None else last_s - _USUAL_STEP_S
             # Only from one record to the next is a long pause suspicious; what lies before may have been lost.
             high = last_s + _LONGEST_PAUSE_S if count and last_s is not None else _LONGEST_FLIGHT_S
@@ -231,14 +234,12 @@ class _Walk:
 
     def _candidates(self, place: int) -> Iterator[int]:
         """Places from here on where the number of a known type stands, looked for in growing pieces."""
-        known = np.zeros(1 << 16, dtype=np.bool_)
-        known[list(self._lengths)] = True
         size = 256
         while place < self._stop - 1:
             piece = np.frombuffer(self._data[place : min(place + size, self._stop) + 1], dtype=np.uint8).astype(
                 np.uint16
             )
-            yield from (place + np.flatnonzero(known[piece[:-1] | piece[1:] << 8])).tolist()
+            yield from (place + np.flatnonzero(self._known[piece[:-1] | piece[1:] << 8])).tolist()
             place, size = place + size, min(2 * size, 1 << 20)
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -28,8 +27,14 @@ SNIFFED = bytes((*MAGIC, FMT.number, FMT.number, FMT.length)) + b"FMT"
 ROUNDS = 4
 """How often the chain is followed anew when it turns out that a definition was no message of the chain."""
 
-BLOCK = 1 << 20
-"""Messages that are looked up or sorted at once: NumPy widens an index to 64 bits, which for all would be much."""
+CACHED_BYTES = 1 << 19
+SECTION_BYTES = 1 << 24
+"""The chain is followed by sections, so that memory does not grow with the log."""
+
+DECIDED_BYTES = 1 << 10
+"""What follows this far behind a message has no say in whether it belongs to the chain: four of the longest ones."""
+
+UNIT_NAMES = frozenset({"UNIT", "MULT", "FMTU"})
 
 Definitions = Mapping[int, tuple[tuple[int, Format], ...]]
 """Type to its definitions: position in the log, and what was defined there."""
@@ -78,17 +83,20 @@ def sniff(head: bytes) -> bool:
     return head.startswith(SNIFFED[:HEADER_BYTES]) or SNIFFED in head
 
 
-def decode(data: bytes | memoryview | AnyArray) -> DataFlashLog:
+def decode(data: bytes | memoryview | AnyArray, names: Collection[str] | None = None) -> DataFlashLog:
     """Split a log into tables of messages.
 
     Nothing in the format tells a damaged value from a true one: there is no checksum. What is noticed is a chain that
     breaks. Then the reader goes on at the next header that another header or the end of the log follows, gives up a
-    message that reaches beyond that place, and counts the bytes in between as skipped.
+    message that reaches beyond that place, and counts the bytes in between as skipped. Beside the log itself, memory is
+    needed for the positions of the messages that are asked for, four bytes each, and for one section.
 
     Parameters
     ----------
     data
-        The whole file, as bytes or as an array of ``uint8``.
+        The whole file, as bytes or as an array of ``uint8``, which may be mapped.
+    names
+        Messages that are wanted; all when not given. Damage is looked for in all of them.
 
     Raises
     ------
@@ -96,12 +104,10 @@ def decode(data: bytes | memoryview | AnyArray) -> DataFlashLog:
         The data hold no definition of a message.
     """
     log: AnyArray = np.ascontiguousarray(np.frombuffer(data, dtype=np.uint8))
-    headers = _headers(log)
-    types = _types(log, headers)
-    definitions = _definitions(log, headers[types == FMT.number])
+    definitions = _definitions(log, _definition_headers(log))
     for _ in range(ROUNDS):
-        starts, gaps = _follow(log.size, *_messages(log.size, headers, types, definitions))
-        confirmed = _definitions(log, starts[_types(log, starts) == FMT.number])
+        found, gaps = _chain(log, definitions, names)
+        confirmed = _definitions(log, found[FMT.number])
         if confirmed == definitions:
             break
         definitions = confirmed
@@ -111,33 +117,78 @@ def decode(data: bytes | memoryview | AnyArray) -> DataFlashLog:
             needed="an ArduPilot DataFlash log (.BIN), which begins with FMT messages",
             remedy="download the log from the autopilot again, in binary form",
         )
-    tables, undecodable = _tables(log, starts, definitions)
+    tables, undecodable = _tables(log, found, definitions, names)
     return DataFlashLog(tables=tables, gaps=gaps, size=log.size, undecodable=undecodable)
 
 
-def _headers(log: AnyArray, block: int = 1 << 19) -> IntArray:
-    """Positions of the magic bytes, true headers or not; by blocks that stay in the cache.
+def _chain(
+    log: AnyArray, definitions: Definitions, names: Collection[str] | None
+) -> tuple[Mapping[int, IntArray], tuple[tuple[int, int], ...]]:
+    """Positions of the messages of each wanted type, rising, and the gaps between messages of any type."""
+    wanted = np.zeros(TYPES, dtype=np.bool_)
+    wanted[[number for number, layouts in definitions.items() if _is_wanted(layouts, names)]] = True
+    pieces: dict[int, list[IntArray]] = {FMT.number: []}
+    gaps: list[tuple[int, int]] = []
+    # Positions of a log below 2 GB fit into 32 bits, which halves what all of them take.
+    width = np.int32 if log.size < np.iinfo(np.int32).max else np.int64
+    for starts, skipped in _sections(log, definitions):
+        gaps += skipped
+        types = log[starts + 2]
+        if not wanted.all():
+            chosen = wanted[types]
+            starts, types = starts[chosen], types[chosen]
+        order = np.argsort(types, kind="stable")
+        for group in np.split(order, np.flatnonzero(np.diff(types[order])) + 1):
+            if group.size:
+                pieces.setdefault(int(types[group[0]]), []).append(starts[group].astype(width))
+    return {number: np.concatenate(parts or [np.empty(0, width)]) for number, parts in pieces.items()}, tuple(gaps)
 
-    A log has one for every 50 bytes: in logs below 2 GB they are kept in 32 bits, which halves the memory of all that
-    follows.
-    """
-    last = max(log.size - HEADER_BYTES + 1, 0)
-    width = np.int32 if log.size + TYPES < np.iinfo(np.int32).max else np.int64
-    found = []
-    for begin in range(0, last, block):
-        part = log[begin : min(begin + block, last)]
-        first = np.flatnonzero(part == MAGIC[0]) + begin
-        found.append(first[log[first + 1] == MAGIC[1]].astype(width))
-    return np.concatenate(found) if found else np.empty(0, dtype=width)
+
+def _is_wanted(layouts: Iterable[tuple[int, Format]], names: Collection[str] | None) -> bool:
+    """Whether messages of a type are kept; those that cannot be decoded are, to say so."""
+    return names is None or any(
+        layout.name in names or layout.name in UNIT_NAMES or layout == FMT or not layout.decodable
+        for _, layout in layouts
+    )
 
 
-def _types(log: AnyArray, positions: IntArray) -> AnyArray:
-    """Type of the message at each position, ``uint8``."""
-    types = np.empty(positions.size, dtype=np.uint8)
-    for begin in range(0, positions.size, BLOCK):
-        part = positions[begin : begin + BLOCK]
-        types[begin : begin + BLOCK] = log[part + 2]
-    return types
+def _sections(log: AnyArray, definitions: Definitions) -> Iterator[tuple[IntArray, list[tuple[int, int]]]]:
+    """Messages of the chain and gaps, section by section; each ends in front of a message that is sure to belong."""
+    begin, length = 0, SECTION_BYTES
+    while begin < log.size:
+        end = min(begin + length, log.size)
+        headers = _headers(log, begin, end)
+        starts, gaps = _follow(begin, end, *_messages(log, end, headers, definitions))
+        if end == log.size:
+            yield starts, gaps
+            return
+        last = int(np.searchsorted(starts, end - DECIDED_BYTES)) - 1
+        if last < 1:
+            # Hardly a message: only a longer section can decide.
+            length *= 2
+            continue
+        cut = int(starts[last])
+        yield starts[:last], [gap for gap in gaps if gap[1] <= cut]
+        begin, length = cut, SECTION_BYTES
+
+
+def _headers(log: AnyArray, begin: int, end: int) -> IntArray:
+    """Positions of the magic bytes in front of ``end``, true headers or not; by blocks that stay in the cache."""
+    last = max(end - HEADER_BYTES + 1, begin)
+    found = [np.empty(0, dtype=np.int64)]
+    for start in range(begin, last, CACHED_BYTES):
+        first = np.flatnonzero(log[start : min(start + CACHED_BYTES, last)] == MAGIC[0]) + start
+        found.append(first[log[first + 1] == MAGIC[1]])
+    return np.concatenate(found)
+
+
+def _definition_headers(log: AnyArray) -> IntArray:
+    """Positions of whatever looks like the header of a definition, in the whole log."""
+    found = [np.empty(0, dtype=np.int64)]
+    for begin in range(0, log.size, SECTION_BYTES):
+        headers = _headers(log, begin, min(begin + SECTION_BYTES + HEADER_BYTES - 1, log.size))
+        found.append(headers[log[headers + 2] == FMT.number])
+    return np.concatenate(found)
 
 
 def _definitions(log: AnyArray, positions: IntArray) -> Definitions:
@@ -154,27 +205,20 @@ def _definitions(log: AnyArray, positions: IntArray) -> Definitions:
     return {number: tuple(layouts) for number, layouts in found.items()}
 
 
-def _messages(size: int, headers: IntArray, types: AnyArray, definitions: Definitions) -> tuple[IntArray, IntArray]:
+def _messages(log: AnyArray, end: int, headers: IntArray, definitions: Definitions) -> tuple[IntArray, IntArray]:
     """First byte, and first byte after it, of every header that could be a message: defined, and not cut off."""
-    lengths = np.zeros(TYPES, dtype=headers.dtype)
+    types = log[headers + 2]
+    lengths = np.zeros(TYPES, dtype=np.int64)
     for number, layouts in definitions.items():
         lengths[number] = layouts[0][1].length
-    length = np.empty(types.size, dtype=headers.dtype)
-    for begin in range(0, types.size, BLOCK):
-        length[begin : begin + BLOCK] = lengths[types[begin : begin + BLOCK]]
+    length = lengths[types]
     for number, layouts in definitions.items():
         if len(layouts) > 1:
             here = np.flatnonzero(types == number)
             length[here] = np.array([layout.length for _, layout in layouts])[_epoch(layouts, headers[here])]
-    possible = length > 0
-    stops = np.add(headers, length, out=length)
-    possible &= stops <= size
-    if possible.all():
-        return headers, stops
-    # One after the other, so that the long arrays and the short ones never all exist at once.
-    del length
-    stops = stops[possible]
-    return headers[possible], stops
+    stops = headers + length
+    possible = (length > 0) & (stops <= end)
+    return (headers, stops) if possible.all() else (headers[possible], stops[possible])
 
 
 def _epoch(layouts: Iterable[tuple[int, Format]], positions: IntArray) -> IntArray:
@@ -183,28 +227,28 @@ def _epoch(layouts: Iterable[tuple[int, Format]], positions: IntArray) -> IntArr
     return np.maximum(np.searchsorted(begins, positions, side="right") - 1, 0)
 
 
-def _follow(size: int, starts: IntArray, stops: IntArray) -> tuple[IntArray, tuple[tuple[int, int], ...]]:
-    """The messages that form the chain, and the gaps between them.
+def _follow(begin: int, end: int, starts: IntArray, stops: IntArray) -> tuple[IntArray, list[tuple[int, int]]]:
+    """The messages that form the chain from ``begin`` to ``end``, and the gaps between them.
 
     Wherever a candidate ends at the next candidate, the chain needs no look. The other candidates (ends) are few: false
     headers inside a message, the messages that hold them, and damage.
     """
     if not starts.size:
-        return starts, ((0, size),) if size else ()
+        return starts, [(begin, end)]
     ends = np.append(np.flatnonzero(starts[1:] != stops[:-1]), starts.size - 1)
     after = np.searchsorted(starts, stops[ends])
     # The end of the log follows a message as well as another message does.
-    joined = _begin(starts, after, size) == stops[ends]
+    joined = _begin(starts, after, end) == stops[ends]
     trusted = np.ones(starts.size, dtype=np.bool_)
     trusted[ends] = joined
-    runs, gaps = _walk(size, starts, stops, ends, np.where(joined, after, -1), trusted)
+    runs, gaps = _walk(begin, end, starts, stops, ends, np.where(joined, after, -1), trusted)
     steps = np.zeros(starts.size + 1, dtype=np.int8)
     if runs:
         firsts, lasts = np.array(runs).T
         steps[firsts] += 1
         steps[lasts] -= 1
     chained = np.cumsum(steps[:-1], dtype=np.int8).astype(np.bool_)
-    return starts if chained.all() else starts[chained], tuple(gaps)
+    return starts if chained.all() else starts[chained], gaps
 
 
 def _resume(ends: IntArray, successors: IntArray) -> IntArray:
@@ -221,69 +265,54 @@ def _begin(starts: IntArray, index: IntArray, size: int) -> IntArray:
 
 
 def _walk(
-    size: int, starts: IntArray, stops: IntArray, ends: IntArray, successors: IntArray, trusted: BoolArray
+    begin: int, end: int, starts: IntArray, stops: IntArray, ends: IntArray, successors: IntArray, trusted: BoolArray
 ) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Runs of candidates in the chain, and gaps of bytes between them.
 
     ``successors`` holds, for each of ``ends``, the candidate at which it ends, or -1 where the chain breaks.
     """
     resume = _resume(ends, successors)
-    reach = _begin(starts, resume, size).tolist()
+    reach = _begin(starts, resume, end).tolist()
     end_at, begin_of_end, stop_of_end = ends.tolist(), starts[ends].tolist(), stops[ends].tolist()
     successor, resume_at = successors.tolist(), resume.tolist()
 
     runs: list[tuple[int, int]] = []
     gaps: list[tuple[int, int]] = []
-    at = 0 if starts[0] == 0 else int(np.argmax(trusted)) if trusted.any() else starts.size
-    begin = int(starts[at]) if at < starts.size else size
-    if begin:
-        gaps.append((0, begin))
+    at = 0 if starts[0] == begin else int(np.argmax(trusted)) if trusted.any() else starts.size
+    first = int(starts[at]) if at < starts.size else end
+    if first > begin:
+        gaps.append((begin, first))
     place = 0
     while at < starts.size:
         place = bisect_left(end_at, at, place)
-        end, stop = end_at[place], stop_of_end[place]
+        last, stop = end_at[place], stop_of_end[place]
         following = successor[place]
         if following < 0:
             following = resume_at[place]
             # A message that reaches over the header at which the chain goes on has lost or changed bytes itself.
             overrun = stop > reach[place]
             stop = begin_of_end[place] if overrun else stop
-            end -= overrun
+            last -= overrun
             if stop < reach[place]:
                 gaps.append((stop, reach[place]))
-        if end >= at:
-            runs.append((at, end + 1))
+        if last >= at:
+            runs.append((at, last + 1))
         at = following
     return runs, gaps
 
 
-def _of_type(log: AnyArray, starts: IntArray) -> list[IntArray]:
-    """Positions of the messages of each type, rising."""
-    types = _types(log, starts)
-    blocks = [slice(begin, begin + BLOCK) for begin in range(0, starts.size, BLOCK)]
-    counts = np.array([np.bincount(types[block], minlength=TYPES) for block in blocks]).reshape(-1, TYPES)
-    borders = np.concatenate(([0], np.cumsum(counts.sum(axis=0))))
-    places = borders[:-1] + np.cumsum(counts, axis=0) - counts
-    ordered = np.empty_like(starts)
-    for block, count, place in zip(blocks, counts, places, strict=True):
-        part = starts[block][np.argsort(types[block], kind="stable")]
-        for number, piece in enumerate(np.split(part, np.cumsum(count)[:-1])):
-            ordered[place[number] : place[number] + piece.size] = piece
-    return [ordered[begin:end] for begin, end in pairwise(borders.tolist())]
-
-
-def _tables(log: AnyArray, starts: IntArray, definitions: Definitions) -> tuple[Mapping[str, Table], tuple[str, ...]]:
-    """One table for each definition of which there are messages, in the order of their names' first definition."""
-    of_type = _of_type(log, starts)
+def _tables(
+    log: AnyArray, found: Mapping[int, IntArray], definitions: Definitions, names: Collection[str] | None
+) -> tuple[Mapping[str, Table], tuple[str, ...]]:
+    """One table for each wanted definition with messages, in the order of their names' first definition."""
     parts: list[tuple[int, Format, IntArray]] = []
     for number, layouts in definitions.items():
+        positions = found.get(number, np.empty(0, dtype=np.int64))
         if len(layouts) == 1:
-            parts.append((*layouts[0], of_type[number]))
+            parts.append((*layouts[0], positions))
             continue
-        epoch = _epoch(layouts, of_type[number])
-        parts += [
-            (position, layout, of_type[number][epoch == index]) for index, (position, layout) in enumerate(layouts)
-        ]
+        epoch = _epoch(layouts, positions)
+        parts += [(place, layout, positions[epoch == index]) for index, (place, layout) in enumerate(layouts)]
     bare: dict[str, Table] = {}
     undecodable: dict[str, None] = {}
     named: Counter[str] = Counter()
@@ -297,7 +326,11 @@ def _tables(log: AnyArray, starts: IntArray, definitions: Definitions) -> tuple[
         key = layout.name if named[layout.name] == 1 else f"{layout.name}#{named[layout.name]}"
         bare[key] = Table(format=layout, units={}, data=log, positions=positions)
     units = units_of(bare)
-    tables = {key: replace(table, units=units.get(table.format.number, {})) for key, table in bare.items()}
+    tables = {
+        key: replace(table, units=units.get(table.format.number, {}))
+        for key, table in bare.items()
+        if names is None or table.name in names
+    }
     return MappingProxyType(tables), tuple(undecodable)
 
 

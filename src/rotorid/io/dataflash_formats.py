@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.typing import AnyArray, FloatArray, IntArray
+from rotorid.io.gather import gather, gather_into
+from rotorid.typing import AnyArray, BoolArray, FloatArray, IntArray
 
 HEADER_BYTES = 3
 INSTANCE_UNIT = "instance"
@@ -23,6 +24,12 @@ class Letter:
 
     dtype: np.dtype[np.generic]
     divisor: float = 1.0
+
+    @property
+    def stored(self) -> np.dtype[np.generic]:
+        """Type of one item in the log: arrays and texts as they stand, without an end at the first zero."""
+        plain = self.dtype.kind != "S" and not self.dtype.shape
+        return self.dtype if plain else np.dtype((np.void, self.dtype.itemsize))
 
 
 def _letter(dtype: str | tuple[str, int], divisor: float = 1.0) -> Letter:
@@ -189,16 +196,16 @@ class Table:
         """Column that numbers identical sensors, when the log declares one."""
         return next((column for column, unit in self.units.items() if unit == INSTANCE_UNIT), None)
 
-    @cached_property
-    def _rows(self) -> AnyArray:
-        # Every byte of the log starts an item of this overlapping view, so that one indexing collects all messages.
-        item = np.dtype((np.void, self.format.length))
-        items = self.data.size - self.format.length + 1
-        overlapping = np.ndarray(shape=(max(items, 0),), dtype=item, buffer=self.data, strides=(1,))
-        return overlapping[self.positions].view(np.uint8).reshape(-1, self.format.length)
+    def chosen(self, which: BoolArray | slice) -> Table:
+        """The table of some of the messages: a mask of shape ``(messages,)``, or a slice."""
+        return replace(self, positions=self.positions[which])
 
     def column(self, name: str) -> AnyArray:
-        """Values of one column, shape ``(messages,)``.
+        """Values of one column, see `read`."""
+        return self.read(name)[name]
+
+    def read(self, *names: str) -> dict[str, AnyArray]:
+        """Values of some columns, or of all when none is named, each of shape ``(messages,)``.
 
         Integers and floats keep the width of the log; the scaled letters ``c C e E L`` become ``float64``; text becomes
         ``str``. Arrays (letter ``a``) have shape ``(messages, 32)``, and so has the raw content of a logged file
@@ -209,31 +216,70 @@ class Table:
         UsageError
             There is no such column.
         """
-        if name not in self.format.fields:
+        fields = self._fields(names or self.columns)
+        places = [(offset, LETTERS[letter].stored) for offset, letter in fields.values()]
+        stored = gather(self.data, self.positions, places)
+        return {
+            name: self._value(letter, values)
+            for (name, (_, letter)), values in zip(fields.items(), stored, strict=True)
+        }
+
+    def numbers(self, *names: str) -> FloatArray:
+        """Values of columns for which `holds_numbers` is true, shape ``(names, messages)``.
+
+        Raises
+        ------
+        UsageError
+            There is no such column.
+        """
+        fields = self._fields(names)
+        values = np.empty((len(names), len(self)))
+        kinds = {name: LETTERS[letter] for name, (_, letter) in fields.items()}
+        # Widening a signaling NaN, which damage may produce, is no reason for a warning: it stays a NaN.
+        with np.errstate(invalid="ignore"):
+            places = [(fields[name][0], kinds[name].stored) for name in names]
+            gather_into(list(values), self.data, self.positions, places)
+        for row, name in zip(values, names, strict=True):
+            if kinds[name].divisor != 1.0:
+                row /= kinds[name].divisor
+        return values
+
+    def _fields(self, names: Iterable[str]) -> Mapping[str, tuple[int, str]]:
+        unknown = next((name for name in names if name not in self.format.fields), None)
+        if unknown is not None:
             raise UsageError(
-                f"the message {self.name} has no column {name!r}",
+                f"the message {self.name} has no column {unknown!r}",
                 needed=f"one of {', '.join(self.columns)}",
                 remedy="correct the name",
             )
-        offset, letter = self.format.fields[name]
-        kind = LETTERS[letter]
-        raw = self._rows[:, offset : offset + kind.dtype.itemsize]
-        if kind.dtype.kind == "S":
-            return np.ascontiguousarray(raw) if self.name == "FILE" and letter == "Z" else _texts(raw)
-        values: AnyArray = raw.view(kind.dtype.base)
-        if kind.dtype.shape:
-            return np.ascontiguousarray(values)
-        if kind.divisor != 1.0:
-            return np.true_divide(values[:, 0], kind.divisor, dtype=np.float64)
-        return values[:, 0].copy()
+        return {name: self.format.fields[name] for name in names}
 
-    @cached_property
-    def time_s(self) -> FloatArray | None:
-        """Stamps in seconds on the log's own clock, or ``None`` when the messages carry none."""
+    def _value(self, letter: str, stored: AnyArray) -> AnyArray:
+        kind = LETTERS[letter]
+        if kind.dtype.kind == "S":
+            raw = stored.view(np.uint8).reshape(-1, kind.dtype.itemsize)
+            return raw if self.name == "FILE" and letter == "Z" else _texts(raw)
+        if kind.dtype.shape:
+            return stored.view(kind.dtype.base).reshape(-1, *kind.dtype.shape)
+        return stored if kind.divisor == 1.0 else np.true_divide(stored, kind.divisor, dtype=np.float64)
+
+    @property
+    def clock(self) -> tuple[str, float] | None:
+        """Column with the stamps and its steps per second, or ``None`` when the messages carry none."""
         for name, per_second in (("TimeUS", 1e6), ("TimeMS", 1e3)):
             if name in self and self.format.fields[name][1] in "IQiq":
-                return np.true_divide(self.column(name), per_second)
+                return name, per_second
         return None
+
+    @property
+    def time_s(self) -> FloatArray | None:
+        """Stamps in seconds on the log's own clock, or ``None`` when the messages carry none."""
+        if self.clock is None:
+            return None
+        name, per_second = self.clock
+        stamps: FloatArray = self.numbers(name)[0]
+        stamps /= per_second
+        return stamps
 
 
 def _texts(raw: AnyArray) -> AnyArray:

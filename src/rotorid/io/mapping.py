@@ -41,6 +41,10 @@ __all__ = [
     "read_mapping",
 ]
 
+_LARGEST_BYTES = 20_000
+_LARGEST_INTEGER = 2**63
+"""TOML's own limit; Python would carry more, and fail to write them down."""
+
 _KEYS = ("channels", "vectors", "clock", "experiments", "segments", *FRAME_KEYS)
 _CLOCK_KEYS = ("time", "steps", "sample_rate_hz")
 _CLOCK_SERIES_KEYS = ("source", "unit", "row", "column")
@@ -56,20 +60,47 @@ def read_mapping(path: Path) -> ChannelMapping:
         The file is missing, is no TOML, or says something impossible; the message names the key.
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = path.read_bytes()
+        if len(content) > _LARGEST_BYTES:
+            raise UsageError(
+                f"the mapping {path.name} holds {len(content)} bytes",
+                needed=f"at most {_LARGEST_BYTES}",
+                remedy="give the mapping to --map, and the log before it",
+            )
+        document = tomllib.loads(content.decode("utf-8"))
     except OSError as error:
         raise UsageError(
             f"the mapping {path} cannot be opened: {error.strerror or error}",
             needed="a TOML file with a table [channels.NAME] for each channel",
             remedy="check the path given to --map",
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    # The parser follows nested brackets by recursion, and refuses numbers of thousands of digits with a plain error.
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise UsageError(
             f"the mapping {path.name} is no TOML: {error}",
             needed='text as in `[channels.q]` followed by `source = "gyro_y"`',
             remedy="correct the line",
         ) from error
+    if _holds_huge_integer(document):
+        raise UsageError(
+            f"the mapping {path.name} holds a number of more than 64 bits",
+            needed="numbers that a flight log may hold",
+            remedy="correct it",
+        )
     return parse_mapping(document, path.name)
+
+
+def _holds_huge_integer(document: Mapping[str, Any]) -> bool:
+    waiting: list[object] = [document]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Mapping):
+            waiting += value.values()
+        elif isinstance(value, list):
+            waiting += value
+        elif isinstance(value, int) and not -_LARGEST_INTEGER <= value < _LARGEST_INTEGER:
+            return True
+    return False
 
 
 def parse_mapping(document: Mapping[str, Any], where: str = "mapping") -> ChannelMapping:

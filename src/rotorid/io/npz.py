@@ -75,8 +75,8 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
         with zipfile.ZipFile(path) as archive:
             arrays, mapping = _arrays(archive, path.stat().st_size, mapping, source.name)
     # RuntimeError is zipfile's word for an encrypted member, NotImplementedError for a method that it does not know,
-    # UnicodeDecodeError and ValueError for names and offsets that are none.
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
+    # UnicodeDecodeError and ValueError for names and offsets that are none, TypeError NumPy's for numbers of no width.
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError, TypeError) as error:
         raise LogError(
             f"{source.name} cannot be read as a NumPy archive: {error}",
             needed="an undamaged file, as numpy.savez writes it",
@@ -116,6 +116,8 @@ def _check_size(size_bytes: int, packed_bytes: int, file: str) -> None:
 
 def _layout(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> _Layout:
     """The header of a member, checked against its declared size before anything is taken."""
+    if item.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise zipfile.BadZipFile(f"{item.filename} is packed by a method that NumPy does not write")
     with archive.open(item) as stream:
         start = stream.read(len(_NPY) + 2)
         if not start.startswith(_NPY) or len(start) < len(_NPY) + 2 or start[-2] not in (1, 2, 3):

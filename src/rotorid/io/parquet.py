@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,7 +116,7 @@ def extract(path: Path, options: Mapping[str, Any]) -> Extract:
     # ArrowException covers its own findings, OSError and ValueError what it takes over from the system and the format.
     except (pyarrow.ArrowException, OSError, ValueError, KeyError) as error:
         raise LogError(
-            f"{path.name} cannot be read as a Parquet table: {str(error)[:200]}",
+            f"{path.name} cannot be read as a Parquet table: {' '.join(str(error).split())[:200]}",
             needed="an undamaged file",
             remedy="write it again, or save the table as CSV",
         ) from error
@@ -123,7 +124,7 @@ def extract(path: Path, options: Mapping[str, Any]) -> Extract:
 
 
 def _wanted(asked: Sequence[str], names: Sequence[str], file: str) -> list[str]:
-    twins = [name for index, name in enumerate(names) if name in names[:index]]
+    twins = [name for name, count in Counter(names).items() if count > 1]
     if twins:
         raise LogError(f"{file} has two columns {twins[0]!r}", needed="each name once", remedy="rename one of them")
     known = [name for name in names if name.partition("[")[0].strip() in {"time", *STANDARD_UNITS}]

@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from rotorid.data.record import FlightRecord, Source
-from rotorid.io import sandbox as sandboxed
+from rotorid.io.privacy import without_places
 from rotorid.io.px4_topics import record_of, wanted_fields
+from rotorid.io.ulog import extract
 from rotorid.io.ulog_walk import MAGIC
 
 __all__ = ["FORMAT", "MAGIC", "read", "sniff"]
@@ -21,7 +22,7 @@ def sniff(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def read(path: Path, source: Source, *, sandbox: bool = True) -> FlightRecord:
+def read(path: Path, source: Source) -> FlightRecord:
     """Read a PX4 log.
 
     Parameters
@@ -30,20 +31,20 @@ def read(path: Path, source: Source, *, sandbox: bool = True) -> FlightRecord:
         A ULog file.
     source
         Name, format and hash of the file as the user gave it.
-    sandbox
-        Parse in a child process with limits.
 
     Raises
     ------
     LogError
         The file cannot be parsed, or holds no topic that the package has a name for.
     """
-    options = {"topics": wanted_fields()}
-    if sandbox:
-        extract = sandboxed.extract("ulog", path, options, name=source.name)
-    else:
-        extract = sandboxed.extract_here("ulog", path, options)
-    return record_of(extract.arrays, extract.facts, replace(source, firmware=_firmware(extract.facts["info"])))
+    log = extract(path, wanted_fields())
+    facts = {
+        "parameters": without_places(log.parameters),
+        "dropouts": log.dropouts,
+        "damage": log.damage,
+        "size_bytes": log.size_bytes,
+    }
+    return record_of(log.arrays, facts, replace(source, firmware=_firmware(log.info)))
 
 
 def _firmware(info: Mapping[str, str | int]) -> str:

@@ -177,7 +177,9 @@ def _present(rule: Rule, arrays: Mapping[str, AnyArray]) -> tuple[str, ...]:
 
 def _topic(rule: Rule, fields: Sequence[str], arrays: Mapping[str, AnyArray]) -> Iterator[Topic]:
     """One topic of the samples that are numbers; channels with other gaps than the rest stand alone."""
-    values = np.stack([arrays[f"{rule.topic}/{field}"] for field in fields]).astype(np.float64) * rule.sign
+    values = np.empty((len(fields), arrays[f"{rule.topic}/timestamp"].size))
+    for row, field in zip(values, fields, strict=True):
+        np.multiply(arrays[f"{rule.topic}/{field}"], rule.sign, out=row, dtype=np.float64)
     names = [rule.channels[rule.fields.index(field)] for field in fields] if rule.optional else list(rule.channels)
     sources = [f"{rule.topic}.{field}" for field in fields]
     if len(names) < len(fields):
@@ -185,13 +187,17 @@ def _topic(rule: Rule, fields: Sequence[str], arrays: Mapping[str, AnyArray]) ->
     time_s = _stamps(rule, arrays)
     finite = np.isfinite(values)
     groups: dict[bytes, list[int]] = {}
-    for row, pattern in enumerate(finite):
-        groups.setdefault(pattern.tobytes(), []).append(row)
+    for number, pattern in enumerate(finite):
+        groups.setdefault(pattern.tobytes(), []).append(number)
     for rows in groups.values():
         kept = finite[rows[0]]
-        channels = tuple(Channel(name=names[row], unit=STANDARD_UNITS[names[row]], source=sources[row]) for row in rows)
+        channels = tuple(
+            Channel(name=names[number], unit=STANDARD_UNITS[names[number]], source=sources[number]) for number in rows
+        )
         if kept.any():
-            yield Topic(name=rule.topic, time_s=time_s[kept], channels=channels, values=values[rows][:, kept])
+            # One indexing, since every one of them copies all samples; none for a log without gaps.
+            chosen = values if finite.all() else values[np.ix_(rows, kept)]
+            yield Topic(name=rule.topic, time_s=time_s[kept], channels=channels, values=chosen)
 
 
 def _stamps(rule: Rule, arrays: Mapping[str, AnyArray]) -> FloatArray:

@@ -34,7 +34,7 @@ class Reader:
 
 
 READERS: Sequence[Reader] = (
-    Reader(module="rotorid.io.px4", takes_sandbox=True),
+    Reader(module="rotorid.io.px4"),
     Reader(module="rotorid.io.ardupilot"),
     Reader(module="rotorid.io.blackbox"),
     Reader(module="rotorid.io.crazyflie"),

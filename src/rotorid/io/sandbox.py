@@ -1,7 +1,7 @@
 """Foreign parsers run in a child process with limits, so that a hostile or broken file costs one sentence.
 
-A single changed byte can crash the interpreter inside a MAT parser, a short definition can hang a ULog parser, and a
-small file can ask for all of the memory. The child writes plain arrays and JSON into a temporary folder and dies; no
+A single changed byte can crash the interpreter inside a MAT parser, a definition in a ROS bag becomes code, and a small
+file can ask for all of the memory. The child writes plain arrays and JSON into a temporary folder and dies; no
 pickles cross the border.
 """
 
@@ -23,10 +23,9 @@ import numpy as np
 from rotorid.errors import LogError
 from rotorid.typing import AnyArray
 
-Parser: TypeAlias = Literal["ulog", "mat", "rosbag", "parquet"]
+Parser: TypeAlias = Literal["mat", "rosbag", "parquet"]
 
 PARSERS: Mapping[str, str] = {
-    "ulog": "rotorid.io.ulog",
     "mat": "rotorid.io.mat",
     "rosbag": "rotorid.io.bag_extract",
     "parquet": "rotorid.io.parquet",

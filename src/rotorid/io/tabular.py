@@ -22,6 +22,7 @@ from rotorid.typing import FloatArray
 
 FORMAT = "CSV"
 
+_MOST_COLUMNS = 5000
 _SEPARATORS = ",;\t"
 
 
@@ -111,7 +112,8 @@ def _header(path: Path, file: str) -> tuple[list[str], str, int]:
             for number, line in enumerate(stream, start=1):
                 if line.strip():
                     separator = max(_SEPARATORS, key=line.count)
-                    cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+                    cells = [cell.strip() for cell in _cells(line, separator, file)]
+                    _require_few(cells, file)
                     _refuse_twins(cells, file)
                     return cells, separator, number + 1
     except UnicodeDecodeError as error:
@@ -120,9 +122,29 @@ def _header(path: Path, file: str) -> tuple[list[str], str, int]:
 
 
 def _refuse_twins(cells: Sequence[str], file: str) -> None:
-    twins = [cell for index, cell in enumerate(cells) if cell and cell in cells[:index]]
-    if twins:
-        raise LogError(f"{file} has two columns {twins[0]!r}", needed="each name once", remedy="rename one of them")
+    seen: set[str] = set()
+    for cell in cells:
+        if cell and cell in seen:
+            raise LogError(f"{file} has two columns {cell!r}", needed="each name once", remedy="rename one of them")
+        seen.add(cell)
+
+
+def _require_few(cells: Sequence[str], file: str) -> None:
+    if len(cells) > _MOST_COLUMNS:
+        raise LogError(
+            f"{file} has {len(cells)} columns", needed=f"at most {_MOST_COLUMNS}", remedy="export the needed ones only"
+        )
+
+
+def _cells(line: str, separator: str, file: str) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=separator))
+    except csv.Error as error:
+        raise LogError(
+            f"{file} holds a line that is no row of a table ({error})",
+            needed="a table of numbers",
+            remedy="check how it was written",
+        ) from error
 
 
 def _no_text(file: str) -> LogError:
@@ -196,4 +218,4 @@ def _rows(path: Path, separator: str, first_line: int) -> Iterator[tuple[int, li
     lines = io.StringIO(path.read_text(encoding="utf-8-sig", errors="replace"))
     for number, line in enumerate(lines, start=1):
         if number >= first_line and line.strip():
-            yield number, next(csv.reader([line], delimiter=separator))
+            yield number, _cells(line, separator, path.name)

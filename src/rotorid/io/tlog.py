@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord, Source, Topic
 from rotorid.errors import LogError
 from rotorid.io.mavlink import Messages, Telemetry, decode, starts_like_telemetry
+from rotorid.io.privacy import without_places
 from rotorid.io.tlog_clock import BootClock
 from rotorid.io.tlog_topics import message_topics, pulse_topics
 from rotorid.typing import AnyArray
@@ -24,9 +24,6 @@ ARDUPILOT, PX4 = 3, 12
 
 _AUTOPILOT_COMPONENT = 1
 _INTEGER_TYPES = {1: "<u1", 2: "<i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4"}
-_PLACE = re.compile(r"(^|_)(LAT|LON|LNG|OPOS|ORIG|ORIGIN|HOME)(_|$)")
-"""Names of parameters that say where on Earth the flight was; these stay out of the record."""
-
 _REMEDY = "copy it again from the ground station"
 
 
@@ -84,7 +81,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     return FlightRecord(
         source=replace(source, firmware={ARDUPILOT: "ArduPilot", PX4: "PX4"}.get(firmware, "")),
         topics=topics,
-        parameters={name: value for name, value in parameters.items() if not _PLACE.search(name)},
+        parameters=without_places(parameters),
         instruments=_instruments(topics),
         findings=(
             *_damage(telemetry, len(data)),

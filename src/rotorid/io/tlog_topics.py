@@ -94,7 +94,8 @@ def message_topics(messages: Mapping[str, Messages], clock: BootClock, *, scaled
         if rule.message not in messages or (rule.message == "RAW_IMU" and not scaled_raw):
             continue
         item = messages[rule.message].chosen(_valid(rule, messages[rule.message]))
-        values = np.stack([item.fields[field].astype(np.float64) for field in rule.fields])
+        with np.errstate(invalid="ignore"):  # a payload may hold numbers that are none, which are left out
+            values = np.stack([item.fields[field].astype(np.float64) for field in rule.fields])
         finite = np.isfinite(values).all(axis=0)
         if not finite.any():
             continue

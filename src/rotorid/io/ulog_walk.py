@@ -1,22 +1,30 @@
-"""A walk over the message headers of a ULog file: where it is intact, where it breaks, and why.
+"""A walk over the messages of a ULog file: where it is intact, where it breaks and why, and where the data stand.
 
 ULog has no checksums, but every message states its size and type, and every data message names a subscription whose
 format fixes the size. A parser that trusts these numbers loses its way after one flipped bit without noticing; the walk
-notices, and finds the way again.
+notices, and finds the way again. Data messages, nine of ten, are found by the block and followed all at once; only
+where their chain is interrupted does the walk go step by step.
 
-Reference: PX4 developer guide, "ULog File Format".
+References
+----------
+PX4 developer guide, "ULog File Format".
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from bisect import bisect_left
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from rotorid.errors import LogError
+import numpy as np
+
+from rotorid.io.ulog_definitions import MOST, Definitions, Subscription, impossible
+from rotorid.typing import AnyArray, IntArray
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER_BYTES = 16
+MESSAGE_HEADER_BYTES = 3
 
 _SYNC = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
 _HEADER = struct.Struct("<HBH")
@@ -39,12 +47,12 @@ _PAYLOADS: Mapping[int, tuple[int, int]] = {
         "C": (11, 0xFFFF),
     }.items()
 }
-_SIZES = {"int8_t": 1, "uint8_t": 1, "bool": 1, "char": 1, "int16_t": 2, "uint16_t": 2, "int32_t": 4, "uint32_t": 4}
-_SIZES |= {"float": 4, "int64_t": 8, "uint64_t": 8, "double": 8}
+_KEPT = b"IPO"
+_MOST_KEPT = 1 << 20
 _LEVELS = tuple(bytes([digit]) for digit in b"01234567")
 _TEXT_STARTS = {ord("L"): 9, ord("C"): 11}
 _CHAIN = 3
-_LARGEST_MESSAGE = 0xFFFF
+_FIRST_BLOCK, _LARGEST_BLOCK = 1 << 14, 1 << 22
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,9 +64,17 @@ class Damage:
     reason: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stream:
+    """Messages of one subscription: the first byte of each, shape ``(messages,)``, rising."""
+
+    subscription: Subscription
+    positions: IntArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Walk:
-    """Result of `walk`: what of the file is intact.
+    """Result of `walk`: what of the file is intact, and what stands where.
 
     Parameters
     ----------
@@ -66,116 +82,267 @@ class Walk:
         Byte ranges of whole messages, in order; the file header belongs to the first.
     damage
         The ranges between them.
-    appended
-        The file says that data were appended to it after a crash.
+    streams
+        Data of the topics that were asked for, first instances only, in the order in which they were subscribed.
+    statements
+        First byte of each message that states an information, a parameter or a dropout, in order.
+    definitions
+        Formats as they were at the end of the file.
     """
 
     intact: tuple[tuple[int, int], ...]
     damage: tuple[Damage, ...]
-    appended: bool
+    streams: tuple[Stream, ...]
+    statements: tuple[int, ...]
+    definitions: Definitions
 
 
-@dataclass(slots=True)
-class _Definitions:
-    """What the messages so far defined: grows during the walk."""
-
-    formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
-    payloads: dict[int, tuple[int, int]] = field(default_factory=dict)
-
-
-def walk(data: bytes) -> Walk:
-    """Walk all message headers of a ULog file.
+def walk(data: bytes | AnyArray, topics: Collection[str] = ()) -> Walk:
+    """Walk all messages of a ULog file.
 
     A break is a letter that names no message type, a size that its type or format cannot have, a size beyond the end of
     the file, or data of a subscription that does not exist. After a break the walk goes on where three valid messages
-    follow each other. A change inside a payload is not seen: the format has no checksum.
+    follow each other. A change inside a payload is not seen: the format has no checksum. Beside the file itself, memory
+    is needed for the positions of the data that were asked for, and for a block of four megabytes.
 
     Parameters
     ----------
     data
-        The whole file.
+        The whole file, as bytes or as an array of ``uint8``.
+    topics
+        Names of the topics whose data are wanted.
 
     Raises
     ------
     LogError
-        The definitions are nested without end or describe messages that cannot exist.
+        The definitions are nested without end, describe messages that cannot exist, or are more than a logger writes.
     """
-    definitions = _Definitions()
-    stops, appended = _section_stops(data)
+    walker = _Walker(data=np.frombuffer(data, dtype=np.uint8), topics=topics)
     intact: list[tuple[int, int]] = []
     damage: list[Damage] = []
-    start = 0
-    position = HEADER_BYTES
-    for stop in stops:
+    start, position = 0, HEADER_BYTES
+    for stop in _section_stops(walker.view):
         while True:
-            position, reason = _advance(data, position, stop, definitions)
+            position, reason = walker.advance(position, stop)
             intact.append((start, position))
             if not reason:
                 break
-            start = _resume(data, position, stop, definitions)
+            start = walker.resume(position, stop)
             damage.append(Damage(start=position, stop=start, reason=reason))
+            if len(damage) > MOST:
+                raise impossible(f"they are broken in more than {MOST} places")
             position = start
         start = position = stop
-    return Walk(intact=tuple(span for span in intact if span[0] < span[1]), damage=tuple(damage), appended=appended)
+    walker.collect()
+    return Walk(
+        intact=tuple(span for span in intact if span[0] < span[1]),
+        damage=tuple(damage),
+        streams=tuple(_Part.joined(part) for part in walker.parts),
+        statements=tuple(walker.statements),
+        definitions=walker.definitions,
+    )
 
 
-def without_damage(data: bytes, found: Walk) -> bytes:
-    """The file made of its intact messages alone; the file itself when nothing is damaged."""
-    if not found.damage:
-        return data
-    whole = bytearray(b"".join(data[start:stop] for start, stop in found.intact))
-    if found.appended:
-        # The offsets of appended data no longer hold, and the parts are joined already.
-        flags = HEADER_BYTES + 3
-        whole[flags + 8] &= 0xFE
-        whole[flags + 16 : flags + 40] = bytes(24)
-    return bytes(whole)
-
-
-def _section_stops(data: bytes) -> tuple[list[int], bool]:
+def _section_stops(view: memoryview) -> list[int]:
     """Ends of the sections: data that were appended after a crash start anew, the message before may be cut."""
-    size, letter, _ = _HEADER.unpack_from(data.ljust(HEADER_BYTES + 5, b"\0"), HEADER_BYTES)
-    flags = data[HEADER_BYTES + 3 : HEADER_BYTES + 3 + 40]
-    if letter != ord("B") or size < 40 or len(flags) < 40 or not flags[8] & 1:
-        return [len(data)], False
-    offsets = [offset for offset in struct.unpack_from("<3Q", flags, 16) if offset]
-    if sorted(set(offsets)) != offsets or any(not HEADER_BYTES + 43 <= offset < len(data) for offset in offsets):
-        return [len(data)], True
-    return [*offsets, len(data)], True
+    flags = HEADER_BYTES + MESSAGE_HEADER_BYTES
+    whole = [len(view)]
+    if len(view) < flags + 40:
+        return whole
+    size, letter, _ = _HEADER.unpack_from(view, HEADER_BYTES)
+    if letter != ord("B") or size < 40 or not view[flags + 8] & 1:
+        return whole
+    offsets = [offset for offset in struct.unpack_from("<3Q", view, flags + 16) if offset]
+    if sorted(set(offsets)) != offsets or any(not flags + 40 <= offset < len(view) for offset in offsets):
+        return whole
+    return offsets + whole
 
 
-def _advance(data: bytes, position: int, stop: int, definitions: _Definitions) -> tuple[int, str]:
-    """Walk whole messages from ``position``; where the walk ended, and why if not at ``stop``."""
-    unpack = _HEADER.unpack_from
-    payloads = definitions.payloads
-    while position + 5 <= stop:
-        size, letter, identity = unpack(data, position)
-        after = position + 3 + size
-        if letter == _DATA:
-            # The hot path: nine of ten messages.
-            low, high = payloads.get(identity, (1, 0))
-            if not low <= size <= high:
-                return position, "a data message has a size or a number that no topic of the log has"
-        elif reason := _refuse(data, position, size, letter):
-            return position, reason
+@dataclass(kw_only=True, slots=True)
+class _Part:
+    """A stream while it is being collected."""
+
+    subscription: Subscription
+    pieces: list[IntArray] = field(default_factory=list)
+
+    def joined(self) -> Stream:
+        positions = np.concatenate(self.pieces) if self.pieces else np.empty(0, dtype=np.int64)
+        self.pieces.clear()
+        return Stream(subscription=self.subscription, positions=positions)
+
+
+@dataclass(kw_only=True, slots=True)
+class _Block:
+    """All places from ``begin`` to ``end`` where data messages could start, and the ends of their unbroken runs."""
+
+    begin: int
+    end: int
+    starts: IntArray
+    places: list[int]
+    run_ends: list[int]
+    run_stops: list[int]
+    runs: list[tuple[int, int]] = field(default_factory=list)
+
+
+class _Walker:
+    """State of a walk: what the messages so far defined, the block at hand, and what was found."""
+
+    def __init__(self, *, data: AnyArray, topics: Collection[str]) -> None:
+        self.data = data
+        self.view = memoryview(data)  # type: ignore[arg-type]  # every array is a buffer, which its stub says from 3.12 on
+        self.topics = topics
+        self.definitions = Definitions()
+        self.subscriptions = 0
+        self.parts: list[_Part] = []
+        self.statements: list[int] = []
+        # By number of the subscription: payloads that its messages can have, and the place of its part, or -1.
+        self.least = np.ones(1 << 16, dtype=np.int32)
+        self.most = np.zeros(1 << 16, dtype=np.int32)
+        self.part_of = np.full(1 << 16, -1, dtype=np.int32)
+        self.position_type = np.int32 if data.size < np.iinfo(np.int32).max else np.int64
+        self.block_bytes = _FIRST_BLOCK
+        self.block = _Block(begin=0, end=0, starts=np.empty(0, np.int64), places=[], run_ends=[], run_stops=[])
+
+    def advance(self, position: int, stop: int) -> tuple[int, str]:
+        """Walk whole messages from ``position``; where the walk ended, and why if not at ``stop``."""
+        unpack, view = _HEADER.unpack_from, self.view
+        while position + _HEADER.size <= stop:
+            size, letter, identity = unpack(view, position)
+            if letter == _DATA:
+                after = self._hop(position, stop)
+                if after == position:
+                    if not self.least[identity] <= size <= self.most[identity]:
+                        return position, "a data message has a size or a number that no topic of the log has"
+                    return position, "the file ends inside a message"
+                position = after
+                continue
+            if reason := _refuse(view, position, size, letter):
+                return position, reason
+            after = position + MESSAGE_HEADER_BYTES + size
+            if after > stop:
+                return position, "the file ends inside a message"
+            self._learn(letter, position, after)
+            position = after
+        return position, "" if position == stop else "the file ends inside a message"
+
+    def resume(self, position: int, stop: int) -> int:
+        """Next place after ``position`` where data messages follow each other; ``stop`` when there is none."""
+        at = position + 1
+        while at + _HEADER.size <= stop:
+            block = self._block_at(at, stop)
+            for index in range(bisect_left(block.places, at), len(block.places)):
+                if self._is_chain(block.places[index], stop):
+                    return block.places[index]
+            at = block.end
+        return stop
+
+    def collect(self) -> None:
+        """Sort the data messages of the block at hand into the parts that were asked for."""
+        block = self.block
+        if not block.runs:
+            return
+        starts = np.concatenate([block.starts[first:after] for first, after in block.runs])
+        block.runs.clear()
+        owners = self.part_of[_u16(self.data, starts + MESSAGE_HEADER_BYTES)]
+        wanted = np.flatnonzero(owners >= 0)
+        order = wanted[np.argsort(owners[wanted], kind="stable")]
+        borders = np.flatnonzero(np.diff(owners[order])) + 1
+        for group in np.split(order, borders):
+            if group.size:
+                self.parts[owners[group[0]]].pieces.append(starts[group].astype(self.position_type))
+
+    def _hop(self, position: int, stop: int) -> int:
+        """End of the unbroken run of data messages that starts here; ``position`` itself when none does."""
+        block = self._block_at(position, stop)
+        first = bisect_left(block.places, position)
+        if first == len(block.places) or block.places[first] != position:
+            return position
+        run = bisect_left(block.run_ends, first)
+        last, after = block.run_ends[run], block.run_stops[run]
         if after > stop:
-            return position, "the file ends inside a message"
+            last, after = last - 1, block.places[last]
+        if last >= first:
+            block.runs.append((first, last + 1))
+        return after
+
+    def _block_at(self, position: int, stop: int) -> _Block:
+        """The block that holds a position: the one at hand, or the next one."""
+        if self.block.begin <= position < self.block.end:
+            return self.block
+        self.collect()
+        begin, end = position, min(position + self.block_bytes, stop - _HEADER.size + 1)
+        self.block_bytes = min(2 * self.block_bytes, _LARGEST_BLOCK)
+        # The type letter is the third byte of a header.
+        starts = np.flatnonzero(self.data[begin + 2 : end + 2] == _DATA) + begin
+        size, identity = _u16(self.data, starts), _u16(self.data, starts + MESSAGE_HEADER_BYTES)
+        possible = (self.least[identity] <= size) & (size <= self.most[identity])
+        starts = starts[possible]
+        stops = starts + MESSAGE_HEADER_BYTES + size[possible]
+        ends = np.append(np.flatnonzero(starts[1:] != stops[:-1]), starts.size - 1) if starts.size else starts
+        self.block = _Block(
+            begin=begin,
+            end=end,
+            starts=starts,
+            places=starts.tolist(),
+            run_ends=ends.tolist(),
+            run_stops=stops[ends].tolist(),
+        )
+        return self.block
+
+    def _is_chain(self, position: int, stop: int) -> bool:
+        for _ in range(_CHAIN):
+            if position + _HEADER.size > stop:
+                return position == stop
+            size, letter, identity = _HEADER.unpack_from(self.view, position)
+            if letter == _DATA:
+                if not self.least[identity] <= size <= self.most[identity]:
+                    return False
+            elif _refuse(self.view, position, size, letter):
+                return False
+            position += MESSAGE_HEADER_BYTES + size
+        return position <= stop
+
+    def _learn(self, letter: int, position: int, after: int) -> None:
+        payload = slice(position + MESSAGE_HEADER_BYTES, after)
         if letter == ord("F"):
-            _learn_format(data[position + 3 : after], definitions)
+            self.definitions.learn(bytes(self.view[payload]))
         elif letter == ord("A"):
-            _learn_topic(data[position + 3 : after], definitions)
-        position = after
-    return position, "" if position == stop else "the file ends inside a message"
+            self._subscribe(*self.definitions.subscribe(bytes(self.view[payload])))
+        elif letter in _KEPT:
+            self.statements.append(position)
+            if len(self.statements) > _MOST_KEPT:
+                raise impossible(f"there are more than {_MOST_KEPT} parameters and dropouts")
+
+    def _subscribe(self, identity: int, subscription: Subscription) -> None:
+        self.subscriptions += 1
+        if self.subscriptions > MOST:
+            raise impossible(f"there are more than {MOST} topics")
+        # What could be a message changes from here on, so that the block at hand ends here.
+        self.collect()
+        self.block.end = self.block.begin
+        self.block_bytes = _FIRST_BLOCK
+        self.least[identity], self.most[identity] = subscription.least_bytes, subscription.most_bytes
+        self.part_of[identity] = -1
+        if subscription.topic in self.topics and subscription.instance == 0:
+            self.part_of[identity] = len(self.parts)
+            self.parts.append(_Part(subscription=subscription))
 
 
-def _refuse(data: bytes, position: int, size: int, letter: int) -> str:
+def _u16(data: AnyArray, positions: IntArray) -> AnyArray:
+    low, high = (data[positions + place].astype(np.uint16) for place in (0, 1))
+    number: AnyArray = low | high << 8
+    return number
+
+
+def _refuse(view: memoryview, position: int, size: int, letter: int) -> str:
     """Why these bytes are no header of a message other than data; empty when they are one."""
     low, high = _PAYLOADS.get(letter, (1, 0))
     if high == 0:
         return "a byte that names no message type stands where a message should start"
     if not low <= size <= high:
         return f"a message of type {chr(letter)} has an impossible size of {size} bytes"
-    payload = data[position + 3 : position + 3 + size]
+    start = position + MESSAGE_HEADER_BYTES
+    payload = bytes(view[start : start + size])
     if letter == ord("S") and payload != _SYNC[: len(payload)]:
         return "a synchronization message is damaged"
     if letter == ord("B") and position != HEADER_BYTES:
@@ -187,75 +354,3 @@ def _refuse(data: bytes, position: int, size: int, letter: int) -> str:
     if letter in b"IP" and not payload[1 : 1 + payload[0]].isascii():
         return "a parameter or an information has no readable name"
     return ""
-
-
-def _resume(data: bytes, position: int, stop: int, definitions: _Definitions) -> int:
-    """Next place after ``position`` where data messages follow each other; ``stop`` when there is none."""
-    # The type letter is the third byte of a header.
-    at = data.find(b"D", position + 3, stop)
-    while at != -1:
-        if _is_chain(data, at - 2, stop, definitions):
-            return at - 2
-        at = data.find(b"D", at + 1, stop)
-    return stop
-
-
-def _is_chain(data: bytes, position: int, stop: int, definitions: _Definitions) -> bool:
-    for _ in range(_CHAIN):
-        if position + 5 > stop:
-            return position == stop
-        size, letter, identity = _HEADER.unpack_from(data, position)
-        low, high = definitions.payloads.get(identity, (1, 0)) if letter == _DATA else (0, size)
-        if not low <= size <= high or (letter != _DATA and _refuse(data, position, size, letter)):
-            return False
-        position += 3 + size
-    return position <= stop
-
-
-def _learn_format(payload: bytes, definitions: _Definitions) -> None:
-    name, _, rest = payload.decode("utf-8", errors="replace").partition(":")
-    fields: list[tuple[str, int, str]] = []
-    for item in filter(None, rest.split(";")):
-        kind, _, label = item.partition(" ")
-        kind, bracket, count = kind.partition("[")
-        digits = count.rstrip("]")
-        if bracket and not digits.isdecimal():
-            return  # The topic stays without a format, which its subscription will say.
-        fields.append((kind, int(digits[:9]) if bracket else 1, label))
-    definitions.formats[name] = fields
-
-
-def _learn_topic(payload: bytes, definitions: _Definitions) -> None:
-    identity = int.from_bytes(payload[1:3], "little")
-    name = payload[3:].decode("utf-8", errors="replace")
-    size, _ = _measure(name, definitions.formats, ())
-    fields = definitions.formats.get(name, [])
-    padding = 0
-    for kind, count, label in reversed(fields):
-        if not label.startswith("_padding"):
-            break
-        padding += count * _SIZES.get(kind, 0)
-    # Two bytes name the subscription; loggers may leave the padding at the end out.
-    definitions.payloads[identity] = (2 + size - padding, 2 + size)
-
-
-def _measure(name: str, formats: Mapping[str, list[tuple[str, int, str]]], outer: tuple[str, ...]) -> tuple[int, int]:
-    """Bytes and fields of a format with everything nested in it, counted without spelling the fields out."""
-    if name in outer or len(outer) > 8:
-        raise _impossible(f"the definition of {name[:40]!r} contains itself or is nested too deeply")
-    size = count = 0
-    for kind, repeat, _ in formats.get(name, []):
-        inner, parts = (_SIZES[kind], 1) if kind in _SIZES else _measure(kind, formats, (*outer, name))
-        size += repeat * inner
-        count += repeat * max(parts, 1)
-        if max(size, count) > _LARGEST_MESSAGE:
-            raise _impossible(f"the definition of {name[:40]!r} is larger than any message can be")
-    return size, count
-
-
-def _impossible(what: str) -> LogError:
-    return LogError(
-        f"the log's definitions cannot be true: {what}",
-        needed="a ULog file as PX4 writes it",
-        remedy="copy it again from the vehicle",
-    )

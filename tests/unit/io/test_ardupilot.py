@@ -195,6 +195,29 @@ def test_parameters_are_the_last_ones_and_say_nothing_of_the_place(tmp_path: Pat
     assert dict(record.parameters) == {"MASS": 2.0}
 
 
+@pytest.mark.parametrize(
+    ("loop_hz", "high_hz", "severity"),
+    [(100.0, 20.0, None), (200.0, 20.0, "info"), (400.0, 20.0, "info"), (200.0, 30.0, "warning"), (None, 20.0, None)],
+)
+def test_every_nth_sample_of_the_loop_is_remarked_on(
+    tmp_path: Path, loop_hz: float | None, high_hz: float, severity: str | None
+) -> None:
+    """The run has 100 Hz, so that 50 Hz is the limit and a sweep beyond 25 Hz comes near to it."""
+    log = Log()
+    log.parameter("LOG_BITMASK", 0b1101)
+    if loop_hz is not None:
+        log.parameter("SCHED_LOOP_RATE", loop_hz)
+    log.run(1_000_000, 10, 1.0, high_hz)
+    found = [finding for finding in log.read(tmp_path).findings if finding.kind == "decimated"]
+    assert [finding.severity for finding in found] == ([] if severity is None else [severity])
+    for finding in found:
+        assert finding.where == "SIDD run 1"
+        assert finding.numbers["nyquist_hz"] == pytest.approx(50.0)
+        assert finding.numbers["loop_hz"] == loop_hz
+        assert f"one sample in {loop_hz / 100.0:.0f} " in finding.message
+        assert "13 becomes 15" in finding.message
+
+
 def test_missing_rate_names_the_bit_to_set(tmp_path: Path) -> None:
     log = Log()
     log.add("IMU", "Qf", TimeUS=1, GyrX=0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import tracemalloc
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorid.errors import LogError, UsageError
+from rotorid.io import dataflash
 from rotorid.io.dataflash import decode, sniff
+from rotorid.io.gather import file_bytes
 
 MAGIC = b"\xa3\x95"
 STRUCT = {letter: letter for letter in "bBhHiIqQfd"} | {"a": "64s", "g": "e", "n": "4s", "N": "16s", "Z": "64s"}
@@ -217,16 +220,76 @@ def test_sniff_knows_its_own_and_not_others() -> None:
     assert not sniff(b"time [s],p [rad/s]\n")
 
 
-def test_memory_follows_the_number_of_messages_not_their_bytes() -> None:
-    count = 200_000
-    data = log_of(fmt(1, "A", "QZZ", "TimeUS,x,y"), message(1, "QZZ", 7, b"", b"") * count)
+@pytest.mark.parametrize("seed", range(10))
+def test_the_size_of_the_sections_does_not_matter(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(seed)
+    parts = [fmt(1, "A", "QZ", "TimeUS,x"), fmt(2, "B", "Q", "TimeUS")]
+    for index in range(600):
+        parts.append(message(2, "Q", index) if rng.random() < 0.5 else message(1, "QZ", index, rng.bytes(64)))
+        if rng.random() < 0.05:
+            parts.append(rng.choice([MAGIC + b"\x01", bytes(3000), rng.bytes(200), fmt(1, "A", "QZB", "TimeUS,x,y")]))
+    data = log_of(*parts)[: -int(rng.integers(1, 60))]
+    whole = decode(data)
+    for section in (2048, 3001, 8192):
+        monkeypatch.setattr(dataflash, "SECTION_BYTES", section)
+        log = decode(data)
+        assert log.gaps == whole.gaps
+        assert list(log.tables) == list(whole.tables)
+        assert all(np.array_equal(log.tables[name].positions, whole.tables[name].positions) for name in log.tables)
+
+
+def test_only_the_messages_that_are_named_are_kept_and_damage_is_looked_for_in_all() -> None:
+    data = log_of(
+        fmt(1, "A", "B", "x"),
+        fmt(2, "B", "B", "y"),
+        fmt(3, "C", "B", "z", length=9),
+        message(1, "B", 5),
+        message(2, "B", 6),
+        MAGIC + b"\x03" + bytes(6),
+        b"rubbish",
+        message(1, "B", 7),
+    )
+
+    log = decode(data, {"A"})
+
+    assert {name: table.column("x").tolist() for name, table in log.tables.items()} == {"A": [5, 7]}
+    assert log.undecodable == ("C",)
+    assert log.skipped_bytes == len(b"rubbish")
+
+
+def test_numbers_are_the_columns_widened() -> None:
+    data = log_of(fmt(1, "A", "hcLf", "x,y,z,w"), *(message(1, "hcLf", k, -k, k * 10**6, k / 8) for k in range(5)))
+
+    table = decode(data).tables["A"].chosen(np.array([True, False, True, True, False]))
+
+    expected = [table.column(name).astype(np.float64) for name in ("w", "y", "z")]
+    assert np.array_equal(table.numbers("w", "y", "z"), expected)
+    assert table.numbers("y").tolist() == [[0.0, -0.02, -0.03]]
+
+
+def test_memory_follows_the_messages_that_are_asked_for_not_the_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    count, section = 400_000, 1 << 20
+    data = log_of(
+        fmt(1, "A", "QZZ", "TimeUS,x,y"),
+        fmt(2, "B", "B", "x"),
+        (message(1, "QZZ", 7, b"", b"") * 9 + message(2, "B", 1)) * (count // 10),
+    )
+    monkeypatch.setattr(dataflash, "SECTION_BYTES", section)
 
     tracemalloc.start()
-    log = decode(data)
+    log = decode(data, {"B"})
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
 
-    assert len(log.tables["A"]) == count
-    # Three arrays of positions in 4 bytes, two of types and flags in 1, and one look-up of all these messages that
-    # widens an index of 4 bytes to 8 beside the sum: 26 bytes. Positions in 8 bytes need 50, a copy of the log 139.
-    assert peak < 30 * count
+    assert len(log.tables["B"]) == count // 10
+    # Positions of 4 bytes, once in pieces and once joined; for a section, a dozen arrays with 8 bytes for each of its
+    # messages of 130. The log has 50 MB, the positions of all its messages 1.6.
+    assert peak < 8 * (count // 10) + section
+
+
+def test_an_empty_and_a_missing_file_are_told_apart(tmp_path: Path) -> None:
+    (tmp_path / "empty.bin").touch()
+
+    assert file_bytes(tmp_path / "empty.bin").size == 0
+    with pytest.raises(LogError, match="No such file"):
+        file_bytes(tmp_path / "absent.bin")

@@ -50,7 +50,7 @@ def stamps(count: int = 5, step_us: int = 4000) -> list[int]:
 
 def read(folder: Path, topics: Mapping[str, Fields], parameters: Mapping[str, float] | None = None) -> FlightRecord:
     (folder / "flight.ulg").write_bytes(ulog(topics, parameters))
-    return px4.read(folder / "flight.ulg", SOURCE, sandbox=False)
+    return px4.read(folder / "flight.ulg", SOURCE)
 
 
 def spread(names: str, **clocks: Sequence[int]) -> dict[str, Sequence[float]]:
@@ -191,7 +191,7 @@ def test_dropouts_parameters_and_firmware_are_kept(tmp_path: Path) -> None:
     )
     topics = {"battery_status": spread("voltage_v", timestamp=stamps())}
     (tmp_path / "flight.ulg").write_bytes(ulog(topics, {"MC_ROLL_P": 6.5, "MC_YAW_P": 2.0}, extra))
-    record = px4.read(tmp_path / "flight.ulg", SOURCE, sandbox=False)
+    record = px4.read(tmp_path / "flight.ulg", SOURCE)
     assert record.parameters == {"MC_ROLL_P": 7.0, "MC_YAW_P": 2.0}
     assert record.source.firmware == "PX4 1.14.2"
     (gap,) = (finding for finding in record.findings if finding.kind == "gap")

@@ -11,7 +11,7 @@ import pytest
 from rotorid.errors import LogError
 from rotorid.io.sandbox import Extract, Limits, extract
 
-# A parser that does what it is told, put in the place of the one for ULog in the child alone.
+# A parser that does what it is told, put in the place of the one for MATLAB in the child alone.
 PARSER = """
 import ctypes, os, time
 import numpy as np
@@ -37,7 +37,7 @@ def extract(path, options):
 """
 CUSTOMIZE = """
 import rotorid.io.sandbox
-rotorid.io.sandbox.PARSERS = {"ulog": "told_parser"}
+rotorid.io.sandbox.PARSERS = {"mat": "told_parser"}
 """
 LIMITS = Limits(memory_bytes=1 << 30, cpu_s=20, wall_s=20.0)
 
@@ -46,13 +46,13 @@ LIMITS = Limits(memory_bytes=1 << 30, cpu_s=20, wall_s=20.0)
 def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "told_parser.py").write_text(PARSER)
     (tmp_path / "sitecustomize.py").write_text(CUSTOMIZE)
-    (tmp_path / "flight.ulg").write_bytes(b"x")
+    (tmp_path / "flight.mat").write_bytes(b"x")
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    return tmp_path / "flight.ulg"
+    return tmp_path / "flight.mat"
 
 
 def run(path: Path, do: str, limits: Limits = LIMITS) -> Extract:
-    return extract("ulog", path, {"do": do}, limits=limits)
+    return extract("mat", path, {"do": do}, limits=limits)
 
 
 def test_arrays_and_facts_come_back_whatever_their_names(told: Path) -> None:
@@ -102,8 +102,8 @@ def test_a_spinning_parser_is_ended_by_its_processor_time(told: Path) -> None:
 
 def test_modules_in_the_folder_of_the_log_are_never_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "numpy.py").write_text("raise SystemExit('a module next to the log was imported')")
-    (tmp_path / "flight.ulg").write_bytes(b"ULog\x01\x12\x35")
+    (tmp_path / "flight.mat").write_bytes(b"no MATLAB file")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", ["", *sys.path])
-    with pytest.raises(LogError, match="ends inside its header"):
-        extract("ulog", tmp_path / "flight.ulg", {"topics": {}})
+    with pytest.raises(LogError, match="MatReadError"):
+        extract("mat", tmp_path / "flight.mat", {})

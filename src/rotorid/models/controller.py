@@ -1,0 +1,181 @@
+"""The rate controller of an autopilot as a frequency response, from the gains in its log."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.immutable import Immutable
+from rotorid.errors import UsageError
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateController(Immutable):
+    r"""A rate controller with an angle loop around it, as it feeds back one body rate.
+
+    The command is :math:`u = r - C y` with the rate :math:`y` and
+
+    .. math:: C(s) = F_u F_e \left[ \left(P + \frac{I}{s}\right) \left(1 + F_t \frac{A}{s}\right)
+        + D s F_d \left(1 + F_t \frac{A}{s}\right)^{d} \right]
+
+    where :math:`F = 1/(1 + s/\omega_c)` are first-order filters and :math:`d` is one when the derivative is taken of
+    the error, zero when it is taken of the rate alone. The angle is the integral of the rate, which holds near hover;
+    limits, anti-windup and slew rates are left out, and so is the gyro filter in front of the controller.
+
+    Parameters
+    ----------
+    proportional_s
+        :math:`P`, command per rad/s.
+    integral
+        :math:`I`, command per rad.
+    derivative_s2
+        :math:`D`, command per rad/s².
+    angle_1_s
+        :math:`A`, rate set-point per rad of angle error; zero without an angle loop.
+    derivative_of_error
+        Whether the derivative sees the set-point too.
+    derivative_cutoff_hz, error_cutoff_hz, target_cutoff_hz, command_cutoff_hz
+        Filters on the derivative, on the rate error, on the rate set-point and on the command; zero for none.
+
+    Raises
+    ------
+    UsageError
+        A gain or a cutoff is negative or not finite, or all gains of the rate are zero.
+
+    Examples
+    --------
+    >>> controller = RateController(proportional_s=0.15, integral=0.3)
+    >>> controller.response(np.array([2.0]))
+    array([0.15-0.15j])
+    """
+
+    proportional_s: float
+    integral: float = 0.0
+    derivative_s2: float = 0.0
+    angle_1_s: float = 0.0
+    derivative_of_error: bool = False
+    derivative_cutoff_hz: float = 0.0
+    error_cutoff_hz: float = 0.0
+    target_cutoff_hz: float = 0.0
+    command_cutoff_hz: float = 0.0
+
+    def __post_init__(self) -> None:
+        gains = (self.proportional_s, self.integral, self.derivative_s2)
+        cutoffs = (self.derivative_cutoff_hz, self.error_cutoff_hz, self.target_cutoff_hz, self.command_cutoff_hz)
+        numbers = (*gains, self.angle_1_s, *cutoffs)
+        if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or not any(gains):
+            raise UsageError(
+                f"gains {gains}, an angle gain {self.angle_1_s:g} and cutoffs {cutoffs} Hz came",
+                needed="finite numbers from zero up, and a gain that is not zero",
+            )
+
+    @property
+    def rate_loop(self) -> RateController:
+        """The same controller without its angle loop, as rate modes fly it."""
+        return replace(self, angle_1_s=0.0)
+
+    def response(self, omega_rad_s: FloatArray) -> ComplexArray:
+        r"""Frequency response :math:`C(j\omega)`, command per rad/s, shape ``(f,)``, at frequencies above zero."""
+        s = np.asarray(1j * omega_rad_s, dtype=np.complex128)
+        around = 1.0 + _low_pass(s, self.target_cutoff_hz) * self.angle_1_s / s
+        derivative = self.derivative_s2 * s * _low_pass(s, self.derivative_cutoff_hz)
+        seen = around if self.derivative_of_error else np.ones_like(s)
+        inside = (self.proportional_s + self.integral / s) * around + derivative * seen
+        return np.asarray(_low_pass(s, self.command_cutoff_hz) * _low_pass(s, self.error_cutoff_hz) * inside)
+
+
+def _low_pass(s: ComplexArray, cutoff_hz: float) -> ComplexArray:
+    return np.asarray(1.0 / (1.0 + s / (2.0 * np.pi * cutoff_hz))) if cutoff_hz > 0.0 else np.ones_like(s)
+
+
+class _Autopilot(NamedTuple):
+    """Where an autopilot keeps what a :class:`RateController` needs; the first name that is there counts."""
+
+    axes: Mapping[Axis, str]
+    gains: Mapping[str, tuple[str, ...]]
+    factor: str
+    derivative_of_error: bool
+
+
+_PX4 = _Autopilot(
+    axes={"roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"},
+    gains={
+        "proportional_s": ("MC_{}RATE_P",),
+        "integral": ("MC_{}RATE_I",),
+        "derivative_s2": ("MC_{}RATE_D",),
+        "angle_1_s": ("MC_{}_P",),
+        "derivative_cutoff_hz": ("IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF"),
+        "command_cutoff_hz": ("MC_{}_TQ_CUTOFF",),
+    },
+    factor="MC_{}RATE_K",
+    derivative_of_error=False,
+)
+
+_ARDUPILOT = _Autopilot(
+    axes={"roll": "RLL", "pitch": "PIT", "yaw": "YAW"},
+    gains={
+        "proportional_s": ("ATC_RAT_{}_P",),
+        "integral": ("ATC_RAT_{}_I",),
+        "derivative_s2": ("ATC_RAT_{}_D",),
+        "angle_1_s": ("ATC_ANG_{}_P",),
+        "derivative_cutoff_hz": ("ATC_RAT_{}_FLTD",),
+        # Before version 4 one filter stood on the error, under another name.
+        "error_cutoff_hz": ("ATC_RAT_{}_FLTE", "ATC_RAT_{}_FILT"),
+        "target_cutoff_hz": ("ATC_RAT_{}_FLTT",),
+    },
+    factor="",
+    derivative_of_error=True,
+)
+
+_SCALED = ("proportional_s", "integral", "derivative_s2")
+
+
+def rate_controller(parameters: Mapping[str, float], axis: Axis) -> RateController | None:
+    """The controller of an axis, from the parameters of a PX4 or ArduPilot log.
+
+    Parameters
+    ----------
+    parameters
+        Names and values as the autopilot has them.
+    axis
+        ``roll``, ``pitch`` or ``yaw``; thrust is not controlled by a rate.
+
+    Returns
+    -------
+    RateController or None
+        ``None`` when the gains are not there, are all zero, or are none that an autopilot could fly with.
+
+    Notes
+    -----
+    A gain that changed in flight, a reduction of gains at high throttle and a scaling with the battery are not seen.
+    Whether the angle loop was closed depends on the flight mode; see :attr:`RateController.rate_loop`.
+
+    References
+    ----------
+    PX4 parameter reference, multicopter rate and attitude control; ArduPilot Copter parameter reference, ``ATC_``.
+
+    Examples
+    --------
+    >>> rate_controller({"MC_YAWRATE_P": 0.15, "MC_YAWRATE_I": 0.2, "MC_YAW_P": 1.0}, "yaw").angle_1_s
+    1.0
+    >>> rate_controller({}, "yaw") is None
+    True
+    """
+    for autopilot in (_PX4, _ARDUPILOT):
+        letters = autopilot.axes.get(axis)
+        if letters is None:
+            continue
+        found = {
+            field: next((parameters[name.format(letters)] for name in names if name.format(letters) in parameters), 0.0)
+            for field, names in autopilot.gains.items()
+        }
+        factor = parameters.get(autopilot.factor.format(letters), 1.0)
+        found |= {field: factor * found[field] for field in _SCALED}
+        if any(found[field] for field in _SCALED) and min(found.values()) >= 0.0:
+            return RateController(**found, derivative_of_error=autopilot.derivative_of_error)
+    return None

@@ -1,0 +1,360 @@
+"""Which filters stand between the motion and a logged channel, from the autopilot's parameters in the log.
+
+A chain is known as far as the log carries its parameters. Not in any log, and not here: the sensor's own analog and
+hardware filters, and the time between a sample and its stamp.
+
+References
+----------
+PX4 User Guide, Parameter Reference (``IMU_*``) and *MC Filter Tuning & Control Latency*. ArduPilot Copter, *Complete
+Parameter List* (``INS_*``), *Managing Gyro Noise with the Dynamic Harmonic Notch Filters* and *System Identification
+Mode*. The digital forms, and what is logged from where, are those of the published sources: PX4 ``LowPassFilter2p``,
+``NotchFilter``, ``VehicleAngularVelocity``, ``VehicleIMU``; ArduPilot ``LowPassFilter2p``, ``NotchFilter``,
+``HarmonicNotchFilter``, ``AP_InertialSensor_Backend``, ``ModeSystemId``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord
+from rotorid.errors import UsageError
+from rotorid.signal.betaflight_filters import betaflight_passage
+from rotorid.signal.known_filter import KnownFilter, butterworth_low_pass, integral_mean, moving_average, notch
+from rotorid.signal.passage import Passage, built, doubtful, joined, moving
+
+_BETAFLIGHT = "Betaflight"
+_FAST_SENSOR_HZ = 8000.0
+_ARDUPILOT_SENSOR_HZ = 1000.0
+_SINGLE_NOTCH = "INS_NOTCH"
+"""Of older firmware: without harmonics, and it does not move."""
+
+Parameters = Mapping[str, float]
+Build = Callable[[tuple[float, ...], float], KnownFilter]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Stage:
+    """One filter of a chain.
+
+    Parameters
+    ----------
+    names
+        Its parameters; the filter is off where the first is zero.
+    build
+        Makes it from their values and the rate.
+    needed
+        Whether a log without the parameters leaves the chain unknown. A notch that the firmware did not have yet is
+        none.
+    """
+
+    names: tuple[str, ...]
+    build: Build
+    needed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Chain:
+    """What a source of a log has passed.
+
+    Parameters
+    ----------
+    source
+        Pattern of :attr:`rotorid.data.channel.Channel.source`, matched from end to end.
+    stages
+        Filters with constant parameters.
+    notches
+        Prefixes of ArduPilot's harmonic notches.
+    moving
+        Parameters that switch on a filter which follows the motors' speed or a spectrum.
+    nonlinear
+        Parameters that, when positive, put something between channel and motor that is no linear filter.
+    sensor_rate_hz
+        Rate of the filters where nothing better is known.
+    """
+
+    source: str
+    stages: tuple[Stage, ...] = ()
+    notches: tuple[str, ...] = ()
+    moving: tuple[str, ...] = ()
+    nonlinear: tuple[str, ...] = ()
+    sensor_rate_hz: float = _FAST_SENSOR_HZ
+
+
+def _low_pass(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
+    return butterworth_low_pass(values[0], rate_hz)
+
+
+def _px4_notch(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
+    # Its damping is the tangent of the half bandwidth; sine over twice the quality is what `notch` makes of it.
+    center_hz, bandwidth_hz = values
+    if not (0.0 < center_hz < 0.5 * rate_hz and _NARROWEST * center_hz < bandwidth_hz < 0.5 * rate_hz):
+        raise UsageError(
+            f"a notch at {center_hz:g} Hz, {bandwidth_hz:g} Hz wide, came", needed="less than half of its rate"
+        )
+    quality = math.sin(2.0 * math.pi * center_hz / rate_hz) / (2.0 * math.tan(math.pi * bandwidth_hz / rate_hz))
+    return notch(center_hz, quality, rate_hz)
+
+
+def _px4_integral(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
+    if not 1.0 <= values[0] < math.inf:
+        raise UsageError(f"{values[0]:g} integrals per second came", needed="one or more")
+    # A whole number of samples, the one nearest to the interval asked for.
+    return integral_mean(max(round(rate_hz / values[0]), 1) / rate_hz, rate_hz)
+
+
+def _loop_integral(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
+    return integral_mean(1.0 / values[0], rate_hz)
+
+
+def _loop_mean(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
+    return moving_average(1.0 / values[0], rate_hz)
+
+
+def _stage(names: str, build: Build, *, needed: bool = False) -> Stage:
+    return Stage(names=tuple(names.split()), build=build, needed=needed)
+
+
+_PX4_SLEW = ("MOT_SLEW_MAX", *(f"CA_R{index}_SLEW" for index in range(12)))
+_PX4_GYRO_NOTCHES = (
+    _stage("IMU_GYRO_NF0_FRQ IMU_GYRO_NF0_BW", _px4_notch),
+    _stage("IMU_GYRO_NF1_FRQ IMU_GYRO_NF1_BW", _px4_notch),
+    _stage("IMU_GYRO_NF_FREQ IMU_GYRO_NF_BW", _px4_notch),
+)
+
+CHAINS: Mapping[str, tuple[Chain, ...]] = {
+    "PX4": (
+        Chain(
+            source=r"vehicle_angular_velocity\.xyz\[\d\]",
+            stages=(_stage("IMU_GYRO_CUTOFF", _low_pass, needed=True), *_PX4_GYRO_NOTCHES),
+            moving=("IMU_GYRO_DNF_EN", "IMU_GYRO_DYN_NF"),
+        ),
+        Chain(
+            source=r"vehicle_acceleration\.xyz\[\d\]",
+            stages=(_stage("IMU_ACCEL_CUTOFF", _low_pass, needed=True),),
+        ),
+        Chain(
+            source=r"sensor_combined\.(gyro_rad|accelerometer_m_s2)\[\d\]",
+            stages=(_stage("IMU_INTEG_RATE", _px4_integral, needed=True),),
+        ),
+        Chain(
+            source=r"(vehicle_torque_setpoint|vehicle_thrust_setpoint|actuator_controls_0|actuator_motors)\..*",
+            nonlinear=("THR_MDL_FAC", *_PX4_SLEW),
+        ),
+    ),
+    "ArduPilot": (
+        Chain(
+            source=r"RATE\.(R|P|Y|Rll|Pit|Yaw)|IMU\.Gyr[XYZ]",
+            stages=(_stage("INS_GYRO_FILTER", _low_pass, needed=True),),
+            notches=("INS_HNTCH", "INS_HNTC2", _SINGLE_NOTCH),
+            sensor_rate_hz=_ARDUPILOT_SENSOR_HZ,
+        ),
+        Chain(
+            source=r"IMU\.Acc[XYZ]",
+            stages=(_stage("INS_ACCEL_FILTER", _low_pass, needed=True),),
+            sensor_rate_hz=_ARDUPILOT_SENSOR_HZ,
+        ),
+        Chain(
+            source=r"SIDD\.G[xyz]",
+            stages=(_stage("SCHED_LOOP_RATE", _loop_integral, needed=True),),
+            sensor_rate_hz=_ARDUPILOT_SENSOR_HZ,
+        ),
+        Chain(
+            source=r"SIDD\.A[xyz]",
+            stages=(_stage("SCHED_LOOP_RATE", _loop_mean, needed=True),),
+            sensor_rate_hz=_ARDUPILOT_SENSOR_HZ,
+        ),
+        Chain(
+            source=r"RATE\.(\w*Out)|CTUN\.Th\w+|RCOU\.C\d+",
+            nonlinear=("MOT_SLEW_UP_TIME", "MOT_SLEW_DN_TIME"),
+        ),
+    ),
+}
+"""Autopilot, as the format of the log begins, to the chains of its sources."""
+
+_WORTH_SAYING_S = 5e-5
+_GYRO_RATES = {0: 1.0, 1: 2.0, 2: 4.0, 3: 8.0}
+_DEEPEST_NOTCH_DB = 120.0
+_NARROWEST = 1e-5
+"""Bandwidth over center below which a notch is none in single precision."""
+_FIXED, _THROTTLE = 0.0, 1.0
+_COMPOSITE = 1 | 2 | 16 | 64
+"""Options of a harmonic notch that make several of one: double, one for each source, triple, quintuple."""
+
+
+def known_filters(record: FlightRecord, source: str, *, sensor_rate_hz: float | None = None) -> tuple[KnownFilter, ...]:
+    """Linear filters that a channel of a log has passed, as far as the log says.
+
+    Empty where there are none and where none is known: :func:`filter_findings` tells these apart.
+
+    Parameters
+    ----------
+    record
+        With the autopilot's parameters.
+    source
+        Where the channel comes from: ``Channel.source``.
+    sensor_rate_hz
+        Samples per second of the sensor. When not given: for PX4, whose filters work on the raw samples of a fast
+        sensor, 8 kHz; for ArduPilot 1 kHz, times what ``INS_GYRO_RATE`` says; for Betaflight the header says it.
+        Simulators are slower, and a slow filter delays less: at 250 Hz a low-pass of 40 Hz delays 5.1 instead of
+        5.6 ms.
+
+    Raises
+    ------
+    UsageError
+        ``sensor_rate_hz`` is not positive.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source
+    >>> record = FlightRecord(
+    ...     source=Source(name="log.ulg", format="PX4 ULog", sha256=""), topics=(),
+    ...     parameters={"IMU_GYRO_CUTOFF": 40.0, "IMU_GYRO_NF0_FRQ": 0.0, "IMU_GYRO_NF0_BW": 20.0},
+    ... )
+    >>> [known.name for known in known_filters(record, "vehicle_angular_velocity.xyz[0]")]
+    ['second-order low-pass at 40 Hz']
+    """
+    return _passage(record, source, sensor_rate_hz).filters
+
+
+def filter_findings(record: FlightRecord, source: str, *, sensor_rate_hz: float | None = None) -> tuple[Finding, ...]:
+    """What is known of the filters in front of a channel, and what is not.
+
+    Parameters
+    ----------
+    record, source, sensor_rate_hz
+        As for :func:`known_filters`.
+
+    Returns
+    -------
+    tuple of Finding
+        ``known_filter`` with the delay at low frequency, and ``unknown_filter`` for every reason why the chain is not,
+        or not wholly, known.
+
+    Raises
+    ------
+    UsageError
+        ``sensor_rate_hz`` is not positive.
+    """
+    passage = _passage(record, source, sensor_rate_hz)
+    # Betaflight's header gives the rate.
+    assumed = sensor_rate_hz is None and not record.source.format.startswith(_BETAFLIGHT)
+    return (*_known(record, source, passage, assumed), *(_unknown(source, doubt) for doubt in passage.doubts))
+
+
+def _passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) -> Passage:
+    if sensor_rate_hz is not None and not 0.0 < sensor_rate_hz < math.inf:
+        raise UsageError(f"a sensor rate of {sensor_rate_hz:g} Hz came", needed="a positive rate")
+    if record.source.format.startswith(_BETAFLIGHT):
+        return betaflight_passage(record, source, sensor_rate_hz)
+    chains = next((chains for name, chains in CHAINS.items() if record.source.format.startswith(name)), ())
+    chain = next((chain for chain in chains if re.fullmatch(chain.source, source)), None)
+    if chain is None:
+        return doubtful("it is not known which filters it has passed")
+    parameters = record.parameters
+    rate_hz = sensor_rate_hz or chain.sensor_rate_hz * _oversampling(parameters)
+    active = [f"{name} = {parameters[name]:g}" for name in chain.nonlinear if parameters.get(name, 0.0) > 0.0]
+    return joined(
+        (
+            *(_built(stage, parameters, rate_hz) for stage in chain.stages),
+            *(_harmonic_notches(prefix, parameters, rate_hz) for prefix in chain.notches),
+            *(moving(name, parameters[name]) for name in chain.moving if parameters.get(name, 0.0) != 0.0),
+            *([doubtful(f"what follows it is not linear ({', '.join(active)})")] if active else []),
+        )
+    )
+
+
+def _oversampling(parameters: Parameters) -> float:
+    """Factor by which ArduPilot reads the first sensor faster; other autopilots know no such parameter."""
+    fast = int(parameters.get("INS_FAST_SAMPLE", 0.0)) & 1
+    return _GYRO_RATES.get(int(parameters.get("INS_GYRO_RATE", 0.0)), 1.0) if fast else 1.0
+
+
+def _built(stage: Stage, parameters: Parameters, rate_hz: float) -> Passage:
+    missing = [name for name in stage.names if name not in parameters]
+    if missing:
+        return doubtful(f"the log does not carry {', '.join(missing)}") if stage.needed else Passage()
+    values = tuple(parameters[name] for name in stage.names)
+    if not values[0] > 0.0:
+        return Passage()
+    said = ", ".join(f"{name} = {parameters[name]:g}" for name in stage.names)
+    return built(said, partial(stage.build, values, rate_hz))
+
+
+def _harmonic_notches(prefix: str, parameters: Parameters, rate_hz: float) -> Passage:
+    r"""ArduPilot's notches of constant frequency.
+
+    .. math:: Q = \frac{\sqrt{2^b}}{2^b - 1}, \qquad b = 2 \log_2 \frac{f_0}{f_0 - B / 2}, \qquad
+        d = 10^{-A / 20}
+
+    with quality and depth of the base frequency for all harmonics, bandwidth :math:`B`, and attenuation :math:`A` in
+    dB.
+    """
+    if parameters.get(f"{prefix}_ENABLE", 0.0) == 0.0:
+        return Passage()
+    harmonic = prefix != _SINGLE_NOTCH
+    names = [f"{prefix}_{name}" for name in ("FREQ", "BW", "ATT")]
+    also = [f"{prefix}_{name}" for name in ("HMNCS", "REF")] if harmonic else []
+    missing = [name for name in (*names, *also) if name not in parameters]
+    if missing:
+        return doubtful(f"{prefix}_ENABLE is set, and the log does not carry {', '.join(missing)}")
+    # A reference of zero keeps the notch where it is whatever the mode; the first firmware had no other mode.
+    if harmonic and parameters.get(f"{prefix}_MODE", _THROTTLE) != _FIXED and parameters[f"{prefix}_REF"] != 0.0:
+        return moving(f"{prefix}_REF", parameters[f"{prefix}_REF"])
+    options = int(parameters.get(f"{prefix}_OPTS", 0.0))
+    if options & _COMPOSITE:
+        return doubtful(f"a composite notch is on ({prefix}_OPTS = {options}), which is not modeled")
+    center_hz, bandwidth_hz, attenuation_db = (parameters[name] for name in names)
+    said = ", ".join(f"{name} = {parameters[name]:g}" for name in names)
+    if not (center_hz > 0.52 * bandwidth_hz > _NARROWEST * center_hz and 0.0 <= attenuation_db <= _DEEPEST_NOTCH_DB):
+        return doubtful(f"{said} make no notch")
+    octaves = 2.0 * math.log2(center_hz / (center_hz - 0.5 * bandwidth_hz))
+    quality = math.sqrt(2.0**octaves) / (2.0**octaves - 1.0)
+    floor = 10.0 ** (-attenuation_db / 20.0)
+    harmonics = int(parameters.get(f"{prefix}_HMNCS", 1.0))
+    centers = [center_hz * number for number in range(1, 17) if harmonics >> (number - 1) & 1]
+    # The autopilot leaves out what would lie too near to half of its rate.
+    kept = [center for center in centers if center < 0.48 * rate_hz]
+    return joined(built(said, partial(notch, center, quality, rate_hz, floor=floor)) for center in kept)
+
+
+def _known(record: FlightRecord, source: str, passage: Passage, assumed: bool) -> Iterator[Finding]:
+    if not passage.filters:
+        return
+    delay_s = sum(known.delay_s for known in passage.filters)
+    numbers = {"delay_s": delay_s, "rate_hz": min(known.rate_hz for known in passage.filters)}
+    message = (
+        f"{source} has passed {', '.join(known.name for known in passage.filters)}: {1e3 * delay_s:.2f} ms of delay at "
+        "low frequency"
+    )
+    slow = _at_logged_rate(record, source) if assumed else None
+    if slow is not None and abs(slow[1] - delay_s) > _WORTH_SAYING_S:
+        rate_hz, slow_s = slow
+        numbers |= {"logged_rate_hz": rate_hz, "delay_at_logged_rate_s": slow_s}
+        message += (
+            f", if the filters work at {numbers['rate_hz']:g} Hz, which the log does not say; at the rate of the log, "
+            f"{rate_hz:.0f} Hz, it would be {1e3 * slow_s:.2f} ms"
+        )
+    yield Finding(kind="known_filter", severity="info", where=source, message=message, numbers=numbers)
+
+
+def _at_logged_rate(record: FlightRecord, source: str) -> tuple[float, float] | None:
+    """Rate of the topic, below which no filter works, and the delay of the same chain there."""
+    rates = [topic.sample_rate_hz for topic in record.topics if any(c.source == source for c in topic.channels)]
+    if not rates or not 0.0 < max(rates) < math.inf:
+        return None
+    slow = _passage(record, source, max(rates))
+    return None if slow.doubts else (max(rates), sum(known.delay_s for known in slow.filters))
+
+
+def _unknown(source: str, doubt: str) -> Finding:
+    return Finding(
+        kind="unknown_filter",
+        severity="warning",
+        where=source,
+        message=f"the filters of {source} are not, or not wholly, known: {doubt}",
+    )

@@ -1,0 +1,378 @@
+r"""Frequency responses made of frequency responses.
+
+What is multiplied with a known factor :math:`T(\omega)` keeps its relative error, and its covariance is scaled exactly:
+
+.. math:: H' = T H, \qquad E[\delta H'_i \, \delta H'^*_j] = T_i T_j^* \, E[\delta H_i \, \delta H_j^*]
+
+Coherence is that of the measured response throughout. Every function returns a new response and writes into its
+``processing`` what was done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import UsageError
+from rotorid.signal.known_filter import KnownFilter, combined_response
+from rotorid.typing import ComplexArray
+
+_DERIVATIVE = "_dot"
+_FAINTEST = 0.01
+"""A filter that leaves less than this has left noise and quantization in place of the signal."""
+
+
+def differentiated(response: FrequencyResponse, output: str) -> FrequencyResponse:
+    r"""The response of the time derivative of an output.
+
+    .. math:: H_{\dot y} = j \omega H_y
+
+    Exact for motion that begins and ends at rest. The derivative of ``u`` is named ``u_dot``; that of a set-point or
+    of any other channel likewise.
+
+    Parameters
+    ----------
+    response
+        All other outputs stay as they are.
+    output
+        Channel to differentiate.
+
+    Raises
+    ------
+    UsageError
+        There is no such output, or its derivative is an output already.
+
+    Examples
+    --------
+    >>> flat = FrequencyResponse(
+    ...     omega_rad_s=[2.0], values=[[[3.0]]], coherence=[[[1.0]]], random_error=[[[0.1]]],
+    ...     covariance=[[[[0.18]]]], inputs=("theta",), outputs=("u",), estimate="direct",
+    ... )
+    >>> rate = differentiated(flat, "u")
+    >>> rate.outputs, rate.values[0, 0, 0], rate.covariance[0, 0, 0, 0].real.round(6), rate.processing
+    (('u_dot',), np.complex128(6j), np.float64(0.72), ('u differentiated',))
+    """
+    factor = _ones(response)
+    factor[_row(response.outputs, output, "output")] *= 1j * response.omega_rad_s
+    return _named(_scaled(response, factor, f"{output} differentiated"), {output: f"{output}{_DERIVATIVE}"})
+
+
+def integrated(response: FrequencyResponse, output: str) -> FrequencyResponse:
+    r"""The response of the time integral of an output.
+
+    .. math:: H_{\int y} = H_y / (j \omega)
+
+    Offsets of the output do not matter, drifts below the band do. The integral of ``u_dot`` is named ``u``.
+
+    Parameters
+    ----------
+    response
+        All other outputs stay as they are.
+    output
+        Channel to integrate, named as a derivative; :func:`renamed` gives another one such a name.
+
+    Raises
+    ------
+    UsageError
+        There is no such output, it is not named as a derivative, its integral is an output already, or the grid
+        begins at zero.
+    """
+    row = _row(response.outputs, output, "output")
+    if not output.endswith(_DERIVATIVE):
+        raise UsageError(
+            f"the integral of {output} has no name", needed=f"a name ending in {_DERIVATIVE}", remedy="rename it first"
+        )
+    if response.omega_rad_s[0] <= 0.0:
+        raise UsageError("a grid that begins at 0 rad/s came", needed="positive frequencies", remedy="select a band")
+    factor = _ones(response)
+    factor[row] /= 1j * response.omega_rad_s
+    name = output.removesuffix(_DERIVATIVE)
+    return _named(_scaled(response, factor, f"{output} integrated"), {output: name})
+
+
+def corrected(response: FrequencyResponse, filters: Mapping[str, Sequence[KnownFilter]]) -> FrequencyResponse:
+    r"""The response without the filters that its channels have passed.
+
+    .. math:: H = H_{measured} \, \frac{F_{input}}{F_{output}}
+
+    Exact for linear filters that worked at a constant rate. A filter that moves with the motors' speed, a limit of slew
+    or a thrust curve is none of these. Filters on an instrument cancel out and need no correction.
+
+    Parameters
+    ----------
+    response
+        Direct or joint.
+    filters
+        Name of an input or output to the filters in front of it, as
+        :func:`rotorid.signal.autopilot_filters.known_filters` gives them.
+
+    Raises
+    ------
+    UsageError
+        A channel is not in the response, a frequency lies beyond half of a filter's rate, or a filter has left less
+        than a hundredth of the amplitude there.
+
+    Examples
+    --------
+    >>> from rotorid.signal.known_filter import butterworth_low_pass
+    >>> gyro = butterworth_low_pass(20.0, 1000.0)
+    >>> omega_rad_s = np.array([5.0, 50.0])
+    >>> filtered = FrequencyResponse(
+    ...     omega_rad_s=omega_rad_s, values=gyro.response(omega_rad_s)[None, None], coherence=np.ones((1, 1, 2)),
+    ...     random_error=np.zeros((1, 1, 2)), covariance=np.zeros((1, 1, 2, 2)), inputs=("roll_command",),
+    ...     outputs=("p",), estimate="direct",
+    ... )
+    >>> np.abs(corrected(filtered, {"p": [gyro]}).values[0, 0]).round(12)
+    array([1., 1.])
+    """
+    unknown = [name for name in filters if name not in (*response.inputs, *response.outputs)]
+    if unknown:
+        raise UsageError(
+            f"there is no {', '.join(unknown)} in the response",
+            needed=f"one of {', '.join((*response.inputs, *response.outputs))}",
+        )
+    factor, notes = _ones(response), []
+    for name, chain in filters.items():
+        if not chain:
+            continue
+        passed = _passed(name, chain, response)
+        if name in response.inputs:
+            factor[:, response.inputs.index(name)] *= passed
+        if name in response.outputs:
+            factor[response.outputs.index(name)] /= passed
+        notes.append(f"{name} corrected for {', '.join(known.name for known in chain)}")
+    return _scaled(response, factor, *notes)
+
+
+def ratio(numerator: FrequencyResponse, denominator: FrequencyResponse) -> FrequencyResponse:
+    r"""Response from one output to another, out of their responses to the same input.
+
+    .. math:: H_{y/z} = \frac{H_{y/x}}{H_{z/x}}, \qquad
+        \frac{\operatorname{Cov} H_{y/z}}{|H_{y/z}|^2} = \frac{\operatorname{Cov} H_{y/x}}{|H_{y/x}|^2}
+        + \frac{\operatorname{Cov} H_{z/x}}{|H_{z/x}|^2}
+
+    which makes :math:`x` the instrument. The errors are taken as independent of each other: true of sensor noise, not
+    of a gust that moves both outputs, where they partly cancel or add up. The sum holds to first order, so that points
+    where the denominator is known to worse than about 30 % are biased as well. Better, where the time histories are at
+    hand: :func:`rotorid.spectral.estimate.frequency_response` with :math:`z` as input and :math:`x` as instrument,
+    which sees how the errors go together.
+
+    Parameters
+    ----------
+    numerator, denominator
+        One output, one and the same input, the same frequencies; :func:`selected` makes them so.
+
+    Returns
+    -------
+    FrequencyResponse
+        With the denominator's output as input. Coherence is the smaller of the two.
+
+    Raises
+    ------
+    UsageError
+        The responses do not match.
+    """
+    _require_matching(numerator, denominator)
+    over, under = numerator.values[0, 0], denominator.values[0, 0]
+    values = over / under
+    relative = numerator.covariance[0, 0] / np.outer(over, over.conj())
+    relative = relative + denominator.covariance[0, 0] / np.outer(under, under.conj())
+    output, name = numerator.outputs[0], denominator.outputs[0]
+    return replace(
+        numerator,
+        values=values[None, None],
+        coherence=np.minimum(numerator.coherence, denominator.coherence),
+        random_error=np.hypot(numerator.random_error, denominator.random_error),
+        covariance=(np.outer(values, values.conj()) * relative)[None, None],
+        inputs=(name,),
+        estimate="joint",
+        instruments=numerator.instruments or numerator.inputs,
+        findings=(*numerator.findings, *denominator.findings),
+        processing=(
+            *numerator.processing,
+            *denominator.processing,
+            f"ratio {output}/{name} of two responses to {numerator.inputs[0]}, errors taken as independent",
+        ),
+    )
+
+
+def inverse(response: FrequencyResponse) -> FrequencyResponse:
+    r"""The response of the input to the output.
+
+    .. math:: H' = 1 / H, \qquad \delta H' = -\delta H / H^2
+
+    Errors to first order. It stays the estimate that it was: noise was on the output, and is now on the input.
+
+    Parameters
+    ----------
+    response
+        One input, one output.
+
+    Raises
+    ------
+    UsageError
+        There are several, or the response is zero somewhere.
+    """
+    _require_single(response)
+    if not np.all(response.values):
+        raise UsageError("a response that is zero somewhere has no inverse", needed="a band without zeros")
+    return replace(
+        response,
+        values=1.0 / response.values,
+        covariance=_scaled_covariance(response, -1.0 / response.values**2),
+        inputs=response.outputs,
+        outputs=response.inputs,
+        instruments=(),
+        processing=(*response.processing, f"inverse of {response.outputs[0]}/{response.inputs[0]}"),
+    )
+
+
+def selected(
+    response: FrequencyResponse,
+    *,
+    outputs: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    band_rad_s: tuple[float, float] | None = None,
+) -> FrequencyResponse:
+    """Some pairs and a band of a response.
+
+    Of several inputs that moved together each response stays the partial one: the others remain accounted for.
+
+    Parameters
+    ----------
+    response
+        Whole.
+    outputs, inputs
+        Channels in the order wanted; all when not given.
+    band_rad_s
+        First and last frequency to keep, both included; all when not given.
+
+    Raises
+    ------
+    UsageError
+        A channel is not there, or no frequency lies in the band.
+    """
+    kept_outputs = response.outputs if outputs is None else tuple(outputs)
+    kept_inputs = response.inputs if inputs is None else tuple(inputs)
+    low, high = band_rad_s or (0.0, np.inf)
+    points = np.flatnonzero((response.omega_rad_s >= low) & (response.omega_rad_s <= high))
+    if not points.size:
+        raise UsageError(
+            f"no frequency lies in the band {low:g}:{high:g} rad/s",
+            needed=f"a band within {response.omega_rad_s[0]:g}:{response.omega_rad_s[-1]:g} rad/s",
+        )
+    columns = [_row(response.inputs, name, "input") for name in kept_inputs]
+    pairs = np.ix_([_row(response.outputs, name, "output") for name in kept_outputs], columns)
+    note = () if band_rad_s is None else (f"band {low:g}:{high:g} rad/s selected",)
+    return replace(
+        response,
+        omega_rad_s=response.omega_rad_s[points],
+        values=response.values[pairs][..., points],
+        coherence=response.coherence[pairs][..., points],
+        random_error=response.random_error[pairs][..., points],
+        covariance=response.covariance[pairs][..., points[:, None], points],
+        inputs=kept_inputs,
+        outputs=kept_outputs,
+        instruments=tuple(response.instruments[column] for column in columns) if response.instruments else (),
+        processing=(*response.processing, *note),
+    )
+
+
+def renamed(response: FrequencyResponse, names: Mapping[str, str]) -> FrequencyResponse:
+    """The same response under other channel names.
+
+    Parameters
+    ----------
+    response
+        Its findings keep the names under which they were made.
+    names
+        Old to new, of inputs and outputs.
+
+    Raises
+    ------
+    UsageError
+        A channel is not there, or two would have one name.
+    """
+    for name in names:
+        _row((*response.inputs, *response.outputs), name, "channel")
+    notes = tuple(f"{old} renamed {new}" for old, new in names.items())
+    return replace(_named(response, names), processing=(*response.processing, *notes))
+
+
+def _named(response: FrequencyResponse, names: Mapping[str, str]) -> FrequencyResponse:
+    inputs, outputs = (tuple(names.get(n, n) for n in group) for group in (response.inputs, response.outputs))
+    for group in (inputs, outputs):
+        if len(set(group)) < len(group):
+            raise UsageError(f"two channels would be named alike among {', '.join(group)}", needed="one name for each")
+    return replace(response, inputs=inputs, outputs=outputs)
+
+
+def _passed(name: str, chain: Sequence[KnownFilter], response: FrequencyResponse) -> ComplexArray:
+    """What is left of a channel behind its filters, where that is enough to go back from."""
+    highest = float(response.omega_rad_s[-1])
+    slowest = min(known.rate_hz for known in chain)
+    if highest >= np.pi * slowest:
+        raise UsageError(
+            f"{name} was filtered at {slowest:g} Hz, and the response reaches {highest:.4g} rad/s",
+            needed=f"less than {np.pi * slowest:.4g} rad/s",
+            remedy="select a lower band",
+        )
+    passed = combined_response(chain, response.omega_rad_s)
+    left = np.abs(passed)
+    if left.min() < _FAINTEST:
+        raise UsageError(
+            f"the filters of {name} have left {left.min():.2g} of it at {response.omega_rad_s[left.argmin()]:.4g} "
+            "rad/s",
+            needed=f"at least {_FAINTEST:g}, below which nothing is there to correct",
+            remedy="select a band without that",
+        )
+    return passed
+
+
+def _scaled(response: FrequencyResponse, factor: ComplexArray, *notes: str) -> FrequencyResponse:
+    return replace(
+        response,
+        values=response.values * factor,
+        covariance=_scaled_covariance(response, factor),
+        processing=(*response.processing, *notes),
+    )
+
+
+def _scaled_covariance(response: FrequencyResponse, factor: ComplexArray) -> ComplexArray:
+    return np.asarray(response.covariance * factor[..., :, None] * factor[..., None, :].conj())
+
+
+def _ones(response: FrequencyResponse) -> ComplexArray:
+    return np.ones(response.values.shape, dtype=np.complex128)
+
+
+def _row(names: Sequence[str], name: str, what: str) -> int:
+    if name not in names:
+        raise UsageError(f"there is no {what} {name} in the response", needed=f"one of {', '.join(names)}")
+    return list(names).index(name)
+
+
+def _require_single(response: FrequencyResponse) -> None:
+    if response.values.shape[:2] != (1, 1):
+        raise UsageError(
+            f"a response of {', '.join(response.outputs)} to {', '.join(response.inputs)} came",
+            needed="one output and one input",
+            remedy="select a pair",
+        )
+
+
+def _require_matching(numerator: FrequencyResponse, denominator: FrequencyResponse) -> None:
+    _require_single(numerator)
+    _require_single(denominator)
+    same_driver = (numerator.inputs, numerator.instruments) == (denominator.inputs, denominator.instruments)
+    if not same_driver or not np.array_equal(numerator.omega_rad_s, denominator.omega_rad_s):
+        raise UsageError(
+            f"responses to {numerator.inputs[0]} and to {denominator.inputs[0]} came",
+            needed="the same input, the same instrument and the same frequencies",
+            remedy="take both out of one estimate",
+        )
+    if not np.all(denominator.values):
+        raise UsageError("a denominator that is zero somewhere came", needed="a band without zeros")
