@@ -14,7 +14,7 @@ from rotorid.spectral.errors import influence, overlap_constant, random_error, r
 from rotorid.spectral.kernel import BlockGrid
 from rotorid.spectral.weakness import weak_instrument_factor
 from rotorid.spectral.windows import Taper
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _SMOOTHING_POINTS = 2
 _MOMENTS_IN_WINDOW = 5
@@ -32,13 +32,22 @@ class Composed:
     coherence, random_error
         Shape ``(u, f)``.
     covariance
-        Shape ``(u, f, f)``; zeros in a draft.
+        Shape ``(u, f, f)``; empty in a draft.
+    share
+        Share of each window in the composite, shape ``(u, w, f)``.
+    window_error
+        Random error of each window alone, shape ``(u, w, f)``; not a number where it does not count.
+    multiple_coherence
+        Share of the output's power that all inputs explain, shape ``(f,)``.
     """
 
     values: ComplexArray
     coherence: FloatArray
     random_error: FloatArray
     covariance: ComplexArray
+    share: FloatArray
+    window_error: FloatArray
+    multiple_coherence: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,8 +87,22 @@ class Composer:
         """
         parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
         columns = [self._one(parts, index, draft) for index in range(len(self.windows[0].inputs))]
-        values, coherence, error, covariance = (np.stack(arrays) for arrays in zip(*columns, strict=True))
-        return Composed(values=values, coherence=coherence, random_error=error, covariance=covariance)
+        values, coherence, error, covariance, share, single = (
+            np.stack(arrays) for arrays in zip(*columns, strict=True)
+        )
+        mean = share.mean(axis=0)
+        explained = 1.0 - np.sum(mean * self._padded([part.noise for part in parts], 0.0).real, axis=0) / np.sum(
+            mean * self._padded([output.auto for output in spectra], 1.0).real, axis=0
+        )
+        return Composed(
+            values=values,
+            coherence=coherence,
+            random_error=error,
+            covariance=covariance,
+            share=share,
+            window_error=single,
+            multiple_coherence=explained,
+        )
 
     @property
     def _direct(self) -> bool:
@@ -87,15 +110,17 @@ class Composer:
 
     def _one(
         self, parts: Sequence[Conditioned], index: int, draft: bool
-    ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray]:
+    ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray]:
         power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
         response = self._padded([part.response[index] for part in parts], 1.0)
         noise = self._padded([self._unbiased(part, w) for part, w in zip(parts, self.windows, strict=True)], 1.0).real
         pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
-        weights = self._weights(pairs)
+        single = random_error(pairs.coherence, self._averages, overlap=self.overlap)
+        weights = self._weights(single)
         total = self.compose(pairs, weights)
         share = weights**self.weight_power * power
         share = share / share.sum(axis=0)
+        single = np.where(self._valid, single, np.nan)
         coherence = total.coherence
         if not self._direct:
             seen = self._padded([part.instrument_coherence[index] for part in parts], 0.0).real
@@ -104,17 +129,19 @@ class Composer:
         if draft:
             averages = np.sum(share * self._averages, axis=0)
             error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.overlap)
-            return total.response, coherence, error, np.zeros(0, dtype=np.complex128)
+            return total.response, coherence, error, np.zeros(0, dtype=np.complex128), share, single
         covariance = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
         spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(total.response)
-        return total.response, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance
+        return total.response, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance, share, single
 
-    def _weights(self, pairs: PairSpectra) -> FloatArray:
-        random = random_error(pairs.coherence, self._averages, overlap=self.overlap)
+    def _weights(self, error: FloatArray) -> FloatArray:
         lengths_s = np.array([window.matrix.window_s for window in self.windows])[:, None]
+        return window_weights(np.hypot(error, smear(self.omega_rad_s, lengths_s)), self._valid)
+
+    @property
+    def _valid(self) -> BoolArray:
         # Grids of shorter windows are tails of the longest one's.
-        valid = np.stack([self.omega_rad_s >= window.matrix.omega_rad_s[0] for window in self.windows])
-        return window_weights(np.hypot(random, smear(self.omega_rad_s, lengths_s)), valid)
+        return np.stack([self.omega_rad_s >= window.matrix.omega_rad_s[0] for window in self.windows])
 
     @property
     def _averages(self) -> FloatArray:

@@ -13,11 +13,12 @@ from rotorid.errors import UsageError
 from rotorid.spectral.composer import Composed, Composer
 from rotorid.spectral.composite import compose_by_least_squares, compose_by_weights
 from rotorid.spectral.conditioning import output_spectra, separate
+from rotorid.spectral.diagnostics import Diagnostics, diagnose
 from rotorid.spectral.leakage import derivatives, without_leakage
 from rotorid.spectral.preconditions import require_finite, require_motion, require_windows
 from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
 from rotorid.spectral.windows import HANN, Taper
-from rotorid.typing import FloatArray
+from rotorid.typing import ComplexArray, FloatArray
 
 Composition: TypeAlias = Literal["least_squares", "weights"]
 Leakage: TypeAlias = Literal["corrected", "ignored"]
@@ -98,6 +99,44 @@ def frequency_response(
     >>> np.abs(response.values[0, 0]).round(6)
     array([2., 2., 2., 2., 2.])
     """
+    response, _ = diagnosed_response(
+        records,
+        inputs=inputs,
+        outputs=outputs,
+        omega_rad_s=omega_rad_s,
+        windows_s=windows_s,
+        instruments=instruments,
+        overlap=overlap,
+        taper=taper,
+        composition=composition,
+        leakage=leakage,
+    )
+    return response
+
+
+def diagnosed_response(
+    records: Sequence[TimeHistory],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    omega_rad_s: FloatArray,
+    windows_s: Sequence[float],
+    instruments: Sequence[str] = (),
+    overlap: float = 0.8,
+    taper: Taper = HANN,
+    composition: Composition = "least_squares",
+    leakage: Leakage = "corrected",
+) -> tuple[FrequencyResponse, Diagnostics]:
+    """:func:`frequency_response`, with what stands behind it.
+
+    Parameters and errors are those of :func:`frequency_response`.
+
+    Returns
+    -------
+    FrequencyResponse, Diagnostics
+        The response, and on the same grid shares and errors of the windows, multiple coherence, what was taken out as
+        leakage, and how the inputs move together.
+    """
     drivers = tuple(instruments) or tuple(inputs)
     if len(drivers) != len(inputs):
         raise UsageError(f"{len(drivers)} instruments for {len(inputs)} inputs came", needed="one for each input")
@@ -125,8 +164,9 @@ def frequency_response(
         # Least squares weigh the windows once, the weighted mean by the squares of the same weights.
         weight_power=1 if composition == "least_squares" else 2,
     )
-    parts = [_respond(composer, matrices, input_rows, rows[output], leakage=leakage) for output in outputs]
-    return FrequencyResponse(
+    answers = [_respond(composer, matrices, input_rows, rows[output], leakage=leakage) for output in outputs]
+    parts = [part for part, _ in answers]
+    response = FrequencyResponse(
         omega_rad_s=composer.omega_rad_s,
         values=np.stack([part.values for part in parts]),
         coherence=np.stack([part.coherence for part in parts]),
@@ -138,15 +178,17 @@ def frequency_response(
         instruments=tuple(instruments),
         windows_s=tuple(matrix.window_s for matrix in matrices),
     )
+    return response, diagnose(composer.windows, parts, [added for _, added in answers])
 
 
 def _respond(
     composer: Composer, matrices: Sequence[SpectralMatrix], inputs: Sequence[int], output: int, *, leakage: Leakage
-) -> Composed:
-    """One output: first as it is, then without what the windows added, which the first answer tells."""
+) -> tuple[Composed, ComplexArray]:
+    """One output, and what the windows had added to it: known from a first answer that still has it."""
     plain = [output_spectra(matrix, output) for matrix in matrices]
     if leakage == "ignored":
-        return composer.responses(plain)
+        composed = composer.responses(plain)
+        return composed, np.zeros_like(composed.values)
     draft = composer.responses(plain, draft=True)
     slopes = derivatives(composer.omega_rad_s, draft.values, draft.random_error)
     corrected = [
@@ -155,7 +197,8 @@ def _respond(
         )
         for matrix in matrices
     ]
-    return composer.responses(corrected)
+    composed = composer.responses(corrected)
+    return composed, draft.values / composed.values - 1.0
 
 
 def _select(record: TimeHistory, names: Sequence[str]) -> TimeHistory:

@@ -30,6 +30,9 @@ _LEAST_ERROR = 1e-4
 _LARGEST_ERROR = 10.0
 _LEAST_SLOPE = 1e-3
 
+_SURE = 3.0
+"""A derivative of this many standard deviations counts half."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Derivatives:
@@ -52,7 +55,7 @@ class Derivatives:
 def derivatives(omega_rad_s: FloatArray, response: ComplexArray, error: FloatArray) -> Derivatives:
     r"""Derivatives of measured responses, from a local parabola through :math:`\ln H` over :math:`\ln \omega`.
 
-    Each is shrunk by its own significance, :math:`c \, |c|^2 / (|c|^2 + \sigma_c^2)`, so that noise asks for no
+    Each is shrunk by its own significance, :math:`c / (1 + (3 \sigma_c / |c|)^4)`, so that noise asks for no
     correction. Grids with fewer than four points per octave, or resonances narrower than a few points, are seen
     through the parabola.
 
@@ -144,4 +147,4 @@ def line_variance(taper: Taper, window_s: float) -> float:
 
 def _shrunk(value: ComplexArray, spread: FloatArray) -> ComplexArray:
     size = np.maximum(np.abs(value), _LEAST_SLOPE)
-    return np.asarray(value / (1.0 + (spread / size) ** 2))
+    return np.asarray(value / (1.0 + (_SURE * spread / size) ** 4))

@@ -70,7 +70,7 @@ def test_derivatives_of_a_known_response() -> None:
     exact = np.exp(-0.03j * fine) * plant(fine)
     first = np.gradient(exact, fine)
     second = np.gradient(first, fine)
-    found = derivatives(OMEGA, response[None], np.full((1, OMEGA.size), 1e-3))
+    found = derivatives(OMEGA, response[None], np.full((1, OMEGA.size), 1e-4))
     for derivative, truth in ((found.first, first), (found.second, second)):
         expected = np.interp(OMEGA, fine, truth.real) + 1j * np.interp(OMEGA, fine, truth.imag)
         # What a parabola over six intervals of 7 % misses of the delay's exponential.
