@@ -1,0 +1,314 @@
+r"""Margins of a measured loop, each with its uncertainty, and none where the flight does not show it.
+
+Everything is read off a local fit over the logarithm of frequency (:mod:`rotorid.spectral.log_curve`), inside the band
+in which the points can be trusted: a relative error of at most 0.3, and a coherence of at least 0.3 for a joint
+estimate. A crossing outside is ``None``, and ``not_seen`` says where it was looked for: nothing is extrapolated.
+Standard deviations follow by the delta method from the covariance between frequencies; what moves with a crossing (the
+phase at a crossover that is uncertain itself) is counted in. They hold the scatter of the flight alone: not the last
+points of a sweep that ends near the crossing, where its transient biases them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rotorid.data.immutable import Immutable
+from rotorid.data.response import FrequencyResponse
+from rotorid.spectral.log_curve import Estimated, Local, LogCurve, Row, crossings, log_curve
+from rotorid.spectral.loop import sensitivity
+
+_TURN = 2.0 * math.pi
+_NORMAL_95 = 1.959964
+_MINUS_3_DB = -3.0 * math.log(10.0) / 20.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GainCrossover:
+    """Where the magnitude of the loop passes one.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Frequency.
+    phase_margin_rad
+        Phase above −180°, in (−π, π].
+    delay_margin_s
+        Additional delay that turns the loop to −1 here: the phase margin over the frequency, one turn more where the
+        margin is negative.
+    """
+
+    omega_rad_s: Estimated
+    phase_margin_rad: Estimated
+    delay_margin_s: Estimated
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhaseCrossover:
+    """Where the phase of the loop passes −180° or a whole turn from it.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Frequency.
+    gain_margin
+        Factor that brings the loop to −1 here: above one the gain may rise by it, below one it may fall by it.
+    """
+
+    omega_rad_s: Estimated
+    gain_margin: Estimated
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopMargins(Immutable):
+    """All crossings of a loop, and the smallest margin of each kind.
+
+    Parameters
+    ----------
+    gain_crossovers, phase_crossovers
+        In order of frequency.
+    phase_margin_rad, delay_margin_s
+        The smallest over all gain crossovers.
+    gain_margin_up, gain_margin_down
+        The factor above one and that below one which are nearest to one.
+    modulus_margin, modulus_omega_rad_s
+        Least distance of the loop from −1, the inverse of the peak of the sensitivity, and where that is.
+    not_seen
+        Name of each field that is ``None``, and why.
+    """
+
+    gain_crossovers: tuple[GainCrossover, ...]
+    phase_crossovers: tuple[PhaseCrossover, ...]
+    phase_margin_rad: Estimated | None
+    delay_margin_s: Estimated | None
+    gain_margin_up: Estimated | None
+    gain_margin_down: Estimated | None
+    modulus_margin: Estimated | None
+    modulus_omega_rad_s: Estimated | None
+    not_seen: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(not_seen=self.not_seen)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbanceRejection(Immutable):
+    """How a loop holds against disturbances.
+
+    Parameters
+    ----------
+    bandwidth_rad_s
+        Where the sensitivity first rises through −3 dB, coming from low frequency.
+    peak, peak_omega_rad_s
+        Largest magnitude of the sensitivity, as a factor, and where it is.
+    not_seen
+        Name of each field that is ``None``, and why.
+    """
+
+    bandwidth_rad_s: Estimated | None
+    peak: Estimated | None
+    peak_omega_rad_s: Estimated | None
+    not_seen: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(not_seen=self.not_seen)
+
+
+def loop_margins(loop: FrequencyResponse) -> LoopMargins:
+    r"""Gain, phase, delay and modulus margins of a broken-loop response.
+
+    .. math:: |L(j\omega_c)| = 1: \; \varphi_m = \pi + \angle L(j\omega_c), \; \tau_m = \varphi_m / \omega_c; \qquad
+        \angle L(j\omega_\pi) = -\pi: \; k_m = 1 / |L(j\omega_\pi)|; \qquad s_m = \min_\omega |1 + L|
+
+    Assumes that the closed loop was stable, as it was if it flew, and that smallest margins lie in the band seen. The
+    modulus margin is the minimum of an uncertain curve: it comes out too small by the order of its standard deviation
+    where the curve is flat. The place of a peak has a wide
+    interval, which holds the truth more often than it says.
+
+    Parameters
+    ----------
+    loop
+        Broken-loop response, shape ``(1, 1, f)``, from :mod:`rotorid.spectral.loop`.
+
+    Raises
+    ------
+    UsageError
+        There is more than one response, or the grid begins at zero.
+
+    References
+    ----------
+    Åström and Murray, *Feedback Systems* (2008), chapter 9.
+
+    Examples
+    --------
+    An integrator with a delay of 0.1 s: crossover at 5 rad/s, 61.4° of phase and a factor of π there.
+
+    >>> omega = np.geomspace(0.5, 50.0, 60)
+    >>> loop = FrequencyResponse(
+    ...     omega_rad_s=omega, values=(5.0 / (1j * omega) * np.exp(-0.1j * omega))[None, None],
+    ...     coherence=np.ones((1, 1, 60)), random_error=np.zeros((1, 1, 60)), covariance=np.zeros((1, 1, 60, 60)),
+    ...     inputs=("roll_command",), outputs=("roll_feedback",), estimate="joint",
+    ... )
+    >>> margins = loop_margins(loop)
+    >>> round(math.degrees(margins.phase_margin_rad.value), 1), round(margins.gain_margin_up.value, 2)
+    (61.4, 3.14)
+    >>> margins.not_seen["gain_margin_down"]
+    'no crossing of −180° with a gain above one in 0.5:50 rad/s'
+    """
+    curve = log_curve(loop)
+    gains = tuple(_gain_crossover(curve, here) for here, _ in crossings(curve, 0.0, part="magnitude"))
+    phases = tuple(_phase_crossover(curve, here) for here in _half_turns(curve))
+    rejection = disturbance_rejection(sensitivity(loop))
+    modulus = rejection.peak and _inverse(rejection.peak)
+    up = [crossover.gain_margin for crossover in phases if crossover.gain_margin.value >= 1.0]
+    down = [crossover.gain_margin for crossover in phases if crossover.gain_margin.value < 1.0]
+    results = {
+        "phase_margin_rad": min((c.phase_margin_rad for c in gains), key=lambda e: abs(e.value), default=None),
+        "delay_margin_s": min((c.delay_margin_s for c in gains), key=lambda e: e.value, default=None),
+        "gain_margin_up": min(up, key=lambda e: e.value, default=None),
+        "gain_margin_down": max(down, key=lambda e: e.value, default=None),
+        "modulus_margin": modulus,
+        "modulus_omega_rad_s": rejection.peak_omega_rad_s,
+    }
+    gain = _missing("no crossing of gain one", curve)
+    reasons = {
+        "phase_margin_rad": gain,
+        "delay_margin_s": gain,
+        "gain_margin_up": _missing("no crossing of −180° with a gain below one", curve),
+        "gain_margin_down": _missing("no crossing of −180° with a gain above one", curve),
+        "modulus_margin": rejection.not_seen.get("peak", ""),
+        "modulus_omega_rad_s": rejection.not_seen.get("peak", ""),
+    }
+    return LoopMargins(gain_crossovers=gains, phase_crossovers=phases, **results, not_seen=_reasons(results, reasons))
+
+
+def disturbance_rejection(response: FrequencyResponse) -> DisturbanceRejection:
+    r"""Bandwidth and peak of a sensitivity.
+
+    .. math:: 20 \log_{10} |S(j\omega_{DRB})| = -3, \qquad \max_\omega |S|
+
+    Requirements are written for the attitude: give the response of the measured attitude to a disturbance that is added
+    to it. The sensitivity at the plant's input is the same function only where nothing but the attitude is fed back;
+    with a rate loop inside it says how the vehicle holds against moments.
+
+    Parameters
+    ----------
+    response
+        Sensitivity, shape ``(1, 1, f)``.
+
+    Raises
+    ------
+    UsageError
+        There is more than one response, or the grid begins at zero.
+
+    References
+    ----------
+    Tischler, Berger, Ivler, Mansur, Cheung and Soong, *Practical Methods for Aircraft and Rotorcraft Flight Control
+    Design* (2017).
+    """
+    curve = log_curve(response)
+    bandwidth, why = _rejection_bandwidth(curve)
+    top = _peak(curve)
+    peak = place = None
+    if top is not None:
+        place = Estimated(value=top.omega_rad_s, std=top.omega_rad_s * _peak_reach(curve, top) / _NORMAL_95)
+        height = math.exp(top.value.real)
+        peak = Estimated(value=height, std=height * curve.std(top.weights))
+    results = {"bandwidth_rad_s": bandwidth, "peak": peak, "peak_omega_rad_s": place}
+    highest = _missing("no peak", curve)
+    reasons = {"bandwidth_rad_s": why, "peak": highest, "peak_omega_rad_s": highest}
+    return DisturbanceRejection(**results, not_seen=_reasons(results, reasons))
+
+
+def _gain_crossover(curve: LogCurve, here: Local) -> GainCrossover:
+    moved = -here.weights / here.slope.real
+    omega = _omega(curve, here, moved)
+    margin = math.remainder(here.value.imag + math.pi, _TURN)
+    # The phase errs by itself (a turn by −j makes the imaginary part real) and with the crossover.
+    phase = -1j * here.weights + here.slope.imag * moved
+    delay_s = margin % _TURN / omega.value
+    return GainCrossover(
+        omega_rad_s=omega,
+        phase_margin_rad=Estimated(value=margin, std=curve.std(phase)),
+        delay_margin_s=Estimated(value=delay_s, std=curve.std(phase / omega.value - delay_s * moved)),
+    )
+
+
+def _half_turns(curve: LogCurve) -> tuple[Local, ...]:
+    """Crossings of −180° and of all that is whole turns from it, in order of frequency."""
+    if not curve.bands:
+        return ()
+    phase = curve.logarithms.imag
+    turns = range(math.floor(phase.min() / _TURN) - 1, math.ceil(phase.max() / _TURN) + 1)
+    found = [here for n in turns for here, _ in crossings(curve, math.pi + n * _TURN, part="phase")]
+    return tuple(sorted(found, key=lambda here: here.x))
+
+
+def _phase_crossover(curve: LogCurve, here: Local) -> PhaseCrossover:
+    moved = 1j * here.weights / here.slope.imag
+    margin = math.exp(-here.value.real)
+    row = here.weights + here.slope.real * moved
+    return PhaseCrossover(
+        omega_rad_s=_omega(curve, here, moved),
+        gain_margin=Estimated(value=margin, std=margin * curve.std(row)),
+    )
+
+
+def _rejection_bandwidth(curve: LogCurve) -> tuple[Estimated | None, str]:
+    rises = [here for here, up in crossings(curve, _MINUS_3_DB, part="magnitude") if up]
+    for low, high in curve.bands:
+        if curve.at(low).value.real >= _MINUS_3_DB:
+            # Below this band, or in the hole in front of it, the sensitivity may have risen and fallen unseen.
+            return None, f"not seen: already above −3 dB at {math.exp(low):.3g} rad/s, where a band begins"
+        inside = [here for here in rises if low <= here.x <= high]
+        if inside:
+            return _omega(curve, inside[0], -inside[0].weights / inside[0].slope.real), ""
+    return None, _missing("no rise through −3 dB", curve)
+
+
+def _peak(curve: LogCurve) -> Local | None:
+    """The highest point of the curve, if it is not at the end of a band."""
+    best: Local | None = None
+    highest = -math.inf
+    for band in curve.bands:
+        x, logarithms = curve.grid(band)
+        k = int(np.argmax(logarithms.real))
+        if logarithms[k].real > highest:
+            highest = float(logarithms[k].real)
+            best = None if k in (0, x.size - 1) else curve.at(float(x[k]))
+    return best
+
+
+def _peak_reach(curve: LogCurve, top: Local) -> float:
+    r"""How far from the peak in :math:`\ln\omega` the curve is not lower beyond doubt (95 %).
+
+    Of a flat peak neither the place nor the curvature is known well enough for the delta method.
+    """
+    (band,) = (band for band in curve.bands if band[0] <= top.x <= band[1])
+    x, logarithms = curve.grid(band)
+    _, rows = curve.near(x)
+    drop = top.value.real - logarithms.real
+    doubt = _NORMAL_95 * np.array([curve.std(row) for row in rows[:, 0] - top.weights])
+    lower = drop > doubt
+    left, right = x[lower & (x < top.x)], x[lower & (x > top.x)]
+    low, high = left[-1] if left.size else x[0], right[0] if right.size else x[-1]
+    return float(max(top.x - low, high - top.x))
+
+
+def _omega(curve: LogCurve, here: Local, moved: Row) -> Estimated:
+    return Estimated(value=here.omega_rad_s, std=here.omega_rad_s * curve.std(moved))
+
+
+def _inverse(estimate: Estimated) -> Estimated:
+    return Estimated(value=1.0 / estimate.value, std=estimate.std / estimate.value**2)
+
+
+def _missing(what: str, curve: LogCurve) -> str:
+    return f"{what} in {curve.seen}" if curve.bands else f"{what}: no five points together with an error below 0.3"
+
+
+def _reasons(results: Mapping[str, Estimated | None], reasons: Mapping[str, str]) -> dict[str, str]:
+    return {name: reasons[name] for name, result in results.items() if result is None}
