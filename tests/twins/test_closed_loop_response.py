@@ -117,6 +117,17 @@ def test_joint_errors_are_as_large_as_published() -> None:
     assert np.mean(np.abs(z) ** 2) == pytest.approx(1.0, abs=0.2 + 4.0 / np.sqrt(freedom))
 
 
+@pytest.mark.parametrize("gust", [6.0, 20.0])
+def test_errors_hold_where_feedback_rules_the_input(gust: float) -> None:
+    # In strong gusts the instrument explains little of the input, and estimates lean toward the inverse controller.
+    results = [response(fly(seed, gust=gust), instruments=("roll_excitation",)) for seed in range(300, 324)]
+    stated = np.stack([result.random_error[0, 0] for result in results])
+    z = np.abs(normalized(results))[stated < 0.3]
+    assert z.size > 60
+    assert np.mean(z < np.sqrt(3.0)) > 0.92
+    assert np.sqrt(np.mean(z**2)) < 1.1
+
+
 def test_direct_errors_are_not_what_their_coherence_promises() -> None:
     direct, _ = studies(range(200, 206))
     assert np.mean(np.abs(normalized(direct)[:, LOW]) ** 2) > 10.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.console import progress, say
-from rotorid.cli.options import Json, Logs, Map, Out, Quiet, Seed, Segments
+from rotorid.cli.options import Json, Logs, Map, Out, Quiet, Seed, Segments, Shifts
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
@@ -34,6 +34,7 @@ def identify_command(
     ] = None,
     fix: Annotated[list[str] | None, typer.Option("--fix", help="NAME=VALUE to hold. Repeatable.")] = None,
     segment: Segments = None,
+    shift: Shifts = None,
     verify: Annotated[
         list[Path] | None, typer.Option("--verify", help="A log kept unseen, to judge the model on. Repeatable.")
     ] = None,
@@ -50,7 +51,7 @@ def identify_command(
     from rotorid.pipeline.resolve import resolve_model
     from rotorid.report.output import to_json, write_results
 
-    settings = _settings(band, windows, coherence, estimate, instrument, fix, segment, seed)
+    settings = _settings(band, windows, coherence, estimate, instrument, fix, segment, shift, seed)
     structure = resolve_model(model)
     folder = out or Path("rotorid-out") / _file_name(f"{_stem(logs[0])}-{structure.name}")
     command = ["rotorid", *sys.argv[1:]]
@@ -84,9 +85,17 @@ def _settings(
     instrument: str | None,
     fix: Sequence[str] | None,
     segment: Sequence[str] | None,
+    shift: Sequence[str] | None,
     seed: int,
 ) -> IdentifySettings:
-    from rotorid.pipeline.settings import IdentifySettings, parse_band, parse_fix, parse_numbers, parse_segment
+    from rotorid.pipeline.settings import (
+        IdentifySettings,
+        parse_band,
+        parse_fix,
+        parse_numbers,
+        parse_segment,
+        parse_shifts,
+    )
 
     return IdentifySettings(
         band_rad_s=parse_band(band) if band else None,
@@ -96,6 +105,7 @@ def _settings(
         instruments=tuple(instrument.split(",")) if instrument else (),
         fix=parse_fix(tuple(fix or ())),
         segments=tuple(parse_segment(text) for text in segment or ()),
+        shifts=parse_shifts(tuple(shift or ())),
         seed=seed,
     )
 

@@ -17,13 +17,16 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rotorid.pipeline.document import FindingDocument, ManeuverDocument
-    from rotorid.pipeline.inspection import ChannelDocument, InspectDocument
+    from rotorid.pipeline.inspection import ChannelDocument, InspectDocument, SkewDocument
 
 Plot: TypeAlias = Annotated[
     Path | None, typer.Option("--plot", help="Write a picture of the log: FILE.html or FILE.png.")
 ]
 
 _MOST_FINDINGS = 8
+_MOST_SKEWS = 6
+_TOLD_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
+"""What stands in lines of its own; only warnings of these are said again."""
 
 
 def inspect_command(log: Log, map: Map = None, plot: Plot = None, json: Json = False, quiet: Quiet = False) -> None:
@@ -46,7 +49,7 @@ def inspect_command(log: Log, map: Map = None, plot: Plot = None, json: Json = F
 
 
 def _print(document: InspectDocument, plot: Path | None) -> None:
-    """One screen: the log, its topics, what was flown, what that supports, remarks."""
+    """One screen: the log, its topics, what was flown, whether it agrees with itself, what it supports, remarks."""
     from rotorid.cli.console import output_console
 
     console = output_console()
@@ -65,9 +68,12 @@ def _print(document: InspectDocument, plot: Path | None) -> None:
     if document.candidates:
         lines = [f"  {_maneuver(item)} in {item.signal}: --segment {item.segment}" for item in document.candidates]
         say(lines, "candidates: if they were meant, name them")
+    if document.kinematics or document.skews:
+        say([*_kinematics(document), *_skews(document.skews)], "do sensors and clocks agree")
     say(_supports(document), "what it can support")
-    if document.findings:
-        say(_findings(document.findings), "findings")
+    findings = [f for f in document.findings if f.severity != "info" or f.kind not in _TOLD_ELSEWHERE]
+    if findings:
+        say(_findings(findings), "findings")
     if plot is not None:
         say([f"\npicture: {plot}"])
 
@@ -82,6 +88,9 @@ def _head(document: InspectDocument) -> Iterator[str]:
         f"{document.start_s:.2f} to {document.stop_s:.2f} s on the log's clock, {document.parameters} parameters"
         f"{volts}{lowest}"
     )
+    if document.flights:
+        spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in document.flights)
+        yield f"in the air {spans}, as {document.flights[0].seen_in} tells"
     if document.settings:
         yield "  ".join(f"{name}={value:.6g}" for name, value in document.settings.items())
 
@@ -120,6 +129,35 @@ def _names(channels: Sequence[ChannelDocument]) -> str:
 def _maneuver(item: ManeuverDocument) -> str:
     band = f"{item.band_rad_s[0]:.2g} to {item.band_rad_s[1]:.3g} rad/s" if item.band_rad_s else ""
     return f"{item.axis:<7}{item.kind:<14}{item.start_s:9.2f} to {item.stop_s:9.2f} s  {band:<20}"
+
+
+def _kinematics(document: InspectDocument) -> Iterator[str]:
+    """A line for each sensor; those that could not be checked share one."""
+    for row in document.kinematics:
+        yield (
+            f"  {row.channel:<3} {row.scale:6.3f} ± {row.scale_std:.3f} of what {row.against} gives, "
+            f"{1e3 * row.lag_s:6.1f} ± {1e3 * row.lag_std_s:.1f} ms after it: {row.verdict}"
+        )
+    checked = [row.channel for row in document.kinematics]
+    unchecked = [f.where for f in document.findings if f.kind == "kinematics_unchecked" and f.where not in checked]
+    if unchecked:
+        yield f"  not checked: {', '.join(unchecked)}"
+
+
+def _skews(skews: Sequence[SkewDocument]) -> Iterator[str]:
+    """A line for each pair of topics, and for each output against its command; what needs a remedy comes first."""
+    pairs = {(row.reference, row.delayed): row for row in (*skews[::-1], *(row for row in skews if row.remedy))}
+    rows = sorted(pairs.values(), key=lambda row: (not row.remedy, row.nature, row.start_s))
+    for row in rows[:_MOST_SKEWS]:
+        late = f"{1e3 * row.seconds:6.2f} ± {1e3 * row.std_s:.2f} ms after"
+        if row.nature == "vehicle":
+            yield f"  {row.channel:<3} {late} {row.reference}: vehicle, motors, filters and stamps together"
+            continue
+        known = f"; known filters explain {1e3 * row.known_s[0]:.1f} to {1e3 * row.known_s[1]:.1f} ms"
+        rest = f": {row.remedy}" if row.remedy else ""
+        yield f"  {row.channel:<3} in {row.delayed} {late} {row.reference}{known if any(row.known_s) else ''}{rest}"
+    if len(rows) > _MOST_SKEWS:
+        yield f"  and {len(rows) - _MOST_SKEWS} more pairs, which --json shows"
 
 
 def _supports(document: InspectDocument) -> Iterator[str]:

@@ -24,3 +24,7 @@ Segments: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--segment", help="AXIS:START:STOP to fit instead of what is found, in log seconds. Repeatable."),
 ]
+Shifts: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--shift", help="CHANNEL:SECONDS to delay it by, where inspect finds its stamps wrong. Repeatable."),
+]

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.building import built, reconstructed_findings, require_channels, shifted, with_ingredients
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import Flown
-from rotorid.signal.clock import Conditioned, missing_channel, one_clock
+from rotorid.signal.airborne import Airborne, airborne
+from rotorid.signal.clock import Conditioned, one_clock
 
 _SAME_RATE = 1.02
+_WORTH_CUTTING_S = 0.25
+_SHORTEST_LEFT = 0.5
+"""A maneuver that flies for less than this share of it is more likely mistaken for landed than landed."""
 
 
 def cut(
@@ -19,17 +27,25 @@ def cut(
     *,
     channels: Sequence[str],
     followers: Sequence[str] = (),
+    shifts: Mapping[str, float] | None = None,
     rest_s: float = 0.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[tuple[Segment, ...], tuple[Finding, ...]]:
     """Maneuvers as time histories on one clock, all at the rate of the slowest.
+
+    What lies before take-off and after landing is cut off, channels that are not logged are reconstructed where their
+    ingredients are, and shifts that were asked for are applied last.
 
     Parameters
     ----------
     flown
         Records and maneuvers.
     channels, followers
-        See :func:`rotorid.signal.clock.one_clock`.
+        See :func:`rotorid.signal.clock.one_clock`; of ``channels`` those too that
+        :func:`rotorid.signal.reconstruct.reconstruct` makes.
+    shifts
+        Channel to seconds by which it is delayed, see :func:`rotorid.signal.skew.shift`. Channels that are not cut out
+        here are passed over.
     rest_s
         Seconds of rest to take along on either side.
     progress
@@ -39,18 +55,19 @@ def cut(
     ------
     InsufficientDataError
         A channel is missing.
+    UsageError
+        A shift is longer than a maneuver.
     """
     for record, _ in flown:
-        for name in channels:
-            if name not in record.channel_names:
-                raise missing_channel(record, name)
+        require_channels(record, channels)
+    flown, landed = _while_flying(flown)
 
-    def conditioned(flown: Flown, sample_rate_hz: float | None) -> Conditioned:
-        record, maneuver = flown
+    def conditioned(item: Flown, sample_rate_hz: float | None) -> Conditioned:
+        record, maneuver = item
         progress(f"{record.source.name}: {maneuver.axis} {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s")
         return one_clock(
             record,
-            channels=channels,
+            channels=with_ingredients(record, channels),
             followers=followers,
             start_s=maneuver.start_s - rest_s,
             stop_s=maneuver.stop_s + rest_s,
@@ -65,13 +82,62 @@ def cut(
     parts = first
     if any(rate != slowest for rate in rates):
         parts = [conditioned(item, slowest) for item in flown]
+    wanted = tuple(dict.fromkeys((*channels, *followers)))
     segments = tuple(
-        Segment(record=record.source.name, maneuver=maneuver, history=history)
+        Segment(record=record.source.name, maneuver=maneuver, history=shifted(built(history, wanted), shifts or {}))
         for (record, maneuver), part in zip(flown, parts, strict=True)
         for history in part.histories
     )
-    findings = (*(f for part in parts for f in part.findings), *_rates(rates, slowest))
-    return segments, (*findings, *other_sources(segments, segments, channels))
+    remarks = (*landed, *(f for part in parts for f in part.findings), *_rates(rates, slowest))
+    return segments, (
+        *remarks,
+        *reconstructed_findings(histories(segments)),
+        *other_sources(segments, segments, channels),
+    )
+
+
+def _while_flying(flown: Sequence[Flown]) -> tuple[list[Flown], list[Finding]]:
+    """Maneuvers without what lies before take-off or after landing, and a warning for each that lost something."""
+    flights: dict[str, Airborne | None] = {}
+    cut_down, findings = [], []
+    for record, maneuver in flown:
+        key = record.source.sha256 or record.source.name
+        if key not in flights:
+            flights[key] = _flights(record)
+        kept, remark = _flying_part(maneuver, flights[key])
+        cut_down.append((record, kept))
+        findings += remark
+    return cut_down, findings
+
+
+def _flights(record: FlightRecord) -> Airborne | None:
+    """Flights that thrust or motors tell. The activity of sensors is no reason to throw data away."""
+    try:
+        found = airborne(record, margin_s=0.0)
+    except InsufficientDataError:
+        # A rig or a bench has no flight; its maneuvers count as they are.
+        return None
+    return found if found.by_thrust else None
+
+
+def _flying_part(maneuver: Maneuver, flight: Airborne | None) -> tuple[Maneuver, list[Finding]]:
+    if flight is None:
+        return maneuver, []
+    shared = [(max(a, maneuver.start_s), min(b, maneuver.stop_s)) for a, b in flight.intervals]
+    start_s, stop_s = max(shared, key=lambda part: part[1] - part[0])
+    lost_s = maneuver.duration_s - (stop_s - start_s)
+    if lost_s <= _WORTH_CUTTING_S:
+        return maneuver, []
+    whole = f"{maneuver.axis} {maneuver.start_s:.2f} to {maneuver.stop_s:.2f} s"
+    if stop_s - start_s < _SHORTEST_LEFT * maneuver.duration_s:
+        kept, said = maneuver, f"{whole} lies mostly on the ground, as {flight.seen_in} tells; it was used as it is."
+    else:
+        kept = replace(maneuver, start_s=start_s, stop_s=stop_s)
+        said = (
+            f"{whole} reaches beyond the flight, as {flight.seen_in} tells; {start_s:.2f} to {stop_s:.2f} s was used."
+        )
+    numbers = {"start_s": kept.start_s, "stop_s": kept.stop_s, "on_ground_s": lost_s}
+    return kept, [Finding(kind="airborne", severity="warning", where=whole, message=said, numbers=numbers)]
 
 
 def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:

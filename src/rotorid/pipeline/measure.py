@@ -11,6 +11,7 @@ from rotorid.data.channel import AXES
 from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
+from rotorid.pipeline.building import require_known
 from rotorid.pipeline.cutting import cut, histories
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import Flown, choose_instruments, no_instrument
@@ -82,11 +83,15 @@ def measure(
     ------
     InsufficientDataError
         A channel is missing, or the maneuvers are too short for the band.
+    UsageError
+        A shift is of a channel that takes no part, or longer than a maneuver.
     """
     instruments = choose_instruments(flown, inputs, outputs, settings)
     others = _other_commands(flown, inputs)
     followers = tuple(dict.fromkeys((*instruments, *others)))
-    segments, findings = cut(flown, channels=(*inputs, *outputs), followers=followers, progress=progress)
+    channels = (*inputs, *outputs)
+    require_known(settings.shifts, (*channels, *followers))
+    segments, findings = cut(flown, channels=channels, followers=followers, shifts=settings.shifts, progress=progress)
     records = histories(segments)
     band = settings.band_rad_s or default_band(flown, records[0].sample_rate_hz)
     plan = _windows(records, band, settings)

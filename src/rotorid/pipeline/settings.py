@@ -42,6 +42,8 @@ class IdentifySettings(Immutable):
         Parameters held at given values.
     segments
         Intervals to fit, instead of the excitations found.
+    shifts
+        Channel to seconds by which it is delayed before anything is estimated.
     seed
         For what is drawn at random; nothing is by default.
     """
@@ -53,10 +55,11 @@ class IdentifySettings(Immutable):
     instruments: tuple[str, ...] = ()
     fix: Mapping[str, float] = field(default_factory=dict)
     segments: tuple[Maneuver, ...] = ()
+    shifts: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
 
     def __post_init__(self) -> None:
-        self._set(fix=self.fix, windows_s=tuple(self.windows_s), segments=tuple(self.segments))
+        self._set(fix=self.fix, windows_s=tuple(self.windows_s), segments=tuple(self.segments), shifts=self.shifts)
         if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1] < math.inf:
             raise UsageError(f"the band {self.band_rad_s[0]:g}:{self.band_rad_s[1]:g} is empty", needed="0 < LO < HI")
         for length in self.windows_s:
@@ -69,6 +72,9 @@ class IdentifySettings(Immutable):
                     f"a segment from {segment.start_s:g} to {segment.stop_s:g} s came",
                     needed="seconds on the log's own clock, as rotorid inspect shows them",
                 )
+        for name, seconds in self.shifts.items():
+            if not math.isfinite(seconds):
+                raise UsageError(f"a shift of {name} by {seconds:g} s came", needed="a finite number of seconds")
         if self.coherence is not None and not 0.0 <= self.coherence < 1.0:
             raise UsageError(f"a coherence of {self.coherence:g} came", needed="a number from 0 to below 1")
         if self.estimate not in get_args(EstimateChoice):
@@ -95,6 +101,7 @@ class IdentifySettings(Immutable):
             # All digits, so that the text gives the same run again.
             "fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()],
             "segments": [f"{m.axis}:{float(m.start_s)!r}:{float(m.stop_s)!r}" for m in self.segments],
+            "shifts": [f"{name}:{float(seconds)!r}" for name, seconds in self.shifts.items()],
         }
 
 
@@ -152,3 +159,26 @@ def parse_fix(texts: tuple[str, ...]) -> dict[str, float]:
         except ValueError:
             raise UsageError(f"{text!r} cannot be read", needed="NAME=VALUE, such as L_p=-2") from None
     return fixed
+
+
+def parse_shifts(texts: tuple[str, ...]) -> dict[str, float]:
+    """Read ``CHANNEL:SECONDS`` once or more; each channel once.
+
+    Examples
+    --------
+    >>> parse_shifts(("q:0.0037", "roll_command:-0.004"))
+    {'q': 0.0037, 'roll_command': -0.004}
+    """
+    shifts: dict[str, float] = {}
+    for text in texts:
+        name, _, value = text.rpartition(":")
+        try:
+            seconds = float(value)
+        except ValueError:
+            seconds = math.nan
+        if not name.strip() or not math.isfinite(seconds):
+            raise UsageError(f"the shift {text!r} cannot be read", needed="CHANNEL:SECONDS, such as q:0.0037")
+        if name.strip() in shifts:
+            raise UsageError(f"two shifts of {name.strip()} came", needed="one for each channel", remedy="add them up")
+        shifts[name.strip()] = seconds
+    return shifts

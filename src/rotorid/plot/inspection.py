@@ -13,7 +13,7 @@ from rotorid.plot.theme import BESIDE, INPUT, MEASURED, MODEL
 from rotorid.plot.time import TIME_AXIS, line
 from rotorid.typing import FloatArray
 
-BAR_COLORS = {"excitation": MODEL, "candidate": BESIDE, "logged": MEASURED}
+BAR_COLORS = {"flight": INPUT, "excitation": MODEL, "candidate": BESIDE, "logged": MEASURED}
 """Colors of the bars by their group, for a screen and for paper alike."""
 
 _ROW_PX, _BAR_PX = 24.0, 11.0
@@ -71,7 +71,7 @@ class LogPicture:
     Parameters
     ----------
     excitations
-        One or two rows of bars for each axis: what was found, and candidates.
+        When the vehicle flew, and one or two rows of bars for each axis: what was found, and candidates.
     trends
         Inputs and outputs.
     topics
@@ -102,7 +102,7 @@ def log_figure(picture: LogPicture) -> Figure:
         )
         for trend in picture.trends
     ]
-    panels = [_bars("excitations", picture.excitations), *trends, _bars("logged topics", picture.topics)]
+    panels = [_bars("flights and excitations", picture.excitations), *trends, _bars("logged topics", picture.topics)]
     return stacked([panel for panel in panels if panel.traces], x_axis=TIME_AXIS)
 
 

@@ -85,7 +85,7 @@ def log_png(picture: LogPicture, *, title: str, dots_per_inch: int = 130) -> byt
 
 
 def _tables(picture: LogPicture) -> tuple[tuple[str, Sequence[Bar]], ...]:
-    return ("excitations (candidates in gray)", picture.excitations), ("logged topics", picture.topics)
+    return ("flights and excitations (candidates in gray)", picture.excitations), ("logged topics", picture.topics)
 
 
 def _bars(cell: Axes, label: str, bars: Sequence[Bar]) -> None:

@@ -104,7 +104,7 @@ def render_inspection(record: FlightRecord, document: InspectDocument) -> str:
 
 
 def log_picture(record: FlightRecord, document: InspectDocument) -> LogPicture:
-    """What the picture shows of a log: excitations and candidates, the signals of each axis, and all topics."""
+    """What the picture shows of a log: flights, excitations, candidates, the signals of each axis, and all topics."""
     shown = (("excitation", document.excitations), ("candidate", document.candidates))
     excitations = [
         Bar(
@@ -116,9 +116,15 @@ def log_picture(record: FlightRecord, document: InspectDocument) -> LogPicture:
         for axis in AXES
         for group, items in shown
     ]
+    flights = Bar(
+        row="in the air",
+        group="flight",
+        spans=[(flight.start_s, flight.stop_s) for flight in document.flights],
+        words=[f"as {flight.seen_in} tells" for flight in document.flights],
+    )
     topics = [_topic_bar(topic.name, topic.sample_rate_hz, coverage(topic.time_s)) for topic in record.topics]
     trends = [trend for axis in RATE_AXES.values() for trend in _trends(record, document, axis.input, axis.output)]
-    return LogPicture(excitations=[bar for bar in excitations if bar.spans], trends=trends, topics=topics)
+    return LogPicture(excitations=[bar for bar in (flights, *excitations) if bar.spans], trends=trends, topics=topics)
 
 
 def _topic_bar(name: str, rate_hz: float, spans: Sequence[tuple[float, float]]) -> Bar:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,10 +19,13 @@ FLYING_SHARE = 0.5
 _LONGEST_DIP_S = 1.0
 _SHORTEST_FLIGHT_S = 2.0
 _WINDOW_S = 0.5
-_LIVELIER = 5.0
+_LIVELIER = 15.0
+"""Sweeps in light gusts spread up to eleven times as much as the calm between them; rest on the ground, far less."""
+
 _QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
 _SENSORS = ("ax", "ay", "az", "p", "q", "r")
 _HIGH_PERCENT = 99.0
+_MOST_BELOW_ZERO = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +38,8 @@ class Airborne:
         Start and stop of each flight in seconds on the log's own clock, in order of time.
     seen_in
         What told: a thrust command, the motors, or the activity of accelerometer and gyro.
+    by_thrust
+        Whether thrust or motors told. The activity of sensors only guesses: who rests in the air looks landed.
     findings
         ``airborne`` with start and stop of the longest flight.
     """
@@ -42,6 +47,7 @@ class Airborne:
     intervals: tuple[tuple[float, float], ...]
     seen_in: str
     findings: tuple[Finding, ...]
+    by_thrust: bool = True
 
     @property
     def longest(self) -> tuple[float, float]:
@@ -54,8 +60,8 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
 
     From the first of these that the record holds: the thrust command, the mean of the motor outputs (more than half of
     its usual value while it runs), the activity of accelerometer and gyro (spread within half a second more than the
-    geometric mean of that at rest and that in flight, where these differ by five and more). Dips of up to 1 s belong
-    to a flight; flights under 2 s are left out.
+    geometric mean of that at rest and that in flight, where these differ by fifteen and more). Dips of up to 1 s belong
+    to a flight; flights under 2 s are left out. A thrust that goes below zero counts from hover, and tells nothing.
 
     A vehicle that lifts off below half of its usual thrust, glides for seconds, or is carried about by hand misleads
     it. A record that begins in the air begins its flight with its first sample.
@@ -85,7 +91,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     >>> round(start_s, 2), round(stop_s, 2)
     (11.0, 48.98)
     """
-    time_s, flying, seen_in = _flying(record)
+    time_s, flying, seen_in, by_thrust = _flying(record)
     intervals = _intervals(time_s, flying, margin_s)
     if not intervals:
         message = f"{record.source.name} holds no flight of {_SHORTEST_FLIGHT_S:g} s and more, as {seen_in} tells."
@@ -95,15 +101,15 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
             remedy="choose another log, or name the interval with --segment",
             findings=[Finding(kind="never_airborne", severity="error", where=seen_in, message=message)],
         )
-    found = Airborne(intervals=intervals, seen_in=seen_in, findings=())
-    return Airborne(intervals=intervals, seen_in=seen_in, findings=(_finding(found, record),))
+    found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust)
+    return replace(found, findings=(_finding(found, record),))
 
 
-def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, str]:
+def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, str, bool]:
     for time_s, thrust, name in _thrusts(record):
         usual = _usual(thrust)
-        if usual > 0.0:
-            return time_s, thrust > FLYING_SHARE * usual, name
+        if usual > 0.0 and float(np.percentile(thrust, _QUIET_PERCENT)) > -_MOST_BELOW_ZERO * usual:
+            return time_s, thrust > FLYING_SHARE * usual, name, True
     sensors = _together(record, _SENSORS)
     if sensors is None:
         raise InsufficientDataError(
@@ -112,7 +118,7 @@ def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, str]:
             remedy="log one of them, or name its source with --map",
         )
     time_s, values, name = sensors
-    return time_s, _lively(time_s, values), f"the activity of {name}"
+    return time_s, _lively(time_s, values), f"the activity of {name}", False
 
 
 def _thrusts(record: FlightRecord) -> Iterator[tuple[FloatArray, FloatArray, str]]:

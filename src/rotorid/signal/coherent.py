@@ -152,8 +152,9 @@ def coherent_lines(lines: CrossSpectrum, where: str) -> CrossSpectrum:
 
 def _windows(values: FloatArray, length: int) -> ComplexArray:
     """Transforms of windows without mean and trend, shape ``(channels, windows, lines)``."""
-    from scipy.signal import detrend
-
     taper = 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(length) + 0.5) / length)
     stretches = np.lib.stride_tricks.sliding_window_view(values, length, axis=1)[:, :: length // 2]
-    return np.asarray(np.fft.rfft(detrend(stretches, axis=-1) * taper, axis=-1))
+    ramp = np.arange(length) - 0.5 * (length - 1)
+    slopes = stretches @ ramp / (ramp @ ramp)
+    level = stretches - stretches.mean(axis=-1, keepdims=True) - slopes[..., None] * ramp
+    return np.asarray(np.fft.rfft(level * taper, axis=-1))

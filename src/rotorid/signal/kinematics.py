@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -15,11 +16,14 @@ from rotorid.errors import InsufficientDataError
 from rotorid.signal.coherent import CrossSpectrum, coherent_lines, cross_spectrum
 from rotorid.signal.reconstruct import (
     ACCELERATIONS,
+    ATTITUDE,
+    EARTH_VELOCITIES,
     RATES,
     VELOCITIES,
     derivative,
     gravity_in_body,
     has_channels,
+    to_body,
     transport,
 )
 from rotorid.signal.skew import Relation, time_skew
@@ -28,9 +32,13 @@ from rotorid.typing import FloatArray
 SCALE_TOLERANCE = 0.05
 """A scale further from one than this is worth a warning, when it is surely so."""
 
-_ATTITUDE = ("phi", "theta", "psi")
-_EARTH_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down")
+Verdict: TypeAlias = Literal["consistent", "inconsistent", "uncertain"]
+
 _SURE = 3.0
+_LARGEST_STD = 0.1
+_LARGEST_CANCELLATION = 10.0
+_REMARKED_CANCELLATION = 2.0
+_SAME_LAG_S = 5e-5
 _BLOCKS = 10
 _HIGHEST_DEFAULT_RAD_S = 60.0
 _FASTEST_RAD = 1.0
@@ -59,6 +67,13 @@ class KinematicCheck:
         Mean coherence of the lines that were used.
     band_rad_s
         Their lowest and highest frequency.
+    known_lag_s
+        Least and most of the lag that filters explain.
+    cancellation
+        How many times as large as the expected motion its largest term is. Near hover ``ax`` and ``ay`` are small
+        differences of gravity and acceleration, and an error of either comes out that much larger.
+    verdict
+        ``uncertain`` where the data do not allow one.
     """
 
     channel: str
@@ -72,6 +87,18 @@ class KinematicCheck:
     relation: Relation
     coherence: float
     band_rad_s: tuple[float, float]
+    known_lag_s: tuple[float, float] = (0.0, 0.0)
+    cancellation: float = 1.0
+    verdict: Verdict = "consistent"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Expected:
+    """What a sensor should show, from what, and the terms that it is the sum of; shapes ``(samples,)``."""
+
+    values: FloatArray
+    origin: str
+    terms: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +109,13 @@ class Kinematics:
     findings: tuple[Finding, ...]
 
 
-def kinematic_consistency(history: TimeHistory, *, band_rad_s: tuple[float, float] | None = None) -> Kinematics:
+def kinematic_consistency(
+    history: TimeHistory,
+    *,
+    channels: Collection[str] = (*RATES, *ACCELERATIONS),
+    band_rad_s: tuple[float, float] | None = None,
+    known_lag_s: Mapping[str, tuple[float, float]] | None = None,
+) -> Kinematics:
     r"""Compare rates with the attitude, and specific force with velocity and attitude.
 
     .. math::
@@ -101,22 +134,28 @@ def kinematic_consistency(history: TimeHistory, *, band_rad_s: tuple[float, floa
     An attitude or velocity that a filter computed from the very sensors agrees with them by construction: then the
     check finds errors of units, signs, axes and stamps, and no error of the sensor. An accelerometer off the center of
     gravity by :math:`d` measures :math:`\dot\omega \times d` more. Near hover ``ax`` and ``ay`` are small differences
-    of large terms, so a skew between velocity and attitude looks like a scale. Rates without all three angles are
-    compared for small angles. The lag of a gyro behind its attitude is mostly that of its filter.
+    of large terms, so a skew between velocity and attitude looks like a scale: there the tolerances grow by the ratio
+    of the largest term to the sum, and beyond ten there is no verdict. Rates without all three angles are compared for
+    small angles. The lag of a gyro behind its attitude is mostly that of its filter.
 
     Parameters
     ----------
     history
         Attitude or velocities beside the sensors, on one clock. What is missing is not checked.
+    channels
+        What to check, among ``p q r ax ay az``.
     band_rad_s
         Where to look; by default up to 60 rad/s, where filters of sensors hardly change the gain. Above one radian per
         sample, a third of the Nyquist frequency, derivatives are not exact, and lines there are never used.
+    known_lag_s
+        Channel to the least and most lag that its filters explain; by default none.
 
     Returns
     -------
     Kinematics
-        A ``kinematic_inconsistency`` where the scale differs from one by more than 3 σ and 5 %, or the lag exceeds
-        3 σ and one sample; else ``kinematic_consistency``; ``kinematics_unchecked`` where nothing moved coherently.
+        A ``kinematic_inconsistency`` where the scale differs from one by more than 3 σ and 5 %, or the lag from what
+        filters explain by more than 3 σ and one sample; else ``kinematic_consistency``; ``kinematics_unchecked`` where
+        nothing moved coherently, the scale is known no better than within 10 %, or its terms cancel.
 
     Raises
     ------
@@ -142,40 +181,38 @@ def kinematic_consistency(history: TimeHistory, *, band_rad_s: tuple[float, floa
     >>> round(result.checks[0].scale, 3), result.findings[0].kind, result.findings[0].severity
     (1.2, 'kinematic_inconsistency', 'warning')
     """
-    expected, origins = _expected(history)
     low, high = band_rad_s or (0.0, _HIGHEST_DEFAULT_RAD_S)
     band = (low, min(high, _FASTEST_RAD * history.sample_rate_hz))
     checks, findings = [], []
-    for name, values in expected.items():
-        pair = _pair(history, name, values)
+    for name, expected in _all_expected(history, channels).items():
         try:
-            check = _check(pair, name, origins[name], band)
+            check = _check(history, name, expected, band, (known_lag_s or {}).get(name, (0.0, 0.0)))
         except InsufficientDataError as error:
             findings.append(_unchecked(name, error.came))
             continue
         checks.append(check)
-        findings.append(_verdict(check, 1.0 / history.sample_rate_hz))
+        findings.append(_finding(check))
     return Kinematics(checks=tuple(checks), findings=tuple(findings))
 
 
-def _expected(history: TimeHistory) -> tuple[Mapping[str, FloatArray], Mapping[str, str]]:
+def _all_expected(history: TimeHistory, channels: Collection[str]) -> Mapping[str, _Expected]:
     """What each sensor should show, and what that follows from."""
-    rates, rate_origins = _expected_rates(history)
-    forces, force_origin = _expected_forces(history)
-    expected = {name: values for name, values in (rates | forces).items() if name in history.names}
-    return expected, rate_origins | dict.fromkeys(forces, force_origin)
+    wanted = [name for name in channels if name in history.names]
+    rates = _expected_rates(history) if set(wanted) & set(RATES) else {}
+    forces = _expected_forces(history) if set(wanted) & set(ACCELERATIONS) else {}
+    return {name: values for name, values in (rates | forces).items() if name in wanted}
 
 
-def _expected_rates(history: TimeHistory) -> tuple[dict[str, FloatArray], dict[str, str]]:
+def _expected_rates(history: TimeHistory) -> dict[str, _Expected]:
     slopes = {
-        name: derivative(np.unwrap(history[name]), history.sample_rate_hz)
-        for name in _ATTITUDE
-        if name in history.names
+        name: derivative(np.unwrap(history[name]), history.sample_rate_hz) for name in ATTITUDE if name in history.names
     }
-    if len(slopes) < len(_ATTITUDE):
-        small = {rate: slopes[angle] for rate, angle in zip(RATES, _ATTITUDE, strict=True) if angle in slopes}
-        origins = {r: f"{a}, taken for small" for r, a in zip(RATES, _ATTITUDE, strict=True) if a in slopes}
-        return small, origins
+    if len(slopes) < len(ATTITUDE):
+        return {
+            rate: _Expected(values=slopes[angle], origin=f"a small {angle}")
+            for rate, angle in zip(RATES, ATTITUDE, strict=True)
+            if angle in slopes
+        }
     phi, theta = history["phi"], history["theta"]
     d_phi, d_theta, d_psi = slopes.values()
     rates = {
@@ -183,30 +220,26 @@ def _expected_rates(history: TimeHistory) -> tuple[dict[str, FloatArray], dict[s
         "q": d_theta * np.cos(phi) + d_psi * np.cos(theta) * np.sin(phi),
         "r": d_psi * np.cos(theta) * np.cos(phi) - d_theta * np.sin(phi),
     }
-    return rates, dict.fromkeys(rates, "attitude")
+    return {name: _Expected(values=values, origin="attitude") for name, values in rates.items()}
 
 
-def _expected_forces(history: TimeHistory) -> tuple[dict[str, FloatArray], str]:
+def _expected_forces(history: TimeHistory) -> dict[str, _Expected]:
     if has_channels(history, (*VELOCITIES, *RATES, "phi", "theta")):
         velocities = np.stack([history[name] for name in VELOCITIES])
-        forces = derivative(velocities, history.sample_rate_hz) + transport(history) - gravity_in_body(history)
-        return dict(zip(ACCELERATIONS, forces, strict=True)), "body velocities, rates and attitude"
-    if has_channels(history, (*_EARTH_VELOCITIES, *_ATTITUDE)):
-        velocities = np.stack([history[name] for name in _EARTH_VELOCITIES])
-        forces = _to_body(history, derivative(velocities, history.sample_rate_hz)) - gravity_in_body(history)
-        return dict(zip(ACCELERATIONS, forces, strict=True)), "earth velocities and attitude"
-    return {}, ""
-
-
-def _to_body(history: TimeHistory, vectors: FloatArray) -> FloatArray:
-    """Earth to body by yaw, pitch and roll, shape ``(3, samples)``."""
-    for name, (i, j) in (("psi", (0, 1)), ("theta", (2, 0)), ("phi", (1, 2))):
-        cosine, sine = np.cos(history[name]), np.sin(history[name])
-        turned = vectors.copy()
-        turned[i] = cosine * vectors[i] + sine * vectors[j]
-        turned[j] = cosine * vectors[j] - sine * vectors[i]
-        vectors = turned
-    return vectors
+        motion = derivative(velocities, history.sample_rate_hz) + transport(history)
+        origin = "body velocities, rates and attitude"
+    elif has_channels(history, (*EARTH_VELOCITIES, *ATTITUDE)):
+        velocities = np.stack([history[name] for name in EARTH_VELOCITIES])
+        motion, origin = (
+            to_body(history, derivative(velocities, history.sample_rate_hz)),
+            "earth velocities and attitude",
+        )
+    else:
+        return {}
+    return {
+        name: _Expected(values=moved - gravity, origin=origin, terms=(moved, gravity))
+        for name, moved, gravity in zip(ACCELERATIONS, motion, gravity_in_body(history), strict=True)
+    }
 
 
 def _pair(history: TimeHistory, name: str, expected: FloatArray) -> TimeHistory:
@@ -218,7 +251,14 @@ def _pair(history: TimeHistory, name: str, expected: FloatArray) -> TimeHistory:
     )
 
 
-def _check(pair: TimeHistory, name: str, origin: str, band_rad_s: tuple[float, float]) -> KinematicCheck:
+def _check(
+    history: TimeHistory,
+    name: str,
+    expected: _Expected,
+    band_rad_s: tuple[float, float],
+    known_lag_s: tuple[float, float],
+) -> KinematicCheck:
+    pair = _pair(history, name, expected.values)
     reference = pair.names[0]
     skew = time_skew(pair, reference=reference, delayed=name, band_rad_s=band_rad_s)
     lines = coherent_lines(cross_spectrum(pair, reference, name, band_rad_s=band_rad_s), name)
@@ -228,9 +268,9 @@ def _check(pair: TimeHistory, name: str, origin: str, band_rad_s: tuple[float, f
     mean = pair[reference].mean()
     difference = pair[name] - mean - scale * (pair[reference] - mean)
     blocks = [block.mean() for block in np.array_split(difference, _BLOCKS)]
-    return KinematicCheck(
+    check = KinematicCheck(
         channel=name,
-        against=origin,
+        against=expected.origin,
         scale=scale,
         scale_std=scale_std,
         bias=float(np.mean(difference)),
@@ -240,7 +280,22 @@ def _check(pair: TimeHistory, name: str, origin: str, band_rad_s: tuple[float, f
         relation=skew.relation,
         coherence=skew.coherence,
         band_rad_s=skew.band_rad_s,
+        known_lag_s=known_lag_s,
+        cancellation=_cancellation(history, name, expected, lines),
     )
+    return replace(check, verdict=_verdict(check, 1.0 / history.sample_rate_hz))
+
+
+def _cancellation(history: TimeHistory, name: str, expected: _Expected, lines: CrossSpectrum) -> float:
+    """Amplitude of the largest term over that of the sum, where the lines that count are."""
+    ratio = 1.0
+    for term in expected.terms:
+        spectrum = cross_spectrum(
+            _pair(history, name, term), f"expected {name}", name, band_rad_s=tuple(lines.omega_rad_s[[0, -1]])
+        )
+        power = spectrum.first[np.isin(spectrum.omega_rad_s.round(9), lines.omega_rad_s.round(9))]
+        ratio = max(ratio, math.sqrt(float(np.average(power / lines.first, weights=lines.weight))))
+    return ratio
 
 
 def _scale(lines: CrossSpectrum) -> tuple[float, float]:
@@ -255,20 +310,36 @@ def _scale(lines: CrossSpectrum) -> tuple[float, float]:
     return scale, scale * math.sqrt(spread / float(np.sum(weight)) + reach**2)
 
 
-def _verdict(check: KinematicCheck, sample_s: float) -> Finding:
+def _verdict(check: KinematicCheck, sample_s: float) -> Verdict:
+    if check.scale_std > _LARGEST_STD * abs(check.scale) or check.cancellation > _LARGEST_CANCELLATION:
+        return "uncertain"
+    if check.relation != "same":
+        return "inconsistent"
     off = abs(check.scale - 1.0)
-    scaled = off > SCALE_TOLERANCE and off > _SURE * check.scale_std
-    late = abs(check.lag_s) > sample_s and abs(check.lag_s) > _SURE * check.lag_std_s
-    wrong = scaled or late or check.relation != "same"
-    looks = "" if check.relation == "same" else f" It looks like the {check.relation} of it."
+    low, high = check.known_lag_s
+    late = max(low - check.lag_s, check.lag_s - high, 0.0)
+    scaled = off > SCALE_TOLERANCE * check.cancellation and off > _SURE * check.scale_std
+    skewed = late > sample_s * check.cancellation and late > _SURE * check.lag_std_s
+    return "inconsistent" if scaled or skewed else "consistent"
+
+
+_KINDS: Mapping[Verdict, str] = {
+    "consistent": "kinematic_consistency",
+    "inconsistent": "kinematic_inconsistency",
+    "uncertain": "kinematics_unchecked",
+}
+
+
+def _finding(check: KinematicCheck) -> Finding:
+    verb = "gives" if check.against == "attitude" or check.against.startswith("a small") else "give"
     return Finding(
-        kind="kinematic_inconsistency" if wrong else "kinematic_consistency",
-        severity="warning" if wrong else "info",
+        kind=_KINDS[check.verdict],
+        severity="warning" if check.verdict == "inconsistent" else "info",
         where=check.channel,
         message=(
-            f"{check.channel} is {check.scale:.3f} ± {check.scale_std:.3f} times what {check.against} give, "
+            f"{check.channel} is {check.scale:.3f} ± {check.scale_std:.3f} times what {check.against} {verb}, "
             f"{1e3 * check.lag_s:.1f} ± {1e3 * check.lag_std_s:.1f} ms after it, with a bias of {check.bias:.3g} "
-            f"{STANDARD_UNITS[check.channel]}.{looks}"
+            f"{STANDARD_UNITS[check.channel]}.{''.join(_remarks(check))}"
         ),
         numbers={
             "scale": check.scale,
@@ -277,8 +348,24 @@ def _verdict(check: KinematicCheck, sample_s: float) -> Finding:
             "bias_std": check.bias_std,
             "lag_s": check.lag_s,
             "lag_std_s": check.lag_std_s,
+            "cancellation": check.cancellation,
         },
     )
+
+
+def _remarks(check: KinematicCheck) -> Iterator[str]:
+    """What belongs beside the numbers, sentence by sentence."""
+    low, high = check.known_lag_s
+    if high > 0.0:
+        spread = f"{1e3 * low:.1f} to {1e3 * high:.1f}" if high - low > _SAME_LAG_S else f"{1e3 * high:.1f}"
+        yield f" Its known filters lag {spread} ms."
+    if check.relation != "same":
+        yield f" It looks like the {check.relation} of it."
+    if check.verdict == "uncertain":
+        reason = "its terms cancel" if check.cancellation > _LARGEST_CANCELLATION else "the scale is not known better"
+        yield f" No verdict: {reason}."
+    elif check.cancellation > _REMARKED_CANCELLATION:
+        yield f" Its terms are {check.cancellation:.0f} times as large as their sum, and so are their errors."
 
 
 def _unchecked(name: str, reason: str) -> Finding:

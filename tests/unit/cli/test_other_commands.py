@@ -49,6 +49,16 @@ def test_inspect_shows_channels_excitations_and_what_they_support(flight: Path) 
     assert "fly a pitch sweep" in pitch
 
 
+def test_inspect_says_whether_sensors_and_clocks_agree(flight: Path) -> None:
+    out = rotorid("inspect", flight).out
+    lines = out[out.index("do sensors and clocks agree") : out.index("what it can support")].splitlines()[1:]
+    assert "of what attitude gives" in lines[0] or "of what a small phi gives" in lines[0]
+    assert "consistent" in lines[0]
+    assert any("after roll_command: vehicle, motors, filters and stamps together" in line for line in lines)
+    # What these lines say is not said again among the findings.
+    assert "kinematic_consistency" not in out
+
+
 def test_inspect_writes_nothing(flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert rotorid("inspect", flight, "--quiet") == (0, "", "")

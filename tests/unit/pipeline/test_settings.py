@@ -17,6 +17,7 @@ from rotorid.pipeline.settings import (
     parse_fix,
     parse_numbers,
     parse_segment,
+    parse_shifts,
 )
 
 
@@ -101,3 +102,22 @@ def test_readable_texts() -> None:
 def test_unreadable_values_are_quoted(text: str) -> None:
     with pytest.raises(UsageError, match=f"'{text}' cannot be read"):
         parse_fix((text,))
+
+
+def test_shifts_are_read_and_written_down() -> None:
+    shifts = parse_shifts(("p:0.0037", "roll_command:-4e-3"))
+    assert shifts == {"p": 0.0037, "roll_command": -0.004}
+    assert IdentifySettings(shifts=shifts).as_json()["shifts"] == ["p:0.0037", "roll_command:-0.004"]
+
+
+@pytest.mark.parametrize("text", ["p", "p:", ":0.1", "p:nan", "p:inf", "p:soon"])
+def test_shifts_that_make_no_sense_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="CHANNEL:SECONDS"):
+        parse_shifts((text,))
+
+
+def test_a_channel_is_shifted_once() -> None:
+    with pytest.raises(UsageError, match="two shifts of p"):
+        parse_shifts(("p:0.1", "p:0.2"))
+    with pytest.raises(UsageError, match="a shift of p by inf s"):
+        IdentifySettings(shifts={"p": math.inf})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -168,3 +169,21 @@ def test_the_screen_groups_motors_and_shows_the_line_to_paste(tmp_path: Path) ->
     assert (ran.code, ran.err) == (0, "")
     assert "motor_1…4" in ran.out
     assert re.search(r"--segment roll:\d", ran.out)
+
+
+def test_flights_and_checks_are_shown() -> None:
+    record = flight()
+    time_s = record.topics[0].time_s
+    thrust = np.where((time_s > 4.0) & (time_s < 36.0), 0.4, 0.0)
+    rate = np.convolve(np.random.default_rng(0).standard_normal(time_s.size), np.hanning(20), "same")
+    late = topic("late", time_s + 0.05, p=rate)
+    more = (topic("gyro", time_s, p=rate, phi=np.cumsum(rate) * 0.01), topic("thrust", time_s, thrust_command=thrust))
+    flown = replace(record, topics=(*more, late))
+    document = inspect(flown)
+    (bar,) = (bar for bar in log_picture(flown, document).excitations if bar.group == "flight")
+    assert bar.spans == [(pytest.approx(5.01), pytest.approx(34.99))]
+    shown = html.unescape(render_inspection(flown, document))
+    assert "Do sensors and clocks agree" in shown
+    (remedy,) = (row.remedy for row in document.skews if row.nature == "same_channel")
+    assert float(remedy.removeprefix("--shift p:")) == pytest.approx(0.05, abs=0.5e-3)
+    assert remedy in shown

@@ -107,3 +107,20 @@ def test_no_flight_is_said() -> None:
     for nothing in (record(), record(topic(phi=TIME_S)), record(topic(p=np.full(TIME_S.size, np.nan)))):
         with pytest.raises(InsufficientDataError, match="neither thrust"):
             airborne(nothing)
+
+
+def test_a_thrust_around_hover_tells_nothing() -> None:
+    rng = np.random.default_rng(3)
+    rates = {name: 0.2 * rng.standard_normal(TIME_S.size) for name in ("p", "q")}
+    sweep = 0.1 * np.sin(TIME_S) * between(230.0, 260.0)
+    found = airborne(record(topic(thrust_command=sweep, **rates)))
+    assert found.seen_in == "the activity of p, q"
+    assert not found.by_thrust
+    assert found.longest == (TIME_S[0], TIME_S[-1])
+
+
+@pytest.mark.parametrize("calm", [0.1, 0.15])
+def test_calm_between_sweeps_is_no_landing(calm: float) -> None:
+    rng = np.random.default_rng(4)
+    rates = (calm + (1.0 - calm) * between(220.0, 280.0)) * rng.standard_normal(TIME_S.size)
+    assert airborne(record(topic(p=rates))).longest == (TIME_S[0], TIME_S[-1])

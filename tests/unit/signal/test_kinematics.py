@@ -11,7 +11,7 @@ from rotorid.data.channel import STANDARD_UNITS, Channel
 from rotorid.data.history import TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.kinematics import kinematic_consistency
-from rotorid.signal.reconstruct import derivative, reconstruct
+from rotorid.signal.reconstruct import derivative, ingredients, reconstruct
 from rotorid.signal.skew import shift
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
@@ -136,6 +136,71 @@ def test_what_is_missing_or_silent_is_not_checked() -> None:
     result = kinematic_consistency(history({"theta": channels["theta"], "q": noise}))
     assert result.checks == ()
     assert [(finding.kind, finding.where) for finding in result.findings] == [("kinematics_unchecked", "q")]
+
+
+def test_a_lag_that_filters_explain_is_no_warning() -> None:
+    late = shift(history(flight()), "q", 12e-3)
+    for known, severity in (((0.0, 11e-3), "info"), ((0.0, 2e-3), "warning"), ((20e-3, 25e-3), "warning")):
+        result = kinematic_consistency(late, channels=("q",), known_lag_s={"q": known})
+        assert [finding.severity for finding in result.findings] == [severity]
+    assert "known filters lag 20.0 to 25.0 ms" in result.findings[0].message
+
+
+def hovering(*, damping: float, error: float) -> dict[str, FloatArray]:
+    """A hover in which drag is what tilt and acceleration leave, with a velocity whose scale is wrong."""
+    v = Tones(4, 0.1)
+    drag = -damping * v.value
+    # v' = ay + g sin(phi): the tilt is what velocity and drag ask for.
+    channels = dict.fromkeys(("p", "q", "r", "u", "w", "theta"), np.zeros(TIME_S.size))
+    return channels | {"v": (1.0 + error) * v.value, "phi": np.arcsin((v.slope - drag) / G), "ay": drag}
+
+
+def test_errors_of_terms_that_nearly_cancel_are_weighed_by_what_is_left() -> None:
+    damping, error = 2.0, 0.02
+    channels = hovering(damping=damping, error=error)
+    (check,) = kinematic_consistency(history(channels), channels=("ay",), band_rad_s=(2.0, 20.0)).checks
+    # -d v + e v' is late by e / d against -d v, to first order: two samples here, which would be a warning elsewhere.
+    assert check.lag_s == pytest.approx(-error / damping, rel=0.1)
+    assert abs(check.lag_s) > 1.5 / RATE_HZ
+    assert check.cancellation > 2.0
+    assert check.verdict == "consistent"
+    channels["ay"] = 2.0 * channels["ay"]
+    (check,) = kinematic_consistency(history(channels), channels=("ay",)).checks
+    assert check.verdict == "inconsistent"
+
+
+def test_no_verdict_is_given_where_terms_cancel() -> None:
+    result = kinematic_consistency(history(hovering(damping=0.2, error=0.0)), channels=("ay",))
+    (check,) = result.checks
+    assert check.cancellation > 10.0
+    assert check.verdict == "uncertain"
+    (finding,) = result.findings
+    assert (finding.kind, finding.severity) == ("kinematics_unchecked", "info")
+    assert "its terms cancel" in finding.message
+
+
+def test_body_velocities_are_turned_exactly() -> None:
+    channels = flight()
+    seen = earth(channels) | {name: channels[name] for name in ("phi", "theta", "psi")}
+    made = reconstruct(history(seen))
+    for name in ("u", "v", "w"):
+        # Attitudes up to a radian: the rotation is that of direction cosines, not of small angles.
+        np.testing.assert_allclose(made[name], channels[name], atol=1e-12)
+    assert made.channels[-1].source == "reconstructed from velocity_north, velocity_east, velocity_down and attitude"
+
+
+def test_accelerations_follow_from_earth_velocities_too() -> None:
+    channels = flight()
+    rest = {name: channels[name] for name in ("phi", "theta", "psi", *SENSORS)}
+    made = reconstruct(history(earth(channels) | rest))
+    np.testing.assert_allclose(made["v_dot"], reconstruct(history(channels))["v_dot"], atol=1e-11)
+
+
+def test_ingredients_name_what_is_needed() -> None:
+    assert ingredients("q_dot", []) == ("q",)
+    assert ingredients("u_dot", ["u", "v", "w"]) == ("ax", "ay", "az", "p", "q", "r", "phi", "theta", "u", "v", "w")
+    assert ingredients("u_dot", ["u"])[-4:] == ("velocity_north", "velocity_east", "velocity_down", "psi")
+    assert ingredients("thrust_command", ["p"]) == ()
 
 
 def test_accelerations_are_reconstructed_without_trim() -> None:
