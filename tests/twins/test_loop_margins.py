@@ -235,8 +235,9 @@ def test_controller_and_plant_of_a_setpoint_sweep_make_the_loop() -> None:
         flight = fly(seed, commanded=1.0, gust=6.0 * GUST, of_setpoint=PROPORTIONAL_INTEGRAL)
         controller = feedback_controller([flight], setpoint="p_setpoint", output="p", command="roll_command", **GRID)
         C = rational(PID, DENOMINATOR, controller.omega_rad_s)
-        # No disturbance enters between its inputs and its output; what is left is leakage of its integral.
-        assert np.abs(controller.values[0, 0] / C - 1.0).max() < 0.02
+        # No disturbance enters between its inputs and its output; what is left is leakage of its integral, most of
+        # it at the lowest point, of which a window holds two periods.
+        assert np.abs(controller.values[0, 0] / C - 1.0).max() < 0.04
         plant = frequency_response([flight], inputs=["roll_command"], outputs=["p"], instruments=["p_setpoint"], **GRID)
         loops.append(series(plant, controller))
     assert min(loop.omega_rad_s.size for loop in loops) >= 30

@@ -17,6 +17,7 @@ from rotorid.typing import BoolArray, FloatArray
 
 _LARGEST_ERROR = 0.3
 _LONGEST_DIP = 3
+_FEWEST_POINTS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,6 +110,8 @@ def _longest_stretch(good: BoolArray) -> BoolArray:
     if index.size == 0:
         return good
     runs = np.split(index, np.flatnonzero(np.diff(index) > _LONGEST_DIP + 1) + 1)
+    longest = max(runs, key=len)
     kept = np.zeros_like(good)
-    kept[max(runs, key=len)] = True
+    # A point or two among many are coherent by chance.
+    kept[longest] = longest.size >= min(_FEWEST_POINTS, good.size)
     return kept

@@ -43,9 +43,9 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, s
         Name, format and hash of the file as the user gave it.
     mapping
         Where each channel stands, as ``/topic.field.part``, with ``row`` or ``column`` for an element of an array.
-        ``/topic.header.stamp`` and ``/topic.@received`` are stamps in seconds. Values are turned as `frame`, `world` and `scale`
-        of the mapping say. Without one, the types of the messages decide, and a number alone (``std_msgs/Float64``)
-        counts when its topic ends in a name of the vocabulary.
+        ``/topic.header.stamp`` and ``/topic.@received`` are stamps in seconds. Values are turned as ``frame``,
+        ``world`` and ``scale`` say. Without a mapping the types of the messages decide, and a number alone
+        (``std_msgs/Float64``) counts when its topic ends in a name of the vocabulary.
     sandbox
         Parse in a child process with limits: code is made from the definitions in a bag.
 

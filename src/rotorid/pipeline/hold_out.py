@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from rotorid.data.findings import Finding
 from rotorid.errors import InsufficientDataError
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fitting import fitted_band, pose
+from rotorid.pipeline.fitting import fitted_band
 from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.inverse import pose_screened
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.unseen_sweeps import Judged, judge_sweeps
@@ -43,7 +44,7 @@ def hold_out(
     name = f"{last[0][0].source.name} at {last[0][1].start_s:.1f} s"
     try:
         measured = measure(rest, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
-        reduced = fit_and_drop(pose(structure, measured, settings))
+        reduced = fit_and_drop(pose_screened(structure, measured, settings, rest).problem)
         parameters = reduced.problem.parameters.unpack(reduced.solution.theta)
         band = fitted_band(reduced.problem)
         judged = judge_sweeps(structure, parameters, last, band_rad_s=band, settings=settings)

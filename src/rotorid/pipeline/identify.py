@@ -24,9 +24,10 @@ from rotorid.pipeline.assemble import (
     verification_document,
 )
 from rotorid.pipeline.document import ProvenanceDocument, ResultDocument
-from rotorid.pipeline.fitting import Fitted, fit_with_bounds, pose
+from rotorid.pipeline.fitting import Fitted, fit_with_bounds
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.instruments import axis_of
+from rotorid.pipeline.inverse import pose_screened
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.resolve import resolve_model
 from rotorid.pipeline.selection import select_maneuvers
@@ -94,10 +95,11 @@ def identify(
     selection = select_maneuvers(records, [axis_of(name) for name in inputs], settings)
     measured = measure(selection.fitted, inputs=inputs, outputs=outputs, settings=settings, progress=progress)
     progress(f"fitting {structure.name}")
-    fitted = fit_with_bounds(pose(structure, measured, settings), measured)
+    screened = pose_screened(structure, measured, settings, selection.fitted)
+    fitted = fit_with_bounds(screened.problem, measured)
     checked = check(fitted, measured, selection, verify, settings, progress)
     findings = [f for record in (*records, *verify) for f in record.findings]
-    findings += [*measured.findings, *fitted.findings, *checked.findings]
+    findings += [*measured.findings, *screened.findings, *fitted.findings, *checked.findings]
     provenance = provenance_document(
         (*records, *verify), settings, command=command, flown=selection.fitted, response=measured.response
     )

@@ -11,7 +11,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import ModelError, UsageError
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.settings import ResponseSettings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.segment import LEAST_MOTION, excitation_signals
 from rotorid.typing import Axis
@@ -33,6 +33,17 @@ def axis_of(input: str) -> Axis:
             f"the model has the input {input}", needed=f"one of {', '.join(f'{axis}_command' for axis in AXES)}"
         )
     return axis  # type: ignore[return-value]
+
+
+def is_command(input: str) -> bool:
+    """Whether a channel is the command of an axis.
+
+    Examples
+    --------
+    >>> is_command("roll_command"), is_command("theta")
+    (True, False)
+    """
+    return input.removesuffix("_command") in AXES and input.endswith("_command")
 
 
 def find_instrument(flown: Sequence[Flown], axis: Axis) -> str | None:
@@ -60,7 +71,7 @@ def _moves(record: FlightRecord, maneuver: Maneuver, name: str) -> bool:
 
 
 def choose_instruments(
-    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: IdentifySettings
+    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: ResponseSettings
 ) -> tuple[str, ...]:
     """Instruments for all inputs, or none.
 
@@ -78,7 +89,7 @@ def choose_instruments(
                 f"{len(settings.instruments)} instruments for {len(inputs)} inputs came", needed="one for each input"
             )
         return settings.instruments
-    found = [find_instrument(flown, axis_of(name)) for name in inputs]
+    found = [find_instrument(flown, axis_of(name)) if is_command(name) else None for name in inputs]
     if all(found):
         return tuple(name for name in found if name)
     if settings.estimate == "joint":

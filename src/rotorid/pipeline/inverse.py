@@ -20,7 +20,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fitting import pose
 from rotorid.pipeline.instruments import Flown, axis_of
 from rotorid.pipeline.measure import Measured
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.settings import IdentifySettings, ResponseSettings
 from rotorid.pipeline.support import require_support
 from rotorid.typing import BoolArray, FloatArray
 
@@ -39,6 +39,7 @@ _REMEDY = (
     "and identify that maneuver"
 )
 _NOTHING_LEFT = "Nothing else is left to fit."
+_NOTHING_LEFT_TO_USE = "Nothing else is left to use."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,8 +111,41 @@ def pose_screened(
     return Screened(problem=replace(problem, used=used), findings=findings)
 
 
+def without_inverse_controller(
+    measured: Measured, used: BoolArray, settings: ResponseSettings, flown: Sequence[Flown]
+) -> tuple[BoolArray, tuple[Finding, ...]]:
+    """Used points without those that are the inverse of the controller, and the remarks on them.
+
+    For responses without a model: nothing is refused here. A response that loses all of its points has an error among
+    the findings. Where a joint estimate is left without any point, the direct one is asked for the reason.
+
+    Parameters
+    ----------
+    measured
+        The responses.
+    used
+        Points that can be trusted otherwise, shape ``(y, u, f)``.
+    settings, flown
+        See :func:`pose_screened`.
+    """
+    data = measured.response
+    if not used.any() and measured.beside is not None:
+        data = measured.beside
+        limit = settings.least_coherence(joint=False)
+        traps = _traps(data, usable_points(data, coherence=limit, band_rad_s=measured.trusted_rad_s), flown)
+        return used, tuple(_finding(data, trap, "error", _NOTHING_LEFT_TO_USE) for trap in traps)
+    kept, findings = np.array(used), []
+    for trap in _traps(data, used, flown):
+        for output in range(used.shape[0]):
+            kept[output, trap.input] = _longest_rest(used[output, trap.input], trap.inverse)
+        gone = not kept[trap.output, trap.input].any()
+        consequence = _NOTHING_LEFT_TO_USE if gone else "It is not counted as usable."
+        findings.append(_finding(data, trap, "error" if gone else "warning", consequence))
+    return kept, tuple(findings)
+
+
 def _blame_controller(
-    error: InsufficientDataError, measured: Measured, settings: IdentifySettings, flown: Sequence[Flown]
+    error: InsufficientDataError, measured: Measured, settings: ResponseSettings, flown: Sequence[Flown]
 ) -> None:
     """Raise the better reason for missing data: no excitation reached the axis, and the controller alone moved it."""
     direct = measured.beside or measured.response
@@ -166,7 +200,7 @@ def _longest_rest(used: BoolArray, inverse: BoolArray) -> BoolArray:
 
 
 def _require_rest(
-    problem: FrequencyProblem, measured: Measured, used: BoolArray, trap: _Trap, settings: IdentifySettings
+    problem: FrequencyProblem, measured: Measured, used: BoolArray, trap: _Trap, settings: ResponseSettings
 ) -> None:
     """Refuse where the response that was tested is left with less than a fit needs."""
     data = problem.data

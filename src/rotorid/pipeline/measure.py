@@ -16,15 +16,19 @@ from rotorid.pipeline.cutting import cut, histories
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import Flown, choose_instruments, no_instrument
 from rotorid.pipeline.quality import data_quality
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.spectral.estimate import frequency_response
+from rotorid.pipeline.settings import ResponseSettings
+from rotorid.pipeline.surroundings import with_surroundings
+from rotorid.spectral.diagnostics import Diagnostics
+from rotorid.spectral.estimate import diagnosed_response
 from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, given_windows, plan_windows
 from rotorid.typing import FloatArray
 
 POINTS = 100
 HIGHEST_DEFAULT_RAD_S = 100.0
 _HALF_LINE = 1.5
-"""Half the width of the main lobe of a half-sine taper, in units of one over its length."""
+"""Half the width of a window's spectral line, in units of one over its length."""
+
+_LONGEST_MARGIN_S = 20.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,10 +49,13 @@ class Measured:
         Highest frequency that sweeps reached; infinite where other excitations leave that to the coherence.
     findings
         Remarks on the way.
+    diagnostics
+        What stands behind ``response``.
     """
 
     response: FrequencyResponse
     beside: FrequencyResponse | None
+    diagnostics: Diagnostics
     segments: tuple[Segment, ...]
     asked_rad_s: tuple[float, float]
     excited_to_rad_s: float
@@ -72,12 +79,14 @@ def measure(
     *,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
-    settings: IdentifySettings,
+    settings: ResponseSettings,
+    also: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Measured:
     """Frequency responses of the outputs to the inputs over all maneuvers together.
 
-    Joint input–output whenever every input has an instrument, and the direct estimate beside it.
+    Joint input–output whenever every input has an instrument, and the direct estimate beside it. Channels in ``also``
+    are taken along where every record has them.
 
     Raises
     ------
@@ -87,22 +96,29 @@ def measure(
         A shift is of a channel that takes no part, or longer than a maneuver.
     """
     instruments = choose_instruments(flown, inputs, outputs, settings)
-    others = _other_commands(flown, inputs)
-    followers = tuple(dict.fromkeys((*instruments, *others)))
     channels = (*inputs, *outputs)
+    extra = [n for n in also if n not in channels and all(n in record.channel_names for record, _ in flown)]
+    followers = tuple(dict.fromkeys((*instruments, *_other_commands(flown, inputs), *extra)))
     require_known(settings.shifts, (*channels, *followers))
-    segments, findings = cut(flown, channels=channels, followers=followers, shifts=settings.shifts, progress=progress)
+    # Without an instrument the quiet time would only add what feedback makes of gusts.
+    wider = flown
+    if instruments:
+        wider = with_surroundings(flown, _margin_s(flown, settings), (*channels, *instruments))
+    segments, findings = cut(wider, channels=channels, followers=followers, shifts=settings.shifts, progress=progress)
     records = histories(segments)
     band = settings.band_rad_s or default_band(flown, records[0].sample_rate_hz)
     plan = _windows(records, band, settings)
     omega = _grid(band, plan)
     progress("frequency responses")
-    direct = _respond(records, inputs, outputs, omega, plan)
-    joint = _respond(records, inputs, outputs, omega, plan, instruments) if instruments else None
+    direct, diagnostics = _respond(records, inputs, outputs, omega, plan)
+    joint = None
+    if instruments:
+        joint, diagnostics = _respond(records, inputs, outputs, omega, plan, instruments)
     unknown = settings.estimate == "auto" and not instruments
     return Measured(
         response=joint or direct,
         beside=direct if joint else None,
+        diagnostics=diagnostics,
         segments=segments,
         asked_rad_s=band,
         excited_to_rad_s=_excited_to(flown),
@@ -122,8 +138,8 @@ def _respond(
     omega_rad_s: FloatArray,
     plan: WindowPlan,
     instruments: Sequence[str] = (),
-) -> FrequencyResponse:
-    return frequency_response(
+) -> tuple[FrequencyResponse, Diagnostics]:
+    return diagnosed_response(
         records,
         inputs=inputs,
         outputs=outputs,
@@ -133,7 +149,14 @@ def _respond(
     )
 
 
-def _windows(records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: IdentifySettings) -> WindowPlan:
+def _margin_s(flown: Sequence[Flown], settings: ResponseSettings) -> float:
+    """How much quiet time to take along: that of the longest window, as far as it is known yet."""
+    if settings.windows_s:
+        return max(settings.windows_s)
+    return min(0.5 * max(maneuver.duration_s for _, maneuver in flown), _LONGEST_MARGIN_S)
+
+
+def _windows(records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: ResponseSettings) -> WindowPlan:
     """Windows for the records: half of the time flown lies in records of at least the planned length.
 
     A gap may leave a stub of a second beside records of a minute. Windows that do not fit into it pass it over.

@@ -51,14 +51,17 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
     UsageError
         No record came, or the same one twice.
     """
-    _each_once(records)
+    each_once(records)
     found = [(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
     if settings.segments:
         given = _of_axes(settings.segments, axes)
-        fitted = [(record, _described(record, m)) for record in records for m in given if _inside(record, m)]
+        fitted = [(record, described(record, m)) for record in records for m in given if inside(record, m)]
     else:
-        fitted = [(record, m) for record, m in found if m.kind in RICH_KINDS]
-        fitted += [(record, _described(record, m)) for record, m in found if m.origin == "given"]
+        fitted = [
+            (record, described(record, m) if m.origin == "given" else m)
+            for record, m in found
+            if m.kind in RICH_KINDS or m.origin == "given"
+        ]
     if not fitted:
         raise _nothing_flown(records, axes, [m for _, m in found], settings)
     unseen = [
@@ -81,7 +84,7 @@ def _of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuve
     return list(segments)
 
 
-def _each_once(records: Sequence[FlightRecord]) -> None:
+def each_once(records: Sequence[FlightRecord]) -> None:
     """The same data twice would count as twice the evidence, and could be held out from itself."""
     if not records:
         raise UsageError("no record came", needed="at least one flight log")
@@ -94,7 +97,8 @@ def _each_once(records: Sequence[FlightRecord]) -> None:
         seen[record.source.sha256] = name
 
 
-def _inside(record: FlightRecord, maneuver: Maneuver) -> bool:
+def inside(record: FlightRecord, maneuver: Maneuver) -> bool:
+    """Whether any part of a maneuver lies within a record."""
     return maneuver.start_s < record.stop_s and maneuver.stop_s > record.start_s
 
 
@@ -102,8 +106,10 @@ def _overlap(a: Maneuver, b: Maneuver) -> bool:
     return a.start_s < b.stop_s and b.start_s < a.stop_s
 
 
-def _described(record: FlightRecord, given: Maneuver) -> Maneuver:
-    """A given segment with the kind and band of what its best excitation signal does there."""
+def described(record: FlightRecord, given: Maneuver) -> Maneuver:
+    """A given segment with the kind and band of what its best excitation signal does there, unless it has them."""
+    if given.kind != "other":
+        return given
     name = find_instrument([(record, given)], given.axis) or f"{given.axis}_command"
     for topic, row in record.holding(name):
         inside = (topic.time_s >= given.start_s) & (topic.time_s <= given.stop_s) & np.isfinite(topic.values[row])

@@ -23,13 +23,13 @@ LONGEST_WINDOW_S = 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifySettings(Immutable):
-    """Choices of one run of ``identify``.
+class ResponseSettings(Immutable):
+    """Choices of one run of ``response``.
 
     Parameters
     ----------
     band_rad_s
-        Band to fit; by default what was excited and is coherent.
+        Band to look at; by default what was excited and is coherent.
     windows_s
         Window lengths; by default five by rule.
     coherence
@@ -38,10 +38,8 @@ class IdentifySettings(Immutable):
         ``auto`` takes the joint estimate whenever an instrument is logged.
     instruments
         Channels to use as instruments, one for each input, instead of the ones found.
-    fix
-        Parameters held at given values.
     segments
-        Intervals to fit, instead of the excitations found.
+        Intervals to use, instead of the excitations found.
     shifts
         Channel to seconds by which it is delayed before anything is estimated.
     seed
@@ -53,13 +51,12 @@ class IdentifySettings(Immutable):
     coherence: float | None = None
     estimate: EstimateChoice = "auto"
     instruments: tuple[str, ...] = ()
-    fix: Mapping[str, float] = field(default_factory=dict)
     segments: tuple[Maneuver, ...] = ()
     shifts: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
 
     def __post_init__(self) -> None:
-        self._set(fix=self.fix, windows_s=tuple(self.windows_s), segments=tuple(self.segments), shifts=self.shifts)
+        self._set(windows_s=tuple(self.windows_s), segments=tuple(self.segments), shifts=self.shifts)
         if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1] < math.inf:
             raise UsageError(f"the band {self.band_rad_s[0]:g}:{self.band_rad_s[1]:g} is empty", needed="0 < LO < HI")
         for length in self.windows_s:
@@ -99,10 +96,32 @@ class IdentifySettings(Immutable):
             "estimate": self.estimate,
             "instruments": list(self.instruments),
             # All digits, so that the text gives the same run again.
-            "fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()],
             "segments": [f"{m.axis}:{float(m.start_s)!r}:{float(m.stop_s)!r}" for m in self.segments],
             "shifts": [f"{name}:{float(seconds)!r}" for name, seconds in self.shifts.items()],
         }
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifySettings(ResponseSettings):
+    """Choices of one run of ``identify``.
+
+    Parameters
+    ----------
+    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+        As in :class:`ResponseSettings`.
+    fix
+        Parameters held at given values.
+    """
+
+    fix: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set(fix=self.fix)
+
+    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+        """The choices for the provenance of a result."""
+        return super().as_json() | {"fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()]}
 
 
 def parse_segment(text: str) -> Maneuver:

@@ -136,14 +136,22 @@ def _attempts(
     together = [log for log in flying if log not in alone]
     groups = [*([log] for log in alone), *([together] if together else [])]
     return [
-        *(([log], partial(_predict, fitted, measured, log.short, progress)) for log in logs if log.short),
+        *(([log], partial(_predict, fitted, measured, log.short, settings, progress)) for log in logs if log.short),
         *((group, partial(_judge, fitted, group, settings, progress)) for group in groups),
     ]
 
 
-def _predict(fitted: Fitted, measured: Measured, short: Sequence[Flown], progress: Callable[[str], None]) -> Checked:
+def _predict(
+    fitted: Fitted,
+    measured: Measured,
+    short: Sequence[Flown],
+    settings: IdentifySettings,
+    progress: Callable[[str], None],
+) -> Checked:
     inputs, outputs = fitted.structure.inputs, fitted.structure.outputs
-    segments, findings = cut(short, channels=(*inputs, *outputs), rest_s=_REST_S, progress=progress)
+    segments, findings = cut(
+        short, channels=(*inputs, *outputs), shifts=settings.shifts, rest_s=_REST_S, progress=progress
+    )
     checks = tuple(
         verify_in_time(
             fitted.system,

@@ -1,1 +1,23 @@
-"""Pictures: arrays in, figure out, nothing computed but units."""
+"""Pictures: arrays in, figure out, nothing computed but units.
+
+Every figure is plotly's JSON in a plain dictionary; ``rotorid.plot.figure.Figure`` says where it shows itself. One
+function for each picture:
+
+=====================================================  =============================================================
+``rotorid.plot.bode.bode``                             a response with coherence, error band and model
+``rotorid.plot.paper.bode_figure``                     the same for a paper, by matplotlib
+``rotorid.plot.overlay.overlay``                       several responses of one pair: records, methods, windows
+``rotorid.plot.windows.window_contributions``          which window of a composite carries which frequency
+``rotorid.plot.spectrum.input_spectrum``               densities of instrument, input and output
+``rotorid.plot.bands.coherence_map``                   usable bands of all inputs and outputs
+``rotorid.plot.loops.broken_loop``                     a broken loop with its gain and phase margins
+``rotorid.plot.loops.disturbance_rejection``           a sensitivity with its bandwidth and peak
+``rotorid.plot.excitation.timeline``                   excitations over time
+``rotorid.plot.time.verification``                     measured and predicted over time
+``rotorid.plot.inspection.log_figure``                 a whole log
+``rotorid.plot.overview.overview_png``                 an identification as a PNG
+=====================================================  =============================================================
+
+Frequency comes in rad/s; pictures over frequency take ``frequency="Hz"``, and those with a magnitude
+``magnitude="linear"``.
+"""

@@ -11,13 +11,32 @@ import numpy as np
 
 from rotorid.typing import FloatArray
 
-Figure: TypeAlias = dict[str, Any]
-"""A plotly figure as plain JSON: ``data`` and ``layout``. ``plotly.graph_objects.Figure(figure)`` shows it anywhere."""
-
 Trace: TypeAlias = dict[str, Any]
 
 MOST_POINTS = 4000
 """Longer arrays are thinned for display: a screen has fewer columns than this."""
+
+
+PLOTLY_JSON = "application/vnd.plotly.v1+json"
+
+
+class Figure(dict[str, Any]):
+    """A plotly figure as plain JSON: ``data`` and ``layout``.
+
+    A notebook shows it where the front end draws plotly's JSON: VS Code and nteract do so by themselves, JupyterLab
+    does with plotly's extension. Everywhere else ``plotly.graph_objects.Figure(figure)`` shows it.
+
+    Examples
+    --------
+    >>> figure = Figure(data=[{"type": "scatter", "y": [1.0, 2.0]}], layout={})
+    >>> sorted(figure._repr_mimebundle_())
+    ['application/vnd.plotly.v1+json', 'text/plain']
+    """
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, Any]:  # noqa: ARG002
+        """What a notebook asks for; it chooses from the two itself."""
+        said = f"Figure of {len(self['data'])} traces: plotly.graph_objects.Figure(figure) draws it."
+        return {PLOTLY_JSON: dict(self), "text/plain": said}
 
 
 def numbers(values: FloatArray, *, digits: int = 5) -> list[float | None]:

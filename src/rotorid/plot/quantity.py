@@ -73,6 +73,24 @@ def quantity(name: str) -> Quantity:
     return Quantity(words=_words(name), unit=paper, factor=factor)
 
 
+def magnitude_label(output: str, input: str, *, in_db: bool) -> str:
+    """What the magnitude axis of a response ``output/input`` shows, in decibels or in SI units.
+
+    Examples
+    --------
+    >>> magnitude_label("p", "roll_command", in_db=True)
+    'Magnitude of roll rate p over roll command [dB]'
+    >>> magnitude_label("u", "theta", in_db=False)
+    'Magnitude of forward speed u over pitch angle theta [(m/s)/rad]'
+    """
+    above, below = STANDARD_UNITS.get(output, ""), STANDARD_UNITS.get(input, "")
+    # A factor between equal or unknown units carries none.
+    plain = "" if not above or not below or above == below else above if below == "1" else f"({above})/{below}"
+    unit = "dB" if in_db else plain
+    words = f"Magnitude of {quantity(output).words} over {quantity(input).words}"
+    return f"{words} [{unit}]" if unit else words
+
+
 def _words(name: str) -> str:
     for suffix, word in _SUFFIXES.items():
         symbol = name.removesuffix(suffix)

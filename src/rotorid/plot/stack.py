@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,7 +11,9 @@ from rotorid.plot.figure import Figure, Trace, text
 from rotorid.plot.theme import BESIDE, SHADE, template
 
 _GAP_PX = 34.0
-_TOP_PX, _BOTTOM_PX = 58.0, 46.0
+# The tools of the page stand in the corner above the legend.
+_TOP_PX, _BOTTOM_PX = 72.0, 46.0
+_LEGEND_PX, _LEGEND_ROW_PX, _SYMBOL_PX, _LETTER_PX = 860.0, 30.0, 45.0, 6.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +58,20 @@ def stacked(panels: Sequence[Panel], *, x_axis: Mapping[str, Any]) -> Figure:
     traces: list[Trace] = []
     shapes: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
-    layout: Figure = {
+    over = _TOP_PX + _LEGEND_ROW_PX * (_legend_rows(panels) - 1)
+    layout: dict[str, Any] = {
         "template": template(),
-        "height": round(inner + _TOP_PX + _BOTTOM_PX),
-        "margin": {"l": 56, "r": 16, "t": _TOP_PX, "b": _BOTTOM_PX},
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1 + 22 / inner, "yanchor": "bottom"},
+        "height": round(inner + over + _BOTTOM_PX),
+        "margin": {"l": 56, "r": 16, "t": over, "b": _BOTTOM_PX},
+        "legend": {
+            "orientation": "h",
+            "x": 0,
+            "xanchor": "left",
+            "y": 1 + 22 / inner,
+            "yanchor": "bottom",
+            # A curve that the reader hid stays hidden when the figure is drawn again in other units or colors.
+            "uirevision": "kept",
+        },
         "hovermode": "closest",
         "annotations": annotations,
         "shapes": shapes,
@@ -74,7 +86,13 @@ def stacked(panels: Sequence[Panel], *, x_axis: Mapping[str, Any]) -> Figure:
         shapes += _shapes(panel, axis)
         top = bottom - _GAP_PX / inner
     layout["xaxis"] = {"anchor": axis, "domain": [0, 1], **x_axis}
-    return {"data": traces, "layout": layout}
+    return Figure(data=traces, layout=layout)
+
+
+def _legend_rows(panels: Sequence[Panel]) -> int:
+    """About how many rows the legend takes on a wide page, so that its first stays clear of the page's tools."""
+    names = [trace["name"] for panel in panels for trace in panel.traces if trace.get("showlegend")]
+    return max(1, math.ceil(sum(_SYMBOL_PX + _LETTER_PX * len(name) for name in names) / _LEGEND_PX))
 
 
 def _shapes(panel: Panel, axis: str) -> list[dict[str, Any]]:

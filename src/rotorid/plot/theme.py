@@ -12,10 +12,27 @@ MEASURED = "#2b7fc0"
 MODEL = "#d55e00"
 INPUT = "#0b8f6d"
 BESIDE = "#8a8f98"
-BAND = "rgba(43, 127, 192, 0.22)"
 SHADE = "rgba(213, 94, 0, 0.10)"
 
+SERIES = (MEASURED, MODEL, INPUT, "#bf3993", "#8c624d", "#8149f2")
+"""Colors of curves of equal rank, apart even for eyes that lack a kind of cone; dashes and symbols differ too."""
+
+DASHES = ("solid", "7 3", "2 2", "9 3 2 3", "4 2", "12 3")
+SYMBOLS = ("circle", "diamond", "square", "triangle-up", "x", "cross")
+
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
+
+
+def translucent(color: str, opacity: float) -> str:
+    """A color of this theme with an opacity, for bands and areas.
+
+    Examples
+    --------
+    >>> translucent("#2b7fc0", 0.2)
+    'rgba(43, 127, 192, 0.2)'
+    """
+    red, green, blue = (int(color[at : at + 2], 16) for at in (1, 3, 5))
+    return f"rgba({red}, {green}, {blue}, {opacity:g})"
 
 
 def template(*, dark: bool = False) -> dict[str, Any]:

@@ -1,26 +1,62 @@
 "use strict";
-// Draws the figures, in light or dark as the reader's system asks, and light on paper.
+// Draws the figures, in light or dark as the reader's system asks, and light on paper; Bode plots in the units chosen.
 (() => {
   const { pictures, light, dark } = JSON.parse(document.getElementById("figures").textContent);
   const darkness = window.matchMedia("(prefers-color-scheme: dark)");
   const root = document.documentElement;
-  const buttons = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
-  const config = { responsive: true, displaylogo: false, modeBarButtons: buttons };
+  const tools = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
+  const config = { responsive: true, displaylogo: false, modeBarButtons: tools };
+  const switches = Array.from(document.querySelectorAll("button[data-unit]"));
+  const units = { frequency: "rad/s", magnitude: "dB" };
 
-  const draw = (template) =>
+  const each = (numbers, change) => numbers.map((number) => (number === null ? null : change(number)));
+  const hertz = (omega) => omega / (2 * Math.PI);
+  const factor = (decibels) => 10 ** (decibels / 20);
+
+  // A trace comes in rad/s and, on the first axis, in dB. What is not a number is written by Python for each view.
+  const converted = (trace, hovertemplate) => {
+    const { x, y, customdata } = trace;
+    const across = units.frequency === "Hz" ? { x: each(x, hertz), customdata: customdata && x } : { x };
+    const high = units.magnitude === "linear" && trace.yaxis === "y" ? { y: each(y, factor) } : { y };
+    return { ...trace, ...(hovertemplate ? { hovertemplate } : {}), ...across, ...high };
+  };
+  const seen = ({ data, layout, views }) => {
+    if (!views) return { data, layout };
+    const view = views[`${units.frequency} ${units.magnitude}`];
+    return { data: data.map((trace, number) => converted(trace, view.hover[number])), layout: view.layout };
+  };
+
+  const draw = (template, places) =>
     Promise.all(
-      Array.from(document.querySelectorAll("[data-picture]"), (place) => {
-        const { data, layout } = structuredClone(pictures[place.dataset.picture]);
+      Array.from(places, (place) => {
+        const { data, layout } = structuredClone(seen(pictures[place.dataset.picture]));
         return Plotly.react(place, data, { ...layout, template }, config);
       }),
     );
-  const redraw = () => draw(darkness.matches ? dark : light);
+  const all = () => document.querySelectorAll("[data-picture]");
+  const say = (promise) =>
+    promise.then(
+      () => { root.dataset.pictures = "drawn"; },
+      (error) => { root.dataset.pictures = `failed: ${error}`; },
+    );
+  const redraw = (places = all()) => say(draw(darkness.matches ? dark : light, places));
 
-  redraw().then(
-    () => { root.dataset.pictures = "drawn"; },
-    (error) => { root.dataset.pictures = `failed: ${error}`; },
-  );
-  darkness.addEventListener("change", redraw);
-  window.addEventListener("beforeprint", () => draw(light));
-  window.addEventListener("afterprint", redraw);
+  const press = () => {
+    for (const button of switches) {
+      button.setAttribute("aria-pressed", String(units[button.dataset.unit] === button.value));
+    }
+  };
+  const choose = ({ currentTarget: button }) => {
+    units[button.dataset.unit] = button.value;
+    press();
+    redraw(Array.from(all()).filter((place) => pictures[place.dataset.picture].views));
+  };
+  for (const button of switches) button.addEventListener("click", choose);
+  for (const group of document.querySelectorAll(".choices")) group.hidden = false;
+  press();
+
+  redraw();
+  darkness.addEventListener("change", () => redraw());
+  window.addEventListener("beforeprint", () => draw(light, all()));
+  window.addEventListener("afterprint", () => redraw());
 })();

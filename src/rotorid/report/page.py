@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from rotorid.errors import UsageError
 from rotorid.pipeline.identification import Identification
+from rotorid.plot.figure import Figure
 from rotorid.plot.theme import template
-from rotorid.report.section import Section, section
+from rotorid.report.section import Picture, Section, section
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -88,16 +89,27 @@ def json_for_script(value: Any) -> Markup:
 
 
 def _figures(sections: Sequence[Section]) -> Markup:
-    # The template is the same for all figures, and the page picks the light or the dark one.
-    pictures = {
-        picture.key: {
-            "data": picture.figure["data"],
-            "layout": {key: value for key, value in picture.figure["layout"].items() if key != "template"},
-        }
-        for one in sections
-        for picture in one.pictures
-    }
+    pictures = {picture.key: _picture(picture) for one in sections for picture in one.pictures}
     return json_for_script({"pictures": pictures, "light": template(), "dark": template(dark=True)})
+
+
+def _picture(picture: Picture) -> dict[str, Any]:
+    """A picture as the page's script takes it.
+
+    Of other views it gets only what is no plain conversion of numbers, which the script does itself: four copies of
+    every response would make the file several times as long.
+    """
+    views = {
+        units: {"layout": _layout(figure), "hover": [trace.get("hovertemplate") for trace in figure["data"]]}
+        for units, figure in picture.views.items()
+    }
+    whole = {"data": picture.figure["data"], "layout": _layout(picture.figure)}
+    return {**whole, "views": views} if views else whole
+
+
+def _layout(figure: Figure) -> dict[str, Any]:
+    # The template is the same for all figures, and the page picks the light or the dark one.
+    return {key: value for key, value in figure["layout"].items() if key != "template"}
 
 
 def policy(*scripts: str) -> str:

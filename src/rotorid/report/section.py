@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import product
+from typing import get_args
 
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.identification import Identification, Segment
@@ -13,6 +15,7 @@ from rotorid.plot.excitation import timeline
 from rotorid.plot.figure import Figure
 from rotorid.plot.quantity import quantity
 from rotorid.plot.time import verification
+from rotorid.plot.view import Frequency, Magnitude
 from rotorid.report.numbers import significant
 from rotorid.report.tables import (
     CostRow,
@@ -34,11 +37,24 @@ from rotorid.verify.verification import Scores
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A figure, and what it shows for those who cannot see it."""
+    """A figure, and what it shows for those who cannot see it.
+
+    Parameters
+    ----------
+    key
+        Identifier on the page.
+    description
+        What it shows, in words.
+    figure
+        The picture as it is drawn first.
+    views
+        The same picture in other units, by frequency and magnitude: ``"Hz linear"``. Empty where there is one view.
+    """
 
     key: str
     description: str
     figure: Figure
+    views: Mapping[str, Figure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,20 +163,32 @@ def _responses(identified: Identification, anchor: str) -> tuple[Picture, ...]:
         if identified.fitted[y, u].any()
     ]
     return tuple(
-        Picture(
-            key=f"{anchor}-response-{number}",
-            description=f"Bode plot of {quantity(output).words} over {quantity(input).words}, measured and model",
-            figure=bode(
-                response,
-                output=output,
-                input=input,
-                model=identified.model_response,
-                beside=identified.beside,
-                fitted=identified.fitted,
-                least_coherence=identified.least_coherence,
-            ),
-        )
+        _response(identified, f"{anchor}-response-{number}", output, input)
         for number, (output, input) in enumerate(pairs)
+    )
+
+
+def _response(identified: Identification, key: str, output: str, input: str) -> Picture:
+    units: list[tuple[Frequency, Magnitude]] = list(product(get_args(Frequency), get_args(Magnitude)))
+    views = {
+        f"{frequency} {magnitude}": bode(
+            identified.response,
+            output=output,
+            input=input,
+            model=identified.model_response,
+            beside=identified.beside,
+            fitted=identified.fitted,
+            least_coherence=identified.least_coherence,
+            frequency=frequency,
+            magnitude=magnitude,
+        )
+        for frequency, magnitude in units
+    }
+    return Picture(
+        key=key,
+        description=f"Bode plot of {quantity(output).words} over {quantity(input).words}, measured and model",
+        figure=views["rad/s dB"],
+        views=views,
     )
 
 

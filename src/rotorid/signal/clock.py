@@ -73,7 +73,7 @@ def one_clock(
     InsufficientDataError
         A channel is not in the log, or not in this interval.
     """
-    sources = {name: _source(record, name, start_s, stop_s) for name in (*channels, *followers)}
+    sources = {name: source_topic(record, name, start_s, stop_s) for name in (*channels, *followers)}
     findings: list[Finding] = []
     series = {}
     for name, (topic, row) in sources.items():
@@ -137,7 +137,7 @@ def _absent(record: FlightRecord, name: str, start_s: float, stop_s: float) -> I
     )
 
 
-def _source(record: FlightRecord, name: str, start_s: float, stop_s: float) -> tuple[Topic, int]:
+def source_topic(record: FlightRecord, name: str, start_s: float, stop_s: float) -> tuple[Topic, int]:
     """The best topic that covers at least half of the interval, or else the one that covers most.
 
     A topic that is good but ends early (ArduPilot's SIDD, beside the filtered RATE) is worth more than a worse one that

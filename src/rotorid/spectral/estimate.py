@@ -190,13 +190,16 @@ def _respond(
         composed = composer.responses(plain)
         return composed, np.zeros_like(composed.values)
     draft = composer.responses(plain, draft=True)
-    slopes = derivatives(composer.omega_rad_s, draft.values, draft.random_error)
-    corrected = [
-        without_leakage(
-            matrix, output=output, inputs=inputs, derivatives=slopes.tail(matrix.omega_rad_s.size), taper=composer.taper
+    corrected = []
+    for matrix in matrices:
+        points = slice(composer.omega_rad_s.size - matrix.omega_rad_s.size, None)
+        # Seen at the scale of each window's own line: finer structure is noise of longer windows to it.
+        slopes = derivatives(
+            matrix.omega_rad_s, draft.values[:, points], draft.random_error[:, points], line_rad_s=matrix.line_rad_s
         )
-        for matrix in matrices
-    ]
+        corrected.append(
+            without_leakage(matrix, output=output, inputs=inputs, derivatives=slopes, taper=composer.taper)
+        )
     composed = composer.responses(corrected)
     return composed, draft.values / composed.values - 1.0
 

@@ -23,8 +23,11 @@ from rotorid.spectral.spectra import SpectralMatrix, slope_name
 from rotorid.spectral.windows import Taper
 from rotorid.typing import ComplexArray, FloatArray
 
-_REACH = 3
-"""Neighbors on either side of a point that its derivatives are taken from."""
+_REACH_LINES = 4.0
+"""How far derivatives look to either side, in widths of a spectral line: within one of them a response cannot be told
+from its own noise, and noise would explain itself."""
+
+_LEAST_NEIGHBORS = 3
 
 _LEAST_ERROR = 1e-4
 _LARGEST_ERROR = 10.0
@@ -47,17 +50,16 @@ class Derivatives:
     first: ComplexArray
     second: ComplexArray
 
-    def tail(self, count: int) -> Derivatives:
-        """The last ``count`` frequencies: grids of short windows are tails of the longest one's."""
-        return Derivatives(first=self.first[:, -count:], second=self.second[:, -count:])
 
-
-def derivatives(omega_rad_s: FloatArray, response: ComplexArray, error: FloatArray) -> Derivatives:
+def derivatives(
+    omega_rad_s: FloatArray, response: ComplexArray, error: FloatArray, *, line_rad_s: float
+) -> Derivatives:
     r"""Derivatives of measured responses, from a local parabola through :math:`\ln H` over :math:`\ln \omega`.
 
-    Each is shrunk by its own significance, :math:`c / (1 + (3 \sigma_c / |c|)^4)`, so that noise asks for no
-    correction. Grids with fewer than four points per octave, or resonances narrower than a few points, are seen
-    through the parabola.
+    The parabola spans four widths of a spectral line to either side, with weights that fall to zero there. Each
+    derivative is shrunk by its own significance, :math:`c / (1 + (3 \sigma_c / |c|)^4)`, so that noise asks for no
+    correction; points on one line count as one, and what the parabola misses counts as noise. Resonances narrower than
+    a few lines are therefore left uncorrected.
 
     Parameters
     ----------
@@ -65,6 +67,8 @@ def derivatives(omega_rad_s: FloatArray, response: ComplexArray, error: FloatArr
         Rising, shape ``(f,)``.
     response, error
         Responses and their relative errors, shape ``(u, f)``.
+    line_rad_s
+        Width of a spectral line of the windows that are to be corrected, :math:`2 \pi / T`.
 
     Examples
     --------
@@ -72,31 +76,39 @@ def derivatives(omega_rad_s: FloatArray, response: ComplexArray, error: FloatArr
 
     >>> omega = np.geomspace(1.0, 10.0, 30)
     >>> response = np.exp(-0.02j * omega) / (1j * omega)
-    >>> found = derivatives(omega, response[None], np.full((1, 30), 1e-3))
+    >>> found = derivatives(omega, response[None], np.full((1, 30), 1e-3), line_rad_s=0.3)
     >>> exact = -response * (1.0 / omega + 0.02j)
-    >>> bool(np.abs(found.first[0] / exact - 1.0).max() < 5e-3)
+    >>> bool(np.abs(found.first[0] / exact - 1.0).max() < 0.01)
     True
     """
-    count = omega_rad_s.size
-    if count < 3:
+    if omega_rad_s.size < 2 * _LEAST_NEIGHBORS + 1:
         return Derivatives(first=np.zeros_like(response), second=np.zeros_like(response))
-    logarithm = np.log(omega_rad_s)
-    reach = min(_REACH, (count - 1) // 2)
-    first = np.clip(np.arange(count) - reach, 0, count - 2 * reach - 1)
-    near = first[:, None] + np.arange(2 * reach + 1)
-    away = logarithm[near] - logarithm[:, None]
+    away = np.log(omega_rad_s) - np.log(omega_rad_s)[:, None]
     basis = np.stack([np.ones_like(away), away, away**2], axis=-1)
     # Unwrapped along the grid: between neighbors a measured phase turns by less than half a circle.
     values = np.log(np.abs(response)) + 1j * np.unwrap(np.angle(response), axis=-1)
-    weight = np.clip(error, _LEAST_ERROR, _LARGEST_ERROR)[:, near] ** -2.0
-    normal = np.einsum("kni,ukn,knj->ukij", basis, weight, basis)
-    inverse = np.linalg.inv(normal)
-    fitted = np.einsum("ukij,knj,ukn,ukn->uki", inverse, basis, weight, values[:, near])
-    spread = np.sqrt(np.einsum("ukii->uki", inverse))
+    near = _nearness(omega_rad_s, line_rad_s)
+    weight = near[None] * (np.clip(error, _LEAST_ERROR, _LARGEST_ERROR) ** -2.0)[:, None, :]
+    inverse = np.linalg.inv(np.einsum("kni,ukn,knj->ukij", basis, weight, basis, optimize=True))
+    fitted = np.einsum("ukij,knj,ukn,un->uki", inverse, basis, weight, values, optimize=True)
+    misfit = np.abs(values[:, None, :] - np.einsum("kni,uki->ukn", basis, fitted)) ** 2
+    repeated = np.maximum(line_rad_s / np.gradient(omega_rad_s), 1.0)
+    excess = np.maximum(np.sum(weight * misfit, axis=-1) / np.sum(near, axis=-1), 1.0)
+    spread = np.sqrt(np.einsum("ukii->uki", inverse) * (repeated * excess)[..., None])
     slope, bend = (_shrunk(fitted[..., i] * i, spread[..., i] * i) for i in (1, 2))
     return Derivatives(
         first=response * slope / omega_rad_s, second=response * (bend - slope + slope**2) / omega_rad_s**2
     )
+
+
+def _nearness(omega_rad_s: FloatArray, line_rad_s: float) -> FloatArray:
+    """How much each point counts for the parabola at another one, shape ``(f, f)``: one there, zero from afar."""
+    distance = np.abs(omega_rad_s - omega_rad_s[:, None])
+    # Coarse grids take the nearest points whatever the lines are.
+    least = np.sort(distance, axis=1)[:, 2 * _LEAST_NEIGHBORS] * 1.2
+    reach = np.maximum(_REACH_LINES * line_rad_s, least)
+    share = np.minimum(distance / reach[:, None], 1.0)
+    return np.asarray((1.0 - share**3) ** 3)
 
 
 def without_leakage(

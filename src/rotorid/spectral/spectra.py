@@ -60,6 +60,11 @@ class SpectralMatrix(Immutable):
             channels=tuple(self.channels),
         )
 
+    @property
+    def line_rad_s(self) -> float:
+        """Width of a spectral line, 2 π over the length: frequencies that are closer share their data."""
+        return 2.0 * np.pi / self.window_s
+
     def block(self, rows: Sequence[int], columns: Sequence[int]) -> ComplexArray:
         """Densities between two groups of channels, shape ``(f, rows, columns)``."""
         return self.values[:, list(rows)][:, :, list(columns)]

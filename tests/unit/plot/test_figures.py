@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 from tests.unit.report.sample import RATE_HZ, doublet, exact, response, sweep
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.plot.bode import SIGMAS, bode
+from rotorid.plot.bode import bode
+from rotorid.plot.curves import SIGMAS
 from rotorid.plot.excitation import timeline
 from rotorid.plot.figure import envelope, numbers, stamps
 from rotorid.plot.phase import near_deg, unwrapped_deg
 from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import BESIDE, INPUT, MEASURED, MODEL, template
+from rotorid.plot.theme import BESIDE, SERIES, template
 from rotorid.plot.ticks import frequency_ticks, phase_step_deg
 from rotorid.plot.time import verification
 
@@ -133,7 +134,7 @@ class TestPhase:
         ("value", "expected"), [(1.0, 0.0), (-1.0, -180.0), (complex(-1.0, -0.0), -180.0), (-1j, -90.0), (1j, -270.0)]
     )
     def test_starting_branch(self, value: complex, expected: float) -> None:
-        assert unwrapped_deg(np.array([value])) == pytest.approx([expected])
+        assert unwrapped_deg(np.array([1.0]), np.array([value])) == pytest.approx([expected])
 
     @given(st.floats(-2000, 2000), st.floats(-3.1, 3.1))
     def test_nearest_branch_is_at_most_half_a_turn_away(self, reference: float, angle: float) -> None:
@@ -212,7 +213,7 @@ class TestNumbers:
 
 class TestTheme:
     @pytest.mark.parametrize("background", ["#ffffff", "#191d22"])
-    @pytest.mark.parametrize("color", [MEASURED, MODEL, INPUT, BESIDE])
+    @pytest.mark.parametrize("color", [*SERIES, BESIDE])
     def test_lines_stand_out_on_light_and_dark(self, color: str, background: str) -> None:
         """WCAG 2.1, 1.4.11: graphics need a contrast of 3 : 1."""
         assert contrast(color, background) >= 3.0

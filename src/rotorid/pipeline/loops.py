@@ -1,0 +1,166 @@
+"""The loop around an axis as the same flight shows it: broken, closed, with margins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from rotorid.data.history import TimeHistory
+from rotorid.data.record import FlightRecord
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError
+from rotorid.models.controller import rate_controller
+from rotorid.pipeline.cutting import histories
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.response_document import EstimatedDocument, LoopDocument
+from rotorid.spectral.attitude_bandwidth import AttitudeBandwidth, attitude_bandwidth
+from rotorid.spectral.estimate import frequency_response
+from rotorid.spectral.log_curve import Estimated
+from rotorid.spectral.loop import series
+from rotorid.spectral.margins import DisturbanceRejection, LoopMargins, disturbance_rejection, loop_margins
+from rotorid.spectral.measured_loop import injected_loop
+from rotorid.typing import Axis
+
+ATTITUDE: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
+_RATE: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisLoop:
+    """What a flight shows of the loop around one axis.
+
+    Parameters
+    ----------
+    method
+        How the broken loop was found, in words.
+    loop
+        The broken-loop response, or ``None``.
+    margins, rejection
+        What follows from it.
+    attitude
+        Bandwidth of the attitude's answer to its command.
+    """
+
+    method: str
+    loop: FrequencyResponse | None
+    margins: LoopMargins | None
+    rejection: DisturbanceRejection | None
+    attitude: AttitudeBandwidth | None
+
+    def document(self) -> LoopDocument:
+        """Numbers with their names and units, and what was not seen."""
+        parts = [part for part in (self.margins, self.rejection, self.attitude) if part is not None]
+        numbers = {}
+        for part in parts:
+            for field in fields(part):
+                value = getattr(part, field.name)
+                if isinstance(value, Estimated):
+                    numbers[_public_name(part, field.name)] = EstimatedDocument(value=value.value, std=value.std)
+        if self.margins is not None and self.margins.gain_crossovers:
+            crossover = self.margins.gain_crossovers[-1].omega_rad_s
+            numbers["crossover_rad_s"] = EstimatedDocument(value=crossover.value, std=crossover.std)
+        missing = {_public_name(part, name): reason for part in parts for name, reason in part.not_seen.items()}
+        band = None if self.loop is None else (float(self.loop.omega_rad_s[0]), float(self.loop.omega_rad_s[-1]))
+        return LoopDocument(method=self.method, band_rad_s=band, numbers=numbers, not_seen=missing)
+
+
+def _public_name(part: LoopMargins | DisturbanceRejection | AttitudeBandwidth, name: str) -> str:
+    """Names of different parts next to each other."""
+    if isinstance(part, DisturbanceRejection):
+        return f"disturbance_rejection_{name}"
+    return f"attitude_{name}" if isinstance(part, AttitudeBandwidth) else name
+
+
+def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flown]) -> AxisLoop | None:
+    """The loop around an axis, from whatever the flight offers; ``None`` where it offers nothing.
+
+    An injection at the mixer gives the broken loop directly. Otherwise the measured rate response times the gains in
+    the log, of the rate loop alone. The attitude's answer is that to its instrument, the stick or the set-point.
+
+    Parameters
+    ----------
+    axis
+        The axis.
+    measured
+        Responses of a command of this axis, and the data behind them.
+    flown
+        Records and maneuvers behind them.
+    """
+    records = histories(measured.segments)
+    loop, method = _injected(axis, measured, flown, records) or _computed(axis, measured, flown) or (None, "")
+    attitude = _attitude(axis, measured, records)
+    if loop is None and attitude is None:
+        return None
+    return AxisLoop(
+        method=method or "no injection at the mixer and no gains in the log: no broken loop",
+        loop=loop,
+        margins=loop_margins(loop) if loop else None,
+        rejection=disturbance_rejection(loop) if loop else None,
+        attitude=attitude,
+    )
+
+
+def _injected(
+    axis: Axis, measured: Measured, flown: Sequence[Flown], records: Sequence[TimeHistory]
+) -> tuple[FrequencyResponse, str] | None:
+    excitation, response = f"{axis}_excitation", measured.response
+    if excitation not in response.instruments:
+        return None
+    # What the system identification mode of ArduPilot logs enters the mixer one loop later.
+    rates_hz = {_loop_rate_hz(record) for record, _ in flown}
+    delay_s = 1.0 / rates_hz.pop() if len(rates_hz) == 1 and all(rates_hz) else 0.0
+    loop = injected_loop(
+        records,
+        command=f"{axis}_command",
+        excitation=excitation,
+        omega_rad_s=response.omega_rad_s,
+        windows_s=response.windows_s,
+        injection_delay_s=delay_s,
+    )
+    return loop, f"measured with {excitation}, all loops closed"
+
+
+def _loop_rate_hz(record: FlightRecord) -> float:
+    return record.parameters.get("SCHED_LOOP_RATE", 0.0) if "SID_AXIS" in record.parameters else 0.0
+
+
+def _computed(axis: Axis, measured: Measured, flown: Sequence[Flown]) -> tuple[FrequencyResponse, str] | None:
+    response, rate = measured.response, _RATE.get(axis, "")
+    parameters = flown[0][0].parameters
+    controller = rate_controller(parameters, axis)
+    if rate not in response.outputs or controller is None or response.estimate != "joint":
+        return None
+    if len(response.inputs) > 1 or any(record.parameters != parameters for record, _ in flown):
+        return None
+    y, u = response.pair(rate, f"{axis}_command")
+    plant = _single(response, y, u)
+    gains = controller.rate_loop.response(response.omega_rad_s)
+    return series(plant, np.asarray(gains)), "measured vehicle times the gains in the log, rate loop alone"
+
+
+def _single(response: FrequencyResponse, y: int, u: int) -> FrequencyResponse:
+    from rotorid.spectral.derived import selected
+
+    return selected(response, outputs=[response.outputs[y]], inputs=[response.inputs[u]])
+
+
+def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) -> AttitudeBandwidth | None:
+    response, angle = measured.response, ATTITUDE.get(axis, "")
+    commands = [name for name in response.instruments if name in (f"{axis}_stick", f"{angle}_setpoint")]
+    if not commands or not all(angle in record.names for record in records):
+        return None
+    try:
+        answer = frequency_response(
+            records,
+            inputs=commands[:1],
+            outputs=[angle],
+            omega_rad_s=response.omega_rad_s,
+            windows_s=response.windows_s,
+        )
+    except InsufficientDataError:
+        # A command that rests, or an attitude that does: the flight has no answer to show.
+        return None
+    return attitude_bandwidth(answer)

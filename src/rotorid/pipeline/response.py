@@ -1,0 +1,282 @@
+"""Logs in, frequency responses out: what is coherent, what can be used, and what is no vehicle at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError
+from rotorid.fit.problem import usable_points
+from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
+from rotorid.pipeline.identification import Segment
+from rotorid.pipeline.instruments import axis_of, is_command
+from rotorid.pipeline.inverse import without_inverse_controller
+from rotorid.pipeline.loops import ATTITUDE, AxisLoop, axis_loop
+from rotorid.pipeline.measure import Measured, measure
+from rotorid.pipeline.response_document import (
+    RecordDocument,
+    ResponseDocument,
+    input_coherences,
+    pair_documents,
+)
+from rotorid.pipeline.response_selection import Chosen, choose
+from rotorid.pipeline.settings import ResponseSettings
+from rotorid.typing import Axis, BoolArray
+
+_SPLIT_IS_GOOD, _SPLIT_IS_WORTHLESS = 0.5, 0.8
+"""Mean coherence between two inputs up to which their responses can be told apart well, and above which not at all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Responses:
+    """A finished run of ``response``.
+
+    Parameters
+    ----------
+    document
+        What ``response.json`` holds.
+    measured
+        The responses and the data behind them.
+    used
+        Points that can be used, shape ``(y, u, f)``.
+    loops
+        Axis to what its loop looks like.
+    """
+
+    document: ResponseDocument
+    measured: Measured
+    used: BoolArray
+    loops: Mapping[Axis, AxisLoop]
+
+    @property
+    def response(self) -> FrequencyResponse:
+        """The responses."""
+        return self.measured.response
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The data behind them."""
+        return self.measured.segments
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+def respond(
+    records: Sequence[FlightRecord],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    settings: ResponseSettings | None = None,
+    command: Sequence[str] = (),
+    progress: Callable[[str], None] = _silent,
+) -> Responses:
+    """Frequency responses of flight records: what ``rotorid response`` does.
+
+    All rich excitations of the inputs' axes in all records enter one estimate, except maneuvers that are far less
+    coherent than the others. A flight without excitation is read whole, from take-off to landing. Joint input–output
+    wherever every input has an instrument, and the direct estimate beside it.
+
+    Parameters
+    ----------
+    records
+        Logs as :func:`rotorid.read` gives them.
+    inputs, outputs
+        Channels. What a log lacks and can be reconstructed (``u_dot``, ``p_dot``, body velocities) is.
+    settings
+        Choices; everything has a default.
+    command
+        For the provenance of the result.
+    progress
+        Told what is being done.
+
+    Returns
+    -------
+    Responses
+        The document of ``response.json`` and the arrays behind it.
+
+    Raises
+    ------
+    InsufficientDataError
+        Nothing can be used; the findings say why. One of them is ``inverse_controller`` where the controller alone
+        moved the vehicle.
+    UsageError
+        A channel or an option is wrong.
+
+    Examples
+    --------
+    >>> from rotorid.io.registry import read
+    >>> result = respond([read("flight.BIN")], inputs=["roll_command"], outputs=["p"])  # doctest: +SKIP
+    >>> result.document.pairs["p/roll_command"].band_rad_s  # doctest: +SKIP
+    (1.2, 88.0)
+    """
+    settings = settings or ResponseSettings()
+    inputs, outputs = tuple(inputs), tuple(outputs)
+    chosen = choose(records, inputs, outputs, settings, progress)
+    measured = measure(
+        chosen.flown,
+        inputs=inputs,
+        outputs=outputs,
+        settings=settings,
+        also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
+        progress=progress,
+    )
+    response = measured.response
+    limit = settings.least_coherence(joint=response.estimate == "joint")
+    trusted = usable_points(response, coherence=limit, band_rad_s=measured.trusted_rad_s)
+    used, findings = without_inverse_controller(measured, trusted, settings, chosen.flown)
+    if not used.any():
+        raise _nothing_usable(measured, findings, limit)
+    progress("loops and margins")
+    axes = [axis_of(name) for name in inputs if is_command(name)]
+    loops = {axis: loop for axis in axes if (loop := axis_loop(axis, measured, chosen.flown))}
+    remarks = (
+        *(f for record in records for f in record.findings),
+        *chosen.findings,
+        *measured.findings,
+        *findings,
+        *_split(measured, used),
+        *_unusable(response, used, limit),
+    )
+    return Responses(
+        document=_document(records, chosen, measured, used, loops, remarks, settings, command),
+        measured=measured,
+        used=used,
+        loops=loops,
+    )
+
+
+def refused_response(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    settings: ResponseSettings,
+    command: Sequence[str] = (),
+) -> ResponseDocument:
+    """The document for data that show nothing: its findings say why, and no number is given."""
+    findings = [*(f for record in records for f in record.findings), *error.findings]
+    if not error.findings:
+        where = f"{', '.join(outputs)} over {', '.join(inputs)}"
+        findings.append(Finding(kind="low_coherence", severity="error", where=where, message=str(error)))
+    return ResponseDocument(
+        inputs=list(inputs),
+        outputs=list(outputs),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command),
+    )
+
+
+def _document(
+    records: Sequence[FlightRecord],
+    chosen: Chosen,
+    measured: Measured,
+    used: BoolArray,
+    loops: Mapping[Axis, AxisLoop],
+    findings: Sequence[Finding],
+    settings: ResponseSettings,
+    command: Sequence[str],
+) -> ResponseDocument:
+    response, diagnostics = measured.response, measured.diagnostics
+    trusted = np.asarray(used.any(axis=(0, 1)))
+    return ResponseDocument(
+        inputs=list(response.inputs),
+        outputs=list(response.outputs),
+        estimate=response.estimate,
+        instruments=list(response.instruments),
+        windows_s=list(response.windows_s),
+        omega_rad_s=response.omega_rad_s.tolist(),
+        pairs=pair_documents(
+            response,
+            used,
+            beside=measured.beside,
+            diagnostics=diagnostics,
+            measured_inputs=[name for name in response.inputs if not is_command(name)],
+        ),
+        input_coherence=dict(input_coherences(response.inputs, diagnostics.input_coherence, trusted)),
+        largest_condition=float(diagnostics.condition[used.any(axis=(0, 1))].max())
+        if len(response.inputs) > 1
+        else None,
+        records=[
+            RecordDocument(
+                **maneuver_document(item.record, item.maneuver).model_dump(),
+                coherence=dict(item.coherence),
+                used=item.used,
+            )
+            for item in chosen.candidates
+        ],
+        loops={axis: loop.document() for axis, loop in loops.items()},
+        processing=list(response.processing),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command, flown=chosen.flown, response=response),
+    )
+
+
+def _split(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
+    """How well several inputs can be told apart."""
+    diagnostics, inputs = measured.diagnostics, measured.response.inputs
+    trusted = np.asarray(used.any(axis=(0, 1)))
+    condition = float(diagnostics.condition[trusted].max())
+    findings = []
+    for name, mean in input_coherences(inputs, diagnostics.input_coherence, trusted).items():
+        first, second = name.split(",")
+        verdict = "well" if mean <= _SPLIT_IS_GOOD else "poorly" if mean <= _SPLIT_IS_WORTHLESS else "not"
+        findings.append(
+            Finding(
+                kind="correlated_inputs",
+                severity="info" if verdict == "well" else "warning",
+                where=name,
+                message=(
+                    f"{first} and {second} have a mean coherence of {mean:.2f} (up to {_SPLIT_IS_GOOD:g} is good, "
+                    f"above {_SPLIT_IS_WORTHLESS:g} worthless) and their spectra a condition number of "
+                    f"{condition:.3g} at most: their responses can be told apart {verdict}"
+                    + (" at all." if verdict == "not" else ".")
+                ),
+                numbers={"mean_coherence": mean, "condition": condition},
+            )
+        )
+    return tuple(findings)
+
+
+def _unusable(response: FrequencyResponse, used: BoolArray, limit: float) -> tuple[Finding, ...]:
+    """Pairs of which nothing can be used."""
+    findings = []
+    for y, u in np.argwhere(~used.any(axis=-1)):
+        name = f"{response.outputs[y]}/{response.inputs[u]}"
+        best = float(response.coherence[y, u].max())
+        findings.append(
+            Finding(
+                kind="low_coherence",
+                severity="warning",
+                where=name,
+                message=f"Nothing of {name} can be used: its coherence reaches {best:.2f}, and {limit:g} is needed.",
+                numbers={"best_coherence": best, "limit": limit},
+            )
+        )
+    return tuple(findings)
+
+
+def _nothing_usable(measured: Measured, findings: Sequence[Finding], limit: float) -> InsufficientDataError:
+    response = measured.response
+    names = f"{', '.join(response.outputs)} over {', '.join(response.inputs)}"
+    causes = [finding for finding in findings if finding.kind == "inverse_controller"]
+    if causes:
+        return InsufficientDataError(
+            causes[0].message.rstrip("."),
+            needed="excitation that is stronger than gusts and noise",
+            findings=findings,
+        )
+    remarks = [*findings, *_unusable(response, np.zeros(response.values.shape, dtype=bool), limit)]
+    return InsufficientDataError(
+        f"no point of {names} reaches a coherence of {limit:g} with an error below 30 %",
+        needed="excitation of the input that shows in the output",
+        remedy="excite the axis harder or longer, fly in calmer air, or lower --coherence",
+        findings=remarks,
+    )

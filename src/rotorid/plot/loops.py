@@ -1,0 +1,280 @@
+"""How stable a loop is: the broken loop with its margins, and the sensitivity with its bandwidth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.errors import UsageError
+from rotorid.plot.bode import Curve, bands, curve
+from rotorid.plot.curves import SIGMAS, Style, line, magnitude_axis, phase_axis
+from rotorid.plot.figure import Figure, Trace, numbers
+from rotorid.plot.phase import reference_deg
+from rotorid.plot.stack import Panel, stacked
+from rotorid.plot.theme import INPUT, MEASURED, MODEL, translucent
+from rotorid.plot.view import Frequency, Magnitude, View
+from rotorid.typing import ComplexArray, FloatArray
+
+MINUS_3_DB = -3.0
+
+_BAND_OPACITY = 0.22
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """A frequency of a loop and what was read there.
+
+    Parameters
+    ----------
+    omega_rad_s, omega_std_rad_s
+        Where, and one standard deviation.
+    value, value_std
+        What, and one standard deviation: the phase margin in radians at a gain crossover, the gain margin as a factor
+        at a phase crossover, the magnitude as a factor at a peak.
+
+    Raises
+    ------
+    UsageError
+        The frequency is not positive, or a deviation is negative.
+    """
+
+    omega_rad_s: float
+    value: float
+    omega_std_rad_s: float = 0.0
+    value_std: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.omega_rad_s > 0.0 and self.omega_std_rad_s >= 0.0 and self.value_std >= 0.0):
+            raise UsageError(f"{self} came", needed="a positive frequency, and deviations that are not negative")
+
+
+def broken_loop(
+    omega_rad_s: FloatArray,
+    values: ComplexArray,
+    *,
+    random_error: FloatArray | None = None,
+    gain_crossovers: Sequence[Crossing] = (),
+    phase_crossovers: Sequence[Crossing] = (),
+    frequency: Frequency = "rad/s",
+    magnitude: Magnitude = "dB",
+) -> Figure:
+    r"""Magnitude and phase of a broken loop, with the gain and phase margins where they were read.
+
+    At a gain crossover the phase margin stands on the line of −180° (or a whole turn from it), at a phase crossover
+    the gain margin hangs from the line of 0 dB. Bars and band are :math:`\pm 2\sigma`; the numbers in the legend
+    are :math:`\pm\sigma`. Nothing is computed here: crossovers that are not given are not marked.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Positive frequencies, rising, shape ``(f,)``.
+    values
+        The broken loop, whose critical point is −1, shape ``(f,)``.
+    random_error
+        Relative standard deviation of the magnitude, which is that of the phase in radians, shape ``(f,)``.
+    gain_crossovers
+        Where the magnitude passes one, with the phase margin in radians.
+    phase_crossovers
+        Where the phase passes −180°, with the gain margin as a factor: above one the gain may rise by it.
+    frequency, magnitude
+        Units of the picture.
+
+    Raises
+    ------
+    UsageError
+        A shape does not fit, a gain margin is not positive, or a unit is unknown.
+
+    Examples
+    --------
+    >>> omega = np.geomspace(1.0, 100.0, 50)
+    >>> loop = 10.0 * np.exp(-0.05j * omega) / (1j * omega)
+    >>> margin = Crossing(omega_rad_s=10.0, value=np.pi / 2 - 0.5, value_std=0.02)
+    >>> figure = broken_loop(omega, loop, gain_crossovers=[margin])
+    >>> figure["data"][-1]["name"], figure["data"][-1]["y"]
+    ('phase margin 61.4 ± 1.1° at 10 rad/s', [-180.0, -118.65])
+    """
+    view = View(frequency=frequency, magnitude=magnitude)
+    drawn = _curve(omega_rad_s, values, random_error)
+    if any(crossing.value <= 0.0 for crossing in phase_crossovers):
+        raise UsageError("a gain margin that is not positive came", needed="a factor: 2 for 6 dB")
+    level, turn = _with_band(view, drawn, random_error, "broken loop")
+    hung = [_gain_margin(view, crossing) for crossing in phase_crossovers]
+    stood = [_phase_margin(view, crossing, drawn) for crossing in gain_crossovers]
+    unity = float(view.height(np.zeros(1))[0])
+    panels = (
+        Panel(
+            label=f"Magnitude of the broken loop{' [dB]' if magnitude == 'dB' else ''}",
+            traces=[*level, *hung],
+            height_px=230,
+            axis=magnitude_axis(view, [*level, *hung]),
+            level=unity,
+        ),
+        Panel(label="Phase [°]", traces=[*turn, *stood], height_px=190, axis=phase_axis(turn), level=-180.0),
+    )
+    return stacked(panels, x_axis=view.axis(omega_rad_s))
+
+
+def disturbance_rejection(
+    omega_rad_s: FloatArray,
+    sensitivity: ComplexArray,
+    *,
+    random_error: FloatArray | None = None,
+    bandwidth: Crossing | None = None,
+    peak: Crossing | None = None,
+    frequency: Frequency = "rad/s",
+    magnitude: Magnitude = "dB",
+) -> Figure:
+    r"""Magnitude of a sensitivity :math:`S = 1/(1 + L)`, with the disturbance-rejection bandwidth and the peak.
+
+    Below the bandwidth, where :math:`|S|` rises through −3 dB, the loop holds disturbances down (shaded); around the
+    peak it amplifies them. Bars and band are :math:`\pm 2\sigma`, the numbers in the legend :math:`\pm\sigma`.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Positive frequencies, rising, shape ``(f,)``.
+    sensitivity
+        Output over disturbance at that output, shape ``(f,)``.
+    random_error
+        Relative standard deviation of the magnitude, shape ``(f,)``.
+    bandwidth
+        Where the magnitude rises through −3 dB; ``value`` is the magnitude there as a factor.
+    peak
+        Where the magnitude is largest, and how large, as a factor.
+    frequency, magnitude
+        Units of the picture.
+
+    Raises
+    ------
+    UsageError
+        A shape does not fit, or a unit is unknown.
+
+    Examples
+    --------
+    >>> omega = np.geomspace(0.1, 10.0, 30)
+    >>> figure = disturbance_rejection(omega, 1j * omega / (1j * omega + 1.0),
+    ...     bandwidth=Crossing(omega_rad_s=1.0, omega_std_rad_s=0.04, value=0.708))
+    >>> figure["data"][-1]["name"]
+    'bandwidth 1.00 ± 0.04 rad/s'
+    """
+    view = View(frequency=frequency, magnitude=magnitude)
+    traces, _ = _with_band(view, _curve(omega_rad_s, sensitivity, random_error), random_error, "sensitivity")
+    if peak is not None:
+        words = f"peak {_level_words(view, peak)} at {_where(view, peak)}"
+        traces.append(_mark(view, peak, words, MODEL, [_factor(view, peak.value)], _reach(view, peak, peak.value)))
+    held: list[tuple[float, float]] = []
+    if bandwidth is not None:
+        held = view.bands([(float(omega_rad_s[0]), bandwidth.omega_rad_s)])
+        words, height = f"bandwidth {_where(view, bandwidth)}", [_factor(view, bandwidth.value)]
+        traces.append(_mark(view, bandwidth, words, INPUT, height, _reach(view, bandwidth, bandwidth.value)))
+    panel = Panel(
+        label=f"Magnitude of the sensitivity{' [dB]' if magnitude == 'dB' else ''}",
+        traces=traces,
+        height_px=250,
+        axis=magnitude_axis(view, traces),
+        shaded=held,
+        level=float(view.height(np.array([MINUS_3_DB]))[0]),
+    )
+    return stacked([panel], x_axis=view.axis(omega_rad_s))
+
+
+def _curve(omega_rad_s: FloatArray, values: ComplexArray, random_error: FloatArray | None) -> Curve:
+    error = np.zeros(omega_rad_s.size) if random_error is None else random_error
+    for name, came in (("the response", values.shape), ("random_error", error.shape)):
+        if came != omega_rad_s.shape:
+            raise UsageError(f"{name} came with the shape {came}", needed=f"the shape {omega_rad_s.shape}")
+    return curve(omega_rad_s, values, error, reference_deg(omega_rad_s, values, np.isfinite(values)))
+
+
+def _with_band(view: View, drawn: Curve, random_error: FloatArray | None, name: str) -> tuple[list[Trace], list[Trace]]:
+    """The curve of magnitude and that of phase, over their bands where there is an error."""
+    everywhere = np.ones(drawn.omega_rad_s.size, dtype=bool)
+    shade = Style(name=name, color=translucent(MEASURED, _BAND_OPACITY))
+    level, turn = ([], []) if random_error is None else bands(view, drawn, everywhere, shade)
+    unit = "dB" if view.magnitude == "dB" else ""
+    inked = Style(name=name, color=MEASURED, width=1.8, legend=True, unit=unit)
+    level.append(line(view, drawn.omega_rad_s, view.height(drawn.magnitude_db), inked))
+    turn.append(line(view, drawn.omega_rad_s, drawn.phase_deg, Style(name=name, color=MEASURED, width=1.8, unit="°")))
+    return level, turn
+
+
+def _gain_margin(view: View, crossing: Crossing) -> Trace:
+    words = f"gain margin {_level_words(view, crossing)} at {_where(view, crossing)}"
+    ends = [_factor(view, 1.0), _factor(view, 1.0 / crossing.value)]
+    return _mark(view, crossing, words, MODEL, ends, _reach(view, crossing, 1.0 / crossing.value))
+
+
+def _phase_margin(view: View, crossing: Crossing, drawn: Curve) -> Trace:
+    margin, std = math.degrees(crossing.value), math.degrees(crossing.value_std)
+    seen = np.isfinite(drawn.phase_deg)
+    there = np.interp(math.log(crossing.omega_rad_s), np.log(drawn.omega_rad_s[seen]), drawn.phase_deg[seen])
+    # The loop may be a whole turn further down than the −180° that the margin counts from.
+    foot = -180.0 + 360.0 * round((float(there) - margin + 180.0) / 360.0)
+    words = f"phase margin {plus_minus(margin, std)}° at {_where(view, crossing)}"
+    return _mark(view, crossing, words, INPUT, [foot, foot + margin], (SIGMAS * std, SIGMAS * std))
+
+
+def _mark(
+    view: View, crossing: Crossing, words: str, color: str, heights: Sequence[float], reach: tuple[float, float]
+) -> Trace:
+    """A bar between the heights, a marker with its uncertainty at the last of them."""
+    ((low, high),) = view.bands([(SIGMAS * crossing.omega_std_rad_s, crossing.omega_rad_s)])
+    bare = [0.0] * (len(heights) - 1)
+    error = {"type": "data", "color": color, "thickness": 1.4, "width": 4}
+    return {
+        "type": "scatter",
+        "mode": "lines+markers",
+        "x": numbers(np.full(len(heights), high)),
+        "y": numbers(np.array(heights)),
+        "error_x": {**error, "array": [*bare, low]},
+        "error_y": {**error, "symmetric": False, "array": [*bare, reach[1]], "arrayminus": [*bare, reach[0]]},
+        "line": {"color": color, "width": 2.2},
+        "marker": {"color": color, "size": [*bare, 8], "symbol": "diamond", "opacity": 1.0, "line": {"width": 0}},
+        "hovertemplate": f"{words}<extra></extra>",
+        "name": words,
+        "legendgroup": words,
+        "showlegend": True,
+    }
+
+
+def _factor(view: View, factor: float) -> float:
+    """A factor on the magnitude axis."""
+    return float(view.height(np.array([20.0 * math.log10(factor)]))[0])
+
+
+def _reach(view: View, crossing: Crossing, middle: float) -> tuple[float, float]:
+    """How far the error bar of a factor goes down and up, as the band does: by a factor to both sides."""
+    spread = 1.0 + SIGMAS * crossing.value_std / crossing.value
+    here = _factor(view, middle)
+    return here - _factor(view, middle / spread), _factor(view, middle * spread) - here
+
+
+def _level_words(view: View, crossing: Crossing) -> str:
+    if view.magnitude == "linear":
+        return plus_minus(crossing.value, crossing.value_std)
+    std_db = 20.0 / math.log(10.0) * crossing.value_std / crossing.value
+    return f"{plus_minus(20.0 * math.log10(crossing.value), std_db)} dB"
+
+
+def _where(view: View, crossing: Crossing) -> str:
+    ((std, omega),) = view.bands([(crossing.omega_std_rad_s, crossing.omega_rad_s)])
+    return f"{plus_minus(omega, std)} {view.frequency}"
+
+
+def plus_minus(value: float, std: float) -> str:
+    """A number with its standard deviation, as many digits as that one warrants; alone where it has none.
+
+    Examples
+    --------
+    >>> plus_minus(42.123, 3.0), plus_minus(42.123, 0.13), plus_minus(42.123, 0.0)
+    ('42 ± 3', '42.12 ± 0.13', '42.1')
+    """
+    if not std > 0.0:
+        return f"{value:.3g}".replace("-", "−")
+    leading = math.floor(math.log10(std))
+    # Two digits of a deviation that starts with a one: rounding it to one would change it by half.
+    digits = max(0, -leading + (1 if std / 10.0**leading < 2.0 else 0))
+    return f"{value:.{digits}f} ± {std:.{digits}f}".replace("-", "−")

@@ -1,0 +1,108 @@
+"""A reader turns the Bode plots of a report to hertz and to plain factors, by mouse or by keyboard."""
+
+from __future__ import annotations
+
+import html as markup
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.browser.chromium import dump
+from tests.unit.report.sample import identification
+
+from rotorid.pipeline.identification import Identification
+from rotorid.report.page import policy, render_report
+from rotorid.report.section import section
+
+PROBE = """
+document.documentElement.dataset.probe = "waiting";
+setTimeout(async () => {
+  const find = (value) => document.querySelector(`button[value="${value}"]`);
+  const places = Array.from(document.querySelectorAll("[data-picture]"));
+  const place = places.find((one) => one.dataset.picture.includes("response"));
+  const before = places.map((one) => one.data.map((trace) => trace.x.length));
+  %s
+  await new Promise((done) => setTimeout(done, 1500));
+  const kept = places.map((one) => one.data.map((trace) => trace.x.length));
+  document.documentElement.dataset.probe = JSON.stringify({
+    data: place.data.map(({ name, x, y, customdata, hovertemplate, visible }) =>
+      ({ name, x, y, customdata, hovertemplate, visible })),
+    title: place.layout.xaxis.title.text,
+    label: place.layout.annotations[0].text,
+    pressed: Array.from(document.querySelectorAll('[aria-pressed="true"]'), (one) => one.value),
+    reachable: Array.from(document.querySelectorAll("button[data-unit]"), (one) => one.tabIndex),
+    visible: find("Hz").checkVisibility(),
+    same: JSON.stringify(before) === JSON.stringify(kept),
+  });
+}, 1500);
+"""
+
+
+def probed(chromium: str, folder: Path, identified: Identification, action: str) -> dict[str, Any]:
+    """What the page holds after an action, with the policy widened for the probe alone."""
+    html, script = render_report([identified], title="t"), PROBE % action
+    digest = r"sha256-[A-Za-z0-9+/=]+"
+    (added,) = re.findall(digest, policy(script))
+    *_, last = re.findall(digest, html.partition("</head>")[0])
+    html = html.replace(last, f"{last}&#39; &#39;{added}", 1)
+    html = html.replace("</body>", f"<script>{script}</script></body>", 1)
+    elements, console = dump(chromium, html, folder)
+    assert console == []
+    (found,) = re.findall(r'data-probe="([^"]*)"', elements)
+    answer: dict[str, Any] = json.loads(markup.unescape(found))
+    return answer
+
+
+@pytest.mark.parametrize(
+    ("action", "units"),
+    [
+        ("", "rad/s dB"),
+        ("find('Hz').click();", "Hz dB"),
+        ("find('linear').click();", "rad/s linear"),
+        ("find('Hz').click(); find('linear').click();", "Hz linear"),
+        ("find('Hz').click(); find('linear').click(); find('rad/s').click(); find('dB').click();", "rad/s dB"),
+    ],
+)
+def test_the_page_shows_what_python_would_draw(chromium: str, tmp_path: Path, action: str, units: str) -> None:
+    identified = identification()
+    shown = probed(chromium, tmp_path, identified, action)
+
+    expected = section(identified, anchor="s1", truth={}).responses[0].views[units]
+
+    assert shown["pressed"] == units.split()
+    assert shown["title"] == expected["layout"]["xaxis"]["title"]["text"]
+    assert shown["label"] == expected["layout"]["annotations"][0]["text"]
+    assert len(shown["data"]) == len(expected["data"])
+    for drawn, meant in zip(shown["data"], expected["data"], strict=True):
+        assert drawn.get("hovertemplate") == meant.get("hovertemplate")
+        for key in ("x", "y", "customdata"):
+            # Half a unit of the fifth digit in both, and of decibels: 5e-5 * 100 dB * ln(10) / 20.
+            np.testing.assert_allclose(*(np.array(of.get(key, []), dtype=float) for of in (drawn, meant)), rtol=7e-4)
+
+
+def test_other_pictures_stay_and_hidden_curves_stay_hidden(chromium: str, tmp_path: Path) -> None:
+    hide = """
+      const entry = place.querySelector(".legendtoggle");
+      for (const kind of ["mousedown", "mouseup"]) entry.dispatchEvent(new MouseEvent(kind, { bubbles: true }));
+      await new Promise((done) => setTimeout(done, 800));
+    """
+    shown = probed(chromium, tmp_path, identification(), f"{hide} find('Hz').click();")
+    assert shown["same"]
+    assert shown["title"] == "Frequency [Hz]"
+    hidden = {trace["name"] for trace in shown["data"] if trace.get("visible") == "legendonly"}
+    assert hidden == {"± 2 σ random error"}
+
+
+def test_the_switches_are_seen_and_reached_by_keyboard(chromium: str, tmp_path: Path) -> None:
+    shown = probed(chromium, tmp_path, identification(), "find('Hz').focus(); document.activeElement.click();")
+    assert shown["visible"]
+    assert set(shown["reachable"]) == {0}
+    assert shown["title"] == "Frequency [Hz]"
+
+
+def test_without_scripts_no_dead_switch_is_shown() -> None:
+    html = render_report([identification()], title="t")
+    assert html.count('<div class="choices" hidden>') == 1
