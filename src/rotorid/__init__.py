@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from rotorid.models.rate import rate_model
     from rotorid.pipeline.identify import identify
     from rotorid.pipeline.inspection import inspect
-    from rotorid.pipeline.settings import IdentifySettings
+    from rotorid.pipeline.response import respond
+    from rotorid.pipeline.settings import IdentifySettings, ResponseSettings
     from rotorid.report.output import write_results
     from rotorid.signal.clock import one_clock
     from rotorid.signal.segment import find_excitations
@@ -45,6 +46,7 @@ _HOME = {
     "LogError": "rotorid.errors",
     "Maneuver": "rotorid.data.maneuver",
     "ModelError": "rotorid.errors",
+    "ResponseSettings": "rotorid.pipeline.settings",
     "RotoridError": "rotorid.errors",
     "TimeHistory": "rotorid.data.history",
     "UsageError": "rotorid.errors",
@@ -55,6 +57,7 @@ _HOME = {
     "one_clock": "rotorid.signal.clock",
     "rate_model": "rotorid.models.rate",
     "read": "rotorid.io.registry",
+    "respond": "rotorid.pipeline.response",
     "verify_in_time": "rotorid.verify.time_domain",
     "write_results": "rotorid.report.output",
 }
@@ -69,6 +72,7 @@ __all__ = [
     "LogError",
     "Maneuver",
     "ModelError",
+    "ResponseSettings",
     "RotoridError",
     "TimeHistory",
     "UsageError",
@@ -79,6 +83,7 @@ __all__ = [
     "one_clock",
     "rate_model",
     "read",
+    "respond",
     "verify_in_time",
     "write_results",
 ]

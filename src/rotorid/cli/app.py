@@ -16,6 +16,7 @@ from rotorid.cli.console import say
 from rotorid.cli.demo import demo_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
+from rotorid.cli.response import response_command
 from rotorid.errors import RotoridError
 
 # The matrices of this package are small: threads inside one product cost more than they bring, tenfold under load.
@@ -33,6 +34,7 @@ app = typer.Typer(
 )
 app.command("demo")(demo_command)
 app.command("inspect")(inspect_command)
+app.command("response")(response_command)
 app.command("identify")(identify_command)
 
 

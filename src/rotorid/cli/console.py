@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from rotorid.errors import RotoridError
+    from rotorid.pipeline.document import FindingDocument
 
 
 _PIPE_WIDTH = 240
@@ -32,6 +36,25 @@ def output_console() -> Console:
 def say(text: str) -> None:
     """A plain sentence to standard error."""
     print(text, file=sys.stderr)
+
+
+def say_refused(error: RotoridError, findings: Sequence[FindingDocument], results: Path, *, quiet: bool) -> None:
+    """Why there is no result, to standard error; results of an earlier run are not mistaken for those of this one."""
+    say(f"rotorid: {error}")
+    for finding in findings:
+        if not quiet and finding.severity != "info":
+            say(f"  {finding.kind}: {finding.message}")
+    if results.exists():
+        say(f"rotorid: the results in {results.parent} are those of an earlier run")
+
+
+def print_findings(findings: Sequence[FindingDocument]) -> None:
+    """Warnings and errors to standard output; remarks stand in the files."""
+    console = output_console()
+    for finding in findings:
+        if finding.severity != "info":
+            console.print(f"[bold]{finding.severity}[/bold] {finding.kind}: ", end="")
+            console.print(finding.message, markup=False)
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,12 +9,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import progress, say
-from rotorid.cli.options import Json, Logs, Map, Out, Quiet, Seed, Segments, Shifts
+from rotorid.cli.console import progress, say_refused
+from rotorid.cli.names import default_folder
+from rotorid.cli.options import (
+    Band,
+    Coherence,
+    Estimate,
+    Instrument,
+    Json,
+    Logs,
+    Map,
+    Out,
+    Quiet,
+    Seed,
+    Segments,
+    Shifts,
+    Windows,
+)
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
-    from rotorid.errors import RotoridError
     from rotorid.pipeline.document import ResultDocument
     from rotorid.pipeline.settings import IdentifySettings
 
@@ -23,15 +36,11 @@ if TYPE_CHECKING:
 def identify_command(
     logs: Logs,
     model: Annotated[str, typer.Option("--model", help="rate.roll, rate.pitch, rate.yaw, rate.vertical or FILE.toml.")],
-    band: Annotated[str | None, typer.Option("--band", help="LO:HI in rad/s. [default: what was excited]")] = None,
-    windows: Annotated[str | None, typer.Option("--windows", help="S,S,... window lengths in seconds.")] = None,
-    coherence: Annotated[
-        float | None, typer.Option("--coherence", help="Least coherence of a point. [default: 0.6 direct, 0.4 joint]")
-    ] = None,
-    estimate: Annotated[str, typer.Option("--estimate", help="auto, direct or joint.")] = "auto",
-    instrument: Annotated[
-        str | None, typer.Option("--instrument", help="CHANNEL,... to use as instruments, one for each input.")
-    ] = None,
+    band: Band = None,
+    windows: Windows = None,
+    coherence: Coherence = None,
+    estimate: Estimate = "auto",
+    instrument: Instrument = None,
     fix: Annotated[list[str] | None, typer.Option("--fix", help="NAME=VALUE to hold. Repeatable.")] = None,
     segment: Segments = None,
     shift: Shifts = None,
@@ -53,7 +62,7 @@ def identify_command(
 
     settings = _settings(band, windows, coherence, estimate, instrument, fix, segment, shift, seed)
     structure = resolve_model(model)
-    folder = out or Path("rotorid-out") / _file_name(f"{_stem(logs[0])}-{structure.name}")
+    folder = out or default_folder(logs[0], structure.name)
     command = ["rotorid", *sys.argv[1:]]
     records: list[FlightRecord] = []
     try:
@@ -69,7 +78,7 @@ def identify_command(
         document = refused(error, records, structure, settings=settings, command=command)
         if json:
             sys.stdout.write(to_json(document))
-        _say_refused(error, document, folder, quiet=quiet)
+        say_refused(error, document.findings, folder / "result.json", quiet=quiet)
         raise typer.Exit(1) from None
     if json:
         sys.stdout.write(to_json(result.document))
@@ -110,31 +119,11 @@ def _settings(
     )
 
 
-def _say_refused(error: RotoridError, document: ResultDocument, folder: Path, *, quiet: bool) -> None:
-    say(f"rotorid: {error}")
-    for finding in document.findings:
-        if not quiet and finding.severity != "info":
-            say(f"  {finding.kind}: {finding.message}")
-    if (folder / "result.json").exists():
-        say(f"rotorid: the results in {folder} are those of an earlier run")
-
-
-def _file_name(text: str) -> str:
-    """Text as the name of a folder: a model file may call itself anything."""
-    return re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "result"
-
-
-def _stem(log: Path) -> str:
-    """Name of a log without the extensions of its compression and its format."""
-    packed = log.suffix.lower() in (".gz", ".xz", ".bz2", ".zip")
-    return Path(log.stem if packed else log.name).stem
-
-
 def print_result(document: ResultDocument, folder: Path) -> None:
     """A result for a person: parameters, cost, checks, findings, where the files are."""
     from rich.table import Table
 
-    from rotorid.cli.console import output_console
+    from rotorid.cli.console import output_console, print_findings
 
     console = output_console()
     table = Table(title=document.model, title_justify="left", box=None, pad_edge=False)
@@ -162,8 +151,5 @@ def print_result(document: ResultDocument, folder: Path) -> None:
         console.print(f"unseen {record}: {scores}")
     for record, cost_value in document.verification.frequency.items():
         console.print(f"unseen {record}: cost {cost_value:.1f}")
-    for finding in document.findings:
-        if finding.severity != "info":
-            console.print(f"[bold]{finding.severity}[/bold] {finding.kind}: ", end="")
-            console.print(finding.message, markup=False)
+    print_findings(document.findings)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)

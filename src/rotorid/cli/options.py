@@ -20,9 +20,18 @@ Out: TypeAlias = Annotated[
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
 Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 Seed: TypeAlias = Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")]
+Band: TypeAlias = Annotated[str | None, typer.Option("--band", help="LO:HI in rad/s. [default: what was excited]")]
+Windows: TypeAlias = Annotated[str | None, typer.Option("--windows", help="S,S,... window lengths in seconds.")]
+Coherence: TypeAlias = Annotated[
+    float | None, typer.Option("--coherence", help="Least coherence of a point. [default: 0.6 direct, 0.2 joint]")
+]
+Estimate: TypeAlias = Annotated[str, typer.Option("--estimate", help="auto, direct or joint.")]
+Instrument: TypeAlias = Annotated[
+    str | None, typer.Option("--instrument", help="CHANNEL,... to use as instruments, one for each input.")
+]
 Segments: TypeAlias = Annotated[
     list[str] | None,
-    typer.Option("--segment", help="AXIS:START:STOP to fit instead of what is found, in log seconds. Repeatable."),
+    typer.Option("--segment", help="AXIS:START:STOP to use instead of what is found, in log seconds. Repeatable."),
 ]
 Shifts: TypeAlias = Annotated[
     list[str] | None,

@@ -98,6 +98,7 @@ def inverse_controller(
     coherence: FloatArray,
     *,
     controllers: Sequence[RateController] = (),
+    unknown_gains: bool = True,
 ) -> Verdict:
     r"""Test in sub-bands whether a response is the inverse of its controller.
 
@@ -125,6 +126,9 @@ def inverse_controller(
         Shape ``(f,)``; points below 0.6 or so are no evidence, and should be left out.
     controllers
         Gains in the log; several when it is not known which loops were closed.
+    unknown_gains
+        Whether gains that nobody logged are tried too. They explain an unstable airframe near its modes as well, so a
+        response that there is reason to trust should not be tested with them.
 
     Returns
     -------
@@ -152,7 +156,8 @@ def inverse_controller(
     bands = []
     for members in _sub_bands(omega_rad_s):
         omega, data, weight = omega_rad_s[members], values[members], weights[members]
-        known, fitted = _known(omega, data, weight, controllers), _fitted(omega, data, weight)
+        known = _known(omega, data, weight, controllers)
+        fitted = _fitted(omega, data, weight) if unknown_gains else _NONE
         band = SubBand(
             low_rad_s=float(omega[0]), high_rad_s=float(omega[-1]), known_cost=known.cost, fitted_cost=fitted.cost
         )

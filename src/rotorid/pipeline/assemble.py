@@ -30,7 +30,7 @@ from rotorid.pipeline.document import (
     VerificationDocument,
 )
 from rotorid.pipeline.instruments import Flown
-from rotorid.pipeline.settings import ResponseSettings
+from rotorid.pipeline.settings import MeasureSettings
 from rotorid.pipeline.verification import Checked
 from rotorid.uncertainty.bounds import Bounds
 from rotorid.uncertainty.identifiability import Combination
@@ -132,7 +132,7 @@ def combination_documents(combinations: Sequence[Combination]) -> list[Combinati
 
 def provenance_document(
     records: Sequence[FlightRecord],
-    settings: ResponseSettings,
+    settings: MeasureSettings,
     *,
     command: Sequence[str],
     flown: Sequence[Flown] = (),

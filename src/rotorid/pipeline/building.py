@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from rotorid.data.channel import STANDARD_UNITS, Channel
 from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.record import FlightRecord
@@ -44,6 +47,26 @@ def with_ingredients(record: FlightRecord, channels: Sequence[str]) -> tuple[str
     logged = record.channel_names
     parts = [(name,) if name in logged else ingredients(name, logged) for name in channels]
     return tuple(dict.fromkeys(name for part in parts for name in part))
+
+
+def is_logged(record: FlightRecord, name: str, start_s: float, stop_s: float) -> bool:
+    """Whether a channel has samples in an interval, two and more."""
+    return any(
+        np.count_nonzero((topic.time_s >= start_s) & (topic.time_s <= stop_s)) > 1 for topic, _ in record.holding(name)
+    )
+
+
+def with_zeros(history: TimeHistory, names: Sequence[str]) -> TimeHistory:
+    """A history with further channels that were zero all the time: test signals that were not injected."""
+    if not names:
+        return history
+    count = history.values.shape[1]
+    return replace(
+        history,
+        values=np.vstack([history.values, np.zeros((len(names), count))]),
+        channels=(*history.channels, *(Channel(name=n, unit=STANDARD_UNITS[n], source="not injected") for n in names)),
+        processing=(*history.processing, f"{', '.join(names)} zero, since nothing was injected"),
+    )
 
 
 def built(history: TimeHistory, wanted: Sequence[str]) -> TimeHistory:

@@ -10,9 +10,17 @@ from rotorid.data.history import TimeHistory
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.building import built, reconstructed_findings, require_channels, shifted, with_ingredients
+from rotorid.pipeline.building import (
+    built,
+    is_logged,
+    reconstructed_findings,
+    require_channels,
+    shifted,
+    with_ingredients,
+    with_zeros,
+)
 from rotorid.pipeline.identification import Segment
-from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.instruments import Flown, is_injection
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.clock import Conditioned, one_clock
 
@@ -65,14 +73,17 @@ def cut(
     def conditioned(item: Flown, sample_rate_hz: float | None) -> Conditioned:
         record, maneuver = item
         progress(f"{record.source.name}: {maneuver.axis} {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s")
-        return one_clock(
+        start_s, stop_s = maneuver.start_s - rest_s, maneuver.stop_s + rest_s
+        silent = [name for name in followers if is_injection(name) and not is_logged(record, name, start_s, stop_s)]
+        found = one_clock(
             record,
             channels=with_ingredients(record, channels),
-            followers=followers,
-            start_s=maneuver.start_s - rest_s,
-            stop_s=maneuver.stop_s + rest_s,
+            followers=[name for name in followers if name not in silent],
+            start_s=start_s,
+            stop_s=stop_s,
             sample_rate_hz=sample_rate_hz,
         )
+        return replace(found, histories=tuple(with_zeros(history, silent) for history in found.histories))
 
     first = [conditioned(item, None) for item in flown]
     rates = [history.sample_rate_hz for part in first for history in part.histories]

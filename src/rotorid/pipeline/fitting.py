@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.findings import Finding
-from rotorid.fit.problem import FrequencyProblem, usable_points
+from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES
@@ -78,7 +78,7 @@ def pose(structure: LinearStructure, measured: Measured, settings: IdentifySetti
     """
     data = measured.response
     limit = settings.least_coherence(joint=data.estimate == "joint")
-    used = usable_points(data, coherence=limit, band_rad_s=measured.trusted_rad_s)
+    used = measured.trusted_points(data, limit)
     require_support(measured, used, least_coherence=limit, rate_model=structure.name in RATE_AXES)
     return FrequencyProblem(
         structure=structure, parameters=chosen_parameters(structure, settings), data=data, used=used

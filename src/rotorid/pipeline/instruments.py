@@ -11,7 +11,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import ModelError, UsageError
-from rotorid.pipeline.settings import ResponseSettings
+from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.segment import LEAST_MOTION, excitation_signals
 from rotorid.typing import Axis
@@ -47,17 +47,32 @@ def is_command(input: str) -> bool:
 
 
 def find_instrument(flown: Sequence[Flown], axis: Axis) -> str | None:
-    """The channel that excites ``axis`` in every maneuver and contains no feedback, or ``None``.
+    """The channel that excites ``axis`` in every maneuver of it and contains no feedback, or ``None``.
 
     The best candidate that moves. Candidates are what the reader knows to be free of feedback, then set-points from
     the outermost loop inward: as soon as an outer loop is excited, the set-points inside it contain its feedback.
     """
-    candidates = [set(excitation_signals(record, axis)) for record, _ in flown]
+    own = [(record, maneuver) for record, maneuver in flown if maneuver.axis == axis] or list(flown)
+    candidates = [set(excitation_signals(record, axis)) for record, _ in own]
     shared = set.intersection(*candidates) if candidates else set()
-    for name in excitation_signals(flown[0][0], axis):
-        if name in shared and not name.endswith("_command") and all(_moves(r, m, name) for r, m in flown):
+    for name in excitation_signals(own[0][0], axis):
+        if name not in shared or name.endswith("_command") or not all(_moves(r, m, name) for r, m in own):
+            continue
+        # Other axes' maneuvers need the channel too, at rest as it may be. What was not injected is known without.
+        if is_injection(name) or all(name in record.channel_names for record, _ in flown):
             return name
     return None
+
+
+def is_injection(name: str) -> bool:
+    """Whether a channel is a test signal that the autopilot adds: where it is not logged, it was zero.
+
+    Examples
+    --------
+    >>> is_injection("roll_excitation"), is_injection("roll_stick")
+    (True, False)
+    """
+    return name.endswith("_excitation")
 
 
 def _moves(record: FlightRecord, maneuver: Maneuver, name: str) -> bool:
@@ -71,7 +86,7 @@ def _moves(record: FlightRecord, maneuver: Maneuver, name: str) -> bool:
 
 
 def choose_instruments(
-    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: ResponseSettings
+    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: MeasureSettings
 ) -> tuple[str, ...]:
     """Instruments for all inputs, or none.
 

@@ -13,14 +13,14 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.fit.frequency_cost import EXCELLENT_COST
 from rotorid.fit.inverse_controller import SubBand, inverse_controller
-from rotorid.fit.problem import FrequencyProblem, usable_points
+from rotorid.fit.problem import FrequencyProblem
 from rotorid.models.controller import RateController, rate_controller
 from rotorid.models.rate import RATE_AXES
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fitting import pose
 from rotorid.pipeline.instruments import Flown, axis_of
 from rotorid.pipeline.measure import Measured
-from rotorid.pipeline.settings import IdentifySettings, ResponseSettings
+from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.pipeline.support import require_support
 from rotorid.typing import BoolArray, FloatArray
 
@@ -112,7 +112,7 @@ def pose_screened(
 
 
 def without_inverse_controller(
-    measured: Measured, used: BoolArray, settings: ResponseSettings, flown: Sequence[Flown]
+    measured: Measured, used: BoolArray, settings: MeasureSettings, flown: Sequence[Flown]
 ) -> tuple[BoolArray, tuple[Finding, ...]]:
     """Used points without those that are the inverse of the controller, and the remarks on them.
 
@@ -132,7 +132,7 @@ def without_inverse_controller(
     if not used.any() and measured.beside is not None:
         data = measured.beside
         limit = settings.least_coherence(joint=False)
-        traps = _traps(data, usable_points(data, coherence=limit, band_rad_s=measured.trusted_rad_s), flown)
+        traps = _traps(data, measured.trusted_points(data, limit), flown)
         return used, tuple(_finding(data, trap, "error", _NOTHING_LEFT_TO_USE) for trap in traps)
     kept, findings = np.array(used), []
     for trap in _traps(data, used, flown):
@@ -145,12 +145,12 @@ def without_inverse_controller(
 
 
 def _blame_controller(
-    error: InsufficientDataError, measured: Measured, settings: ResponseSettings, flown: Sequence[Flown]
+    error: InsufficientDataError, measured: Measured, settings: MeasureSettings, flown: Sequence[Flown]
 ) -> None:
     """Raise the better reason for missing data: no excitation reached the axis, and the controller alone moved it."""
     direct = measured.beside or measured.response
     limit = settings.least_coherence(joint=direct.estimate == "joint")
-    used = usable_points(direct, coherence=limit, band_rad_s=measured.trusted_rad_s)
+    used = measured.trusted_points(direct, limit)
     for trap in _traps(direct, used, flown):
         findings = (_finding(direct, trap, "error", _NOTHING_LEFT), *error.findings)
         came = f"{_sentence(direct, trap)} {_NOTHING_LEFT}"
@@ -174,6 +174,8 @@ def _trap(data: FrequencyResponse, used: BoolArray, index: int, flown: Sequence[
         sign * data.values[output, index, tested],
         data.coherence[output, index, tested],
         controllers=_controllers(flown, name),
+        # An instrument keeps the controller out, unless it contains feedback itself: that only its own gains may tell.
+        unknown_gains=data.estimate == "direct",
     )
     if not verdict.inverse.any():
         return None
@@ -200,7 +202,7 @@ def _longest_rest(used: BoolArray, inverse: BoolArray) -> BoolArray:
 
 
 def _require_rest(
-    problem: FrequencyProblem, measured: Measured, used: BoolArray, trap: _Trap, settings: ResponseSettings
+    problem: FrequencyProblem, measured: Measured, used: BoolArray, trap: _Trap, settings: MeasureSettings
 ) -> None:
     """Refuse where the response that was tested is left with less than a fit needs."""
     data = problem.data

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,17 +11,18 @@ from rotorid.data.channel import AXES
 from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
+from rotorid.fit.problem import usable_points
 from rotorid.pipeline.building import require_known
 from rotorid.pipeline.cutting import cut, histories
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import Flown, choose_instruments, no_instrument
 from rotorid.pipeline.quality import data_quality
-from rotorid.pipeline.settings import ResponseSettings
+from rotorid.pipeline.settings import MeasureSettings
 from rotorid.pipeline.surroundings import with_surroundings
 from rotorid.spectral.diagnostics import Diagnostics
 from rotorid.spectral.estimate import diagnosed_response
 from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, given_windows, plan_windows
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray
 
 POINTS = 100
 HIGHEST_DEFAULT_RAD_S = 100.0
@@ -45,8 +46,9 @@ class Measured:
         The data behind them.
     asked_rad_s
         Band that was looked at.
-    excited_to_rad_s
-        Highest frequency that sweeps reached; infinite where other excitations leave that to the coherence.
+    excited_rad_s
+        Input to the highest frequency that its sweeps reached; infinite where other excitations leave that to the
+        coherence.
     findings
         Remarks on the way.
     diagnostics
@@ -58,8 +60,13 @@ class Measured:
     diagnostics: Diagnostics
     segments: tuple[Segment, ...]
     asked_rad_s: tuple[float, float]
-    excited_to_rad_s: float
+    excited_rad_s: Mapping[str, float]
     findings: tuple[Finding, ...]
+
+    @property
+    def excited_to_rad_s(self) -> float:
+        """Highest frequency that the sweeps of any input reached."""
+        return max(self.excited_rad_s.values())
 
     @property
     def trusted_rad_s(self) -> tuple[float, float]:
@@ -69,9 +76,33 @@ class Measured:
         below its end a response is biased, because there the sweep fills one flank of the spectral line only: with a
         delay of 40 ms and windows of 2.5 s by 3° and 2 %. So the line of the shortest window must lie inside.
         """
+        return self._trusted_to(self.excited_to_rad_s)
+
+    def trusted_points(self, data: FrequencyResponse, coherence: float) -> BoolArray:
+        """Points of a response of these inputs that can be trusted, each input as far as its own sweeps went.
+
+        Parameters
+        ----------
+        data
+            The estimate or the one beside it.
+        coherence
+            The least that counts.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape ``(y, u, f)``.
+        """
+        bands = {name: self._trusted_to(top) for name, top in self.excited_rad_s.items()}
+        each = [
+            usable_points(data, coherence=coherence, band_rad_s=bands[name])[:, u] for u, name in enumerate(data.inputs)
+        ]
+        return np.stack(each, axis=1)
+
+    def _trusted_to(self, top_rad_s: float) -> tuple[float, float]:
         low, high = self.asked_rad_s
         line = _HALF_LINE * 2.0 * np.pi / min(self.response.windows_s)
-        return low, min(high, self.excited_to_rad_s - line)
+        return low, min(high, top_rad_s - line)
 
 
 def measure(
@@ -79,7 +110,7 @@ def measure(
     *,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
-    settings: ResponseSettings,
+    settings: MeasureSettings,
     also: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Measured:
@@ -121,7 +152,9 @@ def measure(
         diagnostics=diagnostics,
         segments=segments,
         asked_rad_s=band,
-        excited_to_rad_s=_excited_to(flown),
+        excited_rad_s={
+            name: _excited_to([f for f in flown if name == f"{f[1].axis}_command"] or flown) for name in inputs
+        },
         findings=(
             *findings,
             *data_quality(flown, segments),
@@ -149,14 +182,14 @@ def _respond(
     )
 
 
-def _margin_s(flown: Sequence[Flown], settings: ResponseSettings) -> float:
+def _margin_s(flown: Sequence[Flown], settings: MeasureSettings) -> float:
     """How much quiet time to take along: that of the longest window, as far as it is known yet."""
     if settings.windows_s:
         return max(settings.windows_s)
     return min(0.5 * max(maneuver.duration_s for _, maneuver in flown), _LONGEST_MARGIN_S)
 
 
-def _windows(records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: ResponseSettings) -> WindowPlan:
+def _windows(records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: MeasureSettings) -> WindowPlan:
     """Windows for the records: half of the time flown lies in records of at least the planned length.
 
     A gap may leave a stub of a second beside records of a minute. Windows that do not fit into it pass it over.
@@ -183,6 +216,11 @@ def default_band(flown: Sequence[Flown], sample_rate_hz: float) -> tuple[float, 
     low = min((band[0] for band in bands), default=0.5)
     high = max((band[1] for band in bands), default=carried) if sweeps_only else carried
     return low, min(high, 0.8 * np.pi * sample_rate_hz)
+
+
+def _of_input(flown: Sequence[Flown], input: str) -> Sequence[Flown]:
+    """The maneuvers of an input's own axis; all, where it has none."""
+    return [item for item in flown if input == f"{item[1].axis}_command"] or flown
 
 
 def _excited_to(flown: Sequence[Flown]) -> float:

@@ -11,8 +11,8 @@ from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.problem import usable_points
 from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
+from rotorid.pipeline.filters import without_known_filters
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import axis_of, is_command
 from rotorid.pipeline.inverse import without_inverse_controller
@@ -127,12 +127,14 @@ def respond(
         also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
         progress=progress,
     )
+    if settings.correct_filters:
+        measured = without_known_filters(measured, chosen.flown)
     response = measured.response
     limit = settings.least_coherence(joint=response.estimate == "joint")
-    trusted = usable_points(response, coherence=limit, band_rad_s=measured.trusted_rad_s)
+    trusted = measured.trusted_points(response, limit)
     used, findings = without_inverse_controller(measured, trusted, settings, chosen.flown)
     if not used.any():
-        raise _nothing_usable(measured, findings, limit)
+        raise _nothing_usable(measured, (*findings, *chosen.findings), limit)
     progress("loops and margins")
     axes = [axis_of(name) for name in inputs if is_command(name)]
     loops = {axis: loop for axis in axes if (loop := axis_loop(axis, measured, chosen.flown))}
@@ -246,7 +248,7 @@ def _split(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
 
 
 def _unusable(response: FrequencyResponse, used: BoolArray, limit: float) -> tuple[Finding, ...]:
-    """Pairs of which nothing can be used."""
+    """Pairs of which nothing can be used: a warning where an input shows in no output at all."""
     findings = []
     for y, u in np.argwhere(~used.any(axis=-1)):
         name = f"{response.outputs[y]}/{response.inputs[u]}"
@@ -254,7 +256,7 @@ def _unusable(response: FrequencyResponse, used: BoolArray, limit: float) -> tup
         findings.append(
             Finding(
                 kind="low_coherence",
-                severity="warning",
+                severity="info" if used[:, u].any() else "warning",
                 where=name,
                 message=f"Nothing of {name} can be used: its coherence reaches {best:.2f}, and {limit:g} is needed.",
                 numbers={"best_coherence": best, "limit": limit},

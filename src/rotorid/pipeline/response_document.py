@@ -161,12 +161,14 @@ def unit_of_ratio(output: str, input: str) -> str:
     Examples
     --------
     >>> unit_of_ratio("p", "roll_command"), unit_of_ratio("u", "theta"), unit_of_ratio("p", "p_setpoint")
-    ('rad/s', '(m/s)/rad', '1')
+    ('rad/s', 'm/s/rad', '1')
     """
     above, below = (STANDARD_UNITS.get(name, "1") for name in (output, input))
     if above == below:
         return "1"
-    return above if below == "1" else f"({above})/({below})" if "/" in below else f"({above})/{below}"
+    if below == "1":
+        return above
+    return f"{above}/({below})" if "/" in below else f"{above}/{below}"
 
 
 def input_coherences(inputs: Sequence[str], coherence: FloatArray, trusted: BoolArray) -> Mapping[str, float]:

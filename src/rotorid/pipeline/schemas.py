@@ -7,8 +7,13 @@ from collections.abc import Mapping
 
 from rotorid.pipeline.document import Document, ResultDocument
 from rotorid.pipeline.inspection import InspectDocument
+from rotorid.pipeline.response_document import ResponseDocument
 
-SCHEMAS: Mapping[str, type[Document]] = {"rotorid.result-1": ResultDocument, "rotorid.inspect-1": InspectDocument}
+SCHEMAS: Mapping[str, type[Document]] = {
+    "rotorid.result-1": ResultDocument,
+    "rotorid.inspect-1": InspectDocument,
+    "rotorid.response-1": ResponseDocument,
+}
 
 
 def schema_text(name: str) -> str:

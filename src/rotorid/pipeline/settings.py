@@ -15,16 +15,16 @@ from rotorid.errors import UsageError
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
 
 DIRECT_COHERENCE = 0.6
-JOINT_COHERENCE = 0.4
+JOINT_COHERENCE = 0.2
 """Limits below which a point is left out. A joint estimate is judged by instrument and output, whose coherence feedback
-lowers without harm down to about this value."""
+and other inputs lower without harm: its random error tells what a point is worth, down to about this value."""
 
 LONGEST_WINDOW_S = 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResponseSettings(Immutable):
-    """Choices of one run of ``response``.
+class MeasureSettings(Immutable):
+    """Choices about how responses are measured.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class ResponseSettings(Immutable):
     windows_s
         Window lengths; by default five by rule.
     coherence
-        Least coherence of a point; by default 0.6 for a direct and 0.4 for a joint estimate.
+        Least coherence of a point; by default 0.6 for a direct and 0.2 for a joint estimate.
     estimate
         ``auto`` takes the joint estimate whenever an instrument is logged.
     instruments
@@ -102,13 +102,32 @@ class ResponseSettings(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifySettings(ResponseSettings):
+class ResponseSettings(MeasureSettings):
+    """Choices of one run of ``response``.
+
+    Parameters
+    ----------
+    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+        As in :class:`MeasureSettings`.
+    correct_filters
+        Take known filters of the autopilot off the outputs, so that a response is that of the vehicle alone.
+    """
+
+    correct_filters: bool = False
+
+    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+        """The choices for the provenance of a result."""
+        return super().as_json() | {"correct_filters": self.correct_filters}
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifySettings(MeasureSettings):
     """Choices of one run of ``identify``.
 
     Parameters
     ----------
     band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
-        As in :class:`ResponseSettings`.
+        As in :class:`MeasureSettings`.
     fix
         Parameters held at given values.
     """

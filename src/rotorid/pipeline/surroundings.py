@@ -8,6 +8,7 @@ from dataclasses import replace
 from rotorid.data.channel import AXES
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
+from rotorid.pipeline.building import is_logged
 from rotorid.pipeline.instruments import Flown
 from rotorid.signal.clock import source_topic
 from rotorid.signal.segment import find_excitations
@@ -56,7 +57,9 @@ def _widened(
     if own.origin == "given":
         return own
     topics = [
-        source_topic(record, name, own.start_s, own.stop_s)[0] for name in channels if name in record.channel_names
+        source_topic(record, name, own.start_s, own.stop_s)[0]
+        for name in channels
+        if is_logged(record, name, own.start_s, own.stop_s)
     ]
     first = max((float(topic.time_s[0]) for topic in topics), default=record.start_s)
     last = min((float(topic.time_s[-1]) for topic in topics), default=record.stop_s)

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.spectral.composite import PairSpectra, window_weights
+from rotorid.spectral.composite import (
+    PairSpectra,
+    compose_by_least_squares,
+    compose_by_weights,
+    minimum_variance_share,
+    window_weights,
+)
 from rotorid.spectral.conditioning import Conditioned, OutputSpectra, Separated, condition
 from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance, smear
 from rotorid.spectral.kernel import BlockGrid
 from rotorid.spectral.weakness import weak_instrument_factor
 from rotorid.spectral.windows import Taper
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
+
+Composition: TypeAlias = Literal["minimum_variance", "least_squares", "weights"]
 
 _SMOOTHING_POINTS = 2
 _MOMENTS_IN_WINDOW = 5
@@ -64,10 +74,10 @@ class Composer:
         How the records were cut, and into how many blocks.
     overlap, taper
         How windows overlap and fade.
-    compose
-        How spectra of several windows become one.
-    weight_power
-        With which power of its weight a window enters the composite.
+    corrected
+        Whether leakage is taken out of the densities that come.
+    composition
+        How windows are joined.
     """
 
     windows: Sequence[Separated]
@@ -76,8 +86,8 @@ class Composer:
     blocks: int
     overlap: float
     taper: Taper
-    compose: Callable[[PairSpectra, FloatArray], PairSpectra]
-    weight_power: int
+    corrected: bool
+    composition: Composition
 
     def responses(self, spectra: Sequence[OutputSpectra], *, draft: bool = False) -> Composed:
         """Responses of the output whose densities came, one set for each window length.
@@ -117,33 +127,56 @@ class Composer:
         pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
         single = random_error(pairs.coherence, self._averages, overlap=self.overlap)
         weights = self._weights(single)
-        total = self.compose(pairs, weights)
-        share = weights**self.weight_power * power
+        compose = compose_by_weights if self.composition == "weights" else compose_by_least_squares
+        total = compose(pairs, weights)
+        # Least squares weigh the windows once, the weighted mean by the squares of the same weights.
+        share = weights ** (2 if self.composition == "weights" else 1) * power
         share = share / share.sum(axis=0)
-        single = np.where(self._valid, single, np.nan)
-        coherence = total.coherence
+        values, coherence = total.response, total.coherence
+        if self.composition == "minimum_variance" and not draft:
+            share = self._best_share(index, noise, np.abs(values))
+            values, coherence = np.sum(share * response, axis=0), np.sum(share * pairs.coherence, axis=0)
         if not self._direct:
             seen = self._padded([part.instrument_coherence[index] for part in parts], 0.0).real
             coherence = np.sum(share * seen, axis=0)
         coherence = np.clip(coherence, 0.0, 1.0)
+        single = np.where(self._valid, single, np.nan)
         if draft:
             averages = np.sum(share * self._averages, axis=0)
             error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.overlap)
-            return total.response, coherence, error, np.zeros(0, dtype=np.complex128), share, single
+            return values, coherence, error, np.zeros(0, dtype=np.complex128), share, single
         covariance = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
-        spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(total.response)
-        return total.response, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance, share, single
+        spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(values)
+        return values, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance, share, single
+
+    def _best_share(self, index: int, noise: FloatArray, size: FloatArray) -> FloatArray:
+        """Shares of the least error, from how a disturbance at each moment enters each window's estimate."""
+        reached = self._influences[index]
+        together = np.einsum("wfm,vfm->fwv", reached, reached.conj(), optimize=True).real
+        bias = (self._left_over * size).T
+        level = np.sqrt(np.stack([_smooth(row) for row in noise]) * self._moment_s).T
+        covariance = together * level[:, :, None] * level[:, None, :] + bias[:, :, None] * bias[:, None, :]
+        return minimum_variance_share(covariance, self._valid)
 
     def _weights(self, error: FloatArray) -> FloatArray:
-        lengths_s = np.array([window.matrix.window_s for window in self.windows])[:, None]
-        return window_weights(np.hypot(error, smear(self.omega_rad_s, lengths_s)), self._valid)
+        return window_weights(np.hypot(error, self._left_over), self._valid)
 
-    @property
+    @cached_property
+    def _left_over(self) -> FloatArray:
+        """Relative bias of each window that its correction leaves, shape ``(w, f)``; see :func:`smear`.
+
+        The next term of the same series; without a correction the first one.
+        """
+        lengths_s = np.array([window.matrix.window_s for window in self.windows])[:, None]
+        first = smear(self.omega_rad_s, lengths_s)
+        return 3.0 * first**2 if self.corrected else first
+
+    @cached_property
     def _valid(self) -> BoolArray:
         # Grids of shorter windows are tails of the longest one's.
         return np.stack([self.omega_rad_s >= window.matrix.omega_rad_s[0] for window in self.windows])
 
-    @property
+    @cached_property
     def _averages(self) -> FloatArray:
         return np.array([window.matrix.averages for window in self.windows])[:, None]
 
@@ -158,18 +191,34 @@ class Composer:
             row[row.size - array.size :] = array
         return padded
 
+    @cached_property
+    def _moments(self) -> int:
+        # Little overlap makes long blocks, in which the taper would be seen too seldom for a variance.
+        return math.ceil(_MOMENTS_IN_WINDOW / min(window.matrix.window.blocks for window in self.windows))
+
+    @property
+    def _moment_s(self) -> float:
+        return self.grid.block_s / self._moments
+
+    @cached_property
+    def _influences(self) -> tuple[ComplexArray, ...]:
+        """Influence of each moment on each window's estimate, for every input, shape ``(w, f, moments)``."""
+        found = []
+        for index in range(len(self.windows[0].inputs)):
+            all_windows = np.zeros(
+                (len(self.windows), self.omega_rad_s.size, self.blocks * self._moments), dtype=np.complex128
+            )
+            for row, window in zip(all_windows, self.windows, strict=True):
+                here = influence(window, index, blocks=self.blocks, taper=self.taper, moments=self._moments)
+                row[self.omega_rad_s.size - len(here) :] = here
+            found.append(all_windows)
+        return tuple(found)
+
     def _covariance(
         self, parts: Sequence[Conditioned], index: int, share: FloatArray, noise: FloatArray
     ) -> ComplexArray:
-        # Little overlap makes long blocks, in which the taper would be seen too seldom for a variance.
-        moments = math.ceil(_MOMENTS_IN_WINDOW / min(window.matrix.window.blocks for window in self.windows))
-        influences = []
-        for row, window in zip(share, self.windows, strict=True):
-            here = influence(window, index, blocks=self.blocks, taper=self.taper, moments=moments)
-            full = np.zeros((self.omega_rad_s.size, self.blocks * moments), dtype=np.complex128)
-            full[self.omega_rad_s.size - len(here) :] = here
-            influences.append(row[:, None] * full)
-        covariance = response_covariance(influences, self.omega_rad_s, noise, self.grid.block_s / moments)
+        total = np.einsum("wf,wfm->fm", share, self._influences[index])
+        covariance = response_covariance([total], self.omega_rad_s, noise, self._moment_s)
         if self._direct:
             return covariance
         unexplained = self._padded([window.input_noise[index] for window in self.windows], 0.0).real

@@ -9,6 +9,7 @@ import numpy as np
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _COHERENCE_WEIGHT = 5.0
+_RIDGE = 1e-9
 _ITERATIONS = 30
 _LARGEST_STEP = 0.3
 _LEAST_SHARE = 0.05
@@ -54,6 +55,56 @@ def window_weights(error: FloatArray, valid: BoolArray) -> FloatArray:
     """
     bounded = np.where(valid, np.clip(error, 1e-12, _LARGEST_ERROR), np.inf)
     return np.asarray((bounded.min(axis=0) / bounded) ** 4)
+
+
+def minimum_variance_share(covariance: FloatArray, valid: BoolArray) -> FloatArray:
+    r"""Shares of the windows that make the error of their mean least, none of them negative.
+
+    .. math:: \min_s \; s^T V s, \qquad \sum_i s_i = 1, \quad s_i \ge 0
+
+    Windows over the same data err together, and the covariance between them tells how much one adds to another. The
+    mean never errs by more than the best window alone. Negative shares would win a little more from differences
+    between windows, in which their biases do not cancel.
+
+    Parameters
+    ----------
+    covariance
+        :math:`V` of the windows' estimates, real, shape ``(f, windows, windows)``.
+    valid
+        Where a window counts, shape ``(windows, f)``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ``(windows, f)``.
+
+    Examples
+    --------
+    Two windows whose errors are independent, and one that the better of two already contains:
+
+    >>> valid = np.ones((2, 1), dtype=bool)
+    >>> minimum_variance_share(np.array([[[1.0, 0.0], [0.0, 3.0]]]), valid).ravel().round(6).tolist()
+    [0.75, 0.25]
+    >>> minimum_variance_share(np.array([[[1.0, 1.2], [1.2, 3.0]]]), valid).ravel().round(6).tolist()
+    [1.0, 0.0]
+    """
+    kept = valid.T.copy()
+    diagonal = np.einsum("fww->fw", covariance)
+    share = np.zeros_like(diagonal)
+    for _ in range(valid.shape[0]):
+        # What is left out stands alone with a share of zero on the right-hand side.
+        both = kept[:, :, None] & kept[:, None, :]
+        scale = np.where(kept, diagonal, np.inf).min(axis=1)[:, None, None]
+        system = np.where(both, covariance / scale, 0.0) + np.eye(valid.shape[0]) * (~kept[:, :, None] + _RIDGE)
+        share = np.linalg.solve(system, kept[..., None].astype(np.float64))[..., 0]
+        share /= share.sum(axis=1, keepdims=True)
+        worst = np.argmin(share, axis=1)
+        negative = share[np.arange(len(share)), worst] < 0.0
+        if not negative.any():
+            break
+        kept[negative, worst[negative]] = False
+    share = np.maximum(share, 0.0)
+    return np.asarray((share / share.sum(axis=1, keepdims=True)).T)
 
 
 def compose_by_weights(pairs: PairSpectra, weights: FloatArray) -> PairSpectra:

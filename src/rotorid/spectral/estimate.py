@@ -10,8 +10,7 @@ import numpy as np
 from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.spectral.composer import Composed, Composer
-from rotorid.spectral.composite import compose_by_least_squares, compose_by_weights
+from rotorid.spectral.composer import Composed, Composer, Composition
 from rotorid.spectral.conditioning import output_spectra, separate
 from rotorid.spectral.diagnostics import Diagnostics, diagnose
 from rotorid.spectral.leakage import derivatives, without_leakage
@@ -20,7 +19,6 @@ from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
 from rotorid.spectral.windows import HANN, Taper
 from rotorid.typing import ComplexArray, FloatArray
 
-Composition: TypeAlias = Literal["least_squares", "weights"]
 Leakage: TypeAlias = Literal["corrected", "ignored"]
 
 
@@ -34,7 +32,7 @@ def frequency_response(
     instruments: Sequence[str] = (),
     overlap: float = 0.8,
     taper: Taper = HANN,
-    composition: Composition = "least_squares",
+    composition: Composition = "minimum_variance",
     leakage: Leakage = "corrected",
 ) -> FrequencyResponse:
     r"""Composite-window frequency responses, direct or joint input–output.
@@ -57,7 +55,8 @@ def frequency_response(
     overlap, taper
         How windows overlap and fade.
     composition
-        ``least_squares`` over spectra and coherence, or the weighted mean from which it starts.
+        ``minimum_variance`` takes the shares of the windows that make the stated error least. ``least_squares`` over
+        spectra and coherence is CIFER's, ``weights`` the mean from which it starts.
     leakage
         ``corrected`` takes out what windows add to a response by being windows (`rotorid.spectral.leakage`);
         ``ignored`` leaves it in, as a bias and as noise that is none.
@@ -124,7 +123,7 @@ def diagnosed_response(
     instruments: Sequence[str] = (),
     overlap: float = 0.8,
     taper: Taper = HANN,
-    composition: Composition = "least_squares",
+    composition: Composition = "minimum_variance",
     leakage: Leakage = "corrected",
 ) -> tuple[FrequencyResponse, Diagnostics]:
     """:func:`frequency_response`, with what stands behind it.
@@ -160,9 +159,8 @@ def diagnosed_response(
         blocks=sum(record.values.shape[1] // grid.samples_per_block for record in chosen),
         overlap=overlap,
         taper=taper,
-        compose=compose_by_least_squares if composition == "least_squares" else compose_by_weights,
-        # Least squares weigh the windows once, the weighted mean by the squares of the same weights.
-        weight_power=1 if composition == "least_squares" else 2,
+        corrected=leakage == "corrected",
+        composition=composition,
     )
     answers = [_respond(composer, matrices, input_rows, rows[output], leakage=leakage) for output in outputs]
     parts = [part for part, _ in answers]

@@ -33,6 +33,9 @@ _LEAST_ERROR = 1e-4
 _LARGEST_ERROR = 10.0
 _LEAST_SLOPE = 1e-3
 
+_DOUBTED_ERROR = 0.15
+"""A point of this relative error counts half."""
+
 _SURE = 3.0
 """A derivative of this many standard deviations counts half."""
 
@@ -96,8 +99,10 @@ def derivatives(
     excess = np.maximum(np.sum(weight * misfit, axis=-1) / np.sum(near, axis=-1), 1.0)
     spread = np.sqrt(np.einsum("ukii->uki", inverse) * (repeated * excess)[..., None])
     slope, bend = (_shrunk(fitted[..., i] * i, spread[..., i] * i) for i in (1, 2))
+    # Where hardly anything is known of a response, nothing is known of what windows add to it.
+    believed = response / (1.0 + (error / _DOUBTED_ERROR) ** 4)
     return Derivatives(
-        first=response * slope / omega_rad_s, second=response * (bend - slope + slope**2) / omega_rad_s**2
+        first=believed * slope / omega_rad_s, second=believed * (bend - slope + slope**2) / omega_rad_s**2
     )
 
 

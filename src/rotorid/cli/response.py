@@ -1,0 +1,179 @@
+"""``rotorid response``: logs in, frequency responses with coherence and error out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rotorid.cli.console import progress, say_refused
+from rotorid.cli.names import default_folder
+from rotorid.cli.options import (
+    Band,
+    Coherence,
+    Estimate,
+    Instrument,
+    Json,
+    Logs,
+    Map,
+    Out,
+    Quiet,
+    Seed,
+    Segments,
+    Shifts,
+    Windows,
+)
+
+if TYPE_CHECKING:
+    from rotorid.data.record import FlightRecord
+    from rotorid.pipeline.response_document import LoopDocument, ResponseDocument
+    from rotorid.pipeline.settings import ResponseSettings
+
+
+def response_command(
+    logs: Logs,
+    inputs: Annotated[str, typer.Option("--inputs", help="CHANNEL,... that drive, such as roll_command.")],
+    outputs: Annotated[str, typer.Option("--outputs", help="CHANNEL,... that answer, such as p,ay.")],
+    band: Band = None,
+    windows: Windows = None,
+    coherence: Coherence = None,
+    estimate: Estimate = "auto",
+    instrument: Instrument = None,
+    correct_filters: Annotated[
+        bool, typer.Option("--correct-filters", help="Take known filters of the autopilot off the outputs.")
+    ] = False,
+    segment: Segments = None,
+    shift: Shifts = None,
+    map: Map = None,
+    seed: Seed = 0,
+    out: Out = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Estimate frequency responses with coherence and random error, and the margins of the loop."""
+    from rotorid.errors import InsufficientDataError
+    from rotorid.io.registry import read
+    from rotorid.pipeline.response import refused_response, respond
+    from rotorid.report.output import to_json
+    from rotorid.report.response_output import write_responses
+
+    settings = _settings(band, windows, coherence, estimate, instrument, correct_filters, segment, shift, seed)
+    drivers, answers = _channels(inputs, "--inputs"), _channels(outputs, "--outputs")
+    folder = out or default_folder(logs[0], "response")
+    command = ["rotorid", *sys.argv[1:]]
+    records: list[FlightRecord] = []
+    try:
+        with progress(quiet=quiet) as tell:
+            for log in logs:
+                tell(f"reading {log.name}")
+                records.append(read(log, mapping=map))
+            result = respond(
+                records, inputs=drivers, outputs=answers, settings=settings, command=command, progress=tell
+            )
+            tell("writing the report")
+            write_responses(folder, result, title=f"Responses from {', '.join(log.name for log in logs)}")
+    except InsufficientDataError as error:
+        document = refused_response(error, records, inputs=drivers, outputs=answers, settings=settings, command=command)
+        if json:
+            sys.stdout.write(to_json(document))
+        say_refused(error, document.findings, folder / "response.json", quiet=quiet)
+        raise typer.Exit(1) from None
+    if json:
+        sys.stdout.write(to_json(result.document))
+    elif not quiet:
+        _print(result.document, folder)
+
+
+def _channels(text: str, option: str) -> tuple[str, ...]:
+    from rotorid.errors import UsageError
+
+    names = tuple(part.strip() for part in text.split(","))
+    if not all(names) or len(set(names)) < len(names):
+        raise UsageError(
+            f"{option} {text!r} came", needed="channel names, each once, with commas between them: roll_command,p"
+        )
+    return names
+
+
+def _settings(
+    band: str | None,
+    windows: str | None,
+    coherence: float | None,
+    estimate: str,
+    instrument: str | None,
+    correct_filters: bool,
+    segment: Sequence[str] | None,
+    shift: Sequence[str] | None,
+    seed: int,
+) -> ResponseSettings:
+    from rotorid.pipeline.settings import ResponseSettings, parse_band, parse_numbers, parse_segment, parse_shifts
+
+    return ResponseSettings(
+        band_rad_s=parse_band(band) if band else None,
+        windows_s=parse_numbers(windows) if windows else (),
+        coherence=coherence,
+        estimate=estimate,  # type: ignore[arg-type]
+        instruments=tuple(name.strip() for name in instrument.split(",")) if instrument else (),
+        correct_filters=correct_filters,
+        segments=tuple(parse_segment(text) for text in segment or ()),
+        shifts=parse_shifts(tuple(shift or ())),
+        seed=seed,
+    )
+
+
+def _print(document: ResponseDocument, folder: Path) -> None:
+    """Responses for a person: what can be used, margins, findings, where the files are."""
+    from rich.table import Table
+
+    from rotorid.cli.console import output_console, print_findings
+
+    console = output_console()
+    with_instrument = f" with {', '.join(document.instruments)}" if document.instruments else ""
+    console.print(f"{document.estimate} estimate{with_instrument}", markup=False, highlight=False)
+    table = Table(box=None, pad_edge=False)
+    table.add_column("response", justify="left")
+    for name in ("usable [rad/s]", "points", "coherence", "error %", "direct differs [dB]", "unit"):
+        table.add_column(name, justify="right" if name != "unit" else "left")
+    for name, pair in document.pairs.items():
+        if pair.band_rad_s is None:
+            table.add_row(name, "nothing", "", "", "", "", pair.unit)
+            continue
+        low, high = pair.band_rad_s
+        difference = pair.direct_difference_db
+        table.add_row(
+            name,
+            f"{low:.2g} to {high:.3g}",
+            str(pair.points),
+            f"{pair.mean_coherence:.2f}",
+            f"{100.0 * (pair.mean_random_error or 0.0):.1f}",
+            "" if difference is None else f"{difference:.1f}",
+            pair.unit,
+        )
+    console.print(table)
+    for axis, loop in document.loops.items():
+        _print_loop(axis, loop)
+    print_findings(document.findings)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+
+
+def _print_loop(axis: str, loop: LoopDocument) -> None:
+    import math
+
+    from rotorid.cli.console import output_console
+
+    console = output_console()
+    console.print(f"{axis} loop ({loop.method})", markup=False, highlight=False, soft_wrap=True)
+    for name, number in loop.numbers.items():
+        value, std, words = number.value, number.std, name.replace("_", " ")
+        if name.endswith("_rad") and "rad_s" not in name:
+            value, std, words = math.degrees(value), math.degrees(std), f"{words.removesuffix(' rad')} [°]"
+        elif name.endswith("_rad_s"):
+            words = f"{words.removesuffix(' rad s')} [rad/s]"
+        elif name.endswith("_s"):
+            value, std, words = 1e3 * value, 1e3 * std, f"{words.removesuffix(' s')} [ms]"
+        console.print(f"  {words}: {value:.4g} ± {std:.2g}", markup=False, highlight=False)
+    for name, reason in loop.not_seen.items():
+        console.print(f"  {name.replace('_', ' ')}: {reason}", markup=False, highlight=False, soft_wrap=True)
