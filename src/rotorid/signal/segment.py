@@ -36,6 +36,8 @@ _LEAST_AT_LEVEL = 0.25
 _SHORTEST_RICH_S = 6.0
 _FEWEST_HALVES = 7
 
+_SHORT_KINDS = ("doublet", "multistep", "other")
+
 
 def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
     """Channels of a record in which an excitation of ``axis`` would show, best first.
@@ -74,8 +76,12 @@ def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
         return found
     # A controller answers an excitation of one axis on the others too: that is no excitation of theirs.
     elsewhere = [m for other in AXES if other != axis for m in _from_outside(record, other)]  # type: ignore[arg-type]
+    # Nor are the short answers to gusts that a command shows while everything outside of the loop is seen to rest.
+    watched = _free_signals(record, axis) != (f"{axis}_command",)
     return tuple(
-        m for m in _purposeful(record, axis, [f"{axis}_command"]) if not any(_mostly_inside(m, e) for e in elsewhere)
+        m
+        for m in _purposeful(record, axis, [f"{axis}_command"])
+        if not any(_mostly_inside(m, e) for e in elsewhere) and not (watched and m.kind in _SHORT_KINDS)
     )
 
 
