@@ -14,7 +14,8 @@ from tests.browser.chromium import dump
 from tests.unit.report.sample import identification
 
 from rotorid.pipeline.identification import Identification
-from rotorid.report.page import policy, render_report
+from rotorid.report.frame import policy
+from rotorid.report.page import render_report
 from rotorid.report.section import section
 
 PROBE = """

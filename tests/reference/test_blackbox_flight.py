@@ -90,6 +90,8 @@ def test_motor_mix_moves_the_gyro(record: FlightRecord, command: str, rate: str)
         outputs=[rate],
         omega_rad_s=np.geomspace(3.0, 198.0, 60),
         windows_s=[6.0, 3.0, 1.5, 0.75],
+        # The composite that the known coherence was measured with.
+        composition="least_squares",
     )
 
     assert response.omega_rad_s[0] == pytest.approx(3.0)

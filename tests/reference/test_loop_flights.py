@@ -102,13 +102,13 @@ def test_ardupilot_rejection_bandwidth(ardupilot: tuple[FrequencyResponse, Compl
     assert found.bandwidth_rad_s.value == pytest.approx(exact, rel=0.05)
     # The chirp ends at 20 Hz, where the loop still has a gain of one: the peak lies beyond, and that is said.
     assert found.peak is None
-    assert found.not_seen["peak"].startswith("no peak in 0.7:1")
+    assert found.not_seen["peak"].startswith("no peak in 0.7 to 1")
 
 
 def test_ardupilot_gain_margin_is_beyond_the_chirp(ardupilot: tuple[FrequencyResponse, ComplexArray]) -> None:
     margins = loop_margins(ardupilot[0])
     assert margins.gain_margin_up is None
-    assert margins.not_seen["gain_margin_up"].startswith("no crossing of −180° with a gain below one in 0.7:1")
+    assert margins.not_seen["gain_margin_up"].startswith("no crossing of −180° with a gain below one in 0.7 to 1")
     assert all(crossover.omega_rad_s.value > 110.0 for crossover in margins.gain_crossovers)
 
 

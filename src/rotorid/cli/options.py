@@ -8,11 +8,16 @@ from typing import Annotated, TypeAlias
 import typer
 
 Logs: TypeAlias = Annotated[
-    list[Path], typer.Argument(help="Flight logs: PX4 .ulg, ArduPilot .BIN, .mat, .csv; also compressed.")
+    list[Path],
+    typer.Argument(
+        help="Flight logs: PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more; also compressed."
+    ),
 ]
-Log: TypeAlias = Annotated[Path, typer.Argument(help="A flight log: PX4 .ulg, ArduPilot .BIN, .mat, .csv.")]
+Log: TypeAlias = Annotated[
+    Path, typer.Argument(help="A flight log: PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more.")
+]
 Map: TypeAlias = Annotated[
-    Path | None, typer.Option("--map", help="TOML file that names the channels of a .mat or .csv.")
+    Path | None, typer.Option("--map", help="TOML file that names the channels of any other source.")
 ]
 Out: TypeAlias = Annotated[
     Path | None, typer.Option("--out", help="Folder for the results. [default: rotorid-out/NAME]")

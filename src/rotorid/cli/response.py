@@ -135,7 +135,7 @@ def _print(document: ResponseDocument, folder: Path) -> None:
     console.print(f"{document.estimate} estimate{with_instrument}", markup=False, highlight=False)
     table = Table(box=None, pad_edge=False)
     table.add_column("response", justify="left")
-    for name in ("usable [rad/s]", "points", "coherence", "error %", "direct differs [dB]", "unit"):
+    for name in ("usable in rad/s", "points", "coherence", "error in %", "direct differs by dB", "unit"):
         table.add_column(name, justify="right" if name != "unit" else "left")
     for name, pair in document.pairs.items():
         if pair.band_rad_s is None:
@@ -160,20 +160,23 @@ def _print(document: ResponseDocument, folder: Path) -> None:
 
 
 def _print_loop(axis: str, loop: LoopDocument) -> None:
-    import math
-
     from rotorid.cli.console import output_console
 
     console = output_console()
     console.print(f"{axis} loop ({loop.method})", markup=False, highlight=False, soft_wrap=True)
     for name, number in loop.numbers.items():
-        value, std, words = number.value, number.std, name.replace("_", " ")
-        if name.endswith("_rad") and "rad_s" not in name:
-            value, std, words = math.degrees(value), math.degrees(std), f"{words.removesuffix(' rad')} [°]"
-        elif name.endswith("_rad_s"):
-            words = f"{words.removesuffix(' rad s')} [rad/s]"
-        elif name.endswith("_s"):
-            value, std, words = 1e3 * value, 1e3 * std, f"{words.removesuffix(' s')} [ms]"
-        console.print(f"  {words}: {value:.4g} ± {std:.2g}", markup=False, highlight=False)
+        words, unit, factor = _on_paper(name)
+        value = f"{factor * number.value:.4g} ± {factor * number.std:.2g}"
+        console.print(f"  {words}: {value} {unit}".rstrip(), markup=False, highlight=False)
     for name, reason in loop.not_seen.items():
-        console.print(f"  {name.replace('_', ' ')}: {reason}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"  {_on_paper(name)[0]}: {reason}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _on_paper(name: str) -> tuple[str, str, float]:
+    """Words, unit and factor of a number of a loop, whose name ends in its unit."""
+    import math
+
+    for ending, unit, factor in (("_rad_s", "rad/s", 1.0), ("_rad", "°", math.degrees(1.0)), ("_s", "ms", 1e3)):
+        if name.endswith(ending):
+            return name.removesuffix(ending).replace("_", " "), unit, factor
+    return name.replace("_", " "), "", 1.0

@@ -17,9 +17,10 @@ from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.response_document import EstimatedDocument, LoopDocument
 from rotorid.spectral.attitude_bandwidth import AttitudeBandwidth, attitude_bandwidth
+from rotorid.spectral.derived import selected
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.log_curve import Estimated
-from rotorid.spectral.loop import series
+from rotorid.spectral.loop import sensitivity, series
 from rotorid.spectral.margins import DisturbanceRejection, LoopMargins, disturbance_rejection, loop_margins
 from rotorid.spectral.measured_loop import injected_loop
 from rotorid.typing import Axis
@@ -98,7 +99,7 @@ def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flown]) -> AxisLoo
         method=method or "no injection at the mixer and no gains in the log: no broken loop",
         loop=loop,
         margins=loop_margins(loop) if loop else None,
-        rejection=disturbance_rejection(loop) if loop else None,
+        rejection=disturbance_rejection(sensitivity(loop)) if loop else None,
         attitude=attitude,
     )
 
@@ -135,16 +136,9 @@ def _computed(axis: Axis, measured: Measured, flown: Sequence[Flown]) -> tuple[F
         return None
     if len(response.inputs) > 1 or any(record.parameters != parameters for record, _ in flown):
         return None
-    y, u = response.pair(rate, f"{axis}_command")
-    plant = _single(response, y, u)
+    plant = selected(response, outputs=[rate], inputs=[f"{axis}_command"])
     gains = controller.rate_loop.response(response.omega_rad_s)
     return series(plant, np.asarray(gains)), "measured vehicle times the gains in the log, rate loop alone"
-
-
-def _single(response: FrequencyResponse, y: int, u: int) -> FrequencyResponse:
-    from rotorid.spectral.derived import selected
-
-    return selected(response, outputs=[response.outputs[y]], inputs=[response.inputs[u]])
 
 
 def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) -> AttitudeBandwidth | None:

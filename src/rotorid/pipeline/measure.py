@@ -152,9 +152,7 @@ def measure(
         diagnostics=diagnostics,
         segments=segments,
         asked_rad_s=band,
-        excited_rad_s={
-            name: _excited_to([f for f in flown if name == f"{f[1].axis}_command"] or flown) for name in inputs
-        },
+        excited_rad_s={name: _excited_to(_of_input(flown, name)) for name in inputs},
         findings=(
             *findings,
             *data_quality(flown, segments),

@@ -46,12 +46,15 @@ class Responses:
         Points that can be used, shape ``(y, u, f)``.
     loops
         Axis to what its loop looks like.
+    least_coherence
+        Coherence below which points were left out.
     """
 
     document: ResponseDocument
     measured: Measured
     used: BoolArray
     loops: Mapping[Axis, AxisLoop]
+    least_coherence: float
 
     @property
     def response(self) -> FrequencyResponse:
@@ -127,6 +130,8 @@ def respond(
         also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
         progress=progress,
     )
+    # Loops are those that flew, filters and all.
+    flown = measured
     if settings.correct_filters:
         measured = without_known_filters(measured, chosen.flown)
     response = measured.response
@@ -137,7 +142,7 @@ def respond(
         raise _nothing_usable(measured, (*findings, *chosen.findings), limit)
     progress("loops and margins")
     axes = [axis_of(name) for name in inputs if is_command(name)]
-    loops = {axis: loop for axis in axes if (loop := axis_loop(axis, measured, chosen.flown))}
+    loops = {axis: loop for axis in axes if (loop := axis_loop(axis, flown, chosen.flown))}
     remarks = (
         *(f for record in records for f in record.findings),
         *chosen.findings,
@@ -151,6 +156,7 @@ def respond(
         measured=measured,
         used=used,
         loops=loops,
+        least_coherence=limit,
     )
 
 
@@ -229,17 +235,19 @@ def _split(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
     findings = []
     for name, mean in input_coherences(inputs, diagnostics.input_coherence, trusted).items():
         first, second = name.split(",")
-        verdict = "well" if mean <= _SPLIT_IS_GOOD else "poorly" if mean <= _SPLIT_IS_WORTHLESS else "not"
+        good = mean <= _SPLIT_IS_GOOD
+        verdict = "can be told apart well" if good else "can hardly be told apart"
+        if mean > _SPLIT_IS_WORTHLESS:
+            verdict = "cannot be told apart"
         findings.append(
             Finding(
                 kind="correlated_inputs",
-                severity="info" if verdict == "well" else "warning",
+                severity="info" if good else "warning",
                 where=name,
                 message=(
                     f"{first} and {second} have a mean coherence of {mean:.2f} (up to {_SPLIT_IS_GOOD:g} is good, "
                     f"above {_SPLIT_IS_WORTHLESS:g} worthless) and their spectra a condition number of "
-                    f"{condition:.3g} at most: their responses can be told apart {verdict}"
-                    + (" at all." if verdict == "not" else ".")
+                    f"{condition:.3g} at most: their responses {verdict}."
                 ),
                 numbers={"mean_coherence": mean, "condition": condition},
             )

@@ -18,6 +18,9 @@ from rotorid.plot.view import Frequency, View
 _ROW_PX, _BAR_PX = 36.0, 9.0
 _BAR_BELOW, _WORDS_ABOVE = 0.16, 0.22
 _ROOM_LEFT, _ROOM_RIGHT = 0.85, 1.5
+_WORDS_SHARE = 0.12
+"""About how much of the axis the numbers of one band take on a wide page."""
+
 _NONE = "no usable band"
 
 
@@ -33,7 +36,8 @@ def coherence_map(
     ----------
     usable
         ``(output, input)`` to bands ``(low, high)`` in rad/s in which the response is trusted, by its coherence for
-        instance; an empty sequence says so in words.
+        instance; an empty sequence says so in words. Of bands so close that their numbers would cover each other the
+        widest gets its numbers, and all of them show theirs to who points at them.
     asked
         The band that was asked for, shaded.
     frequency
@@ -60,8 +64,9 @@ def coherence_map(
     edges = np.array(every)
     low, high = view.across(np.array([edges.min(), edges.max()])).tolist()
     outputs = list(dict.fromkeys(output for output, _ in usable))
+    room = _WORDS_SHARE * math.log(high * _ROOM_RIGHT / (low * _ROOM_LEFT))
     panels = [
-        _panel(view, output, {u: spans for (y, u), spans in usable.items() if y == output}, low, asked)
+        _panel(view, output, {u: spans for (y, u), spans in usable.items() if y == output}, low, room, asked)
         for output in outputs
     ]
     axis = {**view.axis(edges.ravel()), "range": [math.log10(low * _ROOM_LEFT), math.log10(high * _ROOM_RIGHT)]}
@@ -73,6 +78,7 @@ def _panel(
     output: str,
     rows: Mapping[str, Sequence[tuple[float, float]]],
     low: float,
+    room: float,
     asked: tuple[float, float] | None,
 ) -> Panel:
     names = [text(quantity(input).words) for input in rows]
@@ -80,7 +86,7 @@ def _panel(
     places = list(range(len(names)))[::-1]
     traces: list[Trace] = []
     for name, place, spans in zip(names, places, rows.values(), strict=True):
-        traces += _bars(view, name, place, spans) if spans else [_words([low], [_NONE], place, BESIDE)]
+        traces += _bars(view, name, place, spans, room) if spans else [_words([low], [_NONE], place, BESIDE)]
     axis: dict[str, Any] = {
         "tickvals": places,
         "ticktext": names,
@@ -95,7 +101,7 @@ def _panel(
     )
 
 
-def _bars(view: View, name: str, place: int, spans: Sequence[tuple[float, float]]) -> list[Trace]:
+def _bars(view: View, name: str, place: int, spans: Sequence[tuple[float, float]], room: float) -> list[Trace]:
     """All bars of one row, lines of two points with a gap after each, and the numbers above where they start."""
     ends = [(float(low), float(high)) for low, high in view.bands(spans)]
     height = place - _BAR_BELOW
@@ -108,8 +114,24 @@ def _bars(view: View, name: str, place: int, spans: Sequence[tuple[float, float]
         "hovertemplate": f"{name}: %{{x:.3~g}} {view.frequency}<extra></extra>",
         "showlegend": False,
     }
-    words = [f"{low:.3g} – {high:.3g}" for low, high in ends]
-    return [bars, _words([low for low, _ in ends], words, place + _WORDS_ABOVE, None)]
+    told = _legible(ends, room)
+    words = [f"{low:.3g} – {high:.3g}" for low, high in told]
+    return [bars, _words([low for low, _ in told], words, place + _WORDS_ABOVE, None)]
+
+
+def _legible(bands: Sequence[tuple[float, float]], room: float) -> list[tuple[float, float]]:
+    """The bands whose numbers find room, the widest first; ``room`` is in the logarithm of frequency.
+
+    Examples
+    --------
+    >>> _legible([(1.0, 1.1), (1.2, 4.0), (8.0, 9.0)], room=0.5)
+    [(1.2, 4.0), (8.0, 9.0)]
+    """
+    told: list[tuple[float, float]] = []
+    for band in sorted(bands, key=lambda ends: ends[0] / ends[1]):
+        if all(abs(math.log(band[0] / other[0])) >= room for other in told):
+            told.append(band)
+    return sorted(told)
 
 
 def _words(across: Sequence[float], words: Sequence[str], height: float, color: str | None) -> Trace:

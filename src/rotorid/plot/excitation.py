@@ -24,17 +24,27 @@ class Excited(Protocol):
     def history(self) -> TimeHistory: ...
 
 
-def timeline(segments: Sequence[Excited], *, inputs: Sequence[str], outputs: Sequence[str]) -> Figure:
-    """Inputs and outputs around the maneuvers of one record, the maneuvers shaded.
+def timeline(
+    segments: Sequence[Excited],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    shaded: Sequence[tuple[float, float]] | None = None,
+) -> Figure:
+    """Inputs and outputs of one record over time, its maneuvers shaded.
 
     Parameters
     ----------
     segments
-        Maneuvers on one clock: those of one record.
+        Data on one clock: those of one record.
     inputs, outputs
         Channels to draw, one panel each; a segment that lacks one leaves a gap.
+    shaded
+        Maneuvers ``(start, stop)`` in seconds on the log's own clock, where they are not those of the segments: data
+        may be cut wide around several of them.
     """
-    shaded = [(segment.maneuver.start_s, segment.maneuver.stop_s) for segment in segments]
+    if shaded is None:
+        shaded = [(segment.maneuver.start_s, segment.maneuver.stop_s) for segment in segments]
     panels = [
         Panel(
             label=quantity(name).label,

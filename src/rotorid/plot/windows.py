@@ -64,7 +64,7 @@ def window_contributions(
     """
     view = View(frequency=frequency)
     _require(len(windows_s), omega_rad_s, share, errors, composite_error)
-    names = [f"{window:g} s" for window in windows_s]
+    names = [f"{window:.4g} s" for window in windows_s]
     carried = np.isfinite(share).all(axis=0) & (share.sum(axis=0) > 0.0)
     areas = [
         _area(view, omega_rad_s[carried], row[carried], name, SERIES[number % len(SERIES)])

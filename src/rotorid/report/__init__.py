@@ -1,1 +1,1 @@
-"""One self-contained page about finished identifications."""
+"""Self-contained pages: about a log, about measured responses, about identifications."""

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid import __version__
 from rotorid.data.channel import AXES
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
@@ -18,8 +17,9 @@ from rotorid.pipeline.document import ManeuverDocument
 from rotorid.pipeline.inspection import InspectDocument, coverage
 from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
-from rotorid.plot.theme import template
-from rotorid.report.page import asset, json_for_script, policy
+from rotorid.report.frame import render
+from rotorid.report.picture import Picture
+from rotorid.report.tables import finding_rows
 from rotorid.signal.segment import excitation_signals
 from rotorid.typing import FloatArray
 
@@ -74,32 +74,18 @@ def render_inspection(record: FlightRecord, document: InspectDocument) -> str:
 
     Scripts and styles are embedded, under the same content security policy as the report.
     """
-    import jinja2
-    from markupsafe import Markup
-
-    figure = log_figure(log_picture(record, document))
-    # The page brings the light or the dark template itself.
-    layout = {key: value for key, value in figure["layout"].items() if key != "template"}
-    library, script = asset("vendor/plotly-basic.min.js"), asset("page.js")
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    picture = Picture(
+        key="log",
+        description="Bars of excitations, traces of inputs and outputs, and bars of logged topics over time",
+        figure=log_figure(log_picture(record, document)),
     )
-    return environment.from_string(asset("inspection.html")).render(
+    return render(
+        "inspection.html",
         log=document,
         topics=[list(rows) for _, rows in groupby(document.channels, key=lambda channel: channel.topic)],
-        height=layout["height"],
-        version=__version__,
-        policy=policy(library, script),
-        style=Markup(asset("style.css")),
-        library=Markup(library),
-        script=Markup(script),
-        figures=json_for_script(
-            {
-                "pictures": {"log": {"data": figure["data"], "layout": layout}},
-                "light": template(),
-                "dark": template(dark=True),
-            }
-        ),
+        remarks=finding_rows(document.findings),
+        log_picture=picture,
+        pictures=[picture],
     )
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.io.store import write_atomically, write_npz
 from rotorid.pipeline.document import Document
@@ -24,10 +25,7 @@ def to_json(document: Document) -> str:
 def write_results(
     folder: Path, identification: Identification, *, title: str, truth: Mapping[str, float] | None = None
 ) -> None:
-    """Write ``result.json``, ``responses.npz``, ``model.toml`` and ``report.html``.
-
-    The files are made in a temporary folder inside the target and moved there one by one when all of them are complete:
-    no file is ever partial, and a run that fails leaves the files of the run before.
+    """Write ``result.json``, ``responses.npz``, ``model.toml`` and ``report.html``, all or none.
 
     Parameters
     ----------
@@ -40,6 +38,37 @@ def write_results(
     truth
         True values of parameters, where they are known.
     """
+    write_together(
+        folder,
+        {
+            "result.json": lambda path: write_atomically(path, to_json(identification.document)),
+            "responses.npz": lambda path: write_npz(path, response_arrays(identification)),
+            "model.toml": lambda path: write_atomically(path, identification.model_toml),
+            "report.html": lambda path: write_atomically(
+                path, render_report([identification], title=title, truth=truth)
+            ),
+        },
+    )
+
+
+def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) -> None:
+    """Write several files into a folder: all complete, or none.
+
+    The files are made in a temporary folder inside the target and moved there one by one when all of them are complete:
+    no file is ever partial, and a run that fails leaves the files of the run before.
+
+    Parameters
+    ----------
+    folder
+        Where they go; it is made when missing. Files of the same names are replaced.
+    files
+        Name of each file to what writes it.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         making = Path(tempfile.mkdtemp(prefix=".making-", dir=folder))
@@ -50,10 +79,8 @@ def write_results(
             remedy="choose it with --out",
         ) from error
     try:
-        write_atomically(making / "result.json", to_json(identification.document))
-        write_npz(making / "responses.npz", response_arrays(identification))
-        write_atomically(making / "model.toml", identification.model_toml)
-        write_atomically(making / "report.html", render_report([identification], title=title, truth=truth))
+        for name, write in files.items():
+            write(making / name)
         for file in sorted(making.iterdir()):
             file.replace(folder / file.name)
     finally:
@@ -69,20 +96,24 @@ def write_overview_report(
 
 def response_arrays(identification: Identification) -> dict[str, np.ndarray]:
     """Arrays of ``responses.npz``; no pickles, names as plain text."""
-    response, beside = identification.response, identification.beside
+    arrays = measured_arrays(identification.response, identification.beside)
+    return arrays | {"model": identification.model_response, "fitted": identification.fitted}
+
+
+def measured_arrays(response: FrequencyResponse, beside: FrequencyResponse | None) -> dict[str, np.ndarray]:
+    """Arrays of measured responses, and of the direct estimate beside joint ones."""
     arrays = {
         "omega_rad_s": response.omega_rad_s,
         "values": response.values,
         "coherence": response.coherence,
         "random_error": response.random_error,
         "covariance": response.covariance,
-        "model": identification.model_response,
-        "fitted": identification.fitted,
         "inputs": np.array(response.inputs),
         "outputs": np.array(response.outputs),
         "instruments": np.array(response.instruments, dtype=np.str_),
         "estimate": np.array(response.estimate),
         "windows_s": np.array(response.windows_s),
+        "processing": np.array(response.processing, dtype=np.str_),
     }
     if beside is not None:
         arrays |= {

@@ -1,5 +1,5 @@
 "use strict";
-// Draws the figures, in light or dark as the reader's system asks, and light on paper; Bode plots in the units chosen.
+// Draws the figures, in light or dark as the reader's system asks, and light on paper, and in the units chosen.
 (() => {
   const { pictures, light, dark } = JSON.parse(document.getElementById("figures").textContent);
   const darkness = window.matchMedia("(prefers-color-scheme: dark)");
@@ -14,26 +14,30 @@
   const factor = (decibels) => 10 ** (decibels / 20);
 
   // A trace comes in rad/s and, on the first axis, in dB. What is not a number is written by Python for each view.
-  const converted = (trace, hovertemplate) => {
+  const converted = (trace, hovertemplate, leveled) => {
     const { x, y, customdata } = trace;
     const across = units.frequency === "Hz" ? { x: each(x, hertz), customdata: customdata && x } : { x };
-    const high = units.magnitude === "linear" && trace.yaxis === "y" ? { y: each(y, factor) } : { y };
+    const high = leveled && units.magnitude === "linear" && trace.yaxis === "y" ? { y: each(y, factor) } : { y };
     return { ...trace, ...(hovertemplate ? { hovertemplate } : {}), ...across, ...high };
   };
   const seen = ({ data, layout, views }) => {
     if (!views) return { data, layout };
-    const view = views[`${units.frequency} ${units.magnitude}`];
-    return { data: data.map((trace, number) => converted(trace, view.hover[number])), layout: view.layout };
+    const leveled = views[`${units.frequency} ${units.magnitude}`];
+    const view = leveled ?? views[units.frequency];
+    const convert = (trace, number) => converted(trace, view.hover[number], Boolean(leveled));
+    return { data: view.data ?? data.map(convert), layout: view.layout };
   };
 
   const draw = (template, places) =>
     Promise.all(
-      Array.from(places, (place) => {
+      places.map((place) => {
         const { data, layout } = structuredClone(seen(pictures[place.dataset.picture]));
         return Plotly.react(place, data, { ...layout, template }, config);
       }),
     );
-  const all = () => document.querySelectorAll("[data-picture]");
+  // In closed details a picture has no width yet; it is drawn when they open.
+  const all = (part = document) =>
+    Array.from(part.querySelectorAll("[data-picture]")).filter((place) => !place.closest("details:not([open])"));
   const say = (promise) =>
     promise.then(
       () => { root.dataset.pictures = "drawn"; },
@@ -49,10 +53,13 @@
   const choose = ({ currentTarget: button }) => {
     units[button.dataset.unit] = button.value;
     press();
-    redraw(Array.from(all()).filter((place) => pictures[place.dataset.picture].views));
+    redraw(all().filter((place) => pictures[place.dataset.picture].views));
   };
   for (const button of switches) button.addEventListener("click", choose);
   for (const group of document.querySelectorAll(".choices")) group.hidden = false;
+  for (const details of document.querySelectorAll("details:has([data-picture])")) {
+    details.addEventListener("toggle", () => redraw(all(details)));
+  }
   press();
 
   redraw();

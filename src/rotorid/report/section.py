@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import product
-from typing import get_args
+from dataclasses import dataclass
+from functools import partial
 
 from rotorid.pipeline.document import ResultDocument
-from rotorid.pipeline.identification import Identification, Segment
+from rotorid.pipeline.identification import Identification
 from rotorid.plot.bode import bode
-from rotorid.plot.excitation import timeline
-from rotorid.plot.figure import Figure
 from rotorid.plot.quantity import quantity
 from rotorid.plot.time import verification
-from rotorid.plot.view import Frequency, Magnitude
 from rotorid.report.numbers import significant
+from rotorid.report.picture import Picture, in_all_units
 from rotorid.report.tables import (
     CostRow,
     FindingRow,
@@ -31,30 +27,9 @@ from rotorid.report.tables import (
     pole_rows,
     score_rows,
 )
+from rotorid.report.timelines import timelines
 from rotorid.report.wording import LEVELS, Verdict, cost_verdict, summary, worst_prediction
 from rotorid.verify.verification import Scores
-
-
-@dataclass(frozen=True, kw_only=True)
-class Picture:
-    """A figure, and what it shows for those who cannot see it.
-
-    Parameters
-    ----------
-    key
-        Identifier on the page.
-    description
-        What it shows, in words.
-    figure
-        The picture as it is drawn first.
-    views
-        The same picture in other units, by frequency and magnitude: ``"Hz linear"``. Empty where there is one view.
-    """
-
-    key: str
-    description: str
-    figure: Figure
-    views: Mapping[str, Figure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +62,6 @@ class Section:
     poles: tuple[PoleRow, ...]
     checks: tuple[Check, ...]
     findings: tuple[FindingRow, ...]
-    command: str
 
     @property
     def far_from_truth(self) -> bool:
@@ -127,12 +101,17 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         responses=_responses(identified, anchor),
         joint=identified.response.estimate == "joint",
         least_coherence=identified.least_coherence,
-        maneuvers=tuple(maneuver_row(segment.record, segment.maneuver) for segment in identified.segments),
-        timelines=_timelines(identified, anchor),
+        maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
+        timelines=timelines(
+            identified.segments,
+            document.provenance.maneuvers,
+            inputs=document.inputs,
+            outputs=document.outputs,
+            key=f"{anchor}-timeline",
+        ),
         poles=pole_rows(document.poles),
         checks=_checks(identified, anchor),
         findings=finding_rows(document.findings),
-        command=shlex.join(document.provenance.command),
     )
 
 
@@ -169,43 +148,18 @@ def _responses(identified: Identification, anchor: str) -> tuple[Picture, ...]:
 
 
 def _response(identified: Identification, key: str, output: str, input: str) -> Picture:
-    units: list[tuple[Frequency, Magnitude]] = list(product(get_args(Frequency), get_args(Magnitude)))
-    views = {
-        f"{frequency} {magnitude}": bode(
-            identified.response,
-            output=output,
-            input=input,
-            model=identified.model_response,
-            beside=identified.beside,
-            fitted=identified.fitted,
-            least_coherence=identified.least_coherence,
-            frequency=frequency,
-            magnitude=magnitude,
-        )
-        for frequency, magnitude in units
-    }
-    return Picture(
-        key=key,
-        description=f"Bode plot of {quantity(output).words} over {quantity(input).words}, measured and model",
-        figure=views["rad/s dB"],
-        views=views,
+    draw = partial(
+        bode,
+        identified.response,
+        output=output,
+        input=input,
+        model=identified.model_response,
+        beside=identified.beside,
+        fitted=identified.fitted,
+        least_coherence=identified.least_coherence,
     )
-
-
-def _timelines(identified: Identification, anchor: str) -> tuple[Picture, ...]:
-    # Each record has its own clock, so each gets its own picture.
-    by_record: dict[str, list[Segment]] = {}
-    for segment in identified.segments:
-        by_record.setdefault(segment.record, []).append(segment)
-    document = identified.document
-    return tuple(
-        Picture(
-            key=f"{anchor}-timeline-{number}",
-            description=f"Inputs and outputs over time in {record}, excitations shaded",
-            figure=timeline(segments, inputs=document.inputs, outputs=document.outputs),
-        )
-        for number, (record, segments) in enumerate(by_record.items())
-    )
+    description = f"Bode plot of {quantity(output).words} over {quantity(input).words}, measured and model"
+    return in_all_units(draw, key=key, description=description, converted=True)
 
 
 def _checks(identified: Identification, anchor: str) -> tuple[Check, ...]:

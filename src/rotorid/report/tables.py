@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rotorid.data.maneuver import Maneuver
-from rotorid.pipeline.document import FindingDocument, ParameterDocument, PoleDocument, ResultDocument
+from rotorid.pipeline.document import FindingDocument, ManeuverDocument, ParameterDocument, PoleDocument, ResultDocument
 from rotorid.plot.quantity import quantity
 from rotorid.report.numbers import MISSING, significant, unit, with_error
 from rotorid.report.wording import (
@@ -160,13 +160,13 @@ class ManeuverRow:
     origin: str
 
 
-def maneuver_row(record: str, maneuver: Maneuver) -> ManeuverRow:
+def maneuver_row(record: str, maneuver: Maneuver | ManeuverDocument) -> ManeuverRow:
     """One maneuver in words."""
     return ManeuverRow(
         record=record,
         kind=f"{maneuver.axis} {maneuver.kind.replace('_', ' ')}",
         interval=f"{maneuver.start_s:.2f} to {maneuver.stop_s:.2f} s",
-        duration=f"{maneuver.duration_s:.1f} s",
+        duration=f"{maneuver.stop_s - maneuver.start_s:.1f} s",
         band=_interval(maneuver.band_rad_s, "rad/s") if maneuver.band_rad_s else MISSING,
         origin=f"{maneuver.origin} in {maneuver.signal}" if maneuver.signal else maneuver.origin,
     )

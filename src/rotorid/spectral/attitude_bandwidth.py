@@ -91,7 +91,7 @@ def attitude_bandwidth(response: FrequencyResponse) -> AttitudeBandwidth:
     >>> round(quality.phase_bandwidth_rad_s.value, 2), round(quality.phase_delay_s.value, 4)
     (23.56, 0.05)
     >>> quality.not_seen["gain_bandwidth_rad_s"]
-    'no gain of 6 dB above that at −180° in 1:80 rad/s'
+    'no gain of 6 dB above that at −180° in 1 to 80 rad/s'
     """
     curve = log_curve(response)
     limit, half_turn = _first_fall(curve, _PHASE_LIMIT_RAD), _first_fall(curve, -math.pi)

@@ -149,7 +149,7 @@ class LogCurve:
     @property
     def seen(self) -> str:
         """The bands for a person."""
-        return " and ".join(f"{math.exp(low):.3g}:{math.exp(high):.3g}" for low, high in self.bands) + " rad/s"
+        return " and ".join(f"{math.exp(low):.3g} to {math.exp(high):.3g}" for low, high in self.bands) + " rad/s"
 
 
 def log_curve(response: FrequencyResponse) -> LogCurve:

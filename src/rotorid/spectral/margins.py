@@ -156,7 +156,7 @@ def loop_margins(loop: FrequencyResponse) -> LoopMargins:
     >>> round(math.degrees(margins.phase_margin_rad.value), 1), round(margins.gain_margin_up.value, 2)
     (61.4, 3.14)
     >>> margins.not_seen["gain_margin_down"]
-    'no crossing of −180° with a gain above one in 0.5:50 rad/s'
+    'no crossing of −180° with a gain above one in 0.5 to 50 rad/s'
     """
     curve = log_curve(loop)
     gains = tuple(_gain_crossover(curve, here) for here, _ in crossings(curve, 0.0, part="magnitude"))

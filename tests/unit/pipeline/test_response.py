@@ -111,6 +111,9 @@ def test_margins_stand_beside_with_their_errors(found: Responses) -> None:
     assert "roll_excitation" in loop.method
     crossover = loop.numbers["crossover_rad_s"]
     assert crossover.std < 0.1 * crossover.value
+    # Integrators hold disturbances off from zero frequency on, so the sensitivity rises through −3 dB near there.
+    rejection = loop.numbers["disturbance_rejection_bandwidth_rad_s"]
+    assert 0.2 * crossover.value < rejection.value < crossover.value
     assert not set(loop.numbers) & set(loop.not_seen)
 
 

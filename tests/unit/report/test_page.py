@@ -7,50 +7,19 @@ import dataclasses
 import hashlib
 import json
 import math
-from html.parser import HTMLParser
 from typing import Any
 
 import pytest
+from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE, document, doublet, identification
 
 from rotorid.errors import UsageError
 from rotorid.pipeline.document import FindingDocument, ParameterDocument, VerificationDocument
 from rotorid.pipeline.identification import Identification
-from rotorid.report.page import json_for_script, render_report
+from rotorid.report.frame import json_for_script
+from rotorid.report.page import render_report
 from rotorid.report.section import section
 from rotorid.verify.verification import Scores
-
-
-class Page(HTMLParser):
-    """Elements, visible text and scripts of a page."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None]]] = []
-        self.text: list[str] = []
-        self.scripts: list[str] = []
-        self.feed(html)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, dict(attrs)))
-        if tag == "script":
-            self.scripts.append("")
-
-    def handle_data(self, data: str) -> None:
-        last = self.elements[-1][0] if self.elements else ""
-        if last == "script" and data.strip():
-            self.scripts[-1] += data
-        elif last != "style":
-            self.text.append(data)
-
-    def attributes(self, name: str) -> list[str]:
-        return [value for _, found in self.elements if (value := found.get(name))]
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads(self.scripts[0])
-        return found
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +81,9 @@ def test_error_is_said_to_cover_random_errors_only() -> None:
 def test_guideline_of_coherence_is_the_one_in_force() -> None:
     shown = Page(render_report([dataclasses.replace(identification(), least_coherence=0.4)], title="t"))
     assert "coherence is below 0.4 (dotted line)" in " ".join("".join(shown.text).split())
-    levels = [shape["y0"] for shape in shown.figures["pictures"]["s1-response-0"]["layout"]["shapes"]]
+    levels = [
+        shape["y0"] for shape in shown.figures["pictures"]["s1-response-0"]["views"]["rad/s dB"]["layout"]["shapes"]
+    ]
     assert levels == [0.4]
 
 
@@ -125,6 +96,16 @@ def test_contents_show_the_worse_of_predictions_and_unseen_sweeps() -> None:
         ("poor", "cost 4.31·10³"),
         None,
     ]
+
+
+def test_maneuvers_are_those_of_the_flight_and_not_those_of_data_cut_wide_around_them() -> None:
+    one = identification()
+    (first, *_) = one.segments
+    wide = dataclasses.replace(first, maneuver=dataclasses.replace(first.maneuver, start_s=9.0, stop_s=110.0))
+    shown = Page(render_report([dataclasses.replace(one, segments=(wide,))], title="t"))
+    shapes = shown.figures["pictures"]["s1-timeline-0"]["layout"]["shapes"]
+    assert {(shape["x0"], shape["x1"]) for shape in shapes} == {(12.0, 52.0), (62.0, 102.0)}
+    assert [row[2] for row in shown.rows("Excitation")] == ["12.00 to 52.00 s", "62.00 to 102.00 s"]
 
 
 def test_no_truth_no_column() -> None:

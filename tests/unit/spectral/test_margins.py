@@ -193,7 +193,7 @@ def test_what_is_not_in_the_band_is_not_said() -> None:
     assert (margins.phase_margin_rad, margins.delay_margin_s, margins.gain_margin_up) == (None, None, None)
     assert margins.gain_margin_down is not None
     assert margins.modulus_margin is None
-    assert margins.not_seen["phase_margin_rad"] == f"no crossing of gain one in 0.8:{OMEGA[low][-1]:.3g} rad/s"
+    assert margins.not_seen["phase_margin_rad"] == f"no crossing of gain one in 0.8 to {OMEGA[low][-1]:.3g} rad/s"
     assert set(margins.not_seen) == {
         "phase_margin_rad",
         "delay_margin_s",
@@ -211,7 +211,8 @@ def test_crossing_among_uncertain_points_is_not_seen() -> None:
     below, above = OMEGA[OMEGA < 18.0][-1], OMEGA[OMEGA > 40.0][0]
     assert margins.gain_crossovers == ()
     assert (
-        margins.not_seen["phase_margin_rad"] == f"no crossing of gain one in 0.8:{below:.3g} and {above:.3g}:80 rad/s"
+        margins.not_seen["phase_margin_rad"]
+        == f"no crossing of gain one in 0.8 to {below:.3g} and {above:.3g} to 80 rad/s"
     )
     assert margins.gain_margin_up is not None
 
@@ -239,7 +240,7 @@ def test_twice_the_frequency_of_180_degrees_has_to_be_seen() -> None:
     quality = attitude_bandwidth(response(OMEGA[low], attitude(OMEGA[low])))
     assert quality.omega_180_rad_s is not None
     assert (quality.phase_delay_s, quality.fitted_phase_delay_s) == (None, None)
-    assert quality.not_seen["phase_delay_s"] == f"twice 13.5 rad/s is not seen in 0.8:{OMEGA[low][-1]:.3g} rad/s"
+    assert quality.not_seen["phase_delay_s"] == f"twice 13.5 rad/s is not seen in 0.8 to {OMEGA[low][-1]:.3g} rad/s"
 
 
 def test_smaller_bandwidth_counts_and_both_delays_agree_on_a_straight_phase() -> None:

@@ -1,0 +1,96 @@
+"""The page of responses in a real browser: pictures in every unit, those in closed details when they open."""
+
+from __future__ import annotations
+
+import html as markup
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.browser.chromium import dump
+from tests.unit.report.response_sample import responses
+from tests.unit.report.sample import HOSTILE
+
+from rotorid.report.frame import policy
+from rotorid.report.picture import Picture
+from rotorid.report.response_page import render_responses
+from rotorid.report.response_pictures import bands_picture, loop_pictures, response_pictures, window_pictures
+
+PROBE = """
+document.documentElement.dataset.probe = "waiting";
+setTimeout(async () => {
+  for (const value of %s) document.querySelector(`button[value="${value}"]`).click();
+  const before = Array.from(document.querySelectorAll("details [data-picture]"), (place) => Boolean(place.data));
+  for (const details of document.querySelectorAll("details")) details.open = true;
+  await new Promise((done) => setTimeout(done, 2500));
+  const seen = (place) => [place.dataset.picture, {
+    data: place.data.map(({ name, x, y, text }) => ({ name, x, y, text })),
+    title: place.layout.xaxis.title.text,
+    fits: Math.abs(place.clientWidth - place._fullLayout.width) < 2,
+  }];
+  document.documentElement.dataset.probe = JSON.stringify({
+    before,
+    pictures: Object.fromEntries(Array.from(document.querySelectorAll("[data-picture]"), seen)),
+    pressed: Array.from(document.querySelectorAll('[aria-pressed="true"]'), (one) => one.value),
+  });
+}, 1500);
+"""
+
+
+def probed(chromium: str, folder: Path, buttons: list[str]) -> dict[str, Any]:
+    """What the page shows after buttons were pressed, with the policy widened for the probe alone."""
+    html, script = render_responses(responses(), title="t"), PROBE % json.dumps(buttons)
+    digest = r"sha256-[A-Za-z0-9+/=]+"
+    (added,) = re.findall(digest, policy(script))
+    *_, last = re.findall(digest, html.partition("</head>")[0])
+    html = html.replace(last, f"{last}&#39; &#39;{added}", 1)
+    html = html.replace("</body>", f"<script>{script}</script></body>", 1)
+    elements, console = dump(chromium, html, folder)
+    assert console == []
+    (found,) = re.findall(r'data-probe="([^"]*)"', elements)
+    answer: dict[str, Any] = json.loads(markup.unescape(found))
+    return answer
+
+
+def drawn_by_python() -> list[Picture]:
+    result = responses()
+    return [
+        bands_picture(result),
+        *response_pictures(result),
+        *window_pictures(result),
+        *loop_pictures("roll", result.loops["roll"]),
+    ]
+
+
+@pytest.mark.parametrize("buttons", [[], ["Hz"], ["linear"], ["Hz", "linear"]])
+def test_every_picture_is_what_python_would_draw(chromium: str, tmp_path: Path, buttons: list[str]) -> None:
+    shown = probed(chromium, tmp_path, buttons)
+    frequency, magnitude = "Hz" if "Hz" in buttons else "rad/s", "linear" if "linear" in buttons else "dB"
+    assert set(shown["pressed"]) == {frequency, magnitude}
+    for picture in drawn_by_python():
+        expected = picture.views.get(f"{frequency} {magnitude}") or picture.views[frequency]
+        there = shown["pictures"][picture.key]
+        assert there["title"] == expected["layout"]["xaxis"]["title"]["text"] == f"Frequency [{frequency}]"
+        for drawn, meant in zip(there["data"], expected["data"], strict=True):
+            assert drawn.get("name") == meant.get("name")
+            assert drawn.get("text") == meant.get("text")
+            for axis in ("x", "y"):
+                # Half a unit of the fifth digit in both, and of decibels: 5e-5 * 100 dB * ln(10) / 20.
+                np.testing.assert_allclose(*(np.array(of[axis], dtype=float) for of in (drawn, meant)), rtol=7e-4)
+
+
+def test_pictures_in_closed_details_are_drawn_in_full_width_when_they_open(chromium: str, tmp_path: Path) -> None:
+    shown = probed(chromium, tmp_path, [])
+    assert shown["before"] == [False] * 3
+    assert all(picture["fits"] for picture in shown["pictures"].values())
+
+
+def test_a_hostile_log_draws_and_does_nothing_else(chromium: str, tmp_path: Path) -> None:
+    title = "<img src=x onerror=document.title='run'>"
+    elements, console = dump(chromium, render_responses(responses(record=HOSTILE), title=title), tmp_path)
+    assert console == []
+    assert 'data-pictures="drawn"' in elements
+    assert "<title>run</title>" not in elements
