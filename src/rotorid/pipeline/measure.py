@@ -155,7 +155,7 @@ def measure(
         excited_rad_s={name: _excited_to(_of_input(flown, name)) for name in inputs},
         findings=(
             *findings,
-            *data_quality(flown, segments),
+            *data_quality(flown, segments, inputs),
             *plan.findings,
             *((no_instrument(inputs),) if unknown else ()),
         ),

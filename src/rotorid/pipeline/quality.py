@@ -13,9 +13,13 @@ from rotorid.signal.quality import battery_sag, quality_findings
 _REMARKED_SAG_PERCENT = 1.0
 
 
-def data_quality(flown: Sequence[Flown], segments: Sequence[Segment]) -> tuple[Finding, ...]:
+def data_quality(flown: Sequence[Flown], segments: Sequence[Segment], inputs: Sequence[str]) -> tuple[Finding, ...]:
     """Remarks on all maneuvers, each kind and place once; of several maneuvers the first that shows it speaks."""
-    remarks = [f for segment in segments for f in quality_findings(segment.history, axis=segment.maneuver.axis)]
+    remarks = [
+        finding
+        for segment in segments
+        for finding in quality_findings(segment.history, axis=segment.maneuver.axis, accounted=inputs)
+    ]
     sags = (battery_sag(record, maneuver) for record, maneuver in flown)
     remarks += [sag for sag in sags if sag and abs(sag.numbers["change_percent"]) >= _REMARKED_SAG_PERCENT]
     remarks += _consistency(flown)

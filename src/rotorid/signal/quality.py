@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -38,7 +38,7 @@ _MOTORS = tuple(f"motor_{number}" for number in range(1, MOTORS + 1))
 _SENSORS = ("p", "q", "r", "ax", "ay", "az")
 
 
-def quality_findings(history: TimeHistory, *, axis: Axis) -> tuple[Finding, ...]:
+def quality_findings(history: TimeHistory, *, axis: Axis, accounted: Collection[str] = ()) -> tuple[Finding, ...]:
     r"""Remarks with numbers about the data of one maneuver.
 
     ``saturation``
@@ -58,6 +58,9 @@ def quality_findings(history: TimeHistory, *, axis: Axis) -> tuple[Finding, ...]
         One maneuver. Channels that are not there are not judged, and constant ones are taken for unused.
     axis
         The excited axis.
+    accounted
+        Commands whose effects are accounted for, because they are inputs of what is estimated: their motion is not
+        remarked on.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def quality_findings(history: TimeHistory, *, axis: Axis) -> tuple[Finding, ...]
     """
     if axis not in AXES:
         raise UsageError(f"the axis {axis!r} came", needed=f"one of {', '.join(AXES)}")
-    return (*_limits(history), *_other_axes(history, f"{axis}_command"))
+    return (*_limits(history), *_other_axes(history, f"{axis}_command", accounted))
 
 
 def battery_sag(record: FlightRecord, maneuver: Maneuver) -> Finding | None:
@@ -178,11 +181,13 @@ def _saturated(name: str, values: FloatArray) -> float:
     return max(float(hard), limited_share(values))
 
 
-def _other_axes(history: TimeHistory, excited: str) -> Iterator[Finding]:
+def _other_axes(history: TimeHistory, excited: str, accounted: Collection[str]) -> Iterator[Finding]:
     if excited not in history.names or not np.std(history[excited]) > 0.0:
         return
     for other in (f"{axis}_command" for axis in AXES):
-        if other != excited and other in history.names and np.std(history[other]) > 0.0:
+        if other in (excited, *accounted):
+            continue
+        if other in history.names and np.std(history[other]) > 0.0:
             spread, reference = float(np.std(history[other])), float(np.std(history[excited]))
             yield from _off_axis(excited, other, spread, reference)
             if spread >= _LEAST_MOTION * reference:

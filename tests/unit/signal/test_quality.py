@@ -156,3 +156,15 @@ def test_no_voltage_no_sag() -> None:
     assert battery_sag(flight(np.full(TIME_S.size, 16.0)), outside) is None
     inside = Maneuver(axis="roll", kind="sweep", start_s=1.0, stop_s=9.0)
     assert battery_sag(flight(np.zeros(TIME_S.size)), inside) is None
+
+
+def test_a_command_that_is_an_input_itself_is_not_remarked_on() -> None:
+    names = ("roll_command", "yaw_command")
+    history = TimeHistory(
+        values=np.stack([SWEEP, SWEEP + noise(8, 0.1)]),
+        channels=tuple(Channel(name=name, unit="1") for name in names),
+        sample_rate_hz=RATE_HZ,
+        start_s=0.0,
+    )
+    assert {f.kind for f in quality_findings(history, axis="roll")} == {"off_axis_input", "correlated_inputs"}
+    assert quality_findings(history, axis="roll", accounted=names) == ()
