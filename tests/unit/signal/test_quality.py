@@ -166,5 +166,6 @@ def test_a_command_that_is_an_input_itself_is_not_remarked_on() -> None:
         sample_rate_hz=RATE_HZ,
         start_s=0.0,
     )
-    assert {f.kind for f in quality_findings(history, axis="roll")} == {"off_axis_input", "correlated_inputs"}
-    assert quality_findings(history, axis="roll", accounted=names) == ()
+    others = {"off_axis_input", "correlated_inputs"}
+    assert others <= {f.kind for f in quality_findings(history, axis="roll")}
+    assert not others & {f.kind for f in quality_findings(history, axis="roll", accounted=names)}
