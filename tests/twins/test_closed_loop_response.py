@@ -128,6 +128,13 @@ def test_errors_hold_where_feedback_rules_the_input(gust: float) -> None:
     assert np.sqrt(np.mean(z**2)) < 1.1
 
 
+def test_inputs_as_their_own_instruments_are_the_direct_estimate_and_called_so() -> None:
+    flight = fly(0)
+    direct, named = response(flight), response(flight, instruments=("roll_command",))
+    assert (named.estimate, named.instruments) == ("direct", ())
+    assert np.array_equal(named.values, direct.values)
+
+
 def test_direct_errors_are_not_what_their_coherence_promises() -> None:
     direct, _ = studies(range(200, 206))
     assert np.mean(np.abs(normalized(direct)[:, LOW]) ** 2) > 10.0

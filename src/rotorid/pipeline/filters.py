@@ -33,8 +33,8 @@ def without_known_filters(measured: Measured, flown: Sequence[Flown]) -> Measure
     chains: dict[str, tuple[KnownFilter, ...]] = {}
     findings: list[Finding] = []
     for output in measured.response.outputs:
-        source = source_of(measured.segments[0], output)
-        found = [known_filters(record, source) for record, _ in flown]
+        sources = {source_of(segment, output) for segment in measured.segments}
+        found = [known_filters(record, source) for source in sorted(sources) for record, _ in flown]
         if any(chain != found[0] for chain in found):
             raise UsageError(
                 f"{output} was filtered differently in the logs",
@@ -43,7 +43,7 @@ def without_known_filters(measured: Measured, flown: Sequence[Flown]) -> Measure
             )
         if found[0]:
             chains[output] = found[0]
-        findings += filter_findings(flown[0][0], source)
+        findings += [f for source in sorted(sources) for f in filter_findings(flown[0][0], source)]
     remarked = replace(measured, findings=(*measured.findings, *findings))
     if not chains:
         return remarked

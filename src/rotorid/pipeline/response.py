@@ -130,14 +130,14 @@ def respond(
         also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
         progress=progress,
     )
-    # Loops are those that flew, filters and all.
+    # Loops and controllers are those that flew, filters and all.
     flown = measured
     if settings.correct_filters:
         measured = without_known_filters(measured, chosen.flown)
     response = measured.response
     limit = settings.least_coherence(joint=response.estimate == "joint")
     trusted = measured.trusted_points(response, limit)
-    used, findings = without_inverse_controller(measured, trusted, settings, chosen.flown)
+    used, findings = without_inverse_controller(flown, trusted, settings, chosen.flown)
     if not used.any():
         raise _nothing_usable(measured, (*findings, *chosen.findings), limit)
     progress("loops and margins")

@@ -143,10 +143,12 @@ def _candidate(flown: Flown, inputs: Sequence[str], outputs: tuple[str, ...], se
         replace(settings, instruments=(), windows_s=()) if len(own) < len(inputs) else replace(settings, windows_s=())
     )
     try:
-        response = measure([flown], inputs=own, outputs=outputs, settings=alone).response
+        measured = measure([flown], inputs=own, outputs=outputs, settings=alone)
     except InsufficientDataError:
         # Too short or too still to be judged alone: it may still add to the others.
         return _plain(flown)
+    # That of input and output, with an instrument or without, so that maneuvers can be compared.
+    response = measured.beside or measured.response
     coherence = {
         f"{output}/{name}": float(np.mean(response.coherence[y, u]))
         for y, output in enumerate(response.outputs)

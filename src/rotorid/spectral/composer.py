@@ -18,7 +18,7 @@ from rotorid.spectral.composite import (
     window_weights,
 )
 from rotorid.spectral.conditioning import Conditioned, OutputSpectra, Separated, condition
-from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance, smear
+from rotorid.spectral.errors import compacted, influence, overlap_constant, random_error, response_covariance, smear
 from rotorid.spectral.kernel import BlockGrid
 from rotorid.spectral.weakness import weak_instrument_factor
 from rotorid.spectral.windows import Taper
@@ -28,6 +28,7 @@ Composition: TypeAlias = Literal["minimum_variance", "least_squares", "weights"]
 
 _SMOOTHING_POINTS = 2
 _MOMENTS_IN_WINDOW = 5
+_MOMENTS_AT_ONCE = 4096
 _LARGEST_PUBLISHED_ERROR = 1e3
 
 
@@ -58,6 +59,18 @@ class Composed:
     share: FloatArray
     window_error: FloatArray
     multiple_coherence: FloatArray
+
+    def at(self, points: BoolArray) -> Composed:
+        """The same at some of the frequencies only; ``points`` has shape ``(f,)``."""
+        return Composed(
+            values=self.values[:, points],
+            coherence=self.coherence[:, points],
+            random_error=self.random_error[:, points],
+            covariance=self.covariance[:, points][:, :, points],
+            share=self.share[..., points],
+            window_error=self.window_error[..., points],
+            multiple_coherence=self.multiple_coherence[points],
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -202,17 +215,26 @@ class Composer:
 
     @cached_property
     def _influences(self) -> tuple[ComplexArray, ...]:
-        """Influence of each moment on each window's estimate, for every input, shape ``(w, f, moments)``."""
-        found = []
-        for index in range(len(self.windows[0].inputs)):
-            all_windows = np.zeros(
-                (len(self.windows), self.omega_rad_s.size, self.blocks * self._moments), dtype=np.complex128
+        """Influence of each moment on each window's estimate, for every input, shape ``(w, f, moments)``.
+
+        Compacted where records are long: see :func:`rotorid.spectral.errors.compacted`.
+        """
+        step = max(1, _MOMENTS_AT_ONCE // self._moments)
+        stretches = [(first, min(step, self.blocks - first)) for first in range(0, self.blocks, step)]
+        return tuple(
+            compacted((self._reached(index, *stretch) for stretch in stretches), self.blocks * self._moments)
+            for index in range(len(self.windows[0].inputs))
+        )
+
+    def _reached(self, index: int, first_block: int, blocks: int) -> ComplexArray:
+        """Influences of a stretch of time, shape ``(w, f, moments)``."""
+        reached = np.zeros((len(self.windows), self.omega_rad_s.size, blocks * self._moments), dtype=np.complex128)
+        for row, window in zip(reached, self.windows, strict=True):
+            here = influence(
+                window, index, blocks=blocks, taper=self.taper, moments=self._moments, first_block=first_block
             )
-            for row, window in zip(all_windows, self.windows, strict=True):
-                here = influence(window, index, blocks=self.blocks, taper=self.taper, moments=self._moments)
-                row[self.omega_rad_s.size - len(here) :] = here
-            found.append(all_windows)
-        return tuple(found)
+            row[self.omega_rad_s.size - len(here) :] = here
+        return reached
 
     def _covariance(
         self, parts: Sequence[Conditioned], index: int, share: FloatArray, noise: FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.spectral.composer import Composed
 from rotorid.spectral.conditioning import Separated
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +58,9 @@ class Diagnostics(Immutable):
         self._set(**arrays, leakage=read_only(self.leakage, np.complex128, ndim=3), windows_s=tuple(self.windows_s))
 
 
-def diagnose(windows: Sequence[Separated], parts: Sequence[Composed], leakage: Sequence[ComplexArray]) -> Diagnostics:
+def diagnose(
+    windows: Sequence[Separated], parts: Sequence[Composed], leakage: Sequence[ComplexArray], points: BoolArray
+) -> Diagnostics:
     """Collect what composing every output told.
 
     Parameters
@@ -69,16 +71,17 @@ def diagnose(windows: Sequence[Separated], parts: Sequence[Composed], leakage: S
         Composites, one for each output.
     leakage
         What was taken out of each, shape ``(u, f)``.
+    points
+        Which frequencies of the windows those of the composites are, shape ``(g,)`` with ``f`` of them true.
     """
-    count = parts[0].values.shape[1]
     return Diagnostics(
         windows_s=tuple(window.matrix.window_s for window in windows),
         share=np.stack([part.share for part in parts]),
         window_error=np.stack([part.window_error for part in parts]),
         multiple_coherence=np.stack([part.multiple_coherence for part in parts]),
         leakage=np.stack(leakage),
-        input_coherence=_mean_over_windows(windows, _input_coherence, count),
-        condition=_mean_over_windows(windows, _condition, count),
+        input_coherence=_mean_over_windows(windows, _input_coherence, points.size)[..., points],
+        condition=_mean_over_windows(windows, _condition, points.size)[points],
     )
 
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 
 import numpy as np
 
 from rotorid.spectral.conditioning import Separated
 from rotorid.spectral.windows import Taper
 from rotorid.typing import ComplexArray, FloatArray
+
+_WORTH_COMPACTING = 8
+_JITTER = 1e-11
+"""Neighboring points may err alike to the last digit; a factor needs some distance from that."""
 
 
 def overlap_constant(overlap: float) -> float:
@@ -79,7 +84,9 @@ def smear(omega_rad_s: FloatArray, window_s: float | FloatArray) -> FloatArray:
     return np.asarray((np.pi / (omega_rad_s * window_s)) ** 2)
 
 
-def influence(separated: Separated, index: int, *, blocks: int, taper: Taper, moments: int = 1) -> ComplexArray:
+def influence(
+    separated: Separated, index: int, *, blocks: int, taper: Taper, moments: int = 1, first_block: int = 0
+) -> ComplexArray:
     r"""How a disturbance at each moment enters the estimate of one window length, shape ``(f, blocks * moments)``.
 
     The estimate errs by :math:`\delta H(\omega) = \int g(\omega, t) v(t) \, dt` with
@@ -97,23 +104,66 @@ def influence(separated: Separated, index: int, *, blocks: int, taper: Taper, mo
         Inputs of one window length, told apart; :math:`a` is row ``index`` of its projection.
     index
         The input.
-    blocks
-        Number of blocks in all records.
+    blocks, first_block
+        How many blocks to look at, counted over all records, and the first of them.
     taper
         The taper of the windows.
     moments
         Moments in each block.
     """
     matrix, projection = separated.matrix, separated.projection[index]
-    flown = matrix.transforms[:, list(separated.instruments)].conj()
-    weights = np.einsum("fr,krf->fk", projection, flown) / len(flown)
+    near = (matrix.starts < first_block + blocks) & (matrix.starts + matrix.window.blocks > first_block)
+    flown = matrix.transforms[near][:, list(separated.instruments)].conj()
+    weights = np.einsum("fr,krf->fk", projection, flown) / len(matrix.transforms)
+    first = (matrix.starts[near] - first_block) * moments
     count = matrix.window.blocks * moments
     middle_s = (np.arange(count) + 0.5) * matrix.window_s / count
     shape = taper.samples(count) * np.exp(-1j * matrix.omega_rad_s[:, None] * middle_s)
     total = np.zeros((matrix.omega_rad_s.size, blocks * moments), dtype=np.complex128)
     for offset in range(count):
-        total[:, matrix.starts * moments + offset] += weights * shape[:, offset, None]
+        inside = (first + offset >= 0) & (first + offset < blocks * moments)
+        total[:, first[inside] + offset] += weights[:, inside] * shape[:, offset, None]
     return np.asarray(total / np.sqrt(matrix.window_s * taper.mean_square))
+
+
+def compacted(chunks: Iterable[ComplexArray], size: int) -> ComplexArray:
+    r"""Influences with all of their products and, over long records, fewer columns than moments.
+
+    All that errors need of influences :math:`A` is :math:`A A^H`. Any :math:`L` with :math:`L L^H = A A^H` does as
+    well, and the Cholesky factor has no more columns than rows, however long the records are.
+
+    Parameters
+    ----------
+    chunks
+        Influences over adjoining stretches of time, each ``(..., moments)``.
+    size
+        Moments in all of them.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ``(..., columns)``.
+
+    Examples
+    --------
+    >>> long = np.random.default_rng(0).standard_normal((3, 90)) + 0j
+    >>> short = compacted([long[:, :50], long[:, 50:]], 90)
+    >>> short.shape, bool(np.allclose(short @ short.T, long @ long.T))
+    ((3, 3), True)
+    """
+    chunks = iter(chunks)
+    first = next(chunks)
+    rows = int(np.prod(first.shape[:-1]))
+    if size <= _WORTH_COMPACTING * rows:
+        return np.concatenate([first, *chunks], axis=-1)
+    products = np.zeros((rows, rows), dtype=np.complex128)
+    for chunk in chain([first], chunks):
+        flat = chunk.reshape(rows, -1)
+        products += flat @ flat.conj().T
+    level = np.sqrt(np.einsum("rr->r", products).real)
+    scale = np.where(level > 0.0, level, 1.0)
+    factor = np.linalg.cholesky(products / (scale[:, None] * scale) + _JITTER * np.eye(rows))
+    return np.asarray((level[:, None] * factor).reshape(*first.shape[:-1], rows))
 
 
 def response_covariance(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from rotorid.errors import UsageError
 from rotorid.spectral.composer import Composed, Composer, Composition
 from rotorid.spectral.conditioning import output_spectra, separate
 from rotorid.spectral.diagnostics import Diagnostics, diagnose
+from rotorid.spectral.grid import refined, require_grid
 from rotorid.spectral.leakage import derivatives, without_leakage
 from rotorid.spectral.preconditions import require_finite, require_motion, require_windows
 from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
@@ -47,9 +48,10 @@ def frequency_response(
         Maneuvers with the same channels and rate.
     inputs, outputs, instruments
         Channel names. Instruments must excite the inputs and contain no feedback; nothing here can prove that they
-        do not.
+        do not. The inputs as their own instruments are the direct estimate, and the response says so.
     omega_rad_s
-        Rising grid, shape ``(f,)``. Points below two periods of the longest window are left out.
+        Rising grid, shape ``(f,)``. Points below two periods of the longest window are left out. Points that lie far
+        apart get company while the estimate is made, so that a coarse grid gives the answers of a fine one.
     windows_s
         Window lengths. One that fits into the records at no more positions than there are inputs is left out.
     overlap, taper
@@ -69,7 +71,8 @@ def frequency_response(
     Raises
     ------
     UsageError
-        Channels are missing or instruments do not match the inputs.
+        Channels are missing, an instrument is an output too or there is not one for each input, or the grid, the
+        windows, or a choice is none that there is.
     InsufficientDataError
         Too few windows fit into the records, a channel is constant or holds samples that are not finite, or the
         inputs are proportional to each other.
@@ -78,6 +81,10 @@ def frequency_response(
     -----
     A direct estimate in closed loop is biased toward the inverse of the controller wherever the disturbance rules,
     *with high coherence*. The joint one is not, as long as instrument and output stay coherent (above 0.3 or so).
+
+    A resonance narrower than a few spectral lines, :math:`2 \zeta \omega_n < 8 \pi / T` for the longest window, comes
+    out too low and too wide. Stated errors are those of noise: near such a peak they are several times too small. Fly
+    longer and use longer windows there.
 
     References
     ----------
@@ -136,16 +143,24 @@ def diagnosed_response(
         The response, and on the same grid shares and errors of the windows, multiple coherence, what was taken out as
         leakage, and how the inputs move together.
     """
-    drivers = tuple(instruments) or tuple(inputs)
-    if len(drivers) != len(inputs):
-        raise UsageError(f"{len(drivers)} instruments for {len(inputs)} inputs came", needed="one for each input")
+    _require_choices(inputs, outputs, instruments, composition=composition, leakage=leakage)
+    # The inputs as their own instruments, in whatever order, are the direct estimate.
+    joint = bool(instruments) and set(instruments) != set(inputs)
+    drivers = tuple(instruments) if joint else tuple(inputs)
     names = tuple(dict.fromkeys([*drivers, *inputs, *outputs]))
     chosen = [_select(record, names) for record in records]
     require_finite(chosen)
     require_motion(chosen)
-    slopes_of = inputs if leakage == "corrected" else ()
+    require_grid(omega_rad_s, chosen[0].sample_rate_hz)
+    fine_rad_s, asked = refined(omega_rad_s)
     fitting, grid = spectral_matrices(
-        chosen, omega_rad_s, windows_s=windows_s, overlap=overlap, taper=taper, slopes_of=tuple(slopes_of)
+        chosen,
+        fine_rad_s,
+        windows_s=sorted(windows_s, reverse=True),
+        overlap=overlap,
+        taper=taper,
+        slopes_of=tuple(inputs) if leakage == "corrected" else (),
+        kept=len(drivers),
     )
     # As many inputs as windows explain any output perfectly: coherence one, error zero, and nothing behind it.
     matrices = tuple(matrix for matrix in fitting if len(matrix.transforms) > len(inputs))
@@ -163,9 +178,31 @@ def diagnosed_response(
         composition=composition,
     )
     answers = [_respond(composer, matrices, input_rows, rows[output], leakage=leakage) for output in outputs]
-    parts = [part for part, _ in answers]
-    response = FrequencyResponse(
-        omega_rad_s=composer.omega_rad_s,
+    asked = asked[-composer.omega_rad_s.size :]
+    parts = [part.at(asked) for part, _ in answers]
+    response = _stacked(
+        parts,
+        omega_rad_s=composer.omega_rad_s[asked],
+        inputs=inputs,
+        outputs=outputs,
+        instruments=drivers if joint else (),
+        windows_s=[matrix.window_s for matrix in matrices],
+    )
+    return response, diagnose(composer.windows, parts, [added[:, asked] for _, added in answers], asked)
+
+
+def _stacked(
+    parts: Sequence[Composed],
+    *,
+    omega_rad_s: FloatArray,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    instruments: Sequence[str],
+    windows_s: Sequence[float],
+) -> FrequencyResponse:
+    """One response of all outputs."""
+    return FrequencyResponse(
+        omega_rad_s=omega_rad_s,
         values=np.stack([part.values for part in parts]),
         coherence=np.stack([part.coherence for part in parts]),
         random_error=np.stack([part.random_error for part in parts]),
@@ -174,9 +211,8 @@ def diagnosed_response(
         outputs=tuple(outputs),
         estimate="joint" if instruments else "direct",
         instruments=tuple(instruments),
-        windows_s=tuple(matrix.window_s for matrix in matrices),
+        windows_s=tuple(windows_s),
     )
-    return response, diagnose(composer.windows, parts, [added for _, added in answers])
 
 
 def _respond(
@@ -200,6 +236,25 @@ def _respond(
         )
     composed = composer.responses(corrected)
     return composed, draft.values / composed.values - 1.0
+
+
+def _require_choices(
+    inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str], *, composition: str, leakage: str
+) -> None:
+    """Refuse calls that would be answered, but not with what was meant."""
+    if not inputs or not outputs:
+        raise UsageError(f"{len(inputs)} inputs and {len(outputs)} outputs came", needed="at least one of each")
+    if instruments and len(instruments) != len(inputs):
+        raise UsageError(f"{len(instruments)} instruments for {len(inputs)} inputs came", needed="one for each input")
+    for name in instruments:
+        if name in outputs:
+            raise UsageError(
+                f"{name} came as an instrument and as an output",
+                needed="instruments that excite the inputs and contain no feedback",
+            )
+    for what, given, kind in (("composition", composition, Composition), ("leakage", leakage, Leakage)):
+        if given not in get_args(kind):
+            raise UsageError(f"the {what} {given!r} came", needed=f"one of {', '.join(get_args(kind))}")
 
 
 def _select(record: TimeHistory, names: Sequence[str]) -> TimeHistory:

@@ -10,6 +10,7 @@ import numpy as np
 from rotorid.data.history import TimeHistory
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import UsageError
+from rotorid.spectral.grid import require_grid
 from rotorid.spectral.kernel import BandBasis, BlockGrid, BlockWindow, band_basis, compress, transform
 from rotorid.spectral.windows import HANN, PERIODS_IN_WINDOW, Taper
 from rotorid.typing import ComplexArray, FloatArray
@@ -34,8 +35,8 @@ class SpectralMatrix(Immutable):
     averages
         Independent windows, :math:`n_d = T_F / T_{win}`.
     transforms
-        The transforms behind the densities, shape ``(positions, channels, f)``, scaled so that their products are
-        densities; phases refer to the start of each window.
+        The transforms behind the densities, shape ``(positions, kept, f)``, scaled so that their products are
+        densities; phases refer to the start of each window. Those of the first channels, as many as were kept.
     starts
         First block of each position, shape ``(positions,)``, counted over all records.
     window
@@ -78,6 +79,7 @@ def spectral_matrices(
     overlap: float = 0.8,
     taper: Taper = HANN,
     slopes_of: Sequence[str] = (),
+    kept: int | None = None,
 ) -> tuple[tuple[SpectralMatrix, ...], BlockGrid]:
     """Spectral matrices of several records together, one for each window length.
 
@@ -98,14 +100,18 @@ def spectral_matrices(
     slopes_of
         Channels that are transformed once more with the slope of the taper, :math:`w'(t)` in 1/s. They stand last in
         the matrices, under names from :func:`slope_name`; `rotorid.spectral.leakage` wants them.
+    kept
+        Of how many channels, the first ones, the matrices keep the transforms; of all, if nothing is said. Those of
+        many channels over hours of flight fill the memory.
 
     Raises
     ------
     UsageError
         The records differ in channels or rate, the grid does not rise from above zero to at most the Nyquist
-        frequency, or there are no records or windows.
+        frequency, there are no records or windows, or windows overlap by less than nothing or wholly.
     """
-    _require_consistent(records, omega_rad_s, windows_s)
+    _require_consistent(records, windows_s, overlap)
+    require_grid(omega_rad_s, records[0].sample_rate_hz)
     first = records[0]
     grid = BlockGrid.for_windows(windows_s, overlap, first.sample_rate_hz)
     basis = band_basis(grid, omega_rad_s[-1] + 2.0 * np.pi / min(windows_s))
@@ -118,7 +124,7 @@ def spectral_matrices(
         lowest = PERIODS_IN_WINDOW * 2.0 * np.pi / (window.blocks * grid.block_s) * (1.0 - 1e-9)
         valid = omega_rad_s[omega_rad_s >= lowest]
         if valid.size and any(window.positions(part.shape[1]) for part in compressed):
-            matrices.append(_one_window(compressed, window, valid, grid, basis, taper, first.names, slopes_of))
+            matrices.append(_one_window(compressed, window, valid, grid, basis, taper, slopes_of, first.names, kept))
     return tuple(matrices), grid
 
 
@@ -134,54 +140,51 @@ def _one_window(
     grid: BlockGrid,
     basis: BandBasis,
     taper: Taper,
-    names: tuple[str, ...],
     slopes_of: Sequence[str],
+    names: tuple[str, ...],
+    kept: int | None,
 ) -> SpectralMatrix:
     offsets = np.cumsum([0, *(part.shape[1] for part in compressed)])
     used = [index for index, part in enumerate(compressed) if window.positions(part.shape[1])]
-    parts = [transform(compressed[i], window, omega_rad_s, grid=grid, basis=basis, taper=taper) for i in used]
     window_s = window.blocks * grid.block_s
-    if slopes_of:
-        rows = [names.index(name) for name in slopes_of]
-        slopes = (
-            transform(compressed[i][rows], window, omega_rad_s, grid=grid, basis=basis, taper=taper.slope) for i in used
-        )
-        parts = [np.concatenate([part, slope / window_s], axis=1) for part, slope in zip(parts, slopes, strict=True)]
-    starts = [offsets[i] + window.hop * np.arange(len(part)) for i, part in zip(used, parts, strict=True)]
-    samples = window.blocks * grid.samples_per_block
-    scale = np.sqrt(2.0 / (grid.sample_rate_hz * samples * taper.mean_square))
-    transforms = np.concatenate(parts)
-    transforms *= scale
-    # Frequencies first, as `transform` lays them out: the products below then run over adjacent numbers.
-    by_frequency = transforms.transpose(2, 1, 0)
-    values = by_frequency.conj() @ by_frequency.swapaxes(1, 2) / len(transforms)
+    rows = [names.index(name) for name in slopes_of]
+    channels = (*names, *(slope_name(name) for name in slopes_of))
+    scale = np.sqrt(2.0 / (grid.sample_rate_hz * window.blocks * grid.samples_per_block * taper.mean_square))
+    values = np.zeros((omega_rad_s.size, len(channels), len(channels)), dtype=np.complex128)
+    counts = [window.positions(compressed[index].shape[1]) for index in used]
+    ends = np.cumsum(counts)
+    transforms = np.empty((omega_rad_s.size, len(channels[:kept]), ends[-1]), dtype=np.complex128).transpose(2, 1, 0)
+    for index, count, end in zip(used, counts, ends, strict=True):
+        blocks = compressed[index]
+        part = transform(blocks, window, omega_rad_s, grid=grid, basis=basis, taper=taper)
+        if rows:
+            slopes = transform(blocks[rows], window, omega_rad_s, grid=grid, basis=basis, taper=taper.slope)
+            part = np.concatenate([part, slopes / window_s], axis=1)
+        part *= scale
+        # Frequencies first, as `transform` lays them out: the products below then run over adjacent numbers.
+        by_frequency = part.transpose(2, 1, 0)
+        values += by_frequency.conj() @ by_frequency.swapaxes(1, 2)
+        transforms[end - count : end] = part[:, :kept]
     return SpectralMatrix(
         omega_rad_s=omega_rad_s,
-        values=values,
-        channels=(*names, *(slope_name(name) for name in slopes_of)),
+        values=values / ends[-1],
+        channels=channels,
         window_s=window_s,
         averages=sum(compressed[i].shape[1] for i in used) / window.blocks,
         transforms=transforms,
-        starts=np.concatenate(starts),
+        starts=np.concatenate([offsets[i] + window.hop * np.arange(n) for i, n in zip(used, counts, strict=True)]),
         window=window,
     )
 
 
-def _require_consistent(records: Sequence[TimeHistory], omega_rad_s: FloatArray, windows_s: Sequence[float]) -> None:
-    if not records or not windows_s or min(windows_s) <= 0.0:
+def _require_consistent(records: Sequence[TimeHistory], windows_s: Sequence[float], overlap: float) -> None:
+    if not records or not windows_s or not all(0.0 < length < np.inf for length in windows_s):
         raise UsageError(
             f"{len(records)} records and {len(windows_s)} window lengths came",
-            needed="at least one record and one positive window length",
+            needed="at least one record and one window length, all of them positive and finite",
         )
+    if not 0.0 <= overlap < 1.0:
+        raise UsageError(f"an overlap of {overlap:g} came", needed="a share of a window from 0 to below 1")
     first = records[0]
     if any(record.names != first.names or record.sample_rate_hz != first.sample_rate_hz for record in records):
         raise UsageError("records with different channels or rates came", needed="one set of channels at one rate")
-    if not omega_rad_s.size or omega_rad_s[0] <= 0.0 or np.any(np.diff(omega_rad_s) <= 0.0):
-        raise UsageError("a frequency grid that does not rise came", needed="rising frequencies above zero")
-    nyquist_rad_s = np.pi * first.sample_rate_hz
-    if omega_rad_s[-1] > nyquist_rad_s:
-        raise UsageError(
-            f"a frequency of {omega_rad_s[-1]:.4g} rad/s came",
-            needed=f"at most the Nyquist frequency of {nyquist_rad_s:.4g} rad/s",
-            remedy="lower the upper end of the band",
-        )

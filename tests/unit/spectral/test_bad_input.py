@@ -86,6 +86,9 @@ def test_one_window_alone_is_refused_because_it_explains_everything() -> None:
         (["u"], ["q", "y"], [], "no channel q"),
         (["u"], ["y"], ["r"], "no channel r"),
         (["u"], ["y"], ["u", "y"], "2 instruments for 1 inputs"),
+        (["u"], ["y"], ["y"], "y came as an instrument and as an output"),
+        ([], ["y"], [], "0 inputs"),
+        (["u"], [], [], "0 outputs"),
     ],
 )
 def test_wrong_names_are_refused_in_words(
@@ -114,3 +117,16 @@ def test_a_band_below_every_window_is_refused() -> None:
         frequency_response(
             [record(noise())], inputs=["u"], outputs=["y"], omega_rad_s=np.array([0.1, 0.2]), windows_s=[5.0]
         )
+
+
+def test_choices_that_do_not_exist_are_refused_by_name() -> None:
+    for choice in ("composition", "leakage"):
+        with pytest.raises(UsageError, match=f"the {choice} 'best' came"):
+            frequency_response(
+                [record(noise())],
+                inputs=["u"],
+                outputs=["y"],
+                omega_rad_s=OMEGA,
+                windows_s=[5.0],
+                **{choice: "best"},  # type: ignore[arg-type]
+            )

@@ -16,7 +16,7 @@ from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
 from rotorid.typing import FloatArray
 
 RATE_HZ = 100.0
-OMEGA = np.geomspace(2.0, 80.0, 30)
+OMEGA = np.geomspace(2.0, 80.0, 40)
 SAMPLES = 9000
 
 

@@ -10,7 +10,7 @@ import pytest
 from rotorid.data.channel import Channel
 from rotorid.data.history import TimeHistory
 from rotorid.spectral.conditioning import separate
-from rotorid.spectral.errors import influence, overlap_constant, random_error, response_covariance
+from rotorid.spectral.errors import compacted, influence, overlap_constant, random_error, response_covariance
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.spectra import spectral_matrices
 from rotorid.spectral.windows import HALF_SINE, HANN, Taper
@@ -82,6 +82,26 @@ def test_covariance_is_that_of_the_linear_map_from_disturbance_to_estimate(taper
     # The comparison means something: neighbors are nearly equal, far points independent.
     assert np.abs(exact / scale)[0, 1] > 0.9
     assert np.abs(exact / scale)[0, -1] < 0.3
+
+
+def test_influences_in_pieces_and_compacted_have_the_products_of_the_whole() -> None:
+    u = np.random.default_rng(0).standard_normal((2, 30_000))
+    (matrix,), grid = spectral_matrices([history(u, 20.0)], np.geomspace(3.2, 40.0, 9), windows_s=[4.0])
+    separated, blocks = separate(matrix, instruments=[0], inputs=[0]), 30_000 // grid.samples_per_block
+    whole = influence(separated, 0, blocks=blocks, taper=HANN)
+    pieces = [
+        influence(separated, 0, blocks=min(77, blocks - first), taper=HANN, first_block=first)
+        for first in range(0, blocks, 77)
+    ]
+    assert np.abs(np.concatenate(pieces, axis=1) - whole).max() <= 1e-14 * np.abs(whole).max()
+    # A window that counts nowhere stays without influence.
+    stacked = [np.stack([piece, np.zeros_like(piece)]) for piece in pieces]
+    small = compacted(stacked, blocks)
+    assert small.shape == (2, 9, 18)
+    assert np.all(small[1] == 0.0)
+    level = np.sqrt(np.sum(np.abs(whole) ** 2, axis=1))
+    error = (small[0] @ small[0].conj().T - whole @ whole.conj().T) / (level[:, None] * level)
+    assert np.abs(error).max() < 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)

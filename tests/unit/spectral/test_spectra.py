@@ -116,11 +116,44 @@ GRID = np.array([5.0, 9.0])
         ([record(NOISE)], GRID[::-1], [5.0], "rise"),
         ([record(NOISE)], np.array([0.0, 5.0]), [5.0], "rise"),
         ([record(NOISE)], np.array([]), [5.0], "rise"),
+        ([record(NOISE)], np.array([5.0, np.nan, 9.0]), [5.0], "rise"),
+        ([record(NOISE)], np.ones((2, 2)), [5.0], "shape"),
+        ([record(NOISE)], GRID, [np.nan], "window"),
+        ([record(NOISE)], GRID, [5.0, np.inf], "window"),
     ],
-    ids=["nyquist", "rates", "channels", "no_record", "no_window", "zero_window", "falling", "zero_omega", "no_omega"],
+    ids=[
+        "nyquist",
+        "rates",
+        "channels",
+        "no_record",
+        "no_window",
+        "zero_window",
+        "falling",
+        "zero_omega",
+        "no_omega",
+        "nan_omega",
+        "two_rows",
+        "nan_window",
+        "endless_window",
+    ],
 )
 def test_wrong_use_is_refused_in_words(
     records: list[TimeHistory], omega: FloatArray, windows_s: list[float], word: str
 ) -> None:
     with pytest.raises(UsageError, match=word):
         spectral_matrices(records, omega, windows_s=windows_s)
+
+
+@pytest.mark.parametrize("overlap", [-0.5, 1.0, np.nan])
+def test_an_overlap_that_is_none_is_refused(overlap: float) -> None:
+    with pytest.raises(UsageError, match="overlap"):
+        spectral_matrices([record(NOISE)], GRID, windows_s=[5.0], overlap=overlap)
+
+
+def test_only_the_transforms_that_are_wanted_are_kept() -> None:
+    records = [record(NOISE), record(NOISE[:, :1700])]
+    (full,), _ = spectral_matrices(records, GRID, windows_s=[5.0], slopes_of=["channel_0"])
+    (short,), _ = spectral_matrices(records, GRID, windows_s=[5.0], slopes_of=["channel_0"], kept=1)
+    assert np.array_equal(short.transforms, full.transforms[:, :1])
+    assert np.array_equal(short.values, full.values)
+    assert full.transforms.shape[1] == len(full.channels) == 3
