@@ -24,6 +24,8 @@ from rotorid.errors import RotoridError
 for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
+_INTERRUPTED = 130
+
 app = typer.Typer(
     name="rotorid",
     help="System identification for multirotors: flight log in, model with honest bounds and a report out.",
@@ -69,6 +71,15 @@ def main() -> None:
     except RotoridError as error:
         say(f"rotorid: {error}")
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        say("rotorid: interrupted; nothing was written")
-        sys.exit(130)
+    except (KeyboardInterrupt, SystemExit) as ended:
+        # The command line's own handler turns an interrupt into this code before it comes here.
+        if isinstance(ended, SystemExit) and ended.code != _INTERRUPTED:
+            raise
+        say("rotorid: interrupted; files that were complete stay, and no file is left half written")
+        sys.exit(_INTERRUPTED)
+    except BrokenPipeError:
+        # Who reads has read enough; what Python would still flush at the end has nowhere to go.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        say(f"rotorid: the output cannot be written: {error.strerror or error}")
+        sys.exit(2)

@@ -161,22 +161,11 @@ def _print(document: ResponseDocument, folder: Path) -> None:
 
 def _print_loop(axis: str, loop: LoopDocument) -> None:
     from rotorid.cli.console import output_console
+    from rotorid.report.response_rows import loop_rows, unseen
 
     console = output_console()
     console.print(f"{axis} loop ({loop.method})", markup=False, highlight=False, soft_wrap=True)
-    for name, number in loop.numbers.items():
-        words, unit, factor = _on_paper(name)
-        value = f"{factor * number.value:.4g} ± {factor * number.std:.2g}"
-        console.print(f"  {words}: {value} {unit}".rstrip(), markup=False, highlight=False)
-    for name, reason in loop.not_seen.items():
-        console.print(f"  {_on_paper(name)[0]}: {reason}", markup=False, highlight=False, soft_wrap=True)
-
-
-def _on_paper(name: str) -> tuple[str, str, float]:
-    """Words, unit and factor of a number of a loop, whose name ends in its unit."""
-    import math
-
-    for ending, unit, factor in (("_rad_s", "rad/s", 1.0), ("_rad", "°", math.degrees(1.0)), ("_s", "ms", 1e3)):
-        if name.endswith(ending):
-            return name.removesuffix(ending).replace("_", " "), unit, factor
-    return name.replace("_", " "), "", 1.0
+    for row in loop_rows(loop):
+        console.print(f"  {row.words}: {row.value} {row.unit}".rstrip(), markup=False, highlight=False)
+    for missing in unseen(loop):
+        console.print(f"  {missing.words}: {missing.reason}", markup=False, highlight=False, soft_wrap=True)

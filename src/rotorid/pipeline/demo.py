@@ -9,7 +9,7 @@ from pathlib import Path
 from rotorid.data.record import FlightRecord
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.identify import identify
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.settings import IdentifySettings, require_seed
 
 LOG_NAME = "flight.csv"
 
@@ -55,6 +55,7 @@ def fly_demo(path: Path, *, seed: int) -> None:
     from rotorid.vehicles import s500
     from rotorid.vehicles.demo import demo_plan
 
+    require_seed(seed)
     rng = np.random.default_rng(seed)
     flight = fly(s500.vehicle(), demo_plan(rng=rng), rng=rng)
     write_csv(path, flight.time_s, flight.columns)

@@ -145,7 +145,9 @@ def measure(
     joint = None
     if instruments:
         joint, diagnostics = _respond(records, inputs, outputs, omega, plan, instruments)
-    unknown = settings.estimate == "auto" and not instruments
+    # An input that is the excitation itself needs no instrument.
+    open_loop = all(maneuver.signal in inputs and maneuver.origin == "declared" for _, maneuver in flown)
+    unknown = settings.estimate == "auto" and not instruments and not open_loop
     return Measured(
         response=joint or direct,
         beside=direct if joint else None,

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 import numpy as np
 
+from rotorid.data.channel import STANDARD_UNITS
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
 from rotorid.pipeline.filters import without_known_filters
 from rotorid.pipeline.identification import Segment
@@ -121,6 +123,7 @@ def respond(
     """
     settings = settings or ResponseSettings()
     inputs, outputs = tuple(inputs), tuple(outputs)
+    _require_channels(records, inputs, outputs, settings)
     chosen = choose(records, inputs, outputs, settings, progress)
     measured = measure(
         chosen.flown,
@@ -158,6 +161,24 @@ def respond(
         loops=loops,
         least_coherence=limit,
     )
+
+
+def _require_channels(
+    records: Sequence[FlightRecord], inputs: Sequence[str], outputs: Sequence[str], settings: ResponseSettings
+) -> None:
+    """Refuse names that no log can hold, and an output that is an input."""
+    for name in outputs:
+        if name in inputs:
+            raise UsageError(f"{name} came as an input and as an output", needed="different channels")
+    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
+    for name in (*inputs, *outputs, *settings.instruments):
+        if name not in known:
+            close = ", ".join(get_close_matches(name, sorted(known), n=3))
+            raise UsageError(
+                f"there is no channel {name}",
+                needed="names such as roll_command, p, az, or those of the mapping",
+                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
+            )
 
 
 def refused_response(

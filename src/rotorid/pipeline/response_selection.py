@@ -14,7 +14,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.instruments import Flown, axis_of, is_command
 from rotorid.pipeline.measure import measure
-from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside
+from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside, of_axes
 from rotorid.pipeline.settings import ResponseSettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.segment import find_excitations
@@ -90,7 +90,8 @@ def _axes(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Axis, ...]:
 def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flown]:
     if not settings.segments:
         return []
-    flown = [(record, described(record, m)) for record in records for m in settings.segments if inside(record, m)]
+    segments = of_axes(settings.segments, axes)
+    flown = [(record, described(record, m)) for record in records for m in segments if inside(record, m)]
     if not flown:
         spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
         message = f"No given segment lies inside {spans}."

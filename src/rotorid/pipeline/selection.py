@@ -54,7 +54,7 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
     each_once(records)
     found = [(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
     if settings.segments:
-        given = _of_axes(settings.segments, axes)
+        given = of_axes(settings.segments, axes)
         fitted = [(record, described(record, m)) for record in records for m in given if inside(record, m)]
     else:
         fitted = [
@@ -72,14 +72,14 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
     return Selection(fitted=tuple(fitted), unseen=tuple(unseen))
 
 
-def _of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:
+def of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:
     """The given segments, of which every one must be of an axis of the model."""
     for segment in segments:
         if segment.axis not in axes:
             raise UsageError(
                 f"the segment {segment.axis}:{segment.start_s:g}:{segment.stop_s:g} is of another axis",
                 needed=f"segments of {' or '.join(axes)}",
-                remedy="leave it out, or choose the model of that axis",
+                remedy="leave it out, or choose the inputs or the model of that axis",
             )
     return list(segments)
 

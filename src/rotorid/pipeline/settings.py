@@ -72,6 +72,7 @@ class MeasureSettings(Immutable):
         for name, seconds in self.shifts.items():
             if not math.isfinite(seconds):
                 raise UsageError(f"a shift of {name} by {seconds:g} s came", needed="a finite number of seconds")
+        require_seed(self.seed)
         if self.coherence is not None and not 0.0 <= self.coherence < 1.0:
             raise UsageError(f"a coherence of {self.coherence:g} came", needed="a number from 0 to below 1")
         if self.estimate not in get_args(EstimateChoice):
@@ -141,6 +142,18 @@ class IdentifySettings(MeasureSettings):
     def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
         """The choices for the provenance of a result."""
         return super().as_json() | {"fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()]}
+
+
+def require_seed(seed: int) -> None:
+    """Refuse a seed that no generator takes.
+
+    Raises
+    ------
+    UsageError
+        It is negative.
+    """
+    if seed < 0:
+        raise UsageError(f"the seed {seed} came", needed="zero or a positive whole number")
 
 
 def parse_segment(text: str) -> Maneuver:

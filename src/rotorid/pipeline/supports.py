@@ -79,7 +79,8 @@ def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, can
     rates = {channel: _best_rate_hz(record, channel) for channel in (input, output)}
     rich = [maneuver for maneuver in found[name] if maneuver.kind in RICH_KINDS]
     tried = max(candidates[name], key=lambda maneuver: maneuver.duration_s, default=None)
-    instrument = find_instrument([(record, maneuver) for maneuver in rich], name) if rich else None
+    moved = rich or ([tried] if tried else [])
+    instrument = find_instrument([(record, maneuver) for maneuver in moved], name) if moved else None
     verdict = _unlogged(record, rates) or _unflown(record, name, rich, found[name], tried)
     if verdict is None:
         estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"

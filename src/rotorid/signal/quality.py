@@ -169,6 +169,9 @@ def _limits(history: TimeHistory) -> Iterator[Finding]:
         )
 
 
+_FEW_VALUES = 4
+
+
 def _is_input(name: str) -> bool:
     return name in _MOTORS or name in {f"{axis}_command" for axis in AXES}
 
@@ -176,7 +179,12 @@ def _is_input(name: str) -> bool:
 def _saturated(name: str, values: FloatArray) -> float:
     if np.ptp(values) == 0.0:
         return 0.0
-    lowest = 0.0 if name in _MOTORS or name == "thrust_command" else -1.0
+    if np.unique(values).size <= _FEW_VALUES:
+        # A random binary signal stands at its levels on purpose.
+        return 0.0
+    # A thrust that goes below zero is counted from hover, and zero is no end of its range.
+    upward = name in _MOTORS or (name == "thrust_command" and float(np.mean(values < -_HARD_LIMIT)) < _HARD_LIMIT)
+    lowest = 0.0 if upward else -1.0
     hard = np.mean((values <= lowest + _HARD_LIMIT) | (values >= 1.0 - _HARD_LIMIT))
     return max(float(hard), limited_share(values))
 

@@ -213,7 +213,8 @@ def disturbance_rejection(response: FrequencyResponse) -> DisturbanceRejection:
     bandwidth, why = _rejection_bandwidth(curve)
     top = _peak(curve)
     peak = place = None
-    if top is not None:
+    # Feedback that helps somewhere does harm elsewhere: the peak is above one, and a lower hill is none.
+    if top is not None and top.value.real > 0.0:
         place = Estimated(value=top.omega_rad_s, std=top.omega_rad_s * _peak_reach(curve, top) / _NORMAL_95)
         height = math.exp(top.value.real)
         peak = Estimated(value=height, std=height * curve.std(top.weights))

@@ -54,7 +54,7 @@ def test_a_person_gets_a_table_with_the_usable_band(flight: Path, tmp_path: Path
     assert "joint estimate with roll_excitation" in ran.out
     assert "p/roll_command" in ran.out
     assert "roll loop (measured with roll_excitation" in ran.out
-    assert "crossover: " in ran.out
+    assert "Crossover: " in ran.out
     assert str(tmp_path / "out" / "report.html") in ran.out.replace("\n", "")
 
 
@@ -103,3 +103,20 @@ def test_data_that_cannot_answer_are_a_sentence_and_one(
     assert kind in {finding.kind for finding in document.findings}
     assert document.pairs == {}
     assert "Traceback" not in ran.err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--inputs", "roll_comand", "--outputs", "p"), "did you mean roll_command"),
+        (("--inputs", "roll_command", "--outputs", "roll_command"), "as an input and as an output"),
+        ((*PAIR, "--instrument", "foo"), "there is no channel foo"),
+        ((*PAIR, "--segment", "pitch:10:40"), "another axis"),
+        ((*PAIR, "--seed", "-1"), "the seed -1 came"),
+    ],
+    ids=["slip", "itself", "no instrument", "another axis", "seed"],
+)
+def test_slips_are_named(options: tuple[str, ...], words: str, flight: Path, tmp_path: Path) -> None:
+    ran = rotorid("response", flight, *options, "--out", tmp_path / "out")
+    assert (ran.code, (tmp_path / "out").exists()) == (2, False)
+    assert words in ran.err

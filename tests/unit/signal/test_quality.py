@@ -169,3 +169,15 @@ def test_a_command_that_is_an_input_itself_is_not_remarked_on() -> None:
     others = {"off_axis_input", "correlated_inputs"}
     assert others <= {f.kind for f in quality_findings(history, axis="roll")}
     assert not others & {f.kind for f in quality_findings(history, axis="roll", accounted=names)}
+
+
+def test_a_random_binary_command_is_not_saturated() -> None:
+    assert ("saturation", "roll_command") not in findings(roll_command=np.sign(SWEEP))
+
+
+def test_a_thrust_that_is_counted_from_hover_has_no_stop_at_zero() -> None:
+    assert ("saturation", "thrust_command") not in findings(
+        "thrust", thrust_command=0.1 * np.minimum(SWEEP, 0.5) + noise(9, 0.01)
+    )
+    stuck = np.maximum(0.3 + SWEEP, 0.0)
+    assert findings("thrust", thrust_command=stuck)["saturation", "thrust_command"].numbers["share"] > 0.2

@@ -1,0 +1,63 @@
+"""Readers that go away, disks that are full, people who press Ctrl-C: a sentence and a code, never a traceback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.io.tabular import write_csv
+
+COMMAND = [sys.executable, "-m", "rotorid"]
+UNIX = pytest.mark.skipif(os.name != "posix", reason="signals and /dev/full are those of Unix")
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    time_s = np.arange(0.0, 60.0, 0.01)
+    path = tmp_path / "flight.csv"
+    motion = np.sin(0.5 * time_s**1.5)
+    write_csv(path, time_s, {"roll_command": 0.1 * motion, "p": motion})
+    return path
+
+
+@UNIX
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+def test_a_full_disk_is_a_sentence_and_two(log: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run([*COMMAND, "inspect", log, "--json"], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ran.returncode == 2
+    assert "the output cannot be written" in ran.stderr
+    assert "Traceback" not in ran.stderr
+
+
+@UNIX
+def test_a_reader_that_has_read_enough_is_no_error(log: Path) -> None:
+    first = subprocess.Popen([*COMMAND, "inspect", log, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert first.stdout is not None
+    assert first.stderr is not None
+    first.stdout.read(1)
+    first.stdout.close()
+    said = first.stderr.read().decode()
+    assert first.wait(timeout=60.0) == 0
+    assert "Traceback" not in said
+    first.stderr.close()
+
+
+@UNIX
+def test_an_interrupt_is_said_and_leaves_nothing_half_written(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    running = subprocess.Popen([*COMMAND, "demo", "--out", out], stderr=subprocess.PIPE, text=True)
+    time.sleep(1.5)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=60.0)
+    assert running.returncode == 130
+    assert "interrupted" in said
+    assert "Traceback" not in said
+    assert not list(tmp_path.glob("**/.making-*"))
