@@ -14,10 +14,10 @@ from rotorid.typing import ComplexArray, FloatArray
 
 RATE_HZ = 50.0
 DURATION_S = 240.0
-DAMPING, GAIN, FEEDBACK = 2.0, 20.0, 0.3
-"""Plant p' = -2 p + 20 u + gust, u = r - 0.3 p: the loop gain is 3 at rest and one near 6 rad/s."""
+DAMPING, GAIN, FEEDBACK = 2.0, 4.0, 1.5
+"""Plant p' = -2 p + 4 u + gust, u = r - 1.5 p: the loop gain is 3 at rest and one near 6 rad/s."""
 
-GUST, STORM = 2.0, 30.0
+GUST, STORM = 0.4, 6.0
 """Standard deviation of the angular acceleration in rad/s²: gusts that rival the excitation at 2 rad/s, and a storm."""
 
 OMEGA = np.geomspace(1.0, 20.0, 20)
@@ -117,7 +117,7 @@ def test_joint_errors_are_as_large_as_published() -> None:
     assert np.mean(np.abs(z) ** 2) == pytest.approx(1.0, abs=0.2 + 4.0 / np.sqrt(freedom))
 
 
-@pytest.mark.parametrize("gust", [6.0, 20.0])
+@pytest.mark.parametrize("gust", [1.2, 4.0])
 def test_errors_hold_where_feedback_rules_the_input(gust: float) -> None:
     # In strong gusts the instrument explains little of the input, and estimates lean toward the inverse controller.
     results = [response(fly(seed, gust=gust), instruments=("roll_excitation",)) for seed in range(300, 324)]
