@@ -14,6 +14,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
+from rotorid.pipeline.feedback import feedback_bias
 from rotorid.pipeline.filters import without_known_filters
 from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import axis_of, is_command
@@ -151,6 +152,7 @@ def respond(
         *chosen.findings,
         *measured.findings,
         *findings,
+        *feedback_bias(measured, used),
         *_split(measured, used),
         *_unusable(response, used, limit),
     )
