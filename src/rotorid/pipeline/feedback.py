@@ -10,7 +10,6 @@ from rotorid.pipeline.measure import Measured
 from rotorid.typing import BoolArray
 
 _BIAS_LIMIT_DB = 1.0
-_SERIOUS = ": feedback biases it, unless the instrument contains feedback itself."
 
 
 def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
