@@ -76,7 +76,7 @@ class FrequencyProblem(Immutable):
         """
         omega = self.data.omega_rad_s[self._columns]
         values = self.parameters.unpack(theta).values
-        model, derivative = self.structure.response_and_jacobian(values, omega, self.parameters.free)
+        model, derivative = self.structure.response_and_jacobian(values, omega, self.parameters.directions)
         magnitude, phase = (scale[:, :, self._columns][self._selected] for scale in residual_scales(self.weights))
         error = log_error(model[self._selected], self.data.values[:, :, self._columns][self._selected])
         slope = derivative[:, self._selected] / model[self._selected]

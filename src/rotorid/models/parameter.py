@@ -89,6 +89,12 @@ class ParameterSet:
     def values(self) -> dict[str, float]:
         return {parameter.name: parameter.value for parameter in self.parameters}
 
+    @property
+    def directions(self) -> FloatArray:
+        """How every parameter moves with the free ones, shape ``(parameters, free)``."""
+        free = self.free
+        return np.array([[float(name == one) for one in free] for name in self.names]).reshape(len(self), len(free))
+
     def pack(self) -> FloatArray:
         """Values of the free parameters, shape ``(n,)``."""
         return np.array([self[name].value for name in self.free])

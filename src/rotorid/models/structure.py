@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -105,16 +105,33 @@ class LinearStructure(Immutable):
         return self.matrices(values).response(omega_rad_s)
 
     def response_and_jacobian(
-        self, values: Mapping[str, float], omega_rad_s: FloatArray, names: Sequence[str]
+        self, values: Mapping[str, float], omega_rad_s: FloatArray, directions: FloatArray
     ) -> tuple[ComplexArray, ComplexArray]:
-        r"""Response and its exact derivatives, shapes ``(y, u, f)`` and ``(parameters, y, u, f)``.
+        r"""Response and its exact derivatives along directions of the parameters.
 
         With :math:`A = j\omega M - F`, :math:`X = A^{-1} G` and :math:`L = (H_0 + j\omega H_1) A^{-1}`,
 
         .. math:: \frac{\partial T}{\partial\theta} = \left[ \dot H X - L (j\omega \dot M - \dot F) X + L \dot G
            \right] e^{-j\omega\tau} - j\omega \dot\tau \, T
 
-        where a dot stands for the derivative by :math:`\theta`, constant because entries are affine.
+        where a dot stands for the derivative of a matrix along a direction.
+
+        Parameters
+        ----------
+        values
+            Every parameter.
+        omega_rad_s
+            Shape ``(f,)``.
+        directions
+            Change of every parameter along each direction, shape ``(parameters, k)``; see
+            :attr:`rotorid.models.parameter.ParameterSet.directions`.
+
+        Returns
+        -------
+        numpy.ndarray
+            Response, shape ``(y, u, f)``.
+        numpy.ndarray
+            Derivatives, shape ``(k, y, u, f)``.
         """
         theta = np.array([1.0, *(values[name] for name in self.parameters.names)])
         M, F, G, H0, H1, tau_u, tau_y = (np.tensordot(theta, tensor, axes=1) for tensor in self._tensors)
@@ -124,8 +141,9 @@ class LinearStructure(Immutable):
         X, L = inverse @ G, H @ inverse
         shift = np.exp(-jw * (tau_y[0][:, None] + tau_u[0]))
         response = (H @ X) * shift
-        slots = [1 + self.parameters.names.index(name) for name in names]
-        dM, dF, dG, dH0, dH1, du, dy = (tensor[slots][:, None] for tensor in self._tensors)
+        dM, dF, dG, dH0, dH1, du, dy = (
+            np.tensordot(directions.T, tensor[1:], axes=1)[:, None] for tensor in self._tensors
+        )
         rational = (dH0 + jw * dH1) @ X - L @ ((jw * dM - dF) @ X) + L @ dG
         delays = np.swapaxes(dy, -1, -2) + du
         jacobian = rational * shift - jw * delays * response
