@@ -2,184 +2,92 @@
 
 from __future__ import annotations
 
-import sys
+import re
 import tomllib
 from collections.abc import Mapping
-from typing import Any
 
-import numpy as np
+from rotorid.models.description_parameters import read_parameters
+from rotorid.models.description_source import Source
+from rotorid.models.description_structure import read_structure
+from rotorid.models.description_write import SCHEMA, to_toml
+from rotorid.models.structure import LinearStructure
 
-from rotorid.errors import ModelError
-from rotorid.models.entry import Entry
-from rotorid.models.parameter import Parameter, ParameterSet, Status
-from rotorid.models.structure import LinearStructure, Rows
+__all__ = ["SCHEMA", "from_toml", "to_toml"]
 
-SCHEMA = "rotorid.model/1"
-
-_MATRICES = ("M", "F", "G", "H0", "H1")
-_KEYS = {"schema", "name", "inputs", "states", "outputs", "gain", "optional", "source", *_MATRICES}
-_KEYS |= {"input_delays", "output_delays", "parameters"}
-_PARAMETER_KEYS = {"value", "unit", "lower", "upper", "status", "starts", "std"}
-
-
-def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[str, float]) -> str:
-    """A structure with values, as text that :func:`from_toml` reads back.
-
-    Parameters
-    ----------
-    structure, parameters
-        The structure and the values to write.
-    std
-        Standard deviations of the parameters that have one; for people, ignored when read back.
-    """
-    lines = [
-        f'schema = "{SCHEMA}"',
-        f"name = {_quoted(structure.name)}",
-        f"inputs = {_list(structure.inputs)}",
-        f"states = {_list(structure.states)}",
-        f"outputs = {_list(structure.outputs)}",
-    ]
-    lines += [f"gain = {_quoted(structure.gain)}"] if structure.gain else []
-    lines += [f"optional = {_list(structure.optional)}"] if structure.optional else []
-    lines += [f"source = {_quoted(structure.source)}"] if structure.source else []
-    lines += ["", "# M x' = F x + G u(t - input_delays),  y = H0 x + H1 x'"]
-    for name in _MATRICES:
-        rows = ", ".join(_list([str(entry) for entry in row]) for row in getattr(structure, name))
-        lines.append(f"{name} = [{rows}]")
-    lines.append(f"input_delays = {_list([str(entry) for entry in structure.input_delays])}")
-    lines.append(f"output_delays = {_list([str(entry) for entry in structure.output_delays])}")
-    for parameter in parameters:
-        lines += ["", f"[parameters.{_key(parameter.name)}]", f"value = {_number(parameter.value)}"]
-        lines += [f"unit = {_quoted(parameter.unit)}", f'status = "{parameter.status}"']
-        lines += [f"std = {_number(std[parameter.name])}"] if parameter.name in std else []
-        lines += [f"lower = {_number(parameter.lower)}"] if np.isfinite(parameter.lower) else []
-        lines += [f"upper = {_number(parameter.upper)}"] if np.isfinite(parameter.upper) else []
-        lines += [f"starts = [{', '.join(map(_number, parameter.starts))}]"] if parameter.starts else []
-    return "\n".join(lines) + "\n"
+_BOTH = ("schema", "name", "inputs", "states", "outputs", "gain", "optional", "source", "constants", "parameters")
+_EQUATIONS = (*_BOTH, "equations", "delays")
+_MATRICES = (*_BOTH, "M", "F", "G", "H0", "H1", "input_delays", "output_delays")
+_NEEDED = ("name", "inputs", "states", "outputs", "parameters")
 
 
 def from_toml(text: str, *, where: str = "the model") -> LinearStructure:
     """Read a structure; its parameters start from the values in the text.
 
+    A model is written with equations, as a paper prints them, or with matrices::
+
+        equations = ["q' = M_q*q + M_pitch*pitch_command"]     F = [["M_q"]]
+        outputs = ["q"]                                        G = [["M_pitch"]]
+        [delays]                                               H0 = [[1]]
+        pitch_command = "tau_pitch"                            input_delays = ["tau_pitch"]
+
     Parameters
     ----------
     text
-        As :func:`to_toml` writes it.
+        As :func:`to_toml` writes it, or by hand.
     where
         Name of the file, for messages.
 
     Raises
     ------
     ModelError
-        The text is no TOML, a key is missing or unknown, or a matrix does not fit.
+        The text is no TOML, or what it says is no model. Name of the file, line and the text of that line are given.
+
+    Examples
+    --------
+    >>> lag = from_toml('''
+    ... name = "lag"
+    ... inputs = ["u"]
+    ... states = ["x"]
+    ... equations = ["T*x' = -x + u"]
+    ... outputs = ["x"]
+    ... [parameters.T]
+    ... value = 0.1
+    ... unit = "s"
+    ... ''')
+    >>> lag.parameters.values
+    {'T': 0.1}
     """
+    source = Source(text=text, where=where)
+    table = _table(source)
+    _check_keys(table, source)
+    constants = source.numbers(table.get("constants", {}), ("constants",))
+    parameters = read_parameters(table["parameters"], constants, source)
+    return read_structure(table, parameters, constants, source)
+
+
+def _table(source: Source) -> Mapping[str, object]:
     try:
-        table = tomllib.loads(text)
+        return tomllib.loads(source.text)
     except (ValueError, RecursionError) as error:  # too long a number and too deep a nesting are no decode errors
-        raise ModelError(f"{where} is not valid TOML: {error}", remedy="correct the line it names") from error
-    unknown = set(table) - _KEYS
-    missing = {"name", "inputs", "states", "outputs", "F", "G", "H0", "parameters"} - set(table)
-    if table.get("schema", SCHEMA) != SCHEMA or unknown or missing:
-        parts = [f"lacks {', '.join(sorted(missing))}"] if missing else []
-        parts += [f"has unknown keys {', '.join(sorted(unknown))}"] if unknown else []
-        parts += [] if table.get("schema", SCHEMA) == SCHEMA else [f"has the schema {table['schema']!r}"]
-        raise ModelError(f"{where} {' and '.join(parts)}", needed=f"a model of the schema {SCHEMA}")
-    states, outputs, inputs = (_names(table[key], key, where) for key in ("states", "outputs", "inputs"))
-    identity = [[float(i == j) for j in range(len(states))] for i in range(len(states))]
-    zero = [[0.0] * len(states) for _ in outputs]
-    rows = {name: _rows(table[name], name, where) for name in ("F", "G", "H0")}
-    return LinearStructure(
-        name=_text(table["name"], "name", where),
-        inputs=inputs,
-        states=states,
-        outputs=outputs,
-        **rows,
-        M=_rows(table.get("M", identity), "M", where),
-        H1=_rows(table.get("H1", zero), "H1", where),
-        input_delays=_entries(table.get("input_delays", [0.0] * len(inputs)), "input_delays", where),
-        output_delays=_entries(table.get("output_delays", [0.0] * len(outputs)), "output_delays", where),
-        parameters=_parameters(table["parameters"], where),
-        gain=_text(table["gain"], "gain", where) if "gain" in table else None,
-        optional=_names(table.get("optional", []), "optional", where),
-        source=_text(table.get("source", ""), "source", where),
-    )
+        message = str(error)
+        line = re.search(r"at line (\d+)", message)
+        last = 1 + source.text.rstrip("\n").count("\n")
+        at = int(line[1]) if line else last if "end of document" in message else 1
+        raise source.error_at(at, f"this is not valid TOML: {message}", remedy="correct the line it names") from error
 
 
-def _text(value: Any, name: str, where: str) -> str:
-    if not isinstance(value, str):
-        raise ModelError(f"{where}: {name} is {value!r}", needed="a text in quotes")
-    return value
-
-
-def _names(value: Any, name: str, where: str) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(item, str) for item in value) or len(set(value)) < len(value):
-        raise ModelError(f"{where}: {name} is {value!r}", needed="a list of texts, each once")
-    return tuple(value)
-
-
-def _real(value: Any, name: str, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ModelError(f"{where}: {name} is {value!r}", needed="a number", remedy="write it without quotes")
-    if abs(value) > sys.float_info.max and not isinstance(value, float):
-        raise ModelError(f"{where}: {name} is too large for a number", needed=f"at most {sys.float_info.max:.3g}")
-    return float(value)
-
-
-def _rows(value: Any, name: str, where: str) -> Rows:
-    if not isinstance(value, list):
-        raise ModelError(f"{where}: {name} is no list of rows", needed="rows of entries in square brackets")
-    return tuple(_entries(row, name, where) for row in value)
-
-
-def _entries(value: Any, name: str, where: str) -> tuple[Entry, ...]:
-    if not isinstance(value, list) or not all(isinstance(item, (str, int, float)) for item in value):
-        raise ModelError(f"{where}: {name} holds something else than entries", needed="numbers or texts like '-L_p'")
-    return tuple(Entry.parse(item) for item in value)
-
-
-def _parameters(table: Any, where: str) -> ParameterSet:
-    if not isinstance(table, dict):
-        raise ModelError(f"{where}: parameters is no table", needed="[parameters.NAME] tables")
-    return ParameterSet(tuple(_parameter(name, entry, where) for name, entry in table.items()))
-
-
-def _parameter(name: str, entry: Any, where: str) -> Parameter:
-    if not isinstance(entry, dict) or "value" not in entry or set(entry) - _PARAMETER_KEYS:
-        raise ModelError(
-            f"{where}: the parameter {name} cannot be read",
-            needed=f"a value, and of {', '.join(sorted(_PARAMETER_KEYS))} what applies",
-        )
-    status: Status = entry.get("status", "free")
-    if status not in ("free", "fixed", "tied", "dropped"):
-        raise ModelError(f"{where}: {name} has the status {status!r}", needed="free, fixed, tied or dropped")
-    starts = entry.get("starts", [])
-    if not isinstance(starts, list):
-        raise ModelError(f"{where}: starts of {name} is {starts!r}", needed="a list of numbers")
-    return Parameter(
-        name=name,
-        value=_real(entry["value"], f"value of {name}", where),
-        unit=_text(entry.get("unit", "1"), f"unit of {name}", where),
-        lower=_real(entry.get("lower", -np.inf), f"lower of {name}", where),
-        upper=_real(entry.get("upper", np.inf), f"upper of {name}", where),
-        status=status,
-        starts=tuple(_real(start, f"a start of {name}", where) for start in starts),
-    )
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
-
-
-def _key(name: str) -> str:
-    # Without quotes TOML allows ASCII only, and a Greek letter is a fine name for a parameter.
-    return name if name.isascii() and name.replace("_", "").isalnum() else _quoted(name)
-
-
-def _list(texts: tuple[str, ...] | list[str]) -> str:
-    return "[" + ", ".join(_quoted(text) for text in texts) + "]"
-
-
-def _number(value: float) -> str:
-    text = repr(float(value))
-    return text if any(c in text for c in ".einf") else text + ".0"
+def _check_keys(table: Mapping[str, object], source: Source) -> None:
+    schema = table.get("schema", SCHEMA)
+    if schema != SCHEMA:
+        raise source.error(("schema",), f"the model has the schema {schema!r}", needed=SCHEMA)
+    known = _EQUATIONS if "equations" in table else _MATRICES
+    if unknown := [key for key in table if key not in known]:
+        if unknown[0] in (*_EQUATIONS, *_MATRICES):
+            came = f"the model has both equations and {unknown[0]}"
+            raise source.error((unknown[0],), came, needed="equations and delays, or matrices")
+        raise source.unknown("key", unknown[0], known, (unknown[0],))
+    needed = _NEEDED if "equations" in table else (*_NEEDED, "F", "G", "H0")
+    if missing := [key for key in needed if key not in table]:
+        came = f"the model lacks {', '.join(missing)}"
+        form = "" if "equations" in table else "; with equations instead of F, G and H0"
+        raise source.error((), came, needed=f"a model of the schema {SCHEMA}{form}")

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from rotorid.errors import ModelError
+from rotorid.models.expression import Expression
+from rotorid.models.parameter_unit import check_unit
+from rotorid.models.ties import Network, no_such
 from rotorid.typing import FloatArray
 
 Status: TypeAlias = Literal["free", "fixed", "tied", "dropped"]
+
+_SAME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,99 +30,277 @@ class Parameter:
     name
         Symbol of the field: ``L_p``, ``M_pitch``, ``tau_roll``, ``T_motor``.
     value
-        In ``unit``.
+        In ``unit``. That of a tied parameter is computed by its set.
+    unit
+        SI unit, such as ``rad/s^2``, ``kg m^2`` or ``rad/(m s)``.
     lower, upper
         Bounds that a fit respects.
     status
-        ``free`` to be identified, ``fixed`` by the user, ``dropped`` from the structure (its value is then zero).
+        ``free`` to be identified, ``fixed`` by the user, ``tied`` to others, ``dropped`` from the structure (its value
+        is then zero).
     starts
         Values from which a search without a better idea begins.
+    tied
+        What the value is of other parameters; given if and only if the status is ``tied``.
+    essential
+        Physics that a reduction never drops silently.
+
+    Raises
+    ------
+    ModelError
+        The unit is not SI, the value lies outside its bounds, or tie and status contradict each other.
     """
 
     name: str
-    value: float
+    value: float = 0.0
     unit: str
     lower: float = -np.inf
     upper: float = np.inf
     status: Status = "free"
     starts: tuple[float, ...] = ()
+    tied: Expression | None = None
+    essential: bool = False
 
     def __post_init__(self) -> None:
-        if not (self.lower <= self.value <= self.upper and np.isfinite(self.value)):
+        if self.tied is not None and self.status == "free":
+            object.__setattr__(self, "status", "tied")
+        if (self.tied is not None) != (self.status == "tied"):
+            came = f"{self.name} is {self.status} and {'not ' if self.tied is None else ''}tied to an expression"
+            raise ModelError(came, needed="an expression for the status tied, and for no other")
+        check_unit(self.name, self.unit)
+        if not self.lower <= self.upper:
             raise ModelError(
-                f"{self.name} = {self.value:g} {self.unit} lies outside its bounds",
-                needed=f"a finite value from {self.lower:g} to {self.upper:g}",
+                f"the bounds of {self.name} go from {self.lower:g} to {self.upper:g}",
+                needed="a lower bound below the upper one",
             )
+        if self.tied is None and not (self.lower <= self.value <= self.upper and np.isfinite(self.value)):
+            raise self.out_of_bounds(self.value)
+
+    def out_of_bounds(self, value: float) -> ModelError:
+        """The error for a value that this parameter cannot have."""
+        computed = f" (tied to {self.tied})" if self.tied is not None else ""
+        return ModelError(
+            f"{self.name} = {value:g} {self.unit}{computed} lies outside its bounds",
+            needed=f"a finite value from {self.lower:g} to {self.upper:g}",
+        )
 
 
-@dataclass(frozen=True, slots=True)
+class _Layout:
+    """What a set of parameters keeps while its values move."""
+
+    def __init__(self, parameters: tuple[Parameter, ...], constants: Mapping[str, float]) -> None:
+        self.parameters = parameters
+        self.constants = MappingProxyType(dict(constants))
+        self.names = tuple(parameter.name for parameter in parameters)
+        self.slots = {name: slot for slot, name in enumerate(self.names)}
+        if len(self.slots) != len(parameters):
+            twice = sorted({name for name in self.names if self.names.count(name) > 1})
+            raise ModelError(f"two parameters have one name, {', '.join(twice)}", needed="every name once")
+        tied = {p.name: p.tied for p in parameters if p.tied is not None}
+        free = [slot for slot, p in enumerate(parameters) if p.status == "free"]
+        self.network = Network(self.names, free, tied, constants)
+        self.free = tuple(self.names[slot] for slot in free)
+        # The largest finite numbers stand for no bound, so that one comparison also catches what is not finite.
+        largest = float(np.finfo(np.float64).max)
+        self.limits = tuple((max(p.lower, -largest), min(p.upper, largest)) for p in parameters)
+
+    def check(self, numbers: list[float]) -> None:
+        """Refuse a value outside its bounds."""
+        inside = [low <= number <= high for number, (low, high) in zip(numbers, self.limits, strict=True)]
+        if not all(inside):
+            slot = inside.index(False)
+            raise self.parameters[slot].out_of_bounds(numbers[slot])
+
+
 class ParameterSet:
-    """Parameters of one model, in order. Every change gives a new set."""
+    """Parameters of one model, in order. Every change gives a new set.
 
-    parameters: tuple[Parameter, ...]
+    Parameters
+    ----------
+    parameters
+        The parameters; the values of tied ones are computed here.
+    constants
+        Numbers that are no parameters and that ties may name, such as gravity; sets are equal whatever theirs are.
 
-    def __post_init__(self) -> None:
-        if len(set(self.names)) != len(self.parameters):
-            raise ModelError("two parameters have one name", needed="every name once")
+    Raises
+    ------
+    ModelError
+        A name stands twice, a tie names no parameter or goes in a loop, or a value lies outside its bounds.
+
+    Examples
+    --------
+    >>> symmetric = ParameterSet((Parameter(name="L_p", value=-2.0, unit="1/s"),
+    ...                           Parameter(name="M_q", unit="1/s", tied=Expression.parse("L_p"))))
+    >>> symmetric.unpack(np.array([-3.0])).values
+    {'L_p': -3.0, 'M_q': -3.0}
+    """
+
+    def __init__(self, parameters: Iterable[Parameter], constants: Mapping[str, float] | None = None) -> None:
+        given = tuple(parameters)
+        self._layout = _Layout(given, constants or {})
+        self._numbers = [float(parameter.value) for parameter in given]
+        self._settle()
+
+    def _settle(self) -> None:
+        self._layout.network.resolve(self._numbers)
+        self._layout.check(self._numbers)
+
+    def _moved(self, numbers: list[float]) -> ParameterSet:
+        """The same set with other numbers. A fit does this at every evaluation, so nothing else is built anew."""
+        moved: ParameterSet = object.__new__(ParameterSet)
+        moved._layout, moved._numbers = self._layout, numbers
+        moved._settle()
+        return moved
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        pairs = zip(self._layout.parameters, self._numbers, strict=True)
+        return tuple(p if p.value == value else replace(p, value=value) for p, value in pairs)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ParameterSet, (self.parameters, dict(self.constants))
+
+    def __eq__(self, other: object) -> bool:
+        return self.parameters == other.parameters if isinstance(other, ParameterSet) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.parameters)
+
+    def __repr__(self) -> str:
+        return f"ParameterSet({self.parameters!r})"
 
     def __iter__(self) -> Iterator[Parameter]:
         return iter(self.parameters)
 
     def __len__(self) -> int:
-        return len(self.parameters)
+        return len(self._numbers)
 
     def __getitem__(self, name: str) -> Parameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        near = difflib.get_close_matches(name, self.names, n=1)
-        raise ModelError(
-            f"there is no parameter {name!r}",
-            needed=f"one of {', '.join(self.names)}",
-            remedy=f"did you mean {near[0]}?" if near else "",
-        )
+        return self.parameters[self._slot(name)]
+
+    def _slot(self, name: str) -> int:
+        if name not in self._layout.slots:
+            raise no_such("parameter", name, self.names)
+        return self._layout.slots[name]
 
     @property
     def names(self) -> tuple[str, ...]:
-        return tuple(parameter.name for parameter in self.parameters)
+        return self._layout.names
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """Numbers that ties may name besides parameters."""
+        return self._layout.constants
 
     @property
     def free(self) -> tuple[str, ...]:
         """Names of the parameters that a fit may move."""
-        return tuple(parameter.name for parameter in self.parameters if parameter.status == "free")
+        return self._layout.free
 
     @property
     def values(self) -> dict[str, float]:
-        return {parameter.name: parameter.value for parameter in self.parameters}
+        """Every value by its name, ties resolved."""
+        return dict(zip(self._layout.names, self._numbers, strict=True))
 
     @property
     def directions(self) -> FloatArray:
-        """How every parameter moves with the free ones, shape ``(parameters, free)``."""
-        free = self.free
-        return np.array([[float(name == one) for one in free] for name in self.names]).reshape(len(self), len(free))
+        """Exact derivative of every value with respect to the free ones, shape ``(parameters, free)``.
+
+        Ties follow the chain rule, at the present values.
+        """
+        return self._layout.network.directions(self._numbers)
 
     def pack(self) -> FloatArray:
         """Values of the free parameters, shape ``(n,)``."""
-        return np.array([self[name].value for name in self.free])
+        return np.array([self._numbers[slot] for slot in self._layout.network.free])
 
     def unpack(self, theta: FloatArray) -> ParameterSet:
-        """The same set with new values of the free parameters."""
-        return self.with_values(dict(zip(self.free, map(float, theta), strict=True)))
+        """The same set with new values of the free parameters.
+
+        Raises
+        ------
+        ModelError
+            A value, computed ones included, is not finite or lies outside its bounds.
+        """
+        numbers = self._numbers.copy()
+        for slot, value in zip(self._layout.network.free, np.asarray(theta).tolist(), strict=True):
+            numbers[slot] = value
+        return self._moved(numbers)
 
     def with_values(self, values: Mapping[str, float]) -> ParameterSet:
-        """The same set with some values changed."""
-        for name in values:
-            self[name]
-        return ParameterSet(tuple(replace(p, value=values.get(p.name, p.value)) for p in self.parameters))
+        """The same set with some values changed.
+
+        Raises
+        ------
+        ModelError
+            A name is unknown, a value lies outside its bounds, or a tied parameter was given another than its tie.
+        """
+        numbers = self._numbers.copy()
+        for name, value in values.items():
+            numbers[self._slot(name)] = float(value)
+        moved = self._moved(numbers)
+        for name in values.keys() & self._layout.network.ties.keys():
+            given, computed = values[name], moved._numbers[self._slot(name)]
+            if not abs(given - computed) <= _SAME * abs(computed):
+                raise ModelError(
+                    f"{name} = {given:g} was given and its tie {self[name].tied} is {computed:g}",
+                    needed="values for what is not tied",
+                    remedy="free or fix it first",
+                )
+        return moved
 
     def fix(self, name: str, value: float) -> ParameterSet:
         """The same set with one parameter held at ``value``."""
-        return self._with(name, value=value, status="fixed")
+        return self._with(name, value=value, status="fixed", tied=None)
 
     def drop(self, name: str) -> ParameterSet:
         """The same set without the effect of one parameter."""
-        return self._with(name, value=0.0, status="dropped")
+        return self._with(name, value=0.0, status="dropped", tied=None)
 
-    def _with(self, name: str, *, value: float, status: Status) -> ParameterSet:
-        changed = replace(self[name], value=value, status=status)
-        return ParameterSet(tuple(changed if p.name == name else p for p in self.parameters))
+    def tie(self, name: str, expression: str | float | Expression) -> ParameterSet:
+        """The same set with one parameter computed from others.
+
+        Parameters
+        ----------
+        name
+            The parameter to compute.
+        expression
+            What it is of the others, such as ``-L_p`` or ``T_front + 0.01``.
+
+        Raises
+        ------
+        ModelError
+            The expression cannot be read, names no parameter, or closes a loop.
+        """
+        tied = expression if isinstance(expression, Expression) else Expression.parse(expression)
+        return self._with(name, status="tied", tied=tied)
+
+    def free_again(self, name: str) -> ParameterSet:
+        """The same set with one parameter free from its present value on: a fix, drop or tie undone."""
+        return self._with(name, status="free", tied=None)
+
+    def only(self, names: Iterable[str]) -> ParameterSet:
+        """The set of some parameters and of those that they are tied to, in the present order.
+
+        Raises
+        ------
+        ModelError
+            A name is unknown.
+        """
+        kept: set[str] = set()
+        waiting = list(names)
+        while waiting:
+            name = waiting.pop()
+            if name not in kept:
+                kept.add(name)
+                tied = self[name].tied
+                waiting += sorted(tied.names - self.constants.keys()) if tied is not None else []
+        return ParameterSet((parameter for parameter in self.parameters if parameter.name in kept), self.constants)
+
+    def with_constants(self, constants: Mapping[str, float]) -> ParameterSet:
+        """The same set with other numbers for its ties to name."""
+        return ParameterSet(self.parameters, constants)
+
+    def _with(self, name: str, **change: Any) -> ParameterSet:
+        changed = replace(self[name], **change)
+        return ParameterSet((changed if p.name == name else p for p in self.parameters), self.constants)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rotorid.errors import ModelError
-from rotorid.models.entry import Entry
+from rotorid.models.equations import structure_from_equations
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 
@@ -64,24 +64,16 @@ def rate_model(name: str) -> LinearStructure:
         Parameter(name=MOTOR_LAG, value=0.03, unit="s", lower=0.0, upper=2.0, starts=(0.01, 0.04, 0.1)),
         Parameter(name=axis.delay, value=0.01, unit="s", lower=0.0, upper=1.0, starts=(0.002, 0.02, 0.06)),
     )
-    return LinearStructure(
+    lag = f"{MOTOR_LAG}*motor' = -motor + {axis.input}"
+    return structure_from_equations(
         name=name,
         inputs=(axis.input,),
         states=(axis.state, "motor"),
-        outputs=(axis.output,),
-        M=_rows(("1", "0"), ("0", MOTOR_LAG)),
-        F=_rows((axis.damping, axis.gain), ("0", "-1")),
-        G=_rows(("0",), ("1",)),
-        H0=_rows(("0", "0") if vertical else ("1", "0")),
-        H1=_rows(("1", "0") if vertical else ("0", "0")),
-        input_delays=(Entry.parse(axis.delay),),
-        output_delays=(Entry(),),
+        equations=(f"{axis.state}' = {axis.damping}*{axis.state} + {axis.gain}*motor", lag),
+        outputs=(f"{axis.output} = {axis.state}'" if vertical else axis.output,),
+        delays={axis.input: axis.delay},
         parameters=ParameterSet(parameters),
         gain=axis.gain,
         optional=(MOTOR_LAG,),
         source=_SOURCE,
     )
-
-
-def _rows(*rows: tuple[str, ...]) -> tuple[tuple[Entry, ...], ...]:
-    return tuple(tuple(Entry.parse(entry) for entry in row) for row in rows)

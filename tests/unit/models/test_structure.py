@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.entry import Entry, affine_tensor
+from rotorid.models.condense import Rows
+from rotorid.models.expression import Expression
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rate import RATE_AXES, rate_model
 from rotorid.models.structure import LinearStructure
@@ -17,24 +18,43 @@ from rotorid.typing import ComplexArray, FloatArray
 
 OMEGA = np.geomspace(0.1, 200.0, 40)
 NAMES = ("a", "b", "c", "d", "e")
+STEP = 1e-30
 
 
-def random_structure(seed: int) -> LinearStructure:
-    """A coupled system of random shape, whose every matrix and delay is an affine function of shared parameters."""
+def affine_entry(rng: np.random.Generator, constant: float, scale: float) -> str:
+    one, two = rng.choice(NAMES, size=2, replace=False)
+    return f"{constant} + {scale * rng.standard_normal()}*{one} + {scale * rng.standard_normal()}*{two}"
+
+
+def curved_entry(rng: np.random.Generator, constant: float, scale: float) -> str:
+    """An entry as physics has them, bounded by a few times its scale whatever the parameters are."""
+    one, two, three = rng.choice(NAMES, size=3, replace=False)
+    forms = (
+        f"sin({one}*{two}) + cos({three}/k)",
+        f"{one}*exp(-{one}**2)*tan({two}/(1 + k*abs({two})))",
+        f"sqrt(1 + {one}**2)/(2 + abs({two})) - k*{three}/(1 + {three}**2)",
+        f"log(1 + {one}**2)*{two}/(1 + {two}**2)",
+        f"(1.5 + sin({one}))**cos({two}) - {three}/k/4",
+    )
+    return f"{constant} + {scale}*({forms[rng.integers(len(forms))]})"
+
+
+def random_structure(seed: int, *, curved: bool = False) -> LinearStructure:
+    """A coupled system of random shape, whose every matrix and delay is a function of shared parameters."""
     rng = np.random.default_rng(seed)
     x, u, y = (int(rng.integers(1, high)) for high in (5, 4, 4))
 
-    def entry(constant: float, scale: float) -> Entry:
-        names = rng.choice(NAMES, size=2, replace=False)
-        return Entry(constant=constant, terms=tuple((str(n), float(scale * rng.standard_normal())) for n in names))
+    def entry(constant: float, scale: float) -> Expression:
+        form = curved_entry if curved and rng.uniform() < 0.5 else affine_entry
+        return Expression.parse(form(rng, constant, scale))
 
-    def rows(count: int, width: int, diagonal: float = 0.0) -> tuple[tuple[Entry, ...], ...]:
+    def rows(count: int, width: int, diagonal: float = 0.0) -> tuple[tuple[Expression, ...], ...]:
         return tuple(
             tuple(entry(diagonal * (i == j) + 0.3 * rng.standard_normal(), 0.3) for j in range(width))
             for i in range(count)
         )
 
-    every = Entry(constant=0.02, terms=tuple((name, 0.01) for name in NAMES))
+    every = Expression.parse("0.02 + " + " + ".join(f"0.01*{name}" for name in NAMES))
     return LinearStructure(
         name=f"random.{seed}",
         inputs=tuple(f"u{i}" for i in range(u)),
@@ -47,28 +67,29 @@ def random_structure(seed: int) -> LinearStructure:
         H1=rows(y, x),
         input_delays=(every, *(entry(0.01, 0.01) for _ in range(u - 1))),
         output_delays=tuple(entry(0.02, 0.01) for _ in range(y)),
+        constants={"k": 2.5},
         parameters=ParameterSet(
             tuple(Parameter(name=name, value=float(rng.standard_normal()), unit="1") for name in NAMES)
         ),
     )
 
 
-def complex_step(structure: LinearStructure, values: dict[str, float], name: str, omega: FloatArray) -> ComplexArray:
-    r"""Derivative of the response by a step of :math:`10^{-30} i` in one parameter: exact, nothing cancels.
+def complex_step(structure: LinearStructure, values: dict[str, complex], omega: FloatArray) -> ComplexArray:
+    r"""Derivative of the response by a step of :math:`10^{-30} i` in the values: exact, nothing cancels.
 
     The response is complex itself, so its own unit must not mix with that of the step: it is written as the real
     matrix [[0, -1], [1, 0]], every entry of the system becomes a block of two by two, and the formula stays the same.
     """
-    step, names = 1e-30, tuple(values)
-    vector = np.array([1.0, *(value + 1j * step * (n == name) for n, value in values.items())])
+    numbers = {**structure.constants, **values}
+
+    def matrix(rows: Rows, width: int) -> ComplexArray:
+        entries = [[complex(entry.evaluate(numbers)) for entry in row] for row in rows]
+        return np.array(entries, dtype=np.complex128).reshape(len(rows), width)
+
     x, u, y = len(structure.states), len(structure.inputs), len(structure.outputs)
-    shapes = {"M": (x, x), "F": (x, x), "G": (x, u), "H0": (y, x), "H1": (y, x)}
-    M, F, G, H0, H1 = (
-        np.tensordot(vector, affine_tensor(getattr(structure, matrix), names, shape), axes=1)
-        for matrix, shape in shapes.items()
-    )
-    tau_u = np.tensordot(vector, affine_tensor([structure.input_delays], names, (1, u)), axes=1)[0]
-    tau_y = np.tensordot(vector, affine_tensor([structure.output_delays], names, (1, y)), axes=1)[0]
+    M, F, H0, H1 = (matrix(rows, x) for rows in (structure.M, structure.F, structure.H0, structure.H1))
+    G = matrix(structure.G, u)
+    tau_u, tau_y = matrix((structure.input_delays,), u)[0], matrix((structure.output_delays,), y)[0]
     one, unit = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
     derivative = np.empty((y, u, omega.size), dtype=np.complex128)
     for point, w in enumerate(omega):
@@ -77,19 +98,24 @@ def complex_step(structure: LinearStructure, values: dict[str, float], name: str
         for i, k in np.ndindex(y, u):
             angle = w * (tau_y[i] + tau_u[k])
             block = blocks[i, :, k] @ (np.cos(angle) * one - np.sin(angle) * unit)
-            derivative[i, k, point] = complex(block[0, 0].imag, block[1, 0].imag) / step
+            derivative[i, k, point] = complex(block[0, 0].imag, block[1, 0].imag) / STEP
     return derivative
 
 
+def stepped(values: dict[str, float], name: str) -> dict[str, complex]:
+    return {**values, name: values[name] + 1j * STEP}
+
+
+@pytest.mark.parametrize("curved", [False, True])
 @pytest.mark.parametrize("seed", range(12))
-def test_jacobian_of_random_structures_against_the_complex_step(seed: int) -> None:
-    structure = random_structure(seed)
+def test_jacobian_of_random_structures_against_the_complex_step(seed: int, curved: bool) -> None:
+    structure = random_structure(seed, curved=curved)
     values = structure.parameters.values
     response, jacobian = structure.response_and_jacobian(values, OMEGA, np.eye(len(NAMES)))
     np.testing.assert_allclose(response, structure.response(values, OMEGA), rtol=1e-10)
     assert jacobian.shape == (len(NAMES), *response.shape)
     for slot, name in enumerate(NAMES):
-        exact = complex_step(structure, values, name, OMEGA)
+        exact = complex_step(structure, stepped(values, name), OMEGA)
         assert np.abs(jacobian[slot] - exact).max() <= 1e-9 * np.abs(exact).max()
 
 
@@ -100,12 +126,44 @@ def test_jacobian_of_rate_models_against_the_complex_step(name: str, lag: float)
     values = {axis.gain: -42.0, axis.damping: -1.7, "T_motor": lag, axis.delay: 0.011}
     _, jacobian = structure.response_and_jacobian(values, OMEGA, structure.parameters.directions)
     for slot, parameter in enumerate(values):
-        exact = complex_step(structure, values, parameter, OMEGA)
+        exact = complex_step(structure, stepped(values, parameter), OMEGA)
         np.testing.assert_allclose(jacobian[slot], exact, rtol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_jacobian_through_ties_against_the_complex_step(seed: int) -> None:
+    """Two parameters follow the others, one through the other; the step goes through the same ties."""
+    structure = random_structure(seed, curved=True)
+    parameters = structure.parameters.tie("b", "sin(a)*d - k*c").tie("e", "b/(1 + d**2)")
+    directions = parameters.directions
+    assert directions.shape == (5, 3)
+    _, jacobian = structure.response_and_jacobian(parameters.values, OMEGA, directions)
+    for slot, name in enumerate(parameters.free):
+        values = stepped(parameters.values, name)
+        for tied in ("b", "e"):
+            expression = parameters[tied].tied
+            assert expression is not None
+            values[tied] = expression.evaluate({**structure.constants, **values})
+        exact = complex_step(structure, values, OMEGA)
+        assert np.abs(jacobian[slot] - exact).max() <= 1e-9 * np.abs(exact).max()
+
+
+def test_matrices_and_their_derivatives_against_the_complex_step() -> None:
+    structure = random_structure(4, curved=True)
+    values = structure.parameters.values
+    mixture = np.random.default_rng(1).standard_normal((len(NAMES), 2))
+    system, derivatives = structure.matrices_and_jacobian(values, mixture)
+    np.testing.assert_array_equal(system.F, structure.matrices(values).F)
+    along = {name: values[name] + 1j * STEP * mixture[slot, 1] for slot, name in enumerate(NAMES)}
+    rows = (*(getattr(structure, n) for n in ("M", "F", "G", "H0", "H1")), structure.input_delays)
+    for derivative, entries in zip(derivatives, (*rows, structure.output_delays), strict=True):
+        flat = [entry for row in entries for entry in (row if isinstance(row, tuple) else (row,))]
+        exact = [np.imag(entry.evaluate({**structure.constants, **along})) / STEP for entry in flat]
+        np.testing.assert_allclose(derivative[1].ravel(), exact, rtol=1e-12, atol=1e-14)
+
+
 def test_jacobian_along_a_direction_is_the_mixture_of_its_parameters() -> None:
-    structure = random_structure(3)
+    structure = random_structure(3, curved=True)
     _, each = structure.response_and_jacobian(structure.parameters.values, OMEGA, np.eye(len(NAMES)))
     mixture = np.random.default_rng(0).standard_normal((len(NAMES), 2))
     _, along = structure.response_and_jacobian(structure.parameters.values, OMEGA, mixture)
@@ -146,22 +204,60 @@ def simple(**change: object) -> LinearStructure:
     return replace(rate_model("rate.roll"), **change)
 
 
+ZERO = Expression()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"G": ((Entry(),),)}, "matrix G is 1 x 1; needed: 2 rows of 1 entries"),
-        ({"F": ((Entry(),), (Entry(), Entry()))}, "matrix F is 2 x 1/2"),
+        ({"G": ((ZERO,),)}, "matrix G is 1 x 1; needed: 2 rows of 1 entries"),
+        ({"F": ((ZERO,), (ZERO, ZERO))}, "matrix F is 2 x 1/2"),
         ({"input_delays": ()}, "1 input and 1 output delays"),
-        ({"input_delays": (Entry(),)}, "tau_roll stands in no matrix"),
-        ({"input_delays": (Entry.parse("tau_rol"),)}, "tau_roll stands in no matrix"),
-        ({"output_delays": (Entry.parse("tau"),)}, "rate.roll names tau, which is no parameter of it"),
-        ({"gain": "L_rol"}, "names L_rol"),
+        ({"input_delays": (ZERO,)}, "tau_roll stands in no matrix"),
+        ({"input_delays": (Expression.parse("tau_rol"),)}, "names tau_rol, which.*did you mean tau_roll"),
+        ({"output_delays": (Expression.parse("tau"),)}, "names tau, which is no parameter .*did you mean tau_roll"),
+        ({"gain": "L_rol"}, "names L_rol.*did you mean L_roll"),
         ({"optional": ("T_moto",)}, "names T_moto"),
+        ({"constants": {"L_p": 1.0}}, "L_p is a parameter and a constant"),
+        ({"constants": {"g": float("nan")}}, "the constant g is nan"),
     ],
 )
 def test_a_structure_that_does_not_hold_together_is_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         simple(**change)
+
+
+def test_a_parameter_that_stands_in_a_tie_only_is_used() -> None:
+    structure = rate_model("rate.roll")
+    mass = Parameter(name="I_xx", value=0.02, unit="kg m^2")
+    with pytest.raises(ModelError, match="I_xx stands in no matrix"):
+        replace(structure, parameters=ParameterSet((*structure.parameters, mass)))
+    tied = ParameterSet((*structure.parameters, mass)).tie("L_roll", "2/I_xx")
+    assert replace(structure, parameters=tied).response(tied.values, OMEGA).shape == (1, 1, OMEGA.size)
+    # A tie of a parameter that stands nowhere itself is of no use.
+    lost = ParameterSet((*tied, Parameter(name="x", unit="1", tied=Expression.parse("I_xx"))))
+    with pytest.raises(ModelError, match="x stands in no matrix"):
+        replace(structure, parameters=lost)
+
+
+def test_a_dropped_parameter_may_stand_nowhere() -> None:
+    structure = rate_model("rate.roll")
+    extra = ParameterSet((*structure.parameters, Parameter(name="L_v", unit="rad/(m s)"))).drop("L_v")
+    assert replace(structure, parameters=extra).parameters["L_v"].status == "dropped"
+
+
+def test_an_entry_without_a_value_says_which() -> None:
+    structure = replace(
+        rate_model("rate.roll"), M=((Expression.parse("1"), ZERO), (ZERO, Expression.parse("1/T_motor")))
+    )
+    values = structure.parameters.values
+    with pytest.raises(ModelError, match=r"1/T_motor has no finite value at T_motor = 0"):
+        structure.response({**values, "T_motor": 0.0}, OMEGA)
+    # The square root has a value at zero and no slope.
+    structure = replace(structure, M=((Expression.parse("1"), ZERO), (ZERO, Expression.parse("sqrt(T_motor)"))))
+    structure.response({**values, "T_motor": 0.0}, OMEGA)
+    with pytest.raises(ModelError, match="has no finite value at T_motor = 0"):
+        structure.response_and_jacobian({**values, "T_motor": 0.0}, OMEGA, np.eye(4))
 
 
 def test_there_is_no_other_rate_model() -> None:
