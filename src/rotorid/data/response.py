@@ -26,7 +26,8 @@ class FrequencyResponse(Immutable):
         Complex response in SI units, shape ``(y, u, f)``.
     coherence
         Coherence of the estimate, shape ``(y, u, f)``: that of input and output for a direct estimate, that of
-        instrument and output for a joint one. It says nothing about bias by feedback.
+        instrument and output for a joint one, each with the other inputs accounted for. It says nothing about bias by
+        feedback.
     random_error
         Relative standard deviation of the magnitude, which is that of the phase in radians, shape ``(y, u, f)``.
     covariance
@@ -44,6 +45,9 @@ class FrequencyResponse(Immutable):
         Remarks of the estimator.
     processing
         What was done to the response since it was estimated, oldest first.
+    output_correlation
+        Correlation of the errors of two outputs at one frequency, for each input, shape ``(u, y, y, f)``: gusts move
+        several outputs at once. ``None`` takes them as independent.
     """
 
     omega_rad_s: FloatArray
@@ -58,6 +62,7 @@ class FrequencyResponse(Immutable):
     windows_s: tuple[float, ...] = ()
     findings: tuple[Finding, ...] = ()
     processing: tuple[str, ...] = ()
+    output_correlation: ComplexArray | None = None
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)
@@ -73,6 +78,12 @@ class FrequencyResponse(Immutable):
         covariance = read_only(self.covariance, np.complex128, ndim=4)
         if covariance.shape != (*shape, omega.size):
             raise ValueError(f"covariance: shape {(*shape, omega.size)} was needed and {covariance.shape} came")
+        if self.output_correlation is not None:
+            correlation = read_only(self.output_correlation, np.complex128, ndim=4)
+            if correlation.shape != (shape[1], shape[0], shape[0], shape[2]):
+                needed = (shape[1], shape[0], shape[0], shape[2])
+                raise ValueError(f"output_correlation: shape {needed} was needed and {correlation.shape} came")
+            self._set(output_correlation=correlation)
         self._set(
             omega_rad_s=omega,
             **arrays,

@@ -15,10 +15,12 @@ from rotorid.spectral.composite import (
     compose_by_least_squares,
     compose_by_weights,
     minimum_variance_share,
+    smoothed,
     window_weights,
 )
 from rotorid.spectral.conditioning import Conditioned, OutputSpectra, Separated, condition
-from rotorid.spectral.errors import compacted, influence, overlap_constant, random_error, response_covariance, smear
+from rotorid.spectral.errors import compacted, influence, random_error, response_covariance, smear
+from rotorid.spectral.freedom import residual_share
 from rotorid.spectral.kernel import BlockGrid
 from rotorid.spectral.weakness import weak_instrument_factor
 from rotorid.spectral.windows import Taper
@@ -26,7 +28,6 @@ from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 Composition: TypeAlias = Literal["minimum_variance", "least_squares", "weights"]
 
-_SMOOTHING_POINTS = 2
 _MOMENTS_IN_WINDOW = 5
 _MOMENTS_AT_ONCE = 4096
 _LARGEST_PUBLISHED_ERROR = 1e3
@@ -136,7 +137,7 @@ class Composer:
     ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray]:
         power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
         response = self._padded([part.response[index] for part in parts], 1.0)
-        noise = self._padded([self._unbiased(part, w) for part, w in zip(parts, self.windows, strict=True)], 1.0).real
+        noise = self._padded([part.noise / left for part, left in zip(parts, self._left, strict=True)], 1.0).real
         pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
         single = random_error(pairs.coherence, self._averages, overlap=self.overlap)
         weights = self._weights(single)
@@ -193,10 +194,10 @@ class Composer:
     def _averages(self) -> FloatArray:
         return np.array([window.matrix.averages for window in self.windows])[:, None]
 
-    def _unbiased(self, part: Conditioned, window: Separated) -> FloatArray:
-        """The noise with the freedom given back that estimating the response took from it."""
-        freedom = window.matrix.averages / overlap_constant(self.overlap) ** 2
-        return np.asarray(part.noise * freedom / max(freedom - len(window.inputs), 0.5))
+    @cached_property
+    def _left(self) -> tuple[FloatArray, ...]:
+        """Share of the noise that estimating the response has left, of each window."""
+        return tuple(residual_share(window, self.taper) for window in self.windows)
 
     def _padded(self, arrays: Sequence[FloatArray | ComplexArray], fill: float) -> ComplexArray:
         padded = np.full((len(arrays), self.omega_rad_s.size), fill, dtype=np.complex128)
@@ -255,8 +256,4 @@ class Composer:
 
 
 def _smooth(noise: FloatArray) -> FloatArray:
-    """Geometric mean over neighboring points: a density from few windows scatters more than it varies."""
-    reach = _SMOOTHING_POINTS
-    padded = np.pad(np.log(noise), reach, mode="edge")
-    kernel = np.full(2 * reach + 1, 1.0 / (2 * reach + 1))
-    return np.asarray(np.exp(np.convolve(padded, kernel, mode="valid")))
+    return np.asarray(smoothed(np.asarray(noise, dtype=np.complex128)).real)

@@ -15,6 +15,9 @@ _LARGEST_STEP = 0.3
 _LEAST_SHARE = 0.05
 _LARGEST_ERROR = 1e6
 
+SMOOTHING_POINTS = 2
+"""Points to either side over which densities of disturbances are averaged."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairSpectra:
@@ -41,6 +44,13 @@ class PairSpectra:
     def coherence(self) -> FloatArray:
         """:math:`|G_{xy}|^2 / (G_{xx} G_{yy})`."""
         return np.asarray(np.abs(self.cross) ** 2 / (self.input_auto * self.output_auto))
+
+
+def smoothed(values: ComplexArray) -> ComplexArray:
+    """Mean over neighboring points along the first axis: what comes from few windows scatters more than it varies."""
+    reach = SMOOTHING_POINTS
+    padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).mean(axis=-1))
 
 
 def window_weights(error: FloatArray, valid: BoolArray) -> FloatArray:

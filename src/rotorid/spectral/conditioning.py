@@ -26,15 +26,20 @@ class OutputSpectra:
         :math:`S_{ay}` from every channel :math:`a` of the matrix, shape ``(f, channels)``.
     auto
         :math:`S_{yy}`, shape ``(f,)``.
+    mix
+        What is taken as the output: a mixture of all channels of the matrix, shape ``(f, channels)``.
     """
 
     cross: ComplexArray
     auto: FloatArray
+    mix: ComplexArray
 
 
 def output_spectra(matrix: SpectralMatrix, output: int) -> OutputSpectra:
     """The densities of one output as they stand in a matrix."""
-    return OutputSpectra(cross=matrix.values[:, :, output], auto=matrix.values[:, output, output].real)
+    mix = np.zeros(matrix.values.shape[:2], dtype=np.complex128)
+    mix[:, output] = 1.0
+    return OutputSpectra(cross=matrix.values[:, :, output], auto=matrix.values[:, output, output].real, mix=mix)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,7 +90,7 @@ class Conditioned:
         :math:`S_{uv}` of each input and that noise, shape ``(u, f)``: what feedback puts into the input, zero for a
         direct estimate whatever the truth is.
     instrument_coherence
-        Coherence of each instrument and the output, shape ``(u, f)``.
+        Partial coherence of each instrument and the output, shape ``(u, f)``.
     """
 
     response: ComplexArray
@@ -129,13 +134,26 @@ def condition(separated: Separated, output: OutputSpectra) -> Conditioned:
     explained = np.einsum("uf,fu->f", response.conj(), output.cross[:, inputs] + residual).real
     # The difference of nearly equal numbers may come out a rounding error below zero for noise-free data.
     noise = np.maximum(output.auto - explained, output.auto * 1e-12 + _TINY)
-    instrument_auto = np.einsum("fii->fi", matrix.block(instruments, instruments)).real
     return Conditioned(
         response=response,
         noise=noise,
         input_residual=residual.T,
-        instrument_coherence=(np.abs(to_output) ** 2 / (instrument_auto * output.auto[:, None])).T,
+        instrument_coherence=_partial_coherence(matrix.block(instruments, instruments), to_output, output.auto).T,
     )
+
+
+def _partial_coherence(auto: ComplexArray, cross: ComplexArray, output: FloatArray) -> FloatArray:
+    r"""Coherence of each instrument and the output once the other instruments are accounted for, shape ``(f, r)``.
+
+    With :math:`y = \sum_j a_j r_j + e` and :math:`P_j = 1 / [S_{rr}^{-1}]_{jj}`, the power of instrument j that the
+    others do not have, :math:`\gamma_j^2 = |a_j|^2 P_j / (|a_j|^2 P_j + S_{ee})`. The ordinary coherence says of a
+    sweep in roll that yaw does not follow it, when all it means is that the sweep in yaw moved yaw more.
+    """
+    a = np.linalg.solve(auto, cross[:, :, None])[:, :, 0]
+    unexplained = np.maximum(output - np.sum(a.conj() * cross, axis=1).real, output * 1e-12 + _TINY)
+    own = 1.0 / np.einsum("fii->fi", np.linalg.inv(auto)).real
+    explained = np.abs(a) ** 2 * own
+    return np.asarray(explained / (explained + unexplained[:, None]))
 
 
 def _require_separable(matrix: SpectralMatrix, instruments: Sequence[int], inputs: Sequence[int]) -> None:

@@ -18,9 +18,10 @@ import numpy as np
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.signal.known_filter import KnownFilter, combined_response
-from rotorid.typing import ComplexArray
+from rotorid.typing import ComplexArray, IntArray
 
 _DERIVATIVE = "_dot"
+_TINY = 1e-300
 _FAINTEST = 0.01
 """A filter that leaves less than this has left noise and quantization in place of the signal."""
 
@@ -278,7 +279,15 @@ def selected(
         outputs=kept_outputs,
         instruments=tuple(response.instruments[column] for column in columns) if response.instruments else (),
         processing=(*response.processing, *note),
+        output_correlation=_correlation(response, pairs, points),
     )
+
+
+def _correlation(response: FrequencyResponse, pairs: tuple[IntArray, ...], points: IntArray) -> ComplexArray | None:
+    if response.output_correlation is None:
+        return None
+    outputs, inputs = (rows.ravel() for rows in pairs)
+    return np.asarray(response.output_correlation[np.ix_(inputs, outputs, outputs, points)])
 
 
 def renamed(response: FrequencyResponse, names: Mapping[str, str]) -> FrequencyResponse:
@@ -338,7 +347,16 @@ def _scaled(response: FrequencyResponse, factor: ComplexArray, *notes: str) -> F
         values=response.values * factor,
         covariance=_scaled_covariance(response, factor),
         processing=(*response.processing, *notes),
+        output_correlation=_turned(response, factor),
     )
+
+
+def _turned(response: FrequencyResponse, factor: ComplexArray) -> ComplexArray | None:
+    """The correlation of outputs that were each multiplied by a factor: its phase shifts their errors."""
+    if response.output_correlation is None:
+        return None
+    turn = np.swapaxes(factor / np.maximum(np.abs(factor), _TINY), 0, 1)
+    return np.asarray(response.output_correlation * turn[:, :, None] * turn[:, None, :].conj())
 
 
 def _scaled_covariance(response: FrequencyResponse, factor: ComplexArray) -> ComplexArray:

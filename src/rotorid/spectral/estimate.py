@@ -11,8 +11,9 @@ from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.spectral.composer import Composed, Composer, Composition
-from rotorid.spectral.conditioning import output_spectra, separate
+from rotorid.spectral.conditioning import OutputSpectra, output_spectra, separate
 from rotorid.spectral.diagnostics import Diagnostics, diagnose
+from rotorid.spectral.disturbances import disturbance_correlation
 from rotorid.spectral.grid import refined, require_grid
 from rotorid.spectral.leakage import derivatives, without_leakage
 from rotorid.spectral.preconditions import require_finite, require_motion, require_windows
@@ -179,7 +180,9 @@ def diagnosed_response(
     )
     answers = [_respond(composer, matrices, input_rows, rows[output], leakage=leakage) for output in outputs]
     asked = asked[-composer.omega_rad_s.size :]
-    parts = [part.at(asked) for part, _ in answers]
+    parts = [part.at(asked) for part, _, _ in answers]
+    share = np.mean([part.share.mean(axis=0) for part, _, _ in answers], axis=0)
+    correlation = disturbance_correlation(composer.windows, [spectra for _, _, spectra in answers], share, asked)
     response = _stacked(
         parts,
         omega_rad_s=composer.omega_rad_s[asked],
@@ -187,8 +190,9 @@ def diagnosed_response(
         outputs=outputs,
         instruments=drivers if joint else (),
         windows_s=[matrix.window_s for matrix in matrices],
+        correlation=correlation,
     )
-    return response, diagnose(composer.windows, parts, [added[:, asked] for _, added in answers], asked)
+    return response, diagnose(composer.windows, parts, [added[:, asked] for _, added, _ in answers], asked)
 
 
 def _stacked(
@@ -199,6 +203,7 @@ def _stacked(
     outputs: Sequence[str],
     instruments: Sequence[str],
     windows_s: Sequence[float],
+    correlation: ComplexArray,
 ) -> FrequencyResponse:
     """One response of all outputs."""
     return FrequencyResponse(
@@ -212,17 +217,19 @@ def _stacked(
         estimate="joint" if instruments else "direct",
         instruments=tuple(instruments),
         windows_s=tuple(windows_s),
+        # The same disturbance enters the responses to every input.
+        output_correlation=np.stack([correlation] * len(inputs)),
     )
 
 
 def _respond(
     composer: Composer, matrices: Sequence[SpectralMatrix], inputs: Sequence[int], output: int, *, leakage: Leakage
-) -> tuple[Composed, ComplexArray]:
-    """One output, and what the windows had added to it: known from a first answer that still has it."""
+) -> tuple[Composed, ComplexArray, list[OutputSpectra]]:
+    """One output, what the windows had added to it, known from a first answer that still has it, and its densities."""
     plain = [output_spectra(matrix, output) for matrix in matrices]
     if leakage == "ignored":
         composed = composer.responses(plain)
-        return composed, np.zeros_like(composed.values)
+        return composed, np.zeros_like(composed.values), plain
     draft = composer.responses(plain, draft=True)
     corrected = []
     for matrix in matrices:
@@ -235,7 +242,7 @@ def _respond(
             without_leakage(matrix, output=output, inputs=inputs, derivatives=slopes, taper=composer.taper)
         )
     composed = composer.responses(corrected)
-    return composed, draft.values / composed.values - 1.0
+    return composed, draft.values / composed.values - 1.0, corrected
 
 
 def _require_choices(

@@ -147,7 +147,7 @@ def without_leakage(
     mix[:, slopes] = -1j * derivatives.first.T
     mix[:, list(inputs)] -= 0.5 * variance * derivatives.second.T
     cross = np.einsum("fab,fb->fa", matrix.values, mix)
-    return OutputSpectra(cross=cross, auto=np.einsum("fa,fa->f", mix.conj(), cross).real)
+    return OutputSpectra(cross=cross, auto=np.einsum("fa,fa->f", mix.conj(), cross).real, mix=mix)
 
 
 def line_variance(taper: Taper, window_s: float) -> float:

@@ -181,6 +181,7 @@ def at_points(response: FrequencyResponse, rows: IntArray) -> FrequencyResponse:
         coherence=response.coherence[..., rows],
         random_error=response.random_error[..., rows],
         covariance=response.covariance[..., rows[:, None], rows],
+        output_correlation=None if response.output_correlation is None else response.output_correlation[..., rows],
     )
 
 

@@ -34,12 +34,12 @@ from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.spectral.derived import selected
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.loop import at_points, through
 from rotorid.typing import FloatArray
 
 _LARGEST_INPUT_COHERENCE = 0.8
-_ARRAYS = ("values", "coherence", "random_error", "covariance")
 
 
 def injected_loop(
@@ -232,9 +232,7 @@ def feedback_controller(
         records, inputs=[output, setpoint], outputs=[command], omega_rad_s=omega_rad_s, windows_s=windows_s
     )
     rows = np.flatnonzero(np.isin(both.omega_rad_s, together.omega_rad_s[apart]))
-    measured = at_points(
-        replace(both, **{name: getattr(both, name)[:, :1] for name in _ARRAYS}, inputs=(output,)), rows
-    )
+    measured = at_points(selected(both, inputs=[output]), rows)
     note = f"feedback path, separated from {setpoint}"
     return through(measured, -measured.values[0, 0], -np.ones(rows.size), note=note)
 
