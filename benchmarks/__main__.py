@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from benchmarks import dataflash, frequency_response, ulog
+from benchmarks import dataflash, frequency_response, state_space, ulog
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +44,7 @@ def rows() -> Iterator[Row | str]:
         memory, limit = result["memory_gib"], frequency_response.MEMORY_BAR_GIB
         yield f"  without scipy.signal.coherence, formed from the densities instead: {result['ratio_densities']:.0f}"
         yield f"  memory {memory:.2f} GiB of {limit:.0f} GiB: {'met' if memory < limit else 'MISSED'}"
+    yield from _fits()
     missing = [log.name for log in (dataflash.LOG, ulog.LOG) if not log.is_file()]
     if missing:
         yield f"logs skipped: there is no {' and no '.join(missing)}; set ROTORID_DATA to the folder of flight data"
@@ -64,6 +65,28 @@ def rows() -> Iterator[Row | str]:
         peer_s=result["pyulog_s"],
         bar=1.0,
     )
+
+
+def _fits() -> Iterator[Row | str]:
+    if not state_space.AVAILABLE:
+        yield state_space.SKIPPED
+        return
+    for job in (state_space.small(), state_space.large()):
+        result = state_space.run(job)
+        yield Row(
+            job=f"fit, {job.name}",
+            ours_s=result["rotorid_s"],
+            peer="control",
+            peer_s=result["control_s"],
+            bar=job.bar,
+        )
+        yield Row(
+            job=f"the same from {state_space.STARTS} starts",
+            ours_s=result["rotorid_starts_s"],
+            peer="control",
+            peer_s=result["control_starts_s"],
+            bar=state_space.STARTS_BAR,
+        )
 
 
 def main() -> None:

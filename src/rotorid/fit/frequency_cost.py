@@ -21,6 +21,7 @@ DB_PER_NEPER = 20.0 / np.log(10.0)
 DEG_PER_RAD = 180.0 / np.pi
 _COST_SCALE = 20.0
 _ERROR_FLOOR = 0.02
+_SMALLEST_RATIO = 1e-4
 
 
 def coherence_weight(coherence: FloatArray) -> FloatArray:
@@ -51,20 +52,48 @@ def point_weights(data: FrequencyResponse, used: BoolArray) -> FloatArray:
     return np.asarray(precise * share)
 
 
-def residual_scales(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+def residual_scales(weights: FloatArray, phase_weight: float = PHASE_WEIGHT) -> tuple[FloatArray, FloatArray]:
     """Factors of magnitude (neper) and phase (radian) errors whose squares sum to the cost, each ``(y, u, f)``."""
     points = np.count_nonzero(weights, axis=-1, keepdims=True)
     root = np.sqrt(_COST_SCALE * weights / np.maximum(points, 1))
-    return root * DB_PER_NEPER, root * np.sqrt(PHASE_WEIGHT) * DEG_PER_RAD
+    return root * DB_PER_NEPER, root * np.sqrt(phase_weight) * DEG_PER_RAD
+
+
+def expansion_point(model: ComplexArray, data: ComplexArray) -> ComplexArray:
+    """The model, or 1e-4 of the data where the model is smaller than that.
+
+    The logarithm of the model is taken there, and continued as a straight line. It is the model itself wherever a
+    model means anything (80 dB); below, the slope leads from a response of zero toward the data, where the logarithm
+    has none.
+    """
+    small = np.abs(model) < _SMALLEST_RATIO * np.abs(data)
+    return np.where(small, _SMALLEST_RATIO * data, model) if small.any() else model
 
 
 def log_error(model: ComplexArray, data: ComplexArray) -> ComplexArray:
-    """Model over data as a complex logarithm: magnitude error in neper and phase error in radians, wrapped to ±π."""
-    return np.asarray(np.log(model / data))
+    """Model over data as a complex logarithm: magnitude error in neper and phase error in radians, wrapped to ±π.
+
+    A model below 1e-4 of the data has a finite error too, about 10 neper: :func:`expansion_point` says how.
+
+    Examples
+    --------
+    >>> log_error(np.array([1j, 0.0]), np.array([1.0, 1.0])).round(2)
+    array([  0.  +1.57j, -10.21+0.j  ])
+    """
+    return log_error_from(model, expansion_point(model, data), data)
+
+
+def log_error_from(model: ComplexArray, point: ComplexArray, data: ComplexArray) -> ComplexArray:
+    """The same, where the point of expansion is known."""
+    error = np.log(point / data)
+    return np.asarray(error if point is model else error + (model - point) / point)
 
 
 def pair_costs(model: ComplexArray, data: ComplexArray, weights: FloatArray) -> FloatArray:
     """Cost of each response, shape ``(y, u)``; zero where no point is used."""
     magnitude, phase = residual_scales(weights)
-    error = np.where(weights > 0.0, log_error(model, data), 0.0)
+    used = weights > 0.0
+    error = np.zeros(used.shape, dtype=np.complex128)
+    # Where no point is used, model and data may both be zero.
+    error[used] = log_error(*(np.broadcast_to(values, used.shape)[used] for values in (model, data)))
     return np.asarray(np.sum((magnitude * error.real) ** 2 + (phase * error.imag) ** 2, axis=-1))

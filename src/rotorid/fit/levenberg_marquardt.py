@@ -13,7 +13,7 @@ from rotorid.typing import BoolArray, FloatArray
 
 Residuals: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
-_LARGEST_DAMPING = 1e14
+LARGEST_DAMPING = 1e14
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,18 +44,24 @@ class LevenbergMarquardt:
         for _ in range(self.iterations):
             gradient, normal = jacobian.T @ residual, jacobian.T @ jacobian
             # Column lengths of the Jacobian: gradients over them, and steps times them, have the unit of the residuals.
-            scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+            scale = np.sqrt(np.maximum(normal.diagonal(), 1e-300))
             held = ((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0))
             slope = float(np.abs(gradient / scale)[~held].max(initial=0.0))
             if slope <= 1e-14 * (1.0 + np.sqrt(cost)):
                 outcome = Outcome.CONVERGED
                 break
-            trial = np.clip(theta + _step(normal, gradient, damping, ~held), lower, upper)
+            trial = np.minimum(np.maximum(theta + _step(normal, gradient, damping, ~held), lower), upper)
+            step = trial - theta
+            promised = -float(step @ (2.0 * gradient + normal @ step))
+            if damping <= 1e-2 and 0.0 <= promised <= self.tolerance * (1e-6 + cost):
+                # A step that would be the last: it is not worth the evaluation.
+                outcome = Outcome.CONVERGED
+                break
             new_residual, new_jacobian = residuals(trial)
             evaluations += 1
             new_cost = float(new_residual @ new_residual)
             if new_cost < cost:
-                small_step = np.abs((trial - theta) * scale).max() <= self.tolerance * np.sqrt(1.0 + cost)
+                small_step = np.abs(step * scale).max() <= self.tolerance * np.sqrt(1.0 + cost)
                 small_gain = cost - new_cost <= self.tolerance * (1e-6 + cost) and damping <= 1e-2
                 theta, residual, jacobian, cost = trial, new_residual, new_jacobian, new_cost
                 trace.append(cost)
@@ -65,7 +71,7 @@ class LevenbergMarquardt:
                     break
             else:
                 damping *= 6.0
-                if damping > _LARGEST_DAMPING or np.abs((trial - theta) * scale).max() <= 1e-13 * np.sqrt(1.0 + cost):
+                if damping > LARGEST_DAMPING or np.abs(step * scale).max() <= 1e-13 * np.sqrt(1.0 + cost):
                     # Rounding of the cost hides a slope of 1e-8 of the residual; a steeper one should have led down.
                     outcome = Outcome.CONVERGED if slope <= 1e-6 * np.sqrt(1e-6 + cost) else Outcome.STALLED
                     break
@@ -83,9 +89,15 @@ class LevenbergMarquardt:
 
 def _step(normal: FloatArray, gradient: FloatArray, damping: float, moving: BoolArray) -> FloatArray:
     # A parameter without any effect has no scale of its own, and its step is zero whatever it is given.
-    diagonal = np.where(np.diag(normal) > 0.0, np.diag(normal), 1.0)
-    system = (normal + np.diag(damping * diagonal))[np.ix_(moving, moving)]
-    scale = np.sqrt(np.diag(system))
+    diagonal = normal.diagonal()
+    diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
+    system = normal.copy()
+    system.flat[:: len(system) + 1] += damping * diagonal
+    scale = np.sqrt(system.diagonal())
+    system /= np.outer(scale, scale)
+    if moving.all():
+        return np.asarray(-np.linalg.solve(system, gradient / scale) / scale)
     step = np.zeros_like(gradient)
-    step[moving] = -np.linalg.solve(system / np.outer(scale, scale), gradient[moving] / scale) / scale
+    chosen = system[np.ix_(moving, moving)]
+    step[moving] = -np.linalg.solve(chosen, gradient[moving] / scale[moving]) / scale[moving]
     return step

