@@ -8,6 +8,7 @@ from rotorid.data.findings import Finding
 from rotorid.fit.identify import fit
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
+from rotorid.models.parameter import Parameter
 
 LARGEST_RISE = 2.0
 """A parameter is kept when leaving it out raises the mean cost by more than this (paper practice with CIFER)."""
@@ -33,8 +34,9 @@ class Reduced:
 def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     """Fit, then drop optional parameters that the data do not show.
 
-    An optional parameter goes when the mean cost without it rises by no more than 2. Any parameter whose bound of zero
-    holds it goes too: it would have crossed into values that the vehicle cannot have.
+    An optional parameter goes when the mean cost without it rises by no more than 2; one that several inputs share is
+    judged by all their responses together. Any parameter whose bound of zero holds it goes too: it would have crossed
+    into values that the vehicle cannot have.
 
     Parameters
     ----------
@@ -44,13 +46,13 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     best, solution = problem, fit(problem)
     findings: list[Finding] = []
     for name in problem.structure.optional:
-        if name not in best.parameters.free:
+        if name not in best.parameters.free or not _may_be_zero(best.parameters[name]):
             continue
         smaller = best.with_parameters(best.parameters.drop(name))
         trial = fit(smaller)
-        rise = _mean_cost(smaller, trial) - _mean_cost(best, solution)
+        rise = mean_cost(smaller, trial) - mean_cost(best, solution)
         if rise <= LARGEST_RISE:
-            findings.append(_not_missed(name, rise))
+            findings.append(_not_missed(best.parameters[name], rise, inputs=len(problem.structure.inputs)))
             best, solution = smaller, trial
     for name in best.parameters.free:
         value = dict(zip(best.parameters.free, solution.theta, strict=True)).get(name)
@@ -62,18 +64,25 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     return Reduced(problem=best, solution=solution, findings=tuple(findings))
 
 
-def _mean_cost(problem: FrequencyProblem, solution: Solution) -> float:
+def mean_cost(problem: FrequencyProblem, solution: Solution) -> float:
+    """Cost of a solution per response that is used."""
     return solution.cost / max(int(problem.used.any(axis=-1).sum()), 1)
 
 
-def _not_missed(name: str, rise: float) -> Finding:
+def _may_be_zero(parameter: Parameter) -> bool:
+    return parameter.lower <= 0.0 <= parameter.upper
+
+
+def _not_missed(parameter: Parameter, rise: float, *, inputs: int) -> Finding:
+    # A lag that is not seen still delays; nothing else can take its place.
+    absorbed = f" and its effect is part of the {'delay' if inputs == 1 else 'delays'}" if parameter.unit == "s" else ""
     return Finding(
         kind="dropped_parameter",
         severity="info",
-        where=name,
+        where=parameter.name,
         message=(
-            f"The data do not show {name} beside the other parameters: leaving it out raises the cost by only "
-            f"{max(rise, 0.0):.2f} (limit {LARGEST_RISE:g}), so it is set to zero and its effect is part of the delay."
+            f"The data do not show {parameter.name} beside the other parameters: leaving it out raises the cost by "
+            f"only {max(rise, 0.0):.2f} (limit {LARGEST_RISE:g}), so it is set to zero{absorbed}."
         ),
         numbers={"cost_rise": rise, "limit": LARGEST_RISE},
     )

@@ -10,26 +10,33 @@ The standard deviation carries the measured errors of the response through the f
 
 .. math:: \mathrm{Cov}\,\theta = D J_r^T S \, \mathrm{Cov}(e) \, S J_r D, \qquad D = (J_r^T J_r)^{-1}
 
-with the full covariance between frequencies: neighboring points share data, so their errors are colored. Where the
-residuals are larger than these errors explain, because the structure does not fit, the covariance is scaled up to them.
+with the full covariance between frequencies and outputs: neighboring points share data, and one gust moves several
+outputs. For weights made of that covariance the same holds with whitened residuals. Where the residuals are larger than
+these errors explain, because the structure does not fit, the covariance is scaled up to them.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.frequency_cost import residual_scales
+from rotorid.fit.error_covariance import ErrorBlock, error_blocks
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import FloatArray
 
 CRAMER_RAO_GUIDELINE_PERCENT = 20.0
 INSENSITIVITY_GUIDELINE_PERCENT = 10.0
 
+Weights: TypeAlias = Literal["cifer", "covariance"]
+"""Which weights a solution was found with: CIFER's, or those of the measured covariance."""
+
+_CHANCE = 2.0
 _FLAT = 1e-8
 
 
@@ -73,7 +80,7 @@ class Bounds(Immutable):
         return np.asarray(self.covariance / np.outer(self.std, self.std))
 
 
-def bounds(problem: FrequencyProblem, solution: Solution) -> Bounds:
+def bounds(problem: FrequencyProblem, solution: Solution, *, weights: Weights = "cifer") -> Bounds:
     """Uncertainty of a solution.
 
     Assumes that the structure holds and that the errors of the response are those it states. A direct estimate in
@@ -82,30 +89,39 @@ def bounds(problem: FrequencyProblem, solution: Solution) -> Bounds:
     A direction in which the cost is flat has no bound at all. It is given one by the rounding of the Jacobian, some
     :math:`10^8` of what its parameters would have alone, so that it shows as what it is.
 
+    Parameters
+    ----------
+    problem
+        What was fitted.
+    solution
+        Its solution.
+    weights
+        ``cifer`` for a solution of :func:`rotorid.fit.identify.fit`, ``covariance`` for one of
+        :func:`rotorid.fit.covariance_fit.refine`.
+
     Raises
     ------
     InsufficientDataError
         A parameter has no effect on the cost at all.
     """
-    # Columns of unit length make parameters of any unit comparable; J = U diag(s) V^T then gives every inverse.
-    length = np.sqrt(np.sum(solution.jacobian**2, axis=0))
-    if not length.all():
-        silent = [name for name, size in zip(problem.parameters.free, length, strict=True) if size == 0.0]
-        raise InsufficientDataError(
-            f"{', '.join(silent)} changes nothing in the fitted responses",
-            needed="parameters that the data can see",
-            remedy="fix it with --fix NAME=VALUE, or fit a wider band",
-        )
-    left_vectors, singular, right = np.linalg.svd(solution.jacobian / length, full_matrices=False)
-    root = right.T / np.maximum(singular, _FLAT * singular.max(initial=0.0)) / length[:, None]
-    inverse = 0.5 * root @ root.T
-    errors = _residual_covariance(problem)
+    residual, jacobian = solution.residual, solution.jacobian
+    of_cost = jacobian if weights == "cifer" else problem.residuals(solution.theta)[1]
+    length, _, inverse_root = _inverse_root(problem, of_cost)
+    inverse = 0.5 * inverse_root @ inverse_root.T
+    blocks = error_blocks(problem)
+    _, left_vectors, root = _inverse_root(problem, jacobian)
     gain = root @ left_vectors.T
-    covariance = gain @ errors @ gain.T
+    covariance, expected, squared = np.zeros((length.size, length.size)), 0.0, 0.0
+    for block in blocks:
+        part = _whitened(block, weights)
+        covariance += gain[:, block.rows] @ part @ gain[:, block.rows].T
+        squared += float(np.sum(part**2))
+        expected += float(np.trace(part)) - 2.0 * float(
+            np.einsum("ij,jk,ki->", jacobian[block.rows], gain[:, block.rows], part, optimize=True)
+        )
     # The part of the errors that the fit absorbs does not show in the residuals.
-    left = np.eye(len(errors)) - solution.jacobian @ gain
-    expected = float(np.einsum("ij,jk,ik->", left, errors, left))
-    inflation = float(np.sqrt(max(1.0, solution.cost / expected))) if expected > 0.0 else 1.0
+    expected += float(np.trace(jacobian @ covariance @ jacobian.T))
+    inflation = _inflation(float(residual @ residual), expected, squared)
     return Bounds(
         names=problem.parameters.free,
         cramer_rao=2.0 * np.sqrt(np.diag(inverse)),
@@ -115,28 +131,39 @@ def bounds(problem: FrequencyProblem, solution: Solution) -> Bounds:
     )
 
 
-def _residual_covariance(problem: FrequencyProblem) -> FloatArray:
-    """Covariance of the residuals from that of the response, shape ``(2 n, 2 n)``, magnitudes first."""
-    used = problem.used
-    magnitude, phase = (scale[used] for scale in residual_scales(problem.weights))
-    relative = _relative_covariance(problem)
-    # The real and imaginary parts of a circular error: half of the covariance each, coupled by its imaginary part.
-    real, cross = 0.5 * relative.real, -0.5 * relative.imag
-    total = np.block([[real, cross], [cross.T, real]])
-    scales = np.concatenate([magnitude, phase])
-    return np.asarray(scales[:, None] * total * scales)
+def _inflation(found: float, expected: float, squared: float) -> float:
+    r"""Factor on standard deviations where residuals are larger than the errors of the data and chance explain.
+
+    A sum of squares with the covariance :math:`E` scatters by :math:`\sqrt{2 \, \mathrm{tr} E^2}`.
+    """
+    if expected <= 0.0 or found <= expected + _CHANCE * math.sqrt(2.0 * squared):
+        return 1.0
+    return math.sqrt(found / expected)
 
 
-def _relative_covariance(problem: FrequencyProblem) -> ComplexArray:
-    """Relative covariance of all used points; responses of different pairs are taken as independent."""
-    data, used = problem.data, problem.used
-    count = int(np.count_nonzero(used))
-    total = np.zeros((count, count), dtype=np.complex128)
-    position = 0
-    for y, u in np.ndindex(used.shape[:2]):
-        chosen = np.flatnonzero(used[y, u])
-        values = data.values[y, u, chosen]
-        block = data.covariance[y, u][np.ix_(chosen, chosen)] / (values[:, None] * values.conj())
-        total[position : position + chosen.size, position : position + chosen.size] = block
-        position += chosen.size
-    return total
+def _whitened(block: ErrorBlock, weights: Weights) -> FloatArray:
+    """Covariance of the residuals of a block in the metric of the fit."""
+    from scipy.linalg import solve_triangular
+
+    if weights == "cifer":
+        return block.covariance
+    root = block.root()
+    half = solve_triangular(root, block.covariance, lower=True, check_finite=False)
+    return np.asarray(solve_triangular(root, half.T, lower=True, check_finite=False))
+
+
+def _inverse_root(problem: FrequencyProblem, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    r"""Column lengths, left singular vectors and a root :math:`R` of :math:`(J^T J)^{-1} = R R^T`.
+
+    Columns of unit length make parameters of any unit comparable; :math:`J = U S V^T` then gives every inverse.
+    """
+    length = np.sqrt(np.sum(jacobian**2, axis=0))
+    if not length.all():
+        silent = [name for name, size in zip(problem.parameters.free, length, strict=True) if size == 0.0]
+        raise InsufficientDataError(
+            f"{', '.join(silent)} changes nothing in the fitted responses",
+            needed="parameters that the data can see",
+            remedy="fix it with --fix NAME=VALUE, or fit a wider band",
+        )
+    left_vectors, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
+    return length, left_vectors, right.T / np.maximum(singular, _FLAT * singular.max(initial=0.0)) / length[:, None]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.fit.identify import fit
 from rotorid.fit.problem import FrequencyProblem
+from rotorid.models.description import from_toml
+from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import rate_model
 from rotorid.reduce.elimination import LARGEST_RISE, Reduced, fit_and_drop
 from rotorid.typing import ComplexArray
@@ -83,6 +87,57 @@ def test_what_the_user_fixed_is_left_alone() -> None:
     assert reduced.problem.parameters["T_motor"].status == "fixed"
     assert found(reduced)["T_motor"] == 0.01
     assert all(finding.where != "T_motor" for finding in reduced.findings)
+
+
+SHARED = """
+name = "roll and pitch"
+inputs = ["roll_command", "pitch_command"]
+states = ["p", "q", "roll_motor", "pitch_motor"]
+outputs = ["p", "q"]
+M = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, "T_motor", 0], [0, 0, 0, "T_motor"]]
+F = [["L_p", 0, "L_roll", 0], [0, "M_q", 0, "M_pitch"], [0, 0, -1, 0], [0, 0, 0, -1]]
+G = [[0, 0], [0, 0], [1, 0], [0, 1]]
+H0 = [[1, 0, 0, 0], [0, 1, 0, 0]]
+input_delays = ["tau_roll", "tau_pitch"]
+optional = ["T_motor"]
+"""
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.05])
+def test_a_lag_that_two_inputs_share_is_judged_by_both(lag_s: float) -> None:
+    truth = {"L_roll": 60.0, "L_p": -3.0, "M_pitch": 40.0, "M_q": -2.0, "tau_roll": 0.012, "tau_pitch": 0.015}
+    truth["T_motor"] = lag_s
+    text = SHARED + "".join(f"[parameters.{name}]\nvalue = {value}\n" for name, value in truth.items())
+    text = text.replace(f"value = {lag_s}\n", 'value = 0.02\nunit = "s"\nlower = 0.0\n')
+    structure = from_toml(text)
+    exact = structure.response(truth, OMEGA)
+    used = np.abs(exact) > 0.0
+    data = FrequencyResponse(
+        omega_rad_s=OMEGA,
+        values=exact,
+        coherence=np.full(exact.shape, 0.95),
+        random_error=np.full(exact.shape, 0.03),
+        covariance=np.zeros((*exact.shape, OMEGA.size)),
+        inputs=structure.inputs,
+        outputs=structure.outputs,
+        estimate="direct",
+    )
+    posed = FrequencyProblem(structure=structure, parameters=structure.parameters, data=data, used=used)
+    reduced = fit_and_drop(posed)
+    assert reduced.problem.parameters["T_motor"].status == ("free" if lag_s else "dropped")
+    for name, value in truth.items():
+        assert found(reduced)[name] == pytest.approx(value, rel=1e-5, abs=1e-9)
+    assert [finding.message.endswith("its effect is part of the delays.") for finding in reduced.findings] == (
+        [] if lag_s else [True]
+    )
+
+
+def test_an_optional_parameter_that_cannot_be_zero_is_left_alone() -> None:
+    posed = problem(model(T_motor=0.002))
+    lag = replace(posed.parameters["T_motor"], lower=1e-3, value=0.01)
+    bounded = ParameterSet(tuple(lag if p.name == "T_motor" else p for p in posed.parameters))
+    reduced = fit_and_drop(posed.with_parameters(bounded))
+    assert reduced.problem.parameters["T_motor"].status == "free"
 
 
 def test_the_problem_itself_is_not_changed() -> None:

@@ -1,0 +1,230 @@
+"""Propagation: what the parameters' covariance makes of poles and responses, against draws of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from rotorid.errors import UsageError
+from rotorid.models.description import from_toml
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.rate import rate_model
+from rotorid.models.structure import LinearStructure
+from rotorid.typing import ComplexArray, FloatArray
+from rotorid.uncertainty.bounds import Bounds
+from rotorid.uncertainty.propagation import Pole, covariance_of_all, pole_confidence, response_confidence
+
+DRAWS = 4000
+# A standard deviation from n draws scatters by 1 / sqrt(2 n); four times that, and what curvature adds at 1 % errors.
+TOLERANCE = 4.0 / np.sqrt(2.0 * DRAWS) + 0.02
+
+OSCILLATOR = """
+name = "oscillator"
+inputs = ["u"]
+states = ["x", "v"]
+outputs = ["x"]
+M = [[1, 0], [0, "m"]]
+F = [[0, 1], ["-k", "-c"]]
+G = [[0], ["b"]]
+H0 = [[1, 0]]
+input_delays = ["tau"]
+"""
+
+
+def oscillator(values: Mapping[str, float]) -> LinearStructure:
+    return from_toml(OSCILLATOR + "".join(f"[parameters.{name}]\nvalue = {value}\n" for name, value in values.items()))
+
+
+def limits(parameters: ParameterSet, covariance: FloatArray) -> Bounds:
+    size = len(parameters.free)
+    return Bounds(
+        names=parameters.free,
+        cramer_rao=np.ones(size),
+        insensitivity=np.ones(size),
+        covariance=covariance,
+        inflation=1.0,
+    )
+
+
+def correlated(parameters: ParameterSet, percent: float) -> Bounds:
+    """Errors of a given percentage, each correlated with its neighbor."""
+    std = np.abs(parameters.pack()) * percent / 100.0
+    place = np.arange(len(std))
+    return limits(parameters, np.outer(std, std) * 0.6 ** np.abs(place[:, None] - place))
+
+
+def draws(parameters: ParameterSet, bounds: Bounds) -> list[dict[str, float]]:
+    root = np.linalg.cholesky(bounds.covariance)
+    noise = np.random.default_rng(1).standard_normal((DRAWS, len(root)))
+    return [parameters.unpack(parameters.pack() + root @ row).values for row in noise]
+
+
+def drawn_poles(
+    structure: LinearStructure, parameters: ParameterSet, bounds: Bounds, nominal: ComplexArray
+) -> ComplexArray:
+    """Poles of every draw in the order of the nominal ones, shape ``(draws, poles)``."""
+    rows = []
+    for values in draws(parameters, bounds):
+        poles = structure.matrices(values).poles()
+        rows.append(poles[np.argmin(np.abs(nominal[:, None] - poles), axis=1)])
+    return np.array(rows)
+
+
+RATE = rate_model("rate.roll").parameters.with_values({"L_roll": 60.0, "L_p": -3.0, "T_motor": 0.05, "tau_roll": 0.012})
+SPRING = {"m": 2.0, "k": 30.0, "c": 1.6, "b": 5.0, "tau": 0.03}
+
+
+@pytest.mark.parametrize(
+    ("structure", "parameters"),
+    [
+        (rate_model("rate.roll"), RATE),
+        (rate_model("rate.roll"), RATE.drop("T_motor")),
+        (oscillator(SPRING), oscillator(SPRING).parameters),
+    ],
+    ids=["real", "algebraic", "pair"],
+)
+def test_poles_scatter_as_predicted(structure: LinearStructure, parameters: ParameterSet) -> None:
+    bounds = correlated(parameters, 1.0)
+    poles = pole_confidence(structure, parameters, bounds)
+    nominal = np.array([pole.value for pole in poles])
+    drawn = drawn_poles(structure, parameters, bounds, nominal)
+    expected = structure.matrices(parameters.values).poles()
+    np.testing.assert_allclose(np.sort(nominal.real), np.sort(expected.real), rtol=1e-12)
+    np.testing.assert_allclose(np.sort(nominal.imag), np.sort(expected.imag), rtol=1e-12)
+    assert np.all(np.diff(np.abs(nominal)) >= -1e-9 * np.abs(nominal).max())
+    for pole, column in zip(poles, drawn.T, strict=True):
+        assert pole.covariance is not None
+        scatter = np.cov(np.stack([column.real, column.imag]))
+        np.testing.assert_allclose(np.sqrt(np.diag(pole.covariance)), np.sqrt(np.diag(scatter)), rtol=TOLERANCE)
+        # A correlation from n draws scatters by no more than 1 / sqrt(n).
+        size = np.sqrt(np.outer(np.diag(scatter), np.diag(scatter))).max(initial=1e-300)
+        assert abs(pole.covariance[0, 1] - scatter[0, 1]) <= 4.0 * size / np.sqrt(DRAWS) + TOLERANCE * size
+        assert pole.frequency_std_rad_s == pytest.approx(np.abs(column).std(), rel=TOLERANCE)
+        damping = -column.real / np.abs(column)
+        assert pole.damping_std == pytest.approx(damping.std(), rel=TOLERANCE, abs=1e-12)
+
+
+def test_derivatives_of_an_oscillator_are_those_of_its_formula() -> None:
+    r""":math:`\omega^2 = k/m`, :math:`\zeta = c / (2 \sqrt{k m})`, one parameter at a time."""
+    structure = oscillator(SPRING)
+    frequency = np.sqrt(SPRING["k"] / SPRING["m"])
+    damping = SPRING["c"] / (2.0 * np.sqrt(SPRING["k"] * SPRING["m"]))
+    expected = {"k": (0.5, -0.5), "m": (-0.5, -0.5), "c": (0.0, 1.0), "b": (0.0, 0.0), "tau": (0.0, 0.0)}
+    for name, (of_frequency, of_damping) in expected.items():
+        parameters = structure.parameters
+        for other in set(SPRING) - {name}:
+            parameters = parameters.fix(other, SPRING[other])
+        relative = 1e-3
+        bounds = limits(parameters, np.array([[(relative * SPRING[name]) ** 2]]))
+        for pole in pole_confidence(structure, parameters, bounds):
+            assert pole.frequency_rad_s == pytest.approx(frequency, rel=1e-12)
+            assert pole.damping == pytest.approx(damping, rel=1e-12)
+            assert pole.frequency_std_rad_s == pytest.approx(abs(of_frequency) * relative * frequency, abs=1e-12)
+            assert pole.damping_std == pytest.approx(abs(of_damping) * relative * damping, abs=1e-12)
+
+
+@pytest.mark.parametrize("share", [1.0, 1.0 - 1e-9, 1.0 - 1e-3, 1.0 + 1e-3])
+def test_poles_that_may_meet_have_no_covariance(share: float) -> None:
+    """Near critical damping the poles move like a square root of the parameters."""
+    values = SPRING | {"c": 2.0 * np.sqrt(SPRING["k"] * SPRING["m"]) * share}
+    structure = oscillator(values)
+    poles = pole_confidence(structure, structure.parameters, correlated(structure.parameters, 1.0))
+    assert len(poles) == 2
+    for pole in poles:
+        assert pole.covariance is None
+        assert pole.frequency_std_rad_s is None
+        assert pole.damping_std is None
+        assert "lies so near to another one" in pole.words()
+
+
+def test_poles_that_stay_apart_have_one() -> None:
+    for share in (0.9, 1.1):
+        values = SPRING | {"c": 2.0 * np.sqrt(SPRING["k"] * SPRING["m"]) * share}
+        structure = oscillator(values)
+        bounds = correlated(structure.parameters, 1.0)
+        poles = pole_confidence(structure, structure.parameters, bounds)
+        drawn = drawn_poles(structure, structure.parameters, bounds, np.array([pole.value for pole in poles]))
+        # Not one draw crosses from a pair to two real poles or back.
+        assert len({bool(one) for one in (drawn.imag == 0.0).ravel()}) == 1
+        assert all(pole.covariance is not None for pole in poles)
+
+
+def test_a_pole_at_the_origin_has_no_damping() -> None:
+    pole = Pole(value=0j, covariance=np.zeros((2, 2)))
+    assert (pole.frequency_rad_s, pole.frequency_std_rad_s) == (0.0, 0.0)
+    assert pole.damping is None
+    assert pole.damping_std is None
+
+
+def test_a_pole_in_words() -> None:
+    pair = Pole(value=complex(1.871, 3.58), covariance=np.diag([0.01, 0.04]))
+    assert pair.words().startswith("The pole at 1.871+3.58j 1/s has a natural frequency of 4.039 ± ")
+    assert "damping ratio of -0.463 ± " in pair.words()
+
+
+@pytest.mark.parametrize(
+    ("structure", "parameters"),
+    [(rate_model("rate.roll"), RATE), (oscillator(SPRING), oscillator(SPRING).parameters)],
+    ids=["rate", "oscillator"],
+)
+def test_responses_scatter_as_predicted(structure: LinearStructure, parameters: ParameterSet) -> None:
+    omega = np.array([0.5, 2.0, 10.0, 40.0])
+    bounds = correlated(parameters, 1.0)
+    magnitude, phase = response_confidence(structure, parameters, bounds, omega)
+    assert magnitude.shape == phase.shape == (1, 1, 4)
+    nominal = structure.response(parameters.values, omega)
+    drawn = np.log(np.array([structure.response(values, omega) for values in draws(parameters, bounds)]) / nominal)
+    np.testing.assert_allclose(magnitude, drawn.real.std(axis=0), rtol=TOLERANCE)
+    np.testing.assert_allclose(phase, drawn.imag.std(axis=0), rtol=TOLERANCE)
+
+
+def test_a_response_that_is_not_there_is_not_known() -> None:
+    structure = oscillator(SPRING)
+    parameters = structure.parameters.fix("b", 0.0)
+    magnitude, phase = response_confidence(structure, parameters, correlated(parameters, 1.0), np.array([1.0, 2.0]))
+    assert np.all(np.isinf(magnitude))
+    assert np.all(np.isinf(phase))
+
+
+def test_what_the_data_do_not_see_does_not_blur_the_response() -> None:
+    """Mass, spring, damper and force scaled together change nothing: known to 1e6, the response to a percent."""
+    structure = oscillator(SPRING)
+    parameters = structure.parameters
+    flat = parameters.pack() * np.array([1.0, 1.0, 1.0, 1.0, 0.0])
+    known = correlated(parameters, 1.0).covariance
+    bounds = limits(parameters, known + 1e12 * np.outer(flat, flat))
+    omega = np.array([0.5, 4.0, 10.0])
+    magnitude, _ = response_confidence(structure, parameters, bounds, omega)
+    assert magnitude.max() < 0.2
+    for pole in pole_confidence(structure, parameters, bounds):
+        assert pole.frequency_std_rad_s is not None
+        assert pole.frequency_std_rad_s < 0.05 * pole.frequency_rad_s
+
+
+def test_tied_parameters_share_the_covariance() -> None:
+    structure = oscillator(SPRING)
+    parameters = structure.parameters.tie("b", "3*k").fix("tau", 0.03)
+    bounds = correlated(parameters, 1.0)
+    assert bounds.names == ("m", "k", "c")
+    total = covariance_of_all(parameters, bounds)
+    names = parameters.names
+    k, b, tau = (names.index(name) for name in ("k", "b", "tau"))
+    assert total.shape == (5, 5)
+    np.testing.assert_allclose(total[:3, :3], bounds.covariance, rtol=1e-12)
+    assert total[b, b] == pytest.approx(9.0 * total[k, k], rel=1e-12)
+    assert total[b, k] == pytest.approx(3.0 * total[k, k], rel=1e-12)
+    assert not total[tau].any()
+
+
+def test_bounds_of_another_problem_are_refused() -> None:
+    structure = oscillator(SPRING)
+    bounds = correlated(structure.parameters, 1.0)
+    other = structure.parameters.fix("tau", 0.03)
+    with pytest.raises(UsageError, match=r"bounds of m, k, c, b, tau came; needed: bounds of m, k, c, b\."):
+        covariance_of_all(other, bounds)
+    with pytest.raises(UsageError):
+        response_confidence(structure, other, bounds, np.ones(1))
+    with pytest.raises(UsageError):
+        pole_confidence(structure, other, bounds)
