@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
 from rotorid.data.findings import Finding
+from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.cutting import cut, other_sources
+from rotorid.pipeline.building import require_channels
 from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.hold_out import hold_out
-from rotorid.pipeline.instruments import Flown, axis_of
-from rotorid.pipeline.measure import Measured
-from rotorid.pipeline.selection import RICH_KINDS, Selection
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.unseen_sweeps import judge_sweeps
-from rotorid.signal.clock import missing_channel
+from rotorid.pipeline.instruments import Flown, axes_of
+from rotorid.pipeline.measure import Measured, default_band
+from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes
+from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
+from rotorid.pipeline.unseen_sweeps import Judged, judge_sweeps
+from rotorid.pipeline.verify_model import Candidate, candidate_of
+from rotorid.pipeline.verify_time import predict_maneuvers
 from rotorid.signal.segment import find_excitations
 from rotorid.typing import Axis
-from rotorid.verify.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
-from rotorid.verify.time_domain import verify_in_time
+from rotorid.verify.matching import LowPass
 from rotorid.verify.verification import Verification
-
-_REST_S = 0.5
-_SHORTEST_S = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,18 +39,22 @@ class Checked:
         Cost of the model against each response of unseen sweeps, the worst where several logs were judged.
     findings
         Remarks.
+    judged
+        Unseen sweeps in the frequency domain, with the measured responses and those of the model.
     """
 
     verifications: tuple[Verification, ...] = ()
     frequency: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    judged: tuple[Judged, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Log:
+class UnseenLog:
     """One log with what the fit has not seen of it, or the cause why there is nothing."""
 
     record: FlightRecord
+    outputs: tuple[str, ...] = ()
     short: tuple[Flown, ...] = ()
     sweeps: tuple[Flown, ...] = ()
     cause: str = ""
@@ -71,21 +74,58 @@ def check(
     the frequency domain. Where nothing was left over, the last fitted maneuver is held out of a second fit. A log that
     was given to verify and adds nothing is said to add nothing.
     """
-    axes = [axis_of(name) for name in fitted.structure.inputs]
-    logs = _unseen(fitted, selection, verify, axes)
-    attempts = _attempts(fitted, measured, logs, axes, settings, progress)
+    candidate = candidate_of(fitted, measured)
+    axes = axes_of(fitted.structure.inputs, fitted.structure.outputs)
+    own = {id(record): record for record, _ in selection.unseen}.values()
+    logs = [
+        *(
+            UnseenLog(
+                record=mine, outputs=fitted.structure.outputs, short=tuple(f for f in selection.unseen if f[0] is mine)
+            )
+            for mine in own
+        ),
+        *unseen_logs(candidate, verify, axes, fits=selection.fits),
+    ]
+    found = check_logs(candidate, logs, settings, progress)
+    if found.verifications or found.judged or verify:
+        return found
+    held = hold_out(fitted.problem.structure, selection.fitted, settings, progress)
+    judged = (held,) if held.response is not None else ()
+    return Checked(frequency=held.costs, findings=(*held.findings, *found.findings), judged=judged)
+
+
+def check_logs(
+    candidate: Candidate,
+    logs: Sequence[UnseenLog],
+    settings: MeasureSettings,
+    progress: Callable[[str], None],
+    *,
+    vibration_filter: LowPass = "auto",
+) -> Checked:
+    """Judge a model on logs that it has not seen; whatever fails leaves the others standing.
+
+    Parameters
+    ----------
+    candidate
+        The model.
+    logs
+        What there is to judge it on, see :func:`unseen_logs`.
+    settings
+        Choices of the run.
+    progress
+        Told what is being done.
+    vibration_filter
+        See :func:`rotorid.verify.time_domain.verify_in_time`.
+    """
     parts: list[Checked] = []
-    heard: list[_Log] = []
+    heard: list[UnseenLog] = []
     causes = [(log, log.cause) for log in logs if log.cause]
-    for members, attempt in attempts:
+    for members, attempt in _attempts(candidate, logs, settings, progress, vibration_filter):
         try:
             parts.append(attempt())
             heard += members
         except InsufficientDataError as error:
             causes += [(log, error.came.rstrip(".")) for log in members]
-    if not parts and not verify:
-        held = hold_out(fitted.structure, selection.fitted, settings, progress)
-        parts.append(Checked(frequency=held.costs, findings=held.findings))
     frequency: dict[str, float] = {}
     for part in parts:
         frequency |= {pair: max(cost, frequency.get(pair, 0.0)) for pair, cost in part.frequency.items()}
@@ -96,118 +136,136 @@ def check(
             *(finding for part in parts for finding in part.findings),
             *(_not_verified(log, cause, part=log in heard) for log, cause in causes),
         ),
+        judged=tuple(item for part in parts for item in part.judged),
     )
 
 
-def _unseen(
-    fitted: Fitted, selection: Selection, verify: Sequence[FlightRecord], axes: Sequence[Axis]
-) -> tuple[_Log, ...]:
-    own = {id(record): record for record, _ in selection.unseen}.values()
-    logs = [_Log(record=mine, short=tuple(f for f in selection.unseen if f[0] is mine)) for mine in own]
-    channels = (*fitted.structure.inputs, *fitted.structure.outputs)
-    for record in verify:
-        lacking = [name for name in channels if name not in record.channel_names]
-        flown = [(record, m) for axis in axes for m in find_excitations(record, axis) if not selection.fits(record, m)]
+def unseen_logs(
+    candidate: Candidate,
+    records: Sequence[FlightRecord],
+    axes: Sequence[Axis],
+    *,
+    segments: Sequence[Maneuver] = (),
+    fits: Callable[[FlightRecord, Maneuver], bool] = lambda _record, _maneuver: False,
+) -> tuple[UnseenLog, ...]:
+    """What each log has to judge a model on.
+
+    Parameters
+    ----------
+    candidate
+        The model; its channels are needed.
+    records
+        The logs.
+    axes
+        Axes of its inputs.
+    segments
+        Intervals to use instead of the excitations that are found.
+    fits
+        Whether a maneuver was fitted, which is no test.
+    """
+    given = of_axes(segments, axes)
+    structure = candidate.structure
+    logs = []
+    for record in records:
+        there = tuple(name for name in structure.outputs if not _lacking(record, [name]))
+        # Without an input nothing can be predicted; of the outputs those that are there will do.
+        lacking = _lacking(record, (*structure.inputs, *(there or structure.outputs)))
+        found = [m for axis in axes for m in find_excitations(record, axis)]
+        wanted = [described(record, m) for m in given if inside(record, m)] if segments else found
+        flown = [(record, m) for m in wanted if not fits(record, m)]
         if lacking:
-            logs.append(_Log(record=record, cause=missing_channel(record, lacking[0]).came))
+            logs.append(UnseenLog(record=record, cause=lacking))
         elif not flown:
-            logs.append(
-                _Log(record=record, cause=f"it holds no excitation of {' or '.join(axes)} beyond what was fitted")
-            )
+            what = "no given segment" if segments else f"no excitation of {' or '.join(axes)} beyond what was fitted"
+            logs.append(UnseenLog(record=record, cause=f"it holds {what}"))
         else:
             short = tuple((r, m) for r, m in flown if m.kind not in RICH_KINDS)
             sweeps = tuple((r, m) for r, m in flown if m.kind in RICH_KINDS)
-            logs.append(_Log(record=record, short=short, sweeps=sweeps))
+            logs.append(UnseenLog(record=record, outputs=there, short=short, sweeps=sweeps))
     return tuple(logs)
 
 
+def _lacking(record: FlightRecord, channels: Sequence[str]) -> str:
+    """Why a record cannot be used, where it lacks a channel that cannot be made of others either."""
+    try:
+        require_channels(record, channels)
+    except InsufficientDataError as error:
+        return error.came
+    return ""
+
+
 def _attempts(
-    fitted: Fitted,
-    measured: Measured,
-    logs: Sequence[_Log],
-    axes: Sequence[Axis],
-    settings: IdentifySettings,
+    candidate: Candidate,
+    logs: Sequence[UnseenLog],
+    settings: MeasureSettings,
     progress: Callable[[str], None],
-) -> list[tuple[list[_Log], Callable[[], Checked]]]:
-    """What to judge the model on, and the logs behind each: whatever fails leaves the others standing."""
+    vibration_filter: LowPass,
+) -> list[tuple[list[UnseenLog], Callable[[], Checked]]]:
+    """What to judge the model on, and the logs behind each."""
+    axes = set(axes_of(candidate.structure.inputs, candidate.structure.outputs))
     flying = [log for log in logs if log.sweeps]
     # A log that excites every input stands alone, so that a good one does not hide a bad one in a common average.
-    alone = [log for log in flying if set(axes) <= {m.axis for _, m in log.sweeps}]
+    alone = [log for log in flying if axes <= {m.axis for _, m in log.sweeps}]
     together = [log for log in flying if log not in alone]
     groups = [*([log] for log in alone), *([together] if together else [])]
     return [
-        *(([log], partial(_predict, fitted, measured, log.short, settings, progress)) for log in logs if log.short),
-        *((group, partial(_judge, fitted, group, settings, progress)) for group in groups),
+        *(
+            ([log], partial(_predict, candidate, log, settings, progress, vibration_filter))
+            for log in logs
+            if log.short
+        ),
+        *((group, partial(_judge, candidate, group, settings, progress)) for group in groups),
     ]
 
 
 def _predict(
-    fitted: Fitted,
-    measured: Measured,
-    short: Sequence[Flown],
-    settings: IdentifySettings,
+    candidate: Candidate,
+    log: UnseenLog,
+    settings: MeasureSettings,
     progress: Callable[[str], None],
+    vibration_filter: LowPass,
 ) -> Checked:
-    inputs, outputs = fitted.structure.inputs, fitted.structure.outputs
-    segments, findings = cut(
-        short, channels=(*inputs, *outputs), shifts=settings.shifts, rest_s=_REST_S, progress=progress
+    checks, findings = predict_maneuvers(
+        candidate, log.short, settings, progress, outputs=log.outputs, vibration_filter=vibration_filter
     )
-    checks = tuple(
-        verify_in_time(
-            fitted.system,
-            segment.history,
-            inputs=inputs,
-            outputs=outputs,
-            band_rad_s=fitted.band_rad_s,
-            record=segment.record,
-            maneuver=segment.maneuver,
-        )
-        for segment in segments
-        if segment.history.duration_s >= _SHORTEST_S
-    )
-    if not checks:
-        raise InsufficientDataError(
-            f"its unseen maneuvers leave less than {_SHORTEST_S:g} s of data without a gap", needed="a longer maneuver"
-        )
-    remarks = (*findings, *other_sources(measured.segments, segments, outputs), *(f for c in checks for f in _poor(c)))
-    return Checked(verifications=checks, findings=remarks)
+    return Checked(verifications=checks, findings=(*_without(candidate, [log], log.outputs), *findings))
 
 
 def _judge(
-    fitted: Fitted, logs: Sequence[_Log], settings: IdentifySettings, progress: Callable[[str], None]
+    candidate: Candidate, logs: Sequence[UnseenLog], settings: MeasureSettings, progress: Callable[[str], None]
 ) -> Checked:
     sweeps = [flown for log in logs for flown in log.sweeps]
+    outputs = tuple(name for name in candidate.structure.outputs if all(name in log.outputs for log in logs))
+    if not outputs:
+        raise InsufficientDataError("the logs have no output of the model in common")
     judged = judge_sweeps(
-        fitted.structure,
-        fitted.parameters,
+        candidate.structure if outputs == candidate.structure.outputs else candidate.structure.select(outputs=outputs),
+        candidate.parameters,
         sweeps,
-        band_rad_s=fitted.band_rad_s,
+        band_rad_s=candidate.band_rad_s or default_band(sweeps, math.inf),
         settings=settings,
         progress=progress,
     )
-    return Checked(frequency=judged.costs, findings=judged.findings)
+    findings = (*_without(candidate, logs, outputs), *judged.findings)
+    return Checked(frequency=judged.costs, findings=findings, judged=(judged,))
 
 
-def _poor(check: Verification) -> list[Finding]:
-    where = f"{check.record} at {check.maneuver.start_s:.1f} s"
+def _without(candidate: Candidate, logs: Sequence[UnseenLog], outputs: Sequence[str]) -> list[Finding]:
+    """Outputs of the model that could not be judged, because a log does not hold them."""
+    left_out = [name for name in candidate.structure.outputs if name not in outputs]
+    where = ", ".join(log.record.source.name for log in logs)
     return [
         Finding(
-            kind="poor_verification",
-            severity="warning",
-            where=where,
-            message=(
-                f"{name} of the {check.maneuver.kind} at {check.maneuver.start_s:.1f} s is predicted with a Theil "
-                f"coefficient of {scores.tic:.2f} (good: up to {GOOD_TIC:g}) and a fit of "
-                f"{scores.nrmse_fit_percent:.0f} % (good: {GOOD_FIT_PERCENT:g} % and more)."
-            ),
-            numbers={"tic": scores.tic, "nrmse_fit_percent": scores.nrmse_fit_percent},
+            kind="missing_channel",
+            severity="info",
+            where=f"{where}: {name}",
+            message=f"{where} holds no {name}, so that output of the model was not judged there.",
         )
-        for name, scores in check.scores.items()
-        if guidelines_met(scores.tic, scores.nrmse_fit_percent) < GUIDELINES
+        for name in left_out
     ]
 
 
-def _not_verified(log: _Log, cause: str, *, part: bool) -> Finding:
+def _not_verified(log: UnseenLog, cause: str, *, part: bool) -> Finding:
     name = log.record.source.name
     return Finding(
         kind="not_verified",

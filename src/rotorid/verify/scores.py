@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
 import numpy as np
 
 from rotorid.typing import FloatArray
@@ -11,6 +15,21 @@ GOOD_FIT_PERCENT = 50.0
 """An error half as large as the motion: for signals of one size the same as a Theil coefficient of 0.25."""
 
 GUIDELINES = 2
+
+FOOT_M = 0.3048
+CIFER_UNITS: Mapping[str, float] = MappingProxyType(
+    {
+        "rad": 180.0 / math.pi,
+        "rad/s": 180.0 / math.pi,
+        "rad/s^2": 180.0 / math.pi,
+        "m": 1.0 / FOOT_M,
+        "m/s": 1.0 / FOOT_M,
+        "m/s^2": 1.0 / FOOT_M,
+    }
+)
+"""From SI to the units in which J_rms adds up: degrees and feet. A unit that is not listed counts as it is."""
+
+JRMS_GUIDELINE = (1.0, 2.0)
 
 
 def nrmse_fit_percent(measured: FloatArray, predicted: FloatArray) -> float:
@@ -59,3 +78,52 @@ def guidelines_met(tic: float, fit_percent: float) -> int:
 def rms(values: FloatArray) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def j_rms(errors: FloatArray, units: Sequence[str]) -> float:
+    r"""Cost of a verification in the time domain, over all outputs together.
+
+    .. math:: J_{rms} = \sqrt{ \frac{1}{n_y n_t} \sum_{y,t} (w_y e_{y,t})^2 }
+
+    with errors in degrees, degrees per second, feet per second and feet per second squared, all weights one. It is
+    not free of dimension, so it grows with the amplitude of the maneuver and compares models, not flights.
+
+    Parameters
+    ----------
+    errors
+        Measured minus predicted, SI units, shape ``(y, samples)``.
+    units
+        SI unit of each output.
+
+    References
+    ----------
+    Tischler and Remple, *Aircraft and Rotorcraft System Identification*, chapter 14: up to 1 to 2 is acceptable for
+    aircraft of full scale.
+
+    Examples
+    --------
+    >>> round(j_rms(np.full((1, 4), np.radians(2.0)), ["rad/s"]), 12)
+    2.0
+    """
+    scale = np.array([CIFER_UNITS.get(unit, 1.0) for unit in units])
+    return rms(scale[:, None] * errors)
+
+
+def scaled_guidelines(scale: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    r"""Guideline of 1 to 2 for J_rms, Froude scaled: by :math:`\sqrt N`, and by N as it is found in print.
+
+    With N the ratio of a full-scale rotor's diameter to the size of the vehicle, speeds go with the root of N. The
+    S500 paper states the root and then prints 16 to 32 for its N of 16, which is N itself.
+
+    Parameters
+    ----------
+    scale
+        N, above zero.
+
+    Examples
+    --------
+    >>> scaled_guidelines(16.0)
+    ((4.0, 8.0), (16.0, 32.0))
+    """
+    low, high = JRMS_GUIDELINE
+    return (low * math.sqrt(scale), high * math.sqrt(scale)), (low * scale, high * scale)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from rotorid.data.history import TimeHistory
 from rotorid.data.maneuver import Maneuver
+from rotorid.errors import InsufficientDataError
 from rotorid.models.state_space import StateSpace
-from rotorid.simulate.linear import simulate_linear
 from rotorid.typing import FloatArray
-from rotorid.verify.scores import nrmse_fit_percent, rms, theil_inequality
+from rotorid.verify.bounded import bounded_responses
+from rotorid.verify.matching import Filter, LowPass, band_pass, chosen_low_pass, low_pass
+from rotorid.verify.prediction import HORIZONS_S, Prediction, predict_ahead
+from rotorid.verify.sampled import sampled
+from rotorid.verify.scores import j_rms, nrmse_fit_percent, rms, theil_inequality
 from rotorid.verify.unknowns import adjust
+from rotorid.verify.verdict import shortest_horizon
 from rotorid.verify.verification import Scores, Verification
 
-_LEAST_PERIODS = 1.5
-_LEAST_PADDING_S = 3.0
-_FILTER_ORDER = 2
+MOVED = 2.0
+"""An output that moves this many times as much as before the maneuver was moved by it."""
+
+_QUIET_S = 0.5
 
 
 def verify_in_time(
@@ -29,19 +33,26 @@ def verify_in_time(
     band_rad_s: tuple[float, float],
     record: str,
     maneuver: Maneuver,
+    around: TimeHistory | None = None,
+    vibration_filter: LowPass = "auto",
 ) -> Verification:
     r"""Drive a model with measured inputs and compare its outputs with the measured ones.
 
     What the model cannot know is estimated by linear least squares, everything else is frozen: reference shifts
-    :math:`c` of the outputs, the initial state :math:`x_0`, and a constant bias :math:`b` of the first state equation
-    (trim, steady wind), as far as they can be told apart, see :func:`rotorid.verify.unknowns.adjust`,
+    :math:`c` of the outputs, the initial state :math:`x_0`, and a constant bias :math:`b` of every dynamic state
+    equation (trim, steady wind), as far as they can be told apart, see :func:`rotorid.verify.unknowns.adjust`,
 
     .. math:: \hat y = y_{model}(u) + c + \Phi(t) x_0 + \Psi(t) b
 
     A model is judged where it was identified: measurement and prediction pass the same zero-phase filter, a low-pass
     at the upper end of the fitted band and, where the maneuver holds 1.5 periods of it, a high-pass at the lower end.
+    Where more than a tenth of the power of an output lies above the band, both pass a first-order low-pass of
+    100 rad/s too.
 
-    Open loop: an unstable airframe diverges after a while, which is no verdict on the model; take short maneuvers.
+    Beside this open loop, the model predicts a little ahead from every sample, see
+    :func:`rotorid.verify.prediction.predict_ahead`. For an unstable airframe that is what counts: in open loop it
+    diverges after a while, which is no verdict on the model, and an initial state that is fitted to the whole maneuver
+    hides more than it does for a stable one.
 
     Parameters
     ----------
@@ -55,16 +66,26 @@ def verify_in_time(
         The fitted band.
     record, maneuver
         Where the data came from.
+    around
+        The same with more time on either side, for the prediction ahead and to see what moved; ``history`` by default.
+    vibration_filter
+        Cutoff of the first-order low-pass in rad/s, ``None`` for none, ``auto`` to decide by the data.
     """
     rate = history.sample_rate_hz
-    band_pass = _band_pass(band_rad_s, rate, history.duration_s)
+    raw = np.stack([history[name] for name in outputs])
+    cutoff = chosen_low_pass(vibration_filter, raw, band_rad_s, rate)
+    filtered = _matched(band_pass(band_rad_s, rate, history.duration_s), cutoff, rate)
     u = np.stack([history[name] for name in inputs])
     u = u - u.mean(axis=1, keepdims=True)
-    measured = band_pass(np.stack([history[name] for name in outputs]))
+    measured = filtered(raw)
     # What came before is not known; that an input began as it first shows costs a late one the least.
-    forced = band_pass(simulate_linear(system, u, sample_rate_hz=rate, before=u[:, 0], hold="first"))
-    adjustment = adjust(system, measured - forced, sample_rate_hz=rate, band_pass=band_pass)
+    responses = bounded_responses(sampled(system, u, sample_rate_hz=rate, before=u[:, 0]))
+    forced = filtered(responses.forced)
+    adjustment = adjust(responses, measured - forced, weights=_weights(measured), filtered=filtered)
     predicted = forced + adjustment.response
+    dynamic = np.flatnonzero(np.abs(system.M).sum(axis=1) > 0.0)
+    bias = float(adjustment.biases[dynamic[0]])
+    growth = float(system.poles().real.max(initial=0.0))
     return Verification(
         record=record,
         maneuver=maneuver,
@@ -75,10 +96,32 @@ def verify_in_time(
         input_names=inputs,
         output_names=outputs,
         scores={
-            name: _scores(measured[row], predicted[row], bias=adjustment.bias, shift=float(adjustment.shifts[row]))
+            name: _scores(measured[row], predicted[row], bias=bias, shift=float(adjustment.shifts[row]))
             for row, name in enumerate(outputs)
         },
+        biases=adjustment.biases,
+        j_rms=j_rms(measured - predicted, [_unit(history, name) for name in outputs]),
+        growth_1_s=max(growth, 0.0),
+        low_pass_rad_s=cutoff,
+        moved=_moved(around or history, maneuver, outputs),
+        ahead=_ahead(system, around or history, maneuver, inputs, outputs, band_rad_s, growth),
     )
+
+
+def _matched(band: Filter, cutoff_rad_s: float | None, rate_hz: float) -> Filter:
+    if cutoff_rad_s is None:
+        return band
+    smooth = low_pass(cutoff_rad_s, rate_hz)
+    return lambda values: smooth(band(values))
+
+
+def _weights(measured: FloatArray) -> FloatArray:
+    size = measured.std(axis=1)
+    return np.asarray(1.0 / np.where(size > 0.0, size, 1.0))
+
+
+def _unit(history: TimeHistory, name: str) -> str:
+    return history.channels[history.names.index(name)].unit
 
 
 def _scores(measured: FloatArray, predicted: FloatArray, *, bias: float, shift: float) -> Scores:
@@ -93,24 +136,40 @@ def _scores(measured: FloatArray, predicted: FloatArray, *, bias: float, shift: 
     )
 
 
-def _band_pass(
-    band_rad_s: tuple[float, float], rate_hz: float, duration_s: float
-) -> Callable[[FloatArray], FloatArray]:
-    from scipy.signal import butter, sosfiltfilt
+def _moved(history: TimeHistory, maneuver: Maneuver, outputs: tuple[str, ...]) -> tuple[str, ...]:
+    """Outputs that move clearly more in a maneuver than before it; all, where that cannot be seen or none does."""
+    time_s = history.time_s
+    quiet, flown = time_s < maneuver.start_s, (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s)
+    if np.count_nonzero(quiet) < _QUIET_S * history.sample_rate_hz or not flown.any():
+        return outputs
+    moved = tuple(name for name in outputs if history[name][flown].std() >= MOVED * history[name][quiet].std())
+    return moved or outputs
 
-    low, high = (edge / (np.pi * rate_hz) for edge in band_rad_s)
-    sections = []
-    if high < 0.9:
-        sections.append(butter(_FILTER_ORDER, high, output="sos"))
-    least_s = _LEAST_PERIODS * 2.0 * np.pi / band_rad_s[0]
-    high_pass = duration_s >= least_s and low < min(high, 0.9)
-    if high_pass:
-        sections.append(butter(_FILTER_ORDER, low, btype="high", output="sos"))
-    if not sections:
-        return np.asarray
-    stacked = np.vstack(sections)
-    # The high-pass filter rings at the ends of a trend; a padding as long as its slowest wave keeps that outside.
-    padding_s = max(_LEAST_PADDING_S, least_s if high_pass else 0.0)
-    return lambda values: np.asarray(
-        sosfiltfilt(stacked, values, axis=-1, padlen=min(values.shape[-1] - 1, round(padding_s * rate_hz)))
-    )
+
+def _ahead(
+    system: StateSpace,
+    history: TimeHistory,
+    maneuver: Maneuver,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    band_rad_s: tuple[float, float],
+    growth_1_s: float,
+) -> Prediction | None:
+    rate = history.sample_rate_hz
+    # The model is linear, so filtered inputs drive it to filtered outputs; only the ends of the record tell them apart.
+    band = band_pass(band_rad_s, rate, history.duration_s)
+    u = np.stack([history[name] for name in inputs])
+    u = band(u - u.mean(axis=1, keepdims=True))
+    model = sampled(system, u, sample_rate_hz=rate, before=u[:, 0])
+    horizons = sorted({shortest_horizon(growth_1_s), *HORIZONS_S})
+    try:
+        return predict_ahead(
+            model,
+            band(np.stack([history[name] for name in outputs])),
+            names=outputs,
+            time_s=history.time_s,
+            horizons_s=horizons,
+            maneuver_s=(maneuver.start_s, maneuver.stop_s),
+        )
+    except InsufficientDataError:
+        return None

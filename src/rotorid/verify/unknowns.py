@@ -1,4 +1,4 @@
-"""What a prediction may adjust because no model can know it: reference shifts, the initial state, a steady bias."""
+"""What a prediction may adjust because no model can know it: reference shifts, the initial state, steady biases."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
-from rotorid.models.state_space import StateSpace
-from rotorid.simulate.linear import simulate_linear
 from rotorid.typing import BoolArray, FloatArray
+from rotorid.verify.bounded import BoundedResponses
 
 LEAST_REMAINDER = 1e-3
 """Share of a column that must survive the filter, and the columns before it, for the column to be estimated."""
@@ -26,61 +25,67 @@ class Adjustment(Immutable):
         Shape ``(y, samples)``, filtered like the measurement.
     shifts
         Constant offset of each output, shape ``(y,)``; 0 where the data do not show it.
-    bias
-        Constant input to the first dynamic state equation; 0 where the data do not show it.
+    biases
+        Constant in each state equation, shape ``(x,)``; 0 where the data do not show it, and for an equation without
+        dynamics.
     """
 
     response: FloatArray
     shifts: FloatArray
-    bias: float
+    biases: FloatArray
 
     def __post_init__(self) -> None:
         self._set(
-            response=read_only(self.response, np.float64, ndim=2), shifts=read_only(self.shifts, np.float64, ndim=1)
+            response=read_only(self.response, np.float64, ndim=2),
+            shifts=read_only(self.shifts, np.float64, ndim=1),
+            biases=read_only(self.biases, np.float64, ndim=1),
         )
 
 
 def adjust(
-    system: StateSpace,
+    responses: BoundedResponses,
     residual: FloatArray,
     *,
-    sample_rate_hz: float,
-    band_pass: Callable[[FloatArray], FloatArray],
+    weights: FloatArray,
+    filtered: Callable[[FloatArray], FloatArray],
 ) -> Adjustment:
-    r"""Explain what the forced response leaves over by shifts, initial states and a bias, by least squares.
+    r"""Explain what the forced response leaves over by shifts, initial states and biases, by weighted least squares.
 
-    .. math:: y - y_{model}(u) \approx c + \Phi(t) x_0 + \Psi(t) b
+    .. math:: y - y_{model}(u) \approx c + \Phi(t) x_0 + \sum_i b_i \Psi_i(t)
 
-    Often two of these look alike: of a damped rate a steady torque ends in a steady rate, as a shifted sensor shows it,
-    and without damping a steady force is a shifted accelerometer. Then the first of shifts, initial states and bias
+    Often some look alike: of a damped rate a steady torque ends in a steady rate, as a shifted sensor shows it,
+    and without damping a steady force is a shifted accelerometer. Then the first of shifts, initial states and biases
     takes the whole effect and the later ones are zero, so the coefficients are a description and no measurement of the
-    sensor or the wind. The response is the same whichever takes it. What a high-pass filter removes is not estimated:
-    a tiny remainder of a ramp would otherwise explain anything, with an enormous coefficient.
+    sensor or the wind. The response is the same whichever takes it. A bias of its own is seen where its equation leads
+    into an integration, as a steady force on an undamped velocity does. What a high-pass filter removes is not
+    estimated: a tiny remainder of a ramp would otherwise explain anything, with an enormous coefficient.
 
     Parameters
     ----------
-    system
-        The identified system.
+    responses
+        The model's response to each unknown.
     residual
         Filtered measurement minus filtered forced response, shape ``(y, samples)``.
-    sample_rate_hz
-        Rate of the residual.
-    band_pass
+    weights
+        One over the size of each output, shape ``(y,)``, so that outputs of different units count alike.
+    filtered
         The filter that measurement and forced response have passed, for arrays of shape ``(y, samples)``.
     """
     outputs, samples = residual.shape
     shifts = np.kron(np.eye(outputs), np.ones(samples)).reshape(outputs, outputs, samples)
-    whole = np.concatenate([shifts, _free_responses(system, samples, sample_rate_hz)])
-    filtered = np.stack([band_pass(column) for column in whole]).reshape(len(whole), -1)
-    seen = told_apart(filtered, np.linalg.norm(whole.reshape(len(whole), -1), axis=1))
+    whole = np.concatenate([shifts, responses.free, responses.biased])
+    columns = np.stack([filtered(column) for column in whole])
+    weighted = (columns * weights[:, None]).reshape(len(whole), -1)
+    seen = told_apart(weighted, np.linalg.norm((whole * weights[:, None]).reshape(len(whole), -1), axis=1))
     coefficients = np.zeros(len(whole))
     if seen.any():
-        scale = np.linalg.norm(filtered[seen], axis=1)
-        coefficients[seen] = np.linalg.lstsq((filtered[seen] / scale[:, None]).T, residual.ravel())[0] / scale
+        scale = np.linalg.norm(weighted[seen], axis=1)
+        target = (residual * weights[:, None]).ravel()
+        coefficients[seen] = np.linalg.lstsq((weighted[seen] / scale[:, None]).T, target, rcond=None)[0] / scale
     return Adjustment(
-        response=(coefficients @ filtered).reshape(residual.shape),
+        response=np.tensordot(coefficients, columns, axes=1),
         shifts=coefficients[:outputs],
-        bias=float(coefficients[-1]),
+        biases=coefficients[outputs + len(responses.free) :],
     )
 
 
@@ -111,12 +116,3 @@ def told_apart(columns: FloatArray, whole: FloatArray) -> BoolArray:
             kept[index] = True
             basis = np.vstack([basis, rest / remainder])
     return kept
-
-
-def _free_responses(system: StateSpace, samples: int, rate_hz: float) -> FloatArray:
-    """Responses ``(k, y, n)`` to each initial state, and last to a constant bias of the first dynamic state."""
-    quiet = np.zeros((system.G.shape[1], samples))
-    states = np.eye(system.F.shape[0])
-    dynamic = np.flatnonzero(np.abs(system.M).sum(axis=1) > 0.0)
-    free = [simulate_linear(system, quiet, sample_rate_hz=rate_hz, x0=states[state]) for state in dynamic]
-    return np.stack([*free, simulate_linear(system, quiet, sample_rate_hz=rate_hz, bias=states[dynamic[0]])])

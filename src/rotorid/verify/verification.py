@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.data.maneuver import Maneuver
 from rotorid.typing import FloatArray
+from rotorid.verify.prediction import Prediction
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,7 +42,7 @@ class Scores:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verification(Immutable):
-    """One unseen maneuver, measured and predicted.
+    """One unseen maneuver, measured and predicted in open loop.
 
     Parameters
     ----------
@@ -59,6 +60,18 @@ class Verification(Immutable):
         Channel names of the rows.
     scores
         Output name to scores.
+    biases
+        Estimated constants in all state equations, shape ``(x,)``.
+    j_rms
+        Root mean square of all errors in degrees and feet, see :func:`rotorid.verify.scores.j_rms`.
+    growth_1_s
+        Largest real part of a pole; above zero the airframe is unstable without its controller.
+    low_pass_rad_s
+        Matched low-pass that measurement and prediction passed beside the fitted band, or ``None``.
+    moved
+        Outputs that the maneuver moved clearly more than they moved before it: those that tell about the model.
+    ahead
+        Predictions over short horizons, restarted at every sample, or ``None`` where the record is too short.
     """
 
     record: str
@@ -70,6 +83,12 @@ class Verification(Immutable):
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
     scores: Mapping[str, Scores]
+    biases: FloatArray = field(default_factory=lambda: np.zeros(0))
+    j_rms: float = 0.0
+    growth_1_s: float = 0.0
+    low_pass_rad_s: float | None = None
+    moved: tuple[str, ...] = ()
+    ahead: Prediction | None = None
 
     def __post_init__(self) -> None:
         self._set(
@@ -78,4 +97,6 @@ class Verification(Immutable):
             measured=read_only(self.measured, np.float64, ndim=2),
             predicted=read_only(self.predicted, np.float64, ndim=2),
             scores=self.scores,
+            biases=read_only(self.biases, np.float64, ndim=1),
+            moved=tuple(self.moved),
         )

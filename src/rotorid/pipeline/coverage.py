@@ -1,0 +1,165 @@
+"""What the data covered: ranges of speed, angle, rate, command, throttle and battery voltage, and the trim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.channel import AXES
+from rotorid.data.history import TimeHistory
+from rotorid.data.immutable import Immutable
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.instruments import Flown
+from rotorid.typing import FloatArray
+
+HOVER_M_S = 0.5
+"""Below this speed a trim is a hover, and the speed is zero: gusts and the estimator alone make as much."""
+
+_QUIET_S = 3.0
+_LEAST_QUIET = 5
+
+COVERED = (
+    *("u", "v", "w"),
+    *("phi", "theta"),
+    *("p", "q", "r"),
+    *(f"{axis}_command" for axis in AXES),
+    "battery_voltage",
+)
+"""Channels whose ranges say where a model was identified; of the commands, that of thrust is the throttle."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Range:
+    """How far a channel went, in its unit.
+
+    Parameters
+    ----------
+    low, high
+        Smallest and largest value.
+    rms
+        Root mean square about zero.
+    unit
+        SI unit.
+    """
+
+    low: float
+    high: float
+    rms: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trim(Immutable):
+    """The state about which a record moves.
+
+    Parameters
+    ----------
+    values
+        ``u v w`` in m/s and ``theta phi`` in rad, as far as they are logged; the speeds are zero in hover.
+    hover
+        Whether the vehicle hovered: whether no component of its speed reached 0.5 m/s, or none is logged.
+    """
+
+    values: Mapping[str, float]
+    hover: bool
+
+    def __post_init__(self) -> None:
+        self._set(values=self.values)
+
+
+def covered(histories: Sequence[TimeHistory]) -> dict[str, Range]:
+    """Ranges of what describes a flight condition, over all records together.
+
+    Parameters
+    ----------
+    histories
+        The fitted segments, or any; channels that none of them holds are left out.
+
+    Examples
+    --------
+    >>> from rotorid.data.channel import Channel
+    >>> u = (Channel(name="u", unit="m/s"),)
+    >>> history = TimeHistory(values=np.array([[-1.0, 2.0, 2.0]]), channels=u, sample_rate_hz=1.0, start_s=0.0)
+    >>> covered([history])["u"]
+    Range(low=-1.0, high=2.0, rms=1.7320508075688772, unit='m/s')
+    """
+    samples = [(h[name], h.channels[h.names.index(name)].unit, name) for h in histories for name in _in(h.names)]
+    return _ranges(samples)
+
+
+def covered_by(flown: Sequence[Flown]) -> dict[str, Range]:
+    """The same straight from the logs, so that channels count that no model uses, such as the battery.
+
+    Parameters
+    ----------
+    flown
+        Records and maneuvers.
+    """
+    samples = []
+    for record, maneuver in flown:
+        for name in _in(record.channel_names):
+            for values, unit in _samples(record, maneuver, name):
+                samples.append((values, unit, name))
+                break
+    return _ranges(samples)
+
+
+def _in(names: Sequence[str]) -> list[str]:
+    return [name for name in COVERED if name in names]
+
+
+def _samples(record: FlightRecord, maneuver: Maneuver, name: str) -> list[tuple[FloatArray, str]]:
+    found = []
+    for topic, row in record.holding(name):
+        inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
+        values = topic.values[row, inside & np.isfinite(topic.values[row])]
+        if values.size:
+            found.append((values, topic.channels[row].unit))
+    return found
+
+
+def _ranges(samples: Sequence[tuple[FloatArray, str, str]]) -> dict[str, Range]:
+    ranges = {}
+    for name in COVERED:
+        parts = [values for values, _, of in samples if of == name]
+        if parts:
+            values = np.concatenate(parts)
+            unit = next(unit for _, unit, of in samples if of == name)
+            size = float(np.sqrt(np.mean(values**2)))
+            ranges[name] = Range(low=float(values.min()), high=float(values.max()), rms=size, unit=unit)
+    return ranges
+
+
+def trim_of(history: TimeHistory, *, until_s: float | None = None) -> Trim:
+    """Trim of a record: the mean over its quiet start.
+
+    Parameters
+    ----------
+    history
+        A maneuver with quiet time before it.
+    until_s
+        End of the quiet time on the log's own clock; by default 3 s after the first sample. A gust or a drift in that
+        time is taken for trim.
+
+    Raises
+    ------
+    InsufficientDataError
+        Fewer than five samples lie in the quiet time.
+    """
+    quiet = history.time_s <= (history.start_s + _QUIET_S if until_s is None else until_s)
+    if np.count_nonzero(quiet) < _LEAST_QUIET:
+        raise InsufficientDataError(
+            f"{np.count_nonzero(quiet)} samples of quiet flight came",
+            needed=f"at least {_LEAST_QUIET}",
+            remedy="take more time before the maneuver",
+        )
+    means = {
+        name: float(history[name][quiet].mean()) for name in ("u", "v", "w", "theta", "phi") if name in history.names
+    }
+    speeds = {name: value for name, value in means.items() if name in ("u", "v", "w")}
+    hover = all(abs(value) < HOVER_M_S for value in speeds.values())
+    return Trim(values={name: 0.0 if hover and name in speeds else value for name, value in means.items()}, hover=hover)

@@ -1,0 +1,218 @@
+"""Judge an identified model on logs that it has not seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rotorid.data.findings import Finding
+from rotorid.data.immutable import Immutable
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.pipeline.assemble import finding_documents, provenance_document, range_documents
+from rotorid.pipeline.coverage import Trim, covered_by, trim_of
+from rotorid.pipeline.cutting import cut
+from rotorid.pipeline.instruments import Flown, axes_of
+from rotorid.pipeline.selection import each_once
+from rotorid.pipeline.settings import MeasureSettings
+from rotorid.pipeline.unseen_sweeps import Judged
+from rotorid.pipeline.verification import Checked, UnseenLog, check_logs, unseen_logs
+from rotorid.pipeline.verify_document import (
+    VerifyDocument,
+    guideline_document,
+    maneuver_verification,
+    sweep_verification,
+)
+from rotorid.pipeline.verify_model import Candidate, read_candidate
+from rotorid.verify.matching import LowPass
+from rotorid.verify.verification import Verification
+
+_QUIET_S = 1.5
+_SPEEDS_AND_ANGLES = ("u", "v", "w", "theta", "phi")
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifySettings(MeasureSettings):
+    """Choices of one run of ``verify``.
+
+    Parameters
+    ----------
+    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+        As in :class:`rotorid.pipeline.settings.MeasureSettings`; a band given here replaces that of the fit.
+    scale
+        Diameter of a full-scale rotor over the size of the vehicle, for the guideline of J_rms.
+    vibration_filter
+        Cutoff of the matched low-pass in rad/s, ``None`` for none, ``auto`` to decide by the data.
+    """
+
+    scale: float | None = None
+    vibration_filter: LowPass = "auto"
+
+    def __post_init__(self) -> None:
+        MeasureSettings.__post_init__(self)
+        if self.scale is not None and not 0.0 < self.scale < math.inf:
+            raise UsageError(f"a scale of {self.scale:g} came", needed="a finite number above zero")
+
+    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+        """The choices for the provenance of a result."""
+        return MeasureSettings.as_json(self) | {"scale": self.scale, "vibration_filter": self.vibration_filter}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verified(Immutable):
+    """A finished verification.
+
+    Parameters
+    ----------
+    document
+        What ``verification.json`` holds.
+    verifications
+        Unseen maneuvers, measured and predicted.
+    judged
+        Unseen sweeps, measured and modelled responses.
+    """
+
+    document: VerifyDocument
+    verifications: tuple[Verification, ...] = ()
+    judged: tuple[Judged, ...] = ()
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+def verify(
+    model: str | Path | Candidate,
+    records: Sequence[FlightRecord],
+    *,
+    settings: VerifySettings | None = None,
+    command: Sequence[str] = (),
+    progress: Callable[[str], None] = _silent,
+) -> Verified:
+    """Judge an identified model on other data.
+
+    Short maneuvers are predicted in the time domain, in open loop and a little ahead from every sample; sweeps and
+    random signals are compared in the frequency domain. Nothing of the model is adjusted. That a log was not fitted is
+    for the caller to know: a log that was fitted flatters.
+
+    Parameters
+    ----------
+    model
+        A folder that ``identify`` wrote, its ``result.json``, a ``model.toml``, or a model with its band.
+    records
+        Logs as :func:`rotorid.read` gives them.
+    settings
+        Choices; everything has a default.
+    command
+        For the provenance.
+    progress
+        Told what is being done.
+
+    Raises
+    ------
+    InsufficientDataError
+        No log can judge the model; the findings say why.
+    UsageError, ModelError
+        The model cannot be read, a record came twice, or an option is wrong.
+    """
+    settings = settings or VerifySettings()
+    candidate = chosen(model, settings)
+    each_once(records)
+    axes = axes_of(candidate.structure.inputs, candidate.structure.outputs)
+    logs = unseen_logs(candidate, records, axes, segments=settings.segments)
+    checked = check_logs(candidate, logs, settings, progress, vibration_filter=settings.vibration_filter)
+    findings = (*(f for record in records for f in record.findings), *checked.findings)
+    if not checked.verifications and not checked.judged:
+        causes = "; ".join(f.message.rstrip(".") for f in checked.findings if f.kind == "not_verified")
+        raise InsufficientDataError(
+            causes or "no log can judge the model",
+            needed=f"a sweep or a doublet of {' or '.join(axes)} with all channels of the model",
+            remedy="see what rotorid inspect finds, or name an interval with --segment",
+            findings=findings,
+        )
+    document = _document(candidate, records, logs, checked, findings, settings, command)
+    return Verified(document=document, verifications=checked.verifications, judged=checked.judged)
+
+
+def chosen(model: str | Path | Candidate, settings: VerifySettings) -> Candidate:
+    """The model that is meant, with the band that was asked for."""
+    candidate = model if isinstance(model, Candidate) else read_candidate(Path(model))
+    if settings.band_rad_s is None:
+        return candidate
+    return Candidate(
+        structure=candidate.structure,
+        parameters=candidate.parameters,
+        band_rad_s=settings.band_rad_s,
+        sources=candidate.sources,
+    )
+
+
+def _document(
+    candidate: Candidate,
+    records: Sequence[FlightRecord],
+    logs: Sequence[UnseenLog],
+    checked: Checked,
+    findings: Sequence[Finding],
+    settings: VerifySettings,
+    command: Sequence[str],
+) -> VerifyDocument:
+    structure = candidate.structure
+    flown = [item for log in logs for item in (*log.short, *log.sweeps)]
+    return VerifyDocument(
+        model=structure.name,
+        inputs=list(structure.inputs),
+        outputs=list(structure.outputs),
+        states=list(structure.states),
+        band_rad_s=candidate.band_rad_s,
+        maneuvers=[
+            maneuver_verification(check, structure.states, _trim(check, flown)) for check in checked.verifications
+        ],
+        frequency=[sweep_verification(item) for item in checked.judged],
+        j_rms_guideline=guideline_document(settings.scale),
+        covered=range_documents(covered_by(flown)),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command, flown=flown),
+    )
+
+
+def _trim(check: Verification, flown: Sequence[Flown]) -> Trim | None:
+    """Trim before a maneuver, of what its log holds of speeds and angles."""
+    for record, maneuver in flown:
+        if (
+            record.source.name != check.record
+            or maneuver.start_s > check.time_s[-1]
+            or maneuver.stop_s < check.time_s[0]
+        ):
+            continue
+        channels = [name for name in _SPEEDS_AND_ANGLES if name in record.channel_names]
+        try:
+            segments, _ = cut([(record, maneuver)], channels=channels, rest_s=_QUIET_S) if channels else ((), ())
+            return trim_of(segments[0].history, until_s=maneuver.start_s) if segments else None
+        except InsufficientDataError:
+            return None
+    return None
+
+
+def refused_verification(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    model: str | Path | Candidate,
+    *,
+    settings: VerifySettings,
+    command: Sequence[str] = (),
+) -> VerifyDocument:
+    """The document for logs that cannot judge a model: its findings say why, and no number is given."""
+    structure = chosen(model, settings).structure
+    findings = list(error.findings) or [f for record in records for f in record.findings]
+    if not error.findings:
+        findings.append(Finding(kind="not_verified", severity="error", where=structure.name, message=str(error)))
+    return VerifyDocument(
+        model=structure.name,
+        inputs=list(structure.inputs),
+        outputs=list(structure.outputs),
+        states=list(structure.states),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command),
+    )
