@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from tests.browser.chromium import dump
+from tests.unit.report.hover_sample import hover_identification
 from tests.unit.report.sample import HOSTILE, doublet, identification
 
 from rotorid.report.page import render_report
@@ -20,7 +21,7 @@ def test_pictures_are_drawn_and_hostile_text_stays_text(chromium: str, tmp_path:
     body = elements[elements.index("<body") :]
     pictures = html.count("data-picture=")
     # Plotly draws each picture in layers; the first of them carries the axes.
-    assert body.count('class="cartesianlayer"') == pictures == 6
+    assert body.count('class="cartesianlayer"') == pictures == 8
     assert "<title>run</title>" not in elements
 
 
@@ -32,3 +33,15 @@ def test_injected_script_would_be_refused(chromium: str, tmp_path: Path) -> None
     elements, console = dump(chromium, injected, tmp_path)
     assert "<title>t</title>" in elements
     assert any("Content Security Policy" in line for line in console)
+
+
+def test_a_hover_model_is_drawn_and_fits_the_window(chromium: str, tmp_path: Path) -> None:
+    html = render_report([hover_identification()], title="Pitch and heave")
+    # Folded pictures are drawn when their part is opened: here all of them are open from the start.
+    elements, console = dump(chromium, html.replace("<details>", "<details open>"), tmp_path)
+    assert console == []
+    assert 'data-pictures="drawn"' in elements
+    body = elements[elements.index("<body") :]
+    assert body.count('class="cartesianlayer"') == html.count("data-picture=") == 13
+    # Bars of the map of correlations: one cell for each of 21 pairs.
+    assert body.count('<g class="point"') == 21

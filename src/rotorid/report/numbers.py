@@ -7,6 +7,7 @@ import math
 MISSING = "–"
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MOST_PERCENT = 1000.0
 _PLAIN_FROM, _PLAIN_TO = 1e-3, 1e6
 _POWERS = {"^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
 
@@ -46,6 +47,34 @@ def significant(value: float | None, *, digits: int = 3) -> str:
         return _minus(text)
     mantissa, power = text.split("e")
     return f"{_minus(mantissa)}·10{str(int(power)).translate(_SUPERSCRIPTS)}"
+
+
+def milliseconds(seconds: float | None, std_s: float | None = None) -> str:
+    """A time in milliseconds, without the unit.
+
+    Examples
+    --------
+    >>> milliseconds(0.02791, 0.0006), milliseconds(0.0024)
+    ('27.9 ± 0.6', '2.4')
+    """
+    if seconds is None:
+        return MISSING
+    return with_error(1e3 * seconds, None if std_s is None else 1e3 * std_s)
+
+
+def percent(value: float | None) -> str:
+    """A percentage without its sign, two digits; beyond a thousand the number says nothing more.
+
+    Examples
+    --------
+    >>> percent(0.534), percent(158.6), percent(5858.3), percent(None)
+    ('0.53', '159', '> 1000', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value > _MOST_PERCENT:
+        return f"> {_MOST_PERCENT:.0f}"
+    return f"{value:.0f}" if value >= 10.0 else significant(value, digits=2)
 
 
 def unit(text: str) -> str:

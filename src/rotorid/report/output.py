@@ -12,7 +12,7 @@ import numpy as np
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.io.store import write_atomically, write_npz
-from rotorid.pipeline.document import Document
+from rotorid.pipeline.document_base import Document
 from rotorid.pipeline.identification import Identification
 from rotorid.report.page import render_report
 

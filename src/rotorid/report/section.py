@@ -4,41 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.identification import Identification
-from rotorid.plot.bode import bode
-from rotorid.plot.quantity import quantity
-from rotorid.plot.time import verification
+from rotorid.report.checks import Check, check_section
+from rotorid.report.delays import DelayRow, delay_rows, delay_sentence
+from rotorid.report.fit_words import fit_sentences, sparkline
+from rotorid.report.matrix_tables import MatrixTable, matrix_tables
+from rotorid.report.model_pictures import model_pictures
+from rotorid.report.modes import PoleRow, pole_rows, poles_picture, poles_sentence
 from rotorid.report.numbers import significant
-from rotorid.report.picture import Picture, in_all_units
-from rotorid.report.tables import (
-    CostRow,
-    FindingRow,
-    ManeuverRow,
-    ParameterRow,
-    PoleRow,
-    ScoreRow,
-    cost_rows,
-    finding_rows,
-    maneuver_row,
-    parameter_rows,
-    pole_rows,
-    score_rows,
+from rotorid.report.parameter_table import (
+    Dropped,
+    ParameterGroup,
+    dropped_parameters,
+    parameter_groups,
+    truth_of_dropped,
 )
+from rotorid.report.picture import Picture
+from rotorid.report.reduction_rows import StepRow, reduction_sentence, step_rows, told_by_steps
+from rotorid.report.scope_rows import RangeRow, constants_sentence, range_rows
+from rotorid.report.tables import CostRow, FindingRow, ManeuverRow, cost_rows, finding_rows, maneuver_row
 from rotorid.report.timelines import timelines
-from rotorid.report.wording import LEVELS, Verdict, cost_verdict, summary, worst_prediction
+from rotorid.report.told_apart import correlation_picture, correlation_sentence
+from rotorid.report.wording import LEVELS, Verdict, cost_verdict, held_out, summary, worst_prediction
 from rotorid.verify.verification import Scores
 
 
 @dataclass(frozen=True, kw_only=True)
-class Check:
-    """One unseen maneuver on the page."""
+class Fit:
+    """How the fit went."""
 
-    maneuver: ManeuverRow
-    scores: tuple[ScoreRow, ...]
-    picture: Picture
+    sentences: tuple[str, ...]
+    curve: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,26 +50,50 @@ class Section:
     sentences: tuple[str, ...]
     cost: Verdict | None
     unseen: Verdict | None
-    parameters: tuple[ParameterRow, ...]
+    parameters: tuple[ParameterGroup, ...]
+    dropped: tuple[Dropped, ...]
+    truth_of_dropped: str
+    fit: Fit | None
     costs: tuple[CostRow, ...]
+    unseen_words: str
     responses: tuple[Picture, ...]
+    folded_responses: tuple[Picture, ...]
     joint: bool
     least_coherence: float
+    checks: tuple[Check, ...]
+    poles: tuple[PoleRow, ...]
+    poles_words: str
+    poles_picture: Picture | None
+    matrices: tuple[MatrixTable, ...]
+    delays: tuple[DelayRow, ...]
+    delay_words: str
+    covered: tuple[RangeRow, ...]
+    constants: str
+    steps: tuple[StepRow, ...]
+    steps_words: str
+    correlation: Picture | None
+    correlation_words: str
+    findings: tuple[FindingRow, ...]
+    findings_in_steps: int
     maneuvers: tuple[ManeuverRow, ...]
     timelines: tuple[Picture, ...]
-    poles: tuple[PoleRow, ...]
-    checks: tuple[Check, ...]
-    findings: tuple[FindingRow, ...]
 
     @property
     def far_from_truth(self) -> bool:
         """Whether a known truth lies beyond what random errors explain."""
-        return any(row.off.marked for row in self.parameters)
+        return any(row.off.marked for group in self.parameters for row in group.rows)
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All figures of the section."""
-        return (*self.responses, *self.timelines, *(check.picture for check in self.checks))
+        single = (self.poles_picture, self.correlation)
+        return (
+            *self.responses,
+            *self.folded_responses,
+            *(check.picture for check in self.checks),
+            *(picture for picture in single if picture is not None),
+            *self.timelines,
+        )
 
 
 def section(identified: Identification, *, anchor: str, truth: Mapping[str, float]) -> Section:
@@ -88,6 +110,8 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
     """
     document = identified.document
     scores = [one for check in identified.verifications for one in check.scores.values()]
+    responses = model_pictures(identified, anchor=anchor)
+    findings = [finding for finding in document.findings if not told_by_steps(finding, document)]
     return Section(
         anchor=anchor,
         title=_title(document),
@@ -96,11 +120,34 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         sentences=summary(document, scores=scores),
         cost=_cost(document.cost.average) if document.cost else None,
         unseen=_unseen(document, scores),
-        parameters=parameter_rows(document, truth),
+        parameters=parameter_groups(document, truth),
+        dropped=dropped_parameters(document, anchor=anchor),
+        truth_of_dropped=truth_of_dropped(document, truth),
+        fit=_fit(document),
         costs=cost_rows(document),
-        responses=_responses(identified, anchor),
+        unseen_words="Held-out maneuver" if held_out(document) else "Unseen sweeps",
+        responses=responses.leading,
+        folded_responses=responses.folded,
         joint=identified.response.estimate == "joint",
         least_coherence=identified.least_coherence,
+        checks=tuple(
+            check_section(check, key=f"{anchor}-check-{number}")
+            for number, check in enumerate(identified.verifications)
+        ),
+        poles=pole_rows(document.poles),
+        poles_words=poles_sentence(document.poles),
+        poles_picture=poles_picture(document.poles, key=f"{anchor}-poles"),
+        matrices=matrix_tables(document),
+        delays=delay_rows(document),
+        delay_words=delay_sentence(document),
+        covered=range_rows(document.covered),
+        constants=constants_sentence(document.constants),
+        steps=step_rows(document.reduction, anchor=anchor),
+        steps_words=reduction_sentence(document.reduction),
+        correlation=correlation_picture(document.correlation, key=f"{anchor}-correlation"),
+        correlation_words=correlation_sentence(document.correlation),
+        findings=finding_rows(findings),
+        findings_in_steps=len(document.findings) - len(findings),
         maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
         timelines=timelines(
             identified.segments,
@@ -109,9 +156,6 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
             outputs=document.outputs,
             key=f"{anchor}-timeline",
         ),
-        poles=pole_rows(document.poles),
-        checks=_checks(identified, anchor),
-        findings=finding_rows(document.findings),
     )
 
 
@@ -133,45 +177,7 @@ def _unseen(document: ResultDocument, scores: Sequence[Scores]) -> Verdict | Non
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level), default=None)
 
 
-def _responses(identified: Identification, anchor: str) -> tuple[Picture, ...]:
-    response = identified.response
-    pairs = [
-        (output, input)
-        for y, output in enumerate(response.outputs)
-        for u, input in enumerate(response.inputs)
-        if identified.fitted[y, u].any()
-    ]
-    return tuple(
-        _response(identified, f"{anchor}-response-{number}", output, input)
-        for number, (output, input) in enumerate(pairs)
-    )
-
-
-def _response(identified: Identification, key: str, output: str, input: str) -> Picture:
-    draw = partial(
-        bode,
-        identified.response,
-        output=output,
-        input=input,
-        model=identified.model_response,
-        beside=identified.beside,
-        fitted=identified.fitted,
-        least_coherence=identified.least_coherence,
-    )
-    description = f"Bode plot of {quantity(output).words} over {quantity(input).words}, measured and model"
-    return in_all_units(draw, key=key, description=description, converted=True)
-
-
-def _checks(identified: Identification, anchor: str) -> tuple[Check, ...]:
-    return tuple(
-        Check(
-            maneuver=maneuver_row(check.record, check.maneuver),
-            scores=score_rows(check),
-            picture=Picture(
-                key=f"{anchor}-check-{number}",
-                description=f"Measured and predicted outputs of a {check.maneuver.kind} in {check.record}",
-                figure=verification(check),
-            ),
-        )
-        for number, check in enumerate(identified.verifications)
-    )
+def _fit(document: ResultDocument) -> Fit | None:
+    if document.fit is None:
+        return None
+    return Fit(sentences=fit_sentences(document.fit), curve=sparkline(document.fit.trace))

@@ -2,120 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rotorid.data.maneuver import Maneuver
-from rotorid.pipeline.document import FindingDocument, ManeuverDocument, ParameterDocument, PoleDocument, ResultDocument
+from rotorid.pipeline.document import FindingDocument, ManeuverDocument, ResultDocument
+from rotorid.pipeline.score_document import PairCost
 from rotorid.plot.quantity import quantity
-from rotorid.report.numbers import MISSING, significant, unit, with_error
-from rotorid.report.wording import (
-    Verdict,
-    cost_verdict,
-    finding_heading,
-    held_out,
-    parameter_words,
-    pole_words,
-    prediction_verdict,
-)
+from rotorid.report.model_pictures import by_axis
+from rotorid.report.numbers import MISSING, significant
+from rotorid.report.wording import Verdict, cost_verdict, finding_heading, prediction_verdict
 from rotorid.verify.verification import Verification
-
-CRAMER_RAO_GUIDELINE, INSENSITIVITY_GUIDELINE = 20.0, 10.0
-FAR_SIGMAS = 3.0
-"""A distance from the truth that random errors alone hardly explain."""
 
 _SEVERITIES = ("error", "warning", "info")
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """A number of a table, marked when it is beyond its guideline."""
-
-    text: str
-    marked: bool = False
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ParameterRow:
-    """A parameter with everything that is known about it."""
-
-    name: str
-    words: str
-    value: str
-    unit: str
-    cramer_rao: Cell
-    insensitivity: Cell
-    status: str
-    truth: str
-    off: Cell
-
-
-def parameter_rows(document: ResultDocument, truth: Mapping[str, float]) -> tuple[ParameterRow, ...]:
-    """One row for each parameter; the truth is looked up as ``model.name`` first, then as ``name``."""
-    return tuple(
-        ParameterRow(
-            name=name,
-            words=parameter_words(name),
-            value=MISSING if parameter.status == "dropped" else with_error(parameter.value, parameter.std),
-            unit=unit(parameter.unit),
-            cramer_rao=_percent(parameter.cramer_rao_percent, CRAMER_RAO_GUIDELINE),
-            insensitivity=_percent(parameter.insensitivity_percent, INSENSITIVITY_GUIDELINE),
-            status=parameter.status,
-            truth=significant(known := truth.get(f"{document.model}.{name}", truth.get(name)), digits=4),
-            off=_off(parameter, known),
-        )
-        for name, parameter in document.parameters.items()
-    )
-
-
-def _percent(value: float | None, guideline: float) -> Cell:
-    return Cell(significant(value, digits=2), value is not None and value > guideline)
-
-
-def _off(parameter: ParameterDocument, truth: float | None) -> Cell:
-    if truth is None or not parameter.std:
-        return Cell("")
-    sigmas = abs(parameter.value - truth) / parameter.std
-    return Cell(f"{sigmas:.1f} σ", sigmas > FAR_SIGMAS)
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CostRow:
-    """The cost of one response."""
+    """The cost of one response, where it was fitted and on sweeps that were not."""
 
     pair: str
     value: str
-    verdict: Verdict
+    verdict: Verdict | None
     band: str
     points: str
+    unseen: Verdict | None
 
 
 def cost_rows(document: ResultDocument) -> tuple[CostRow, ...]:
-    """Cost of each fitted response, then of each response on unseen sweeps or on the maneuver that was held out."""
+    """Cost of each response on the axis of its input, then of the others; each with that on unseen sweeps."""
     fitted = document.cost.pairs if document.cost else {}
-    rows = [
-        CostRow(
-            pair=pair,
-            value=significant(cost.value),
-            verdict=cost_verdict(cost.value),
-            band=_interval(cost.band_rad_s, "rad/s"),
-            points=str(cost.points),
-        )
-        for pair, cost in fitted.items()
-    ]
-    unseen = document.verification.frequency.items()
-    of = "held-out maneuver" if held_out(document) else "unseen sweeps"
-    rows += [
-        CostRow(
-            pair=f"{pair}, {of}",
-            value=significant(value),
-            verdict=cost_verdict(value),
-            band=MISSING,
-            points=MISSING,
-        )
-        for pair, value in unseen
-    ]
-    return tuple(rows)
+    unseen = document.verification.frequency
+    names = [*fitted, *(pair for pair in unseen if pair not in fitted)]
+    split = [(pair.partition("/")[0], pair.partition("/")[2]) for pair in names]
+    ordered = ["/".join(part for part in pair if part) for pair in by_axis(split)]
+    return tuple(_cost_row(pair, fitted.get(pair), unseen.get(pair)) for pair in ordered)
+
+
+def _cost_row(pair: str, cost: PairCost | None, unseen: float | None) -> CostRow:
+    return CostRow(
+        pair=pair,
+        value=significant(cost.value if cost else None),
+        verdict=cost_verdict(cost.value) if cost else None,
+        band=_interval(cost.band_rad_s, "rad/s") if cost else MISSING,
+        points=str(cost.points) if cost else MISSING,
+        unseen=None if unseen is None else Verdict(cost_verdict(unseen).level, significant(unseen)),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -169,32 +100,6 @@ def maneuver_row(record: str, maneuver: Maneuver | ManeuverDocument) -> Maneuver
         duration=f"{maneuver.stop_s - maneuver.start_s:.1f} s",
         band=_interval(maneuver.band_rad_s, "rad/s") if maneuver.band_rad_s else MISSING,
         origin=f"{maneuver.origin} in {maneuver.signal}" if maneuver.signal else maneuver.origin,
-    )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PoleRow:
-    """A mode of the model; a conjugate pair is one."""
-
-    value: str
-    frequency: str
-    damping: str
-    words: str
-    unstable: bool
-
-
-def pole_rows(poles: list[PoleDocument]) -> tuple[PoleRow, ...]:
-    """One row for each mode, slow ones first; the lower pole of a conjugate pair is left out."""
-    upper = sorted((pole for pole in poles if pole.imag >= 0.0), key=lambda pole: pole.frequency_rad_s)
-    return tuple(
-        PoleRow(
-            value=significant(pole.real) + (f" ± {significant(pole.imag)} j" if pole.imag else ""),
-            frequency=significant(pole.frequency_rad_s),
-            damping=significant(pole.damping, digits=2),
-            words=pole_words(pole),
-            unstable=pole.real > 0.0,
-        )
-        for pole in upper
     )
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from rotorid.fit.frequency_cost import ACCEPTABLE_COST, EXCELLENT_COST
-from rotorid.pipeline.document import ParameterDocument, PoleDocument, ResultDocument
+from rotorid.pipeline.document import CostDocument, ParameterDocument, ResultDocument
 from rotorid.plot.quantity import quantity
-from rotorid.report.numbers import significant, unit, with_error
+from rotorid.report.modes import mode_sentences
+from rotorid.report.numbers import milliseconds, significant, unit, with_error
 from rotorid.verify.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
 from rotorid.verify.verification import Scores
 
@@ -33,8 +34,10 @@ _EFFECTS = {
     "Y": "side force",
     "Z": "vertical force",
 }
+_DELAYS = "delays and lags"
 _HEADINGS = {
     "airborne": "Reaches beyond the flight",
+    "assumed_geometry": "The order of the motors was assumed",
     "battery_sag": "The battery sagged",
     "clock_disorder": "Stamps out of order",
     "clock_skew": "Times of two channels",
@@ -42,6 +45,7 @@ _HEADINGS = {
     "correlated_inputs": "Inputs moved together",
     "corrupt_log": "The log is damaged",
     "decimated": "Logged without a filter in front",
+    "disturbed_verification": "A flight that cannot judge the model",
     "dropped_parameter": "A parameter was dropped",
     "gap": "A gap in the data",
     "held_out": "Judged on a held-out maneuver",
@@ -49,31 +53,42 @@ _HEADINGS = {
     "insensitive_parameter": "The data hardly feel this parameter",
     "inverse_controller": "This looks like the inverse of the controller",
     "kinematic_consistency": "Sensors against each other",
+    "kinematic_inconsistency": "Sensors contradict each other",
     "kinematics_unchecked": "Sensors that could not be checked",
     "known_filter": "A known filter",
     "lag_plus_delay": "Lag and delay together",
+    "legacy_units": "Units of an older firmware",
     "low_coherence": "Low coherence",
     "missing_channel": "A channel is missing",
+    "never_airborne": "The vehicle never flew",
     "no_excitation": "No excitation found",
     "not_converged": "The fit did not converge",
     "not_identifiable": "Parameters that cannot be told apart",
     "not_verified": "Not verified",
     "off_axis_input": "Another axis moved too",
+    "open_loop_diverges": "An unstable airframe, not a bad model",
     "other_source": "Channels from different sources",
+    "outputs_left_out": "Outputs that were not fitted",
     "parameter_at_bound": "A parameter stands at its bound",
     "poor_fit": "The model misses the measurement",
     "poor_verification": "The model misses the unseen flight",
     "rate_too_low": "Logged too slowly",
+    "receive_time": "Stamps of the receiver",
     "reconstructed": "A channel was computed",
     "record_too_short": "The record is short",
     "saturation": "Saturation",
     "segment_trimmed": "A segment was cut",
     "sensor_clipping": "A sensor clipped",
     "several_flights": "Several flights in one log",
+    "several_vehicles": "Several vehicles in one log",
     "speed_damping_biased": "Speed damping is biased",
     "sweep_ended_early": "A sweep ended early",
+    "trim": "Not a hover",
     "uncertain_parameter": "An uncertain parameter",
+    "unknown_column": "A column that is not known",
     "unknown_filter": "A filter that is not known",
+    "unknown_topic": "A topic that is not known",
+    "vibration_filtered": "Vibration was filtered out",
 }
 
 
@@ -130,7 +145,7 @@ def held_out(document: ResultDocument) -> bool:
 
 
 def summary(document: ResultDocument, *, scores: Sequence[Scores] = ()) -> tuple[str, ...]:
-    """What was found, one sentence for each input, one for the cost or the fit, and one for each kind of check.
+    """What was found: each input, modes that grow, the cost or the fit, and each kind of check.
 
     Parameters
     ----------
@@ -143,19 +158,33 @@ def summary(document: ResultDocument, *, scores: Sequence[Scores] = ()) -> tuple
     if not sentences:
         free = sum(parameter.status == "free" for parameter in document.parameters.values())
         sentences.append(f"{document.model}: {free} parameters identified.")
+    if lag := _lag_sentence(document):
+        sentences.append(lag)
+    sentences += mode_sentences(document)
     if document.cost is not None:
-        words = cost_verdict(document.cost.average).words
-        sentences.append(f"Cost {significant(document.cost.average)}: {words} (guideline: below {EXCELLENT_COST:.0f}).")
+        sentences.append(_cost_sentence(document.cost))
     for name, percent in (document.fit_percent or {}).items():
         sentences.append(f"The model explains {significant(percent)} % of {quantity(name).words}.")
     return (*sentences, *_unseen_sentences(document, scores))
+
+
+def _cost_sentence(cost: CostDocument) -> str:
+    words = cost_verdict(cost.average).words
+    several = f" on average of {len(cost.pairs)} responses" if len(cost.pairs) > 1 else ""
+    sentence = f"Cost {significant(cost.average)}{several}: {words} (guideline: below {EXCELLENT_COST:.0f})."
+    worst = max(cost.pairs, key=lambda pair: cost.pairs[pair].value, default="")
+    if several and cost.pairs[worst].value > EXCELLENT_COST:
+        value = cost.pairs[worst].value
+        sentence += f" The worst is {worst} with {significant(value)}: {cost_verdict(value).words}."
+    return sentence
 
 
 def _unseen_sentences(document: ResultDocument, scores: Sequence[Scores]) -> tuple[str, ...]:
     sentences = []
     if scores:
         good = sum(guidelines_met(one.tic, one.nrmse_fit_percent) == GUIDELINES for one in scores)
-        count = "1 prediction" if len(scores) == 1 else f"{len(scores)} predictions, {good} of them good, the worst"
+        part = "all of them" if good == len(scores) else f"{good} of them"
+        count = "1 prediction" if len(scores) == 1 else f"{len(scores)} predictions, {part} good, the worst"
         sentences.append(
             f"Unseen flight: {count} with {worst_prediction(scores).words} "
             f"(good: TIC up to {GOOD_TIC:g} and a fit of {GOOD_FIT_PERCENT:g} % and more)."
@@ -178,14 +207,25 @@ def _input_sentence(document: ResultDocument, name: str) -> str:
     parts += [
         f"{words} {_milliseconds(found[key])}"
         for key, words in ((_LAG, "motor lag"), (delay, "delay"))
-        if key in found and found[key].unit == "s"
+        if key in found and found[key].unit == "s" and not (key == _LAG and _several(document))
     ]
     return f"{axis}: {', '.join(parts)}."
 
 
+def _several(document: ResultDocument) -> bool:
+    """Whether several axes share the motor lag, which then has a sentence of its own."""
+    return sum(name in _GAINS for name in document.inputs) > 1
+
+
+def _lag_sentence(document: ResultDocument) -> str:
+    lag = document.parameters.get(_LAG)
+    if lag is None or lag.status == "dropped" or not _several(document):
+        return ""
+    return f"Motor lag of all axes: {_milliseconds(lag)}."
+
+
 def _milliseconds(parameter: ParameterDocument) -> str:
-    std = None if parameter.std is None else 1e3 * parameter.std
-    return f"{with_error(1e3 * parameter.value, std)} ms"
+    return f"{milliseconds(parameter.value, parameter.std)} ms"
 
 
 def parameter_words(name: str) -> str:
@@ -207,6 +247,19 @@ def parameter_words(name: str) -> str:
     return f"{_EFFECTS[kind]} due to {cause}" if kind in _EFFECTS and cause else ""
 
 
+def parameter_group(name: str, unit: str) -> str:
+    """The force or moment that a derivative belongs to, or that it is a delay; empty for anything else.
+
+    Examples
+    --------
+    >>> parameter_group("M_q", "1/s"), parameter_group("T_motor", "s"), parameter_group("J_x", "kg m^2")
+    ('Pitching moment', 'Delays and lags', '')
+    """
+    kind = name.partition("_")[0]
+    group = _DELAYS if unit == "s" else _EFFECTS.get(kind, "")
+    return group.capitalize()
+
+
 def finding_heading(kind: str) -> str:
     """A friendly heading for a kind of finding.
 
@@ -216,15 +269,3 @@ def finding_heading(kind: str) -> str:
     ('A gap in the data', 'Odd thing')
     """
     return _HEADINGS.get(kind, kind.replace("_", " ").capitalize())
-
-
-def pole_words(pole: PoleDocument) -> str:
-    """How a mode moves: its time constant, or how fast it grows, and its oscillation."""
-    swing = f", oscillates at {significant(pole.frequency_rad_s)} rad/s" if pole.imag else ""
-    if pole.real == 0.0:
-        return f"neither decays nor grows{swing}"
-    rate = abs(1.0 / pole.real)
-    if pole.real < 0.0:
-        return f"stable, time constant {significant(rate)} s{swing}"
-    # ln 2 / real: the time in which the amplitude doubles.
-    return f"unstable, doubles in {significant(0.6931 * rate)} s{swing}"

@@ -15,15 +15,14 @@ from rotorid.pipeline.document import (
     FindingDocument,
     ManeuverDocument,
     MatricesDocument,
-    PairCost,
     ParameterDocument,
     PoleDocument,
     ProvenanceDocument,
     ResultDocument,
-    ScoreDocument,
     VerificationDocument,
 )
 from rotorid.pipeline.identification import Identification, Segment
+from rotorid.pipeline.score_document import PairCost, ScoreDocument
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.verify.verification import Scores, Verification
 

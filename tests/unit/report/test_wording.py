@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from tests.unit.report.sample import document
 
 from rotorid.pipeline.document import FindingDocument, PoleDocument, ResultDocument, VerificationDocument
-from rotorid.report.numbers import significant, unit, with_error
-from rotorid.report.tables import Cell, cost_rows, finding_rows, parameter_rows, pole_rows
+from rotorid.report.modes import pole_rows
+from rotorid.report.numbers import percent, significant, unit, with_error
+from rotorid.report.parameter_table import Cell, parameter_groups, parameter_rows
+from rotorid.report.tables import cost_rows, finding_rows
 from rotorid.report.wording import cost_verdict, parameter_words, prediction_verdict, summary
 from rotorid.verify.verification import Scores
 
@@ -50,6 +52,14 @@ def test_rounding_is_small_against_the_deviation(value: float, std: float) -> No
 )
 def test_significant_digits(value: float, text: str) -> None:
     assert significant(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.534, "0.53"), (9.94, "9.9"), (158.6, "159"), (1000.1, "> 1000"), (math.inf, "–"), (None, "–")],
+)
+def test_percents(value: float | None, text: str) -> None:
+    assert percent(value) == text
 
 
 def test_units_on_paper() -> None:
@@ -93,6 +103,7 @@ def verified(*kinds: str, **costs: float) -> ResultDocument:
 def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
     assert summary(document(), scores=[scores(0.041, 92.4)]) == (
         "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms.",
+        "Roll oscillates at 0.91 rad/s and grows, doubling in 5.8 s.",
         "Cost 1.9: hardly distinguishable from the flight (guideline: below 50).",
         "Unseen flight: 1 prediction with TIC 0.041, fit 92 % (good: TIC up to 0.25 and a fit of 50 % and more).",
         "Unseen sweeps: cost at worst 12.3, hardly distinguishable from the flight.",
@@ -103,6 +114,7 @@ def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
     foreign = verified().model_copy(update={"model": "mine", "inputs": ["x"], "cost": None, "fit_percent": {"p": 88.0}})
     assert summary(foreign) == (
         "mine: 4 parameters identified.",
+        "Roll oscillates at 0.91 rad/s and grows, doubling in 5.8 s.",
         "The model explains 88 % of roll rate p.",
         "Not verified on an unseen flight yet.",
     )
@@ -125,8 +137,6 @@ def test_an_unseen_sweep_counts_as_unseen_flight() -> None:
 def test_a_held_out_maneuver_is_not_said_to_judge_the_model_itself() -> None:
     held = verified("held_out", p=12.0)
     assert summary(held)[-1].startswith("Held-out maneuver, by a second model fitted without it: cost at worst 12,")
-    assert [row.pair for row in cost_rows(held)][-1] == "p, held-out maneuver"
-    assert [row.pair for row in cost_rows(verified(p=12.0))][-1] == "p, unseen sweeps"
 
 
 @pytest.mark.parametrize(
@@ -151,7 +161,7 @@ def test_only_values_beyond_the_guidelines_are_marked() -> None:
     rows = {row.name: row for row in parameter_rows(document(), {})}
     marked = {name for name, row in rows.items() if row.cramer_rao.marked or row.insensitivity.marked}
     assert marked == {"L_p"}
-    assert rows["L_v"].value == "–"
+    assert "L_v" not in rows
 
 
 def test_truth_of_the_model_goes_before_truth_of_the_name() -> None:
@@ -168,13 +178,33 @@ def test_distances_that_random_errors_hardly_explain_are_marked(truth: float, fa
 
 def test_conjugate_poles_are_one_row_and_growth_is_said() -> None:
     rows = pole_rows(document().poles)
-    assert [row.value for row in rows] == ["0.12 ± 0.9 j", "−4.31", "−35.8"]
+    assert [(row.real, row.imag) for row in rows] == [("0.12", "0.9"), ("−4.31", "0"), ("−35.8", "0")]
     assert [row.unstable for row in rows] == [True, False, False]
 
 
 def test_integrator_has_no_time_constant() -> None:
     (row,) = pole_rows([PoleDocument(real=0.0, imag=0.0, damping=math.nan, frequency_rad_s=0.0)])
     assert (row.words, row.damping) == ("neither decays nor grows", "–")
+
+
+def test_costs_on_unseen_sweeps_stand_beside_those_of_the_fit() -> None:
+    fitted, foreign = cost_rows(verified(**{"p/roll_command": 120.0, "q": 12.0}))
+    assert fitted.pair == "p/roll_command"
+    assert fitted.verdict is not None
+    assert fitted.unseen is not None
+    assert (fitted.value, fitted.verdict.level, fitted.unseen.words, fitted.unseen.level) == (
+        "1.9",
+        "good",
+        "120",
+        "poor",
+    )
+    assert (foreign.pair, foreign.value, foreign.verdict, foreign.band) == ("q", "–", None, "–")
+
+
+def test_a_short_table_is_not_grouped() -> None:
+    (group,) = parameter_groups(document(), {})
+    assert group.title == ""
+    assert group.rows == parameter_rows(document(), {})
 
 
 def test_grave_findings_come_first_and_keep_their_order() -> None:
