@@ -12,14 +12,16 @@ NAMES = {
     "ResultDocument": {
         *("schema", "model", "inputs", "outputs", "states", "parameters", "cost", "fit_percent", "matrices", "poles"),
         *("verification", "identifiability", "findings", "provenance"),
+        *("fit", "reduction", "correlation", "constants", "delays", "covered"),
     },
     "ParameterDocument": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
     "CostDocument": {"average", "pairs"},
     "PairCost": {"value", "band_rad_s", "points"},
     "MatricesDocument": {"M", "F", "G", "H0", "H1", "delays_s"},
     "DelaysDocument": {"inputs", "outputs"},
-    "PoleDocument": {"real", "imag", "damping", "frequency_rad_s"},
-    "VerificationDocument": {"records", "frequency"},
+    "PoleDocument": {"real", "imag", "damping", "frequency_rad_s"}
+    | {"real_std", "imag_std", "damping_std", "frequency_std_rad_s"},
+    "VerificationDocument": {"records", "frequency", "maneuvers", "sweeps"},
     "ScoreDocument": {"nrmse_fit_percent", "tic", "rms", "bias", "reference_shift"},
     "CombinationDocument": {"words", "vector"},
     "FindingDocument": {"kind", "severity", "where", "message", "numbers"},

@@ -17,6 +17,7 @@ from rotorid.cli.demo import demo_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
 from rotorid.cli.response import response_command
+from rotorid.cli.verify import verify_command
 from rotorid.errors import RotoridError
 
 # The matrices of this package are small: threads inside one product cost more than they bring, tenfold under load.
@@ -38,6 +39,7 @@ app.command("demo")(demo_command)
 app.command("inspect")(inspect_command)
 app.command("response")(response_command)
 app.command("identify")(identify_command)
+app.command("verify")(verify_command)
 
 
 def _version(asked: bool) -> None:

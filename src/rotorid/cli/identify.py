@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,18 +29,43 @@ from rotorid.cli.options import (
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
     from rotorid.pipeline.document import ResultDocument
-    from rotorid.pipeline.settings import IdentifySettings
 
 
 def identify_command(
     logs: Logs,
-    model: Annotated[str, typer.Option("--model", help="rate.roll, rate.pitch, rate.yaw, rate.vertical or FILE.toml.")],
+    model: Annotated[
+        str, typer.Option("--model", help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml.")
+    ],
     band: Band = None,
     windows: Windows = None,
     coherence: Coherence = None,
     estimate: Estimate = "auto",
     instrument: Instrument = None,
     fix: Annotated[list[str] | None, typer.Option("--fix", help="NAME=VALUE to hold. Repeatable.")] = None,
+    tie: Annotated[
+        list[str] | None, typer.Option("--tie", help="NAME=EXPRESSION, a parameter that follows others. Repeatable.")
+    ] = None,
+    free: Annotated[
+        list[str] | None, typer.Option("--free", help="NAME of a parameter that the model holds. Repeatable.")
+    ] = None,
+    constant: Annotated[
+        list[str] | None, typer.Option("--constant", help="NAME=VALUE of a constant, such as the trim. Repeatable.")
+    ] = None,
+    outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... to fit. [default: sensors]")] = None,
+    inputs: Annotated[str | None, typer.Option("--inputs", help="CHANNEL,... of a transfer function.")] = None,
+    pair: Annotated[
+        list[str] | None, typer.Option("--pair", help="OUTPUT/INPUT[:LO:HI] to fit, and no others. Repeatable.")
+    ] = None,
+    weight: Annotated[
+        list[str] | None, typer.Option("--weight", help="OUTPUT/INPUT=FACTOR on its cost. Repeatable.")
+    ] = None,
+    weights: Annotated[
+        str, typer.Option("--weights", help="cifer, covariance (of all errors), or auto: by the number of outputs.")
+    ] = "auto",
+    reduce: Annotated[bool, typer.Option("--reduce", help="Drop step by step what the data do not show.")] = False,
+    speed_damping: Annotated[
+        str, typer.Option("--speed-damping", help="joint, or two_step: X_u and Y_v before all else.")
+    ] = "joint",
     segment: Segments = None,
     shift: Shifts = None,
     verify: Annotated[
@@ -58,10 +82,39 @@ def identify_command(
     from rotorid.io.registry import read
     from rotorid.pipeline.identify import identify, refused
     from rotorid.pipeline.resolve import resolve_model
+    from rotorid.pipeline.settings import (
+        IdentifySettings,
+        parse_band,
+        parse_fix,
+        parse_numbers,
+        parse_pairs,
+        parse_segment,
+        parse_shifts,
+        parse_ties,
+    )
     from rotorid.report.output import to_json, write_results
 
-    settings = _settings(band, windows, coherence, estimate, instrument, fix, segment, shift, seed)
-    structure = resolve_model(model)
+    settings = IdentifySettings(
+        band_rad_s=parse_band(band) if band else None,
+        windows_s=parse_numbers(windows) if windows else (),
+        coherence=coherence,
+        estimate=estimate,  # type: ignore[arg-type]
+        instruments=_names(instrument),
+        segments=tuple(parse_segment(text) for text in segment or ()),
+        shifts=parse_shifts(tuple(shift or ())),
+        seed=seed,
+        fix=parse_fix(tuple(fix or ())),
+        ties=parse_ties(tuple(tie or ())),
+        free=tuple(free or ()),
+        constants=parse_fix(tuple(constant or ())),
+        outputs=_names(outputs),
+        pairs=parse_pairs(tuple(pair or ())),
+        pair_weights=parse_fix(tuple(weight or ())),
+        weights=weights,  # type: ignore[arg-type]
+        reduce=reduce,
+        speed_damping=speed_damping,  # type: ignore[arg-type]
+    )
+    structure = resolve_model(model, inputs=_names(inputs), outputs=_names(outputs))
     folder = out or default_folder(logs[0], structure.name)
     command = ["rotorid", *sys.argv[1:]]
     records: list[FlightRecord] = []
@@ -86,37 +139,8 @@ def identify_command(
         print_result(result.document, folder)
 
 
-def _settings(
-    band: str | None,
-    windows: str | None,
-    coherence: float | None,
-    estimate: str,
-    instrument: str | None,
-    fix: Sequence[str] | None,
-    segment: Sequence[str] | None,
-    shift: Sequence[str] | None,
-    seed: int,
-) -> IdentifySettings:
-    from rotorid.pipeline.settings import (
-        IdentifySettings,
-        parse_band,
-        parse_fix,
-        parse_numbers,
-        parse_segment,
-        parse_shifts,
-    )
-
-    return IdentifySettings(
-        band_rad_s=parse_band(band) if band else None,
-        windows_s=parse_numbers(windows) if windows else (),
-        coherence=coherence,
-        estimate=estimate,  # type: ignore[arg-type]
-        instruments=tuple(instrument.split(",")) if instrument else (),
-        fix=parse_fix(tuple(fix or ())),
-        segments=tuple(parse_segment(text) for text in segment or ()),
-        shifts=parse_shifts(tuple(shift or ())),
-        seed=seed,
-    )
+def _names(text: str | None) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",")) if text else ()
 
 
 def print_result(document: ResultDocument, folder: Path) -> None:
@@ -132,6 +156,8 @@ def print_result(document: ResultDocument, folder: Path) -> None:
     for name, justify in (("CR %", "right"), ("I %", "right"), ("", "left")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for name, parameter in document.parameters.items():
+        if parameter.status == "dropped":
+            continue
         table.add_row(
             name,
             f"{parameter.value:.5g}",
@@ -142,6 +168,9 @@ def print_result(document: ResultDocument, folder: Path) -> None:
             parameter.status,
         )
     console.print(table)
+    dropped = [name for name, parameter in document.parameters.items() if parameter.status == "dropped"]
+    if dropped:
+        console.print(f"dropped: {', '.join(dropped)}")
     if document.cost is not None:
         for pair, cost in document.cost.pairs.items():
             low, high = cost.band_rad_s

@@ -13,27 +13,34 @@ from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.fit.problem import FrequencyProblem
+from rotorid.fit.solution import Solution
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.state_space import StateSpace
+from rotorid.pipeline.coverage import Range
 from rotorid.pipeline.document import (
     CombinationDocument,
+    CorrelationDocument,
     CostDocument,
     DelaysDocument,
     FindingDocument,
+    FitDocument,
     ManeuverDocument,
     MatricesDocument,
-    PairCost,
     ParameterDocument,
     PoleDocument,
     ProvenanceDocument,
-    ScoreDocument,
+    StepDocument,
     VerificationDocument,
 )
 from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.score_document import PairCost, RangeDocument, ScoreDocument
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.pipeline.verification import Checked
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.pipeline.verify_document import maneuver_verification, sweep_verification
+from rotorid.reduce.step import Step
+from rotorid.uncertainty.bounds import Bounds, Weights
 from rotorid.uncertainty.identifiability import Combination
+from rotorid.uncertainty.propagation import Pole, covariance_of_all
 
 _NEAR_ZERO = 1e-12
 _ORDER = {"error": 0, "warning": 1, "info": 2}
@@ -52,15 +59,21 @@ def finding_documents(findings: Sequence[Finding]) -> list[FindingDocument]:
 def parameter_documents(parameters: ParameterSet, bounds: Bounds) -> dict[str, ParameterDocument]:
     """Every parameter with its uncertainty."""
     rows = {name: index for index, name in enumerate(bounds.names)}
-    return {parameter.name: _parameter(parameter, bounds, rows.get(parameter.name)) for parameter in parameters}
+    spread = np.sqrt(np.diag(covariance_of_all(parameters, bounds)))
+    values = parameters.values
+    return {
+        parameter.name: _parameter(parameter, values[parameter.name], float(std), bounds, rows.get(parameter.name))
+        for parameter, std in zip(parameters, spread, strict=True)
+    }
 
 
-def _parameter(parameter: Parameter, bounds: Bounds, row: int | None) -> ParameterDocument:
+def _parameter(parameter: Parameter, value: float, std: float, bounds: Bounds, row: int | None) -> ParameterDocument:
     if row is None:
-        return ParameterDocument(value=parameter.value, unit=parameter.unit, status=parameter.status)
-    size = abs(parameter.value)
+        known = std if parameter.status == "tied" and std > 0.0 else None
+        return ParameterDocument(value=value, unit=parameter.unit, status=parameter.status, std=known)
+    size = abs(value)
     return ParameterDocument(
-        value=parameter.value,
+        value=value,
         unit=parameter.unit,
         std=float(bounds.std[row]),
         cramer_rao_percent=100.0 * float(bounds.cramer_rao[row]) / size if size > _NEAR_ZERO else None,
@@ -93,20 +106,73 @@ def matrices_document(system: StateSpace) -> MatricesDocument:
     )
 
 
-def pole_documents(system: StateSpace) -> list[PoleDocument]:
-    """Eigenvalues, slowest first."""
+def pole_documents(poles: Sequence[Pole]) -> list[PoleDocument]:
+    """Eigenvalues with their uncertainty, slowest first."""
     return [
         PoleDocument(
-            real=float(pole.real),
-            imag=float(pole.imag),
-            damping=float(-pole.real / abs(pole)) if abs(pole) > 0.0 else 0.0,
-            frequency_rad_s=float(abs(pole)),
+            real=float(pole.value.real),
+            imag=float(pole.value.imag),
+            damping=pole.damping or 0.0,
+            frequency_rad_s=pole.frequency_rad_s,
+            real_std=_root(pole.covariance, 0),
+            imag_std=_root(pole.covariance, 1),
+            damping_std=pole.damping_std,
+            frequency_std_rad_s=pole.frequency_std_rad_s,
         )
-        for pole in system.poles()
+        for pole in poles
     ]
 
 
-def verification_document(checked: Checked) -> VerificationDocument:
+def _root(covariance: np.ndarray | None, index: int) -> float | None:
+    return None if covariance is None else float(np.sqrt(covariance[index, index]))
+
+
+def fit_document(solution: Solution, weights: Weights, inflation: float) -> FitDocument:
+    """How the solver ended."""
+    return FitDocument(
+        weights=weights,
+        outcome=solution.outcome.value,
+        evaluations=solution.evaluations,
+        trace=list(solution.trace),
+        inflation=inflation,
+    )
+
+
+def step_documents(steps: Sequence[Step]) -> list[StepDocument]:
+    """Steps of a reduction, in order."""
+    return [
+        StepDocument(
+            parameter=step.parameter,
+            action=step.action,
+            reason=step.reason,
+            value_before=step.value_before,
+            insensitivity_percent=_finite(step.insensitivity_percent),
+            cramer_rao_percent=_finite(step.cramer_rao_percent),
+            mean_cost_before=step.mean_cost_before,
+            mean_cost_after=None if step.mean_cost_after is None else _finite(step.mean_cost_after),
+        )
+        for step in steps
+    ]
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def correlation_document(bounds: Bounds) -> CorrelationDocument:
+    """Correlation of the free parameters."""
+    return CorrelationDocument(names=list(bounds.names), matrix=bounds.correlation.tolist())
+
+
+def range_documents(ranges: Mapping[str, Range]) -> dict[str, RangeDocument]:
+    """What the data covered."""
+    return {
+        name: RangeDocument(unit=item.unit, lowest=item.low, highest=item.high, rms=item.rms)
+        for name, item in ranges.items()
+    }
+
+
+def verification_document(checked: Checked, states: Sequence[str]) -> VerificationDocument:
     """Scores by record and maneuver, and costs on unseen sweeps."""
     records = {}
     for item in checked.verifications:
@@ -122,7 +188,12 @@ def verification_document(checked: Checked) -> VerificationDocument:
             for output, scores in item.scores.items()
             if math.isfinite(scores.nrmse_fit_percent)
         }
-    return VerificationDocument(records=records, frequency=dict(checked.frequency))
+    return VerificationDocument(
+        records=records,
+        frequency=dict(checked.frequency),
+        maneuvers=[maneuver_verification(check, states, None) for check in checked.verifications],
+        sweeps=[sweep_verification(judged) for judged in checked.judged],
+    )
 
 
 def combination_documents(combinations: Sequence[Combination]) -> list[CombinationDocument]:
@@ -137,6 +208,7 @@ def provenance_document(
     command: Sequence[str],
     flown: Sequence[Flown] = (),
     response: FrequencyResponse | None = None,
+    sources: Mapping[str, str] | None = None,
 ) -> ProvenanceDocument:
     """Where the result came from."""
     return ProvenanceDocument(
@@ -147,6 +219,7 @@ def provenance_document(
         seed=settings.seed,
         estimate=response.estimate if response else None,
         instruments=list(response.instruments) if response else [],
+        sources=dict(sources or {}),
         maneuvers=[maneuver_document(record, maneuver) for record, maneuver in flown],
     )
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from rotorid.pipeline.document_base import Document
+from rotorid.pipeline.score_document import (
+    ManeuverVerificationDocument,
+    PairCost,
+    RangeDocument,
+    ScoreDocument,
+    SweepVerificationDocument,
+)
 
 Status = Literal["free", "fixed", "tied", "dropped"]
-
-
-class Document(BaseModel):
-    """Base of all documents: immutable, no unknown fields, numbers finite or ``null``."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null", populate_by_name=True)
 
 
 class FindingDocument(Document):
@@ -34,14 +37,6 @@ class ParameterDocument(Document):
     cramer_rao_percent: float | None = None
     insensitivity_percent: float | None = None
     status: Status
-
-
-class PairCost(Document):
-    """Cost of one response."""
-
-    value: float
-    band_rad_s: tuple[float, float]
-    points: int
 
 
 class CostDocument(Document):
@@ -70,29 +65,28 @@ class MatricesDocument(Document):
 
 
 class PoleDocument(Document):
-    """An eigenvalue of the model."""
+    """An eigenvalue of the model; standard deviations are ``null`` where it is (nearly) a multiple one."""
 
     real: float
     imag: float
     damping: float
     frequency_rad_s: float
-
-
-class ScoreDocument(Document):
-    """How one output of the model predicts one unseen record."""
-
-    nrmse_fit_percent: float
-    tic: float
-    rms: float
-    bias: float
-    reference_shift: float
+    real_std: float | None = None
+    imag_std: float | None = None
+    damping_std: float | None = None
+    frequency_std_rad_s: float | None = None
 
 
 class VerificationDocument(Document):
-    """Scores per unseen record and output, and costs of responses on unseen sweeps."""
+    """Scores per unseen record and output, and costs of responses on unseen sweeps.
+
+    ``records`` and ``frequency`` are the short form; ``maneuvers`` and ``sweeps`` say everything.
+    """
 
     records: dict[str, dict[str, ScoreDocument]] = Field(default_factory=dict)
     frequency: dict[str, float] = Field(default_factory=dict)
+    maneuvers: list[ManeuverVerificationDocument] = Field(default_factory=list)
+    sweeps: list[SweepVerificationDocument] = Field(default_factory=list)
 
 
 class CombinationDocument(Document):
@@ -100,6 +94,52 @@ class CombinationDocument(Document):
 
     words: str
     vector: dict[str, float]
+
+
+class StepDocument(Document):
+    """One step of the reduction: a parameter that was looked at, what became of it, and why."""
+
+    parameter: str
+    action: Literal["dropped", "kept", "protected"]
+    reason: str
+    value_before: float
+    insensitivity_percent: float | None
+    cramer_rao_percent: float | None
+    mean_cost_before: float
+    mean_cost_after: float | None
+
+
+class CorrelationDocument(Document):
+    """Correlation of the free parameters, in the order of the names."""
+
+    names: list[str]
+    matrix: list[list[float]]
+
+
+class FitDocument(Document):
+    """How the fit went.
+
+    ``weights`` says what was minimized last: CIFER's cost, or errors weighed by their measured covariance. ``trace`` is
+    CIFER's cost, summed over the responses, after each accepted step. ``inflation`` is the factor on standard
+    deviations because residuals were larger than the errors of the data.
+    """
+
+    weights: Literal["cifer", "covariance"]
+    outcome: str
+    evaluations: int
+    trace: list[float]
+    inflation: float
+
+
+class DelayDocument(Document):
+    """Delays on the way from an input to an output, in seconds: a motor lag counts as a delay of its time constant."""
+
+    input_delay_s: float
+    motor_lag_s: float
+    output_delay_s: float
+    total_s: float
+    total_std_s: float | None
+    known_filters_s: float | None = None
 
 
 class ManeuverDocument(Document):
@@ -125,6 +165,7 @@ class ProvenanceDocument(Document):
     seed: int
     estimate: Literal["direct", "joint"] | None = None
     instruments: list[str] = Field(default_factory=list)
+    sources: dict[str, str] = Field(default_factory=dict)
     maneuvers: list[ManeuverDocument] = Field(default_factory=list)
 
 
@@ -139,8 +180,14 @@ class ResultDocument(Document):
     parameters: dict[str, ParameterDocument] = Field(default_factory=dict)
     cost: CostDocument | None = None
     fit_percent: dict[str, float] | None = None
+    fit: FitDocument | None = None
+    reduction: list[StepDocument] = Field(default_factory=list)
+    correlation: CorrelationDocument | None = None
+    constants: dict[str, float] = Field(default_factory=dict)
     matrices: MatricesDocument | None = None
     poles: list[PoleDocument] = Field(default_factory=list)
+    delays: dict[str, DelayDocument] = Field(default_factory=dict)
+    covered: dict[str, RangeDocument] = Field(default_factory=dict)
     verification: VerificationDocument = Field(default_factory=VerificationDocument)
     identifiability: list[CombinationDocument] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)

@@ -49,3 +49,22 @@ def without_known_filters(measured: Measured, flown: Sequence[Flown]) -> Measure
         return remarked
     beside = None if measured.beside is None else corrected(measured.beside, chains)
     return replace(remarked, response=corrected(measured.response, chains), beside=beside)
+
+
+def filter_delays(measured: Measured, flown: Sequence[Flown]) -> dict[str, float]:
+    """Output to the delay in seconds of the known filters in front of it, where all logs had the same ones.
+
+    Parameters
+    ----------
+    measured
+        The responses.
+    flown
+        Records and maneuvers behind them.
+    """
+    delays: dict[str, float] = {}
+    for output in measured.response.outputs:
+        sources = sorted({source_of(segment, output) for segment in measured.segments})
+        chains = [known_filters(record, source) for source in sources for record, _ in flown]
+        if chains[0] and all(chain == chains[0] for chain in chains):
+            delays[output] = sum(known.delay_s for known in chains[0])
+    return delays

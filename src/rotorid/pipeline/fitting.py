@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rotorid.data.findings import Finding
+from rotorid.fit.covariance_fit import refine
+from rotorid.fit.pairs import only_pairs, within_bands
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
+from rotorid.fit.structural_zeros import without_structural_zeros
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES
 from rotorid.models.state_space import StateSpace
@@ -20,7 +23,10 @@ from rotorid.pipeline.resolve import chosen_parameters
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.support import require_known_gain, require_support
 from rotorid.reduce.elimination import fit_and_drop
-from rotorid.uncertainty.bounds import Bounds, bounds
+from rotorid.reduce.guided import reduce_guided
+from rotorid.reduce.step import Step
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.bounds import Bounds, Weights, bounds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,24 +38,34 @@ class Fitted:
     problem
         What was fitted, without the parameters that were dropped.
     solution
-        How the solver ended.
+        How the solver ended in CIFER's cost.
+    weights
+        What the values come from: CIFER's cost, or weights of the measured covariance.
+    costs
+        CIFER's cost of each response at the identified values, shape ``(y, u)``.
     parameters
         The identified values.
     bounds
         Their uncertainty.
+    steps
+        How the model was reduced.
     findings
         Remarks on data, fit and parameters.
     """
 
     problem: FrequencyProblem
     solution: Solution
+    weights: Weights
+    costs: FloatArray
     parameters: ParameterSet
     bounds: Bounds
+    steps: tuple[Step, ...]
     findings: tuple[Finding, ...]
 
     @property
     def structure(self) -> LinearStructure:
-        return self.problem.structure
+        """What the values belong to, without states that a dropped lag has left without dynamics."""
+        return self.problem.structure.condensed(self.parameters)
 
     @property
     def system(self) -> StateSpace:
@@ -71,6 +87,8 @@ def fitted_band(problem: FrequencyProblem) -> tuple[float, float]:
 def pose(structure: LinearStructure, measured: Measured, settings: IdentifySettings) -> FrequencyProblem:
     """The problem of fitting a structure to the trusted points of measured responses.
 
+    Responses that the structure cannot have at all take no part.
+
     Raises
     ------
     InsufficientDataError
@@ -79,32 +97,76 @@ def pose(structure: LinearStructure, measured: Measured, settings: IdentifySetti
     data = measured.response
     limit = settings.least_coherence(joint=data.estimate == "joint")
     used = measured.trusted_points(data, limit)
+    if settings.pairs:
+        used = only_pairs(used, data, settings.pairs)
+        used = within_bands(used, data, {name: band for name, band in settings.pairs.items() if band is not None})
     require_support(measured, used, least_coherence=limit, rate_model=structure.name in RATE_AXES)
-    return FrequencyProblem(
-        structure=structure, parameters=chosen_parameters(structure, settings), data=data, used=used
+    problem = FrequencyProblem(
+        structure=structure,
+        parameters=chosen_parameters(structure, settings),
+        data=data,
+        used=used,
+        pair_weights=settings.pair_weights,
     )
+    return without_structural_zeros(problem)[0]
 
 
-def fit_with_bounds(problem: FrequencyProblem, measured: Measured) -> Fitted:
+def fit_with_bounds(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings | None = None) -> Fitted:
     """Fit, drop what the data do not show, bound the rest, and remark on all of it.
+
+    The fit in CIFER's cost comes first, and the reduction judges by it. Of several outputs the errors go together; then
+    the fit goes on with weights made of their covariance, from which the values come.
 
     Raises
     ------
     InsufficientDataError
         Not even the sign of the gain is certain.
     """
+    settings = settings or IdentifySettings()
     reduced = fit_and_drop(problem)
-    problem, solution = reduced.problem, reduced.solution
-    parameters = problem.parameters.unpack(solution.theta)
-    limits = bounds(problem, solution)
+    problem, solution, findings = reduced.problem, reduced.solution, reduced.findings
+    steps: tuple[Step, ...] = ()
+    if settings.reduce:
+        reduction = reduce_guided(problem, solution, distances=_distances(problem, solution, settings))
+        problem, solution, steps = reduction.problem, reduction.solution, reduction.steps
+        findings = (*findings, *reduction.findings)
+    weights = _weights(problem, settings)
+    final = refine(problem, solution) if weights == "covariance" else solution
+    parameters = problem.parameters.unpack(final.theta)
+    limits = bounds(problem, final, weights=weights)
     require_known_gain(problem.structure.gain, parameters, limits)
-    costs = problem.costs(solution.theta)
+    costs = problem.costs(final.theta)
     mean_cost = float(np.mean(costs[problem.used.any(axis=-1)]))
-    findings = (
+    remarks = (
         *judge_band(measured, problem.used),
         *feedback_bias(measured, problem.used),
-        *reduced.findings,
+        *findings,
         *judge_parameters(parameters, limits),
-        *judge_fit(problem, solution, mean_cost),
+        *judge_fit(problem, replace(solution, at_bound=final.at_bound), mean_cost),
     )
-    return Fitted(problem=problem, solution=solution, parameters=parameters, bounds=limits, findings=findings)
+    return Fitted(
+        problem=problem,
+        solution=solution,
+        weights=weights,
+        costs=costs,
+        parameters=parameters,
+        bounds=limits,
+        steps=steps,
+        findings=remarks,
+    )
+
+
+def _distances(problem: FrequencyProblem, solution: Solution, settings: IdentifySettings) -> dict[str, float]:
+    """How many standard deviations each parameter lies from zero, where errors are weighed by their covariance."""
+    if _weights(problem, settings) == "cifer":
+        return {}
+    final = refine(problem, solution)
+    limits = bounds(problem, final, weights="covariance")
+    return dict(zip(limits.names, map(float, np.abs(final.theta) / limits.std), strict=True))
+
+
+def _weights(problem: FrequencyProblem, settings: IdentifySettings) -> Weights:
+    if settings.weights != "auto":
+        return settings.weights
+    several = int(problem.used.any(axis=(1, 2)).sum()) > 1
+    return "covariance" if several else "cifer"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from rotorid.data.findings import Finding
 from rotorid.errors import InsufficientDataError
@@ -52,7 +53,8 @@ def hold_out(
         return Judged(findings=(_not_held_out(name, error),))
     # What was said of the data when all of it was fitted need not be said of its parts again.
     poor = (finding for finding in judged.findings if finding.kind == "poor_verification")
-    return Judged(costs=judged.costs, findings=(*poor, _held_out(name, max(judged.costs.values()), band)))
+    findings = (*poor, _held_out(name, max(judged.costs.values()), band))
+    return replace(judged, findings=findings)
 
 
 def _nothing_left() -> Finding:

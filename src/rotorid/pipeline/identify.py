@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,26 +15,38 @@ from rotorid.models.description import to_toml
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import (
     combination_documents,
+    correlation_document,
     cost_document,
     finding_documents,
+    fit_document,
     matrices_document,
     parameter_documents,
     pole_documents,
     provenance_document,
+    range_documents,
     standard_deviations,
+    step_documents,
     verification_document,
 )
+from rotorid.pipeline.coverage import covered_by
+from rotorid.pipeline.delay_budget import delay_budget
 from rotorid.pipeline.document import ProvenanceDocument, ResultDocument
+from rotorid.pipeline.filters import filter_delays
 from rotorid.pipeline.fitting import Fitted, fit_with_bounds
 from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.instruments import axis_of
+from rotorid.pipeline.instruments import Flown, axes_of, is_command
 from rotorid.pipeline.inverse import pose_screened
-from rotorid.pipeline.measure import measure
+from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.resolve import resolve_model
+from rotorid.pipeline.scope import scoped
 from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.speed_damping import first_step
+from rotorid.pipeline.trim import trimmed
 from rotorid.pipeline.verification import Checked, check
+from rotorid.pipeline.verify_model import output_sources
 from rotorid.uncertainty.identifiability import unseen_combinations
+from rotorid.uncertainty.propagation import pole_confidence
 
 
 def _silent(_: str) -> None:
@@ -60,7 +73,7 @@ def identify(
     records
         Logs as :func:`rotorid.read` gives them.
     model
-        ``rate.roll``, ``rate.pitch``, ``rate.yaw``, ``rate.vertical``, a TOML file, or a structure.
+        A name of the library such as ``hover.longitudinal`` or ``rate.roll``, a TOML file, or a structure.
     settings
         Choices; everything has a default.
     verify
@@ -90,25 +103,39 @@ def identify(
     439.3
     """
     settings = settings or IdentifySettings()
-    structure = resolve_model(model)
-    inputs, outputs = structure.inputs, structure.outputs
-    selection = select_maneuvers(records, [axis_of(name) for name in inputs], settings)
-    measured = measure(selection.fitted, inputs=inputs, outputs=outputs, settings=settings, progress=progress)
-    progress(f"fitting {structure.name}")
-    screened = pose_screened(structure, measured, settings, selection.fitted)
-    fitted = fit_with_bounds(screened.problem, measured)
-    checked = check(fitted, measured, selection, verify, settings, progress)
+    whole = resolve_model(model)
+    axes, commands = axes_of(whole.inputs, whole.outputs), all(is_command(name) for name in whole.inputs)
+    selection = select_maneuvers(records, axes, settings, whole=not commands)
+    flown = selection.fitted
+    scope = scoped(whole, selection, records, settings)
+    at_trim = trimmed(scope.structure, flown, settings)
+    structure, asked = at_trim.structure, settings
     findings = [f for record in (*records, *verify) for f in record.findings]
+    findings += [*scope.findings, *at_trim.findings]
+    if settings.speed_damping == "two_step":
+        first = first_step(structure, flown, settings, progress)
+        settings = replace(settings, fix={**first.fix, **settings.fix})
+        findings += first.findings
+    measured = measure(flown, inputs=structure.inputs, outputs=structure.outputs, settings=settings, progress=progress)
+    progress(f"fitting {structure.name}")
+    screened = pose_screened(structure, measured, settings, flown)
+    fitted = fit_with_bounds(screened.problem, measured, settings)
+    checked = check(fitted, measured, selection, verify, settings, progress)
     findings += [*measured.findings, *screened.findings, *fitted.findings, *checked.findings]
     provenance = provenance_document(
-        (*records, *verify), settings, command=command, flown=selection.fitted, response=measured.response
+        (*records, *verify),
+        asked,
+        command=command,
+        flown=flown,
+        response=measured.response,
+        sources=output_sources(measured),
     )
     return Identification(
-        document=_document(fitted, checked, findings, provenance),
-        model_toml=to_toml(structure, fitted.parameters, standard_deviations(fitted.bounds)),
+        document=_document(fitted, checked, findings, provenance, measured, flown),
+        model_toml=to_toml(fitted.structure, fitted.parameters, standard_deviations(fitted.bounds)),
         response=measured.response,
         beside=measured.beside,
-        model_response=structure.response(fitted.parameters.values, measured.response.omega_rad_s),
+        model_response=fitted.structure.response(fitted.parameters.values, measured.response.omega_rad_s),
         fitted=np.asarray(fitted.problem.used),
         least_coherence=settings.least_coherence(joint=measured.response.estimate == "joint"),
         segments=measured.segments,
@@ -117,19 +144,31 @@ def identify(
 
 
 def _document(
-    fitted: Fitted, checked: Checked, findings: Sequence[Finding], provenance: ProvenanceDocument
+    fitted: Fitted,
+    checked: Checked,
+    findings: Sequence[Finding],
+    provenance: ProvenanceDocument,
+    measured: Measured,
+    flown: Sequence[Flown],
 ) -> ResultDocument:
     structure = fitted.structure
+    seen = np.asarray(fitted.problem.used.any(axis=-1))
     return ResultDocument(
         model=structure.name,
         inputs=list(structure.inputs),
         outputs=list(structure.outputs),
         states=list(structure.states),
         parameters=parameter_documents(fitted.parameters, fitted.bounds),
-        cost=cost_document(fitted.problem, fitted.problem.costs(fitted.solution.theta)),
+        cost=cost_document(fitted.problem, fitted.costs),
+        fit=fit_document(fitted.solution, fitted.weights, fitted.bounds.inflation),
+        reduction=step_documents(fitted.steps),
+        correlation=correlation_document(fitted.bounds),
+        constants=dict(structure.constants),
         matrices=matrices_document(fitted.system),
-        poles=pole_documents(fitted.system),
-        verification=verification_document(checked),
+        poles=pole_documents(pole_confidence(structure, fitted.parameters, fitted.bounds)),
+        delays=delay_budget(structure, fitted.parameters, fitted.bounds, seen, filter_delays(measured, flown)),
+        covered=range_documents(covered_by(flown)),
+        verification=verification_document(checked, structure.states),
         identifiability=combination_documents(unseen_combinations(fitted.parameters, fitted.bounds)),
         findings=finding_documents(findings),
         provenance=provenance,

@@ -15,7 +15,8 @@ from rotorid.data.record import FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.assemble import finding_documents, maneuver_document
 from rotorid.pipeline.consistency import ChannelSkew, Stretch, check_consistency, stretches
-from rotorid.pipeline.document import Document, FindingDocument, ManeuverDocument
+from rotorid.pipeline.document import FindingDocument, ManeuverDocument
+from rotorid.pipeline.document_base import Document
 from rotorid.pipeline.supports import SupportDocument, segment_of, supports
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.kinematics import KinematicCheck

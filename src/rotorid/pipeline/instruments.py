@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -44,6 +44,26 @@ def is_command(input: str) -> bool:
     (True, False)
     """
     return input.removesuffix("_command") in AXES and input.endswith("_command")
+
+
+_AXIS_OF_OUTPUT: Mapping[str, Axis] = {
+    **dict.fromkeys(("p", "phi", "p_dot", "ay", "v", "v_dot"), "roll"),
+    **dict.fromkeys(("q", "theta", "q_dot", "ax", "u", "u_dot"), "pitch"),
+    **dict.fromkeys(("r", "psi", "r_dot"), "yaw"),
+}
+
+
+def axes_of(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Axis, ...]:
+    """Axes whose excitations show responses: those of the commands, or of the outputs where no input is a command.
+
+    Examples
+    --------
+    >>> axes_of(("pitch_command", "thrust_command"), ("q", "az")), axes_of(("theta",), ("u_dot",))
+    (('pitch', 'thrust'), ('pitch',))
+    """
+    named = [axis_of(name) for name in inputs if is_command(name)]
+    guessed = [_AXIS_OF_OUTPUT.get(name, "thrust") for name in outputs]
+    return tuple(dict.fromkeys(named or guessed))
 
 
 def find_instrument(flown: Sequence[Flown], axis: Axis) -> str | None:

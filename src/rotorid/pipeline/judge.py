@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from rotorid.data.channel import AXES
 from rotorid.data.findings import Finding
 from rotorid.fit.frequency_cost import ACCEPTABLE_COST, EXCELLENT_COST
 from rotorid.fit.problem import FrequencyProblem
@@ -15,6 +18,12 @@ from rotorid.typing import BoolArray
 from rotorid.uncertainty.bounds import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, Bounds
 
 _EXCITED_SHARE = 0.7
+
+_INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
+_KNOWN = 0.25
+"""Lag and delay count as told apart when each is known to a quarter of itself."""
+
+_LARGEST_CORRELATION = 0.95
 
 
 def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
@@ -55,24 +64,38 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
 
 
 def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
-    """The sum of motor lag and delay, which the data know better than either."""
-    delays = [name for name in bounds.names if name.startswith("tau_")]
-    if MOTOR_LAG not in bounds.names or len(delays) != 1:
+    """Whether the data tell motor lag and delay apart, and their sum, which they know better than either."""
+    delays = [name for name in bounds.names if name in _INPUT_DELAYS]
+    if MOTOR_LAG not in bounds.names or not delays:
         return ()
-    pick = np.array([name in (MOTOR_LAG, delays[0]) for name in bounds.names], dtype=np.float64)
-    total = parameters[MOTOR_LAG].value + parameters[delays[0]].value
-    std = float(np.sqrt(pick @ bounds.covariance @ pick))
-    return (
-        Finding(
-            kind="lag_plus_delay",
-            severity="info",
-            where=f"{MOTOR_LAG}, {delays[0]}",
-            message=(
-                f"Motor lag and delay together are {1e3 * total:.1f} ± {1e3 * std:.1f} ms; that sum is known better "
-                "than its two parts."
-            ),
-            numbers={"sum_s": total, "std_s": std},
-        ),
+    return tuple(_one_lag_and_delay(parameters, bounds, name) for name in delays)
+
+
+def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> Finding:
+    rows = [bounds.names.index(name) for name in (MOTOR_LAG, delay)]
+    values = [parameters[name].value for name in (MOTOR_LAG, delay)]
+    block = bounds.covariance[np.ix_(rows, rows)]
+    lag_std, delay_std = (math.sqrt(block[row, row]) for row in range(2))
+    together, std = sum(values), math.sqrt(max(float(block.sum()), 0.0))
+    correlation = float(bounds.correlation[rows[0], rows[1]])
+    known = lag_std <= _KNOWN * abs(values[0]) and delay_std <= _KNOWN * abs(values[1])
+    apart = known and abs(correlation) <= _LARGEST_CORRELATION
+    each = f"{1e3 * values[0]:.1f} ± {1e3 * lag_std:.1f} ms and {1e3 * values[1]:.1f} ± {1e3 * delay_std:.1f} ms"
+    total = f"{1e3 * together:.1f} ± {1e3 * std:.1f} ms"
+    message = (
+        f"Motor lag and delay are told apart, as {each} with a correlation of {correlation:.2f}; together they are "
+        f"{total}, which is known better than either."
+        if apart
+        else f"Motor lag and delay are hardly told apart: {each} with a correlation of {correlation:.2f}. Trust their "
+        f"sum of {total}. A wider band would separate them, or the lag from a bench or from measured motor speeds "
+        f"(--fix {MOTOR_LAG}=VALUE)."
+    )
+    return Finding(
+        kind="lag_plus_delay" if apart else "not_identifiable",
+        severity="info" if apart else "warning",
+        where=f"{MOTOR_LAG}, {delay}",
+        message=message,
+        numbers={"sum_s": together, "std_s": std, "correlation": correlation},
     )
 
 
@@ -130,6 +153,8 @@ def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
     findings = []
     for y, u in np.ndindex(used.shape[:2]):
         omega = data.omega_rad_s[used[y, u]]
+        if not omega.size:
+            continue
         share = np.log(omega[-1] / omega[0]) / np.log(measured.asked_rad_s[1] / measured.asked_rad_s[0])
         if share < _EXCITED_SHARE:
             low, high = measured.asked_rad_s

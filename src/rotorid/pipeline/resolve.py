@@ -2,33 +2,54 @@
 
 from __future__ import annotations
 
+import difflib
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from rotorid.errors import ModelError, UsageError
+from rotorid.models.catalog import library_model, model_names
 from rotorid.models.description import from_toml
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES, rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.models.transfer_function import transfer_function
 from rotorid.pipeline.settings import IdentifySettings
 
+_TRANSFER = re.compile(r"transfer:(\d+)/(\d+)")
 
-def resolve_model(model: str | Path | LinearStructure) -> LinearStructure:
+
+def resolve_model(
+    model: str | Path | LinearStructure, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()
+) -> LinearStructure:
     """The structure behind a name, a TOML file or a structure.
+
+    Parameters
+    ----------
+    model
+        A name of the library, ``transfer:m/n``, a TOML file or a structure.
+    inputs, outputs
+        Channels of a transfer function, which has none by itself.
 
     Raises
     ------
     ModelError
         There is no such model, or the file is wrong.
     UsageError
-        There is no such file.
+        There is no such file, or a transfer function came without channels.
     """
     if isinstance(model, LinearStructure):
         return model
-    if isinstance(model, str) and model in RATE_AXES:
-        return rate_model(model)
+    if isinstance(model, str):
+        if model in RATE_AXES:
+            return rate_model(model)
+        if model in model_names():
+            return library_model(model)
+        if match := _TRANSFER.fullmatch(model):
+            return _transfer(int(match[1]), int(match[2]), inputs, outputs)
     path = Path(model)
     if path.suffix != ".toml":
-        raise ModelError(f"there is no model {str(model)!r}", needed=f"one of {', '.join(RATE_AXES)}, or a .toml file")
+        raise _unknown(str(model))
     try:
         return from_toml(path.read_text(encoding="utf-8"), where=path.name)
     except (OSError, UnicodeDecodeError) as error:
@@ -36,19 +57,41 @@ def resolve_model(model: str | Path | LinearStructure) -> LinearStructure:
         raise UsageError(f"{path} cannot be read: {reason}", needed="a model.toml, as identify writes it") from error
 
 
+def _transfer(zeros: int, poles: int, inputs: Sequence[str], outputs: Sequence[str]) -> LinearStructure:
+    if not inputs or not outputs:
+        raise UsageError(
+            f"transfer:{zeros}/{poles} came without channels", needed="--inputs and --outputs with their names"
+        )
+    return transfer_function(numerator=zeros, denominator=poles, inputs=inputs, outputs=outputs)
+
+
+def _unknown(model: str) -> ModelError:
+    names = (*RATE_AXES, *model_names())
+    near = difflib.get_close_matches(model, names, n=1)
+    return ModelError(
+        f"there is no model {model!r}",
+        needed=f"one of {', '.join(names)}, transfer:m/n, or a .toml file",
+        remedy=f"did you mean {near[0]}?" if near else "",
+    )
+
+
 def chosen_parameters(structure: LinearStructure, settings: IdentifySettings) -> ParameterSet:
-    """Parameters of a structure with those held that the user fixed.
+    """Parameters of a structure as the user wants them: freed, held or tied.
 
     Raises
     ------
     ModelError
-        A fixed parameter does not exist, or its value is out of bounds.
+        A parameter does not exist, its value is out of bounds, or ties run in a circle.
     UsageError
         Nothing is left free.
     """
     parameters = structure.parameters
+    for name in settings.free:
+        parameters = parameters.free_again(name)
     for name, value in settings.fix.items():
         parameters = parameters.fix(name, value)
+    for name, text in settings.ties.items():
+        parameters = parameters.tie(name, text)
     if not parameters.free:
         raise UsageError("every parameter is fixed", needed="at least one that is free")
     return parameters

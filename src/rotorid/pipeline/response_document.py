@@ -10,7 +10,8 @@ from pydantic import Field
 
 from rotorid.data.channel import STANDARD_UNITS
 from rotorid.data.response import FrequencyResponse
-from rotorid.pipeline.document import Document, FindingDocument, ManeuverDocument, ProvenanceDocument
+from rotorid.pipeline.document import FindingDocument, ManeuverDocument, ProvenanceDocument
+from rotorid.pipeline.document_base import Document
 from rotorid.spectral.diagnostics import Diagnostics
 from rotorid.typing import BoolArray, FloatArray
 

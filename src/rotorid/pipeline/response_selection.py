@@ -12,22 +12,15 @@ from rotorid.data.findings import Finding
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.instruments import Flown, axis_of, is_command
+from rotorid.pipeline.instruments import Flown, axes_of
 from rotorid.pipeline.measure import measure
-from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside, of_axes
+from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside, of_axes, whole_flights
 from rotorid.pipeline.settings import ResponseSettings
-from rotorid.signal.airborne import airborne
 from rotorid.signal.segment import find_excitations
 from rotorid.typing import Axis
 
 _FAR_LESS = 0.5
 """A maneuver with less than this share of the coherence of the best one on its axis is left out."""
-
-_AXIS_OF_OUTPUT: Mapping[str, Axis] = {
-    **dict.fromkeys(("p", "phi", "p_dot", "ay", "v", "v_dot"), "roll"),
-    **dict.fromkeys(("q", "theta", "q_dot", "ax", "u", "u_dot"), "pitch"),
-    **dict.fromkeys(("r", "psi", "r_dot"), "yaw"),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,7 +64,7 @@ def choose(
         A given segment lies outside of every record, or no record has a flight.
     """
     each_once(records)
-    axes = _axes(inputs, outputs)
+    axes = axes_of(inputs, outputs)
     flown = _given(records, axes, settings) or _found(records, axes)
     if not flown:
         return _whole_flights(records, axes)
@@ -79,12 +72,6 @@ def choose(
         return Chosen(candidates=tuple(_plain(item) for item in flown), findings=())
     progress("coherence of each maneuver")
     return _by_coherence([_candidate(item, inputs, outputs, settings) for item in flown])
-
-
-def _axes(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Axis, ...]:
-    named = [axis_of(name) for name in inputs if is_command(name)]
-    guessed = [_AXIS_OF_OUTPUT.get(name, "thrust") for name in outputs]
-    return tuple(dict.fromkeys(named or guessed))
 
 
 def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flown]:
@@ -111,9 +98,8 @@ def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flown]
 
 def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> Chosen:
     candidates, findings = [], []
-    for record in records:
-        start_s, stop_s = airborne(record).longest
-        maneuver = Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found")
+    for record, maneuver in whole_flights(records, axes):
+        start_s, stop_s = maneuver.start_s, maneuver.stop_s
         candidates.append(Candidate(record=record, maneuver=maneuver, coherence={}))
         findings.append(
             Finding(

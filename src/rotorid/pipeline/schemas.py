@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
-from rotorid.pipeline.document import Document, ResultDocument
+from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.document_base import Document
 from rotorid.pipeline.inspection import InspectDocument
 from rotorid.pipeline.response_document import ResponseDocument
+from rotorid.pipeline.verify_document import VerifyDocument
 
 SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.result-1": ResultDocument,
     "rotorid.inspect-1": InspectDocument,
     "rotorid.response-1": ResponseDocument,
+    "rotorid.verify-1": VerifyDocument,
 }
 
 

@@ -13,6 +13,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.instruments import Flown, find_instrument
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.segment import classify, find_excitations
 from rotorid.typing import Axis
@@ -41,8 +42,17 @@ class Selection:
         return any(_overlap(maneuver, m) for r, m in self.fitted if r is record or r.source.sha256 == sha256)
 
 
-def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: IdentifySettings) -> Selection:
+def select_maneuvers(
+    records: Sequence[FlightRecord], axes: Sequence[Axis], settings: IdentifySettings, *, whole: bool = False
+) -> Selection:
     """Split the excitations of the axes into those to fit and those to keep unseen.
+
+    Parameters
+    ----------
+    records, axes, settings
+        What was flown, what is wanted, and the choices of the run.
+    whole
+        Whether a record without any excitation is taken whole: of an input that is no command nothing can be found.
 
     Raises
     ------
@@ -62,6 +72,8 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
             for record, m in found
             if m.kind in RICH_KINDS or m.origin == "given"
         ]
+    if not fitted and whole and not settings.segments:
+        fitted = whole_flights(records, axes)
     if not fitted:
         raise _nothing_flown(records, axes, [m for _, m in found], settings)
     unseen = [
@@ -70,6 +82,15 @@ def select_maneuvers(records: Sequence[FlightRecord], axes: Sequence[Axis], sett
         if m.kind in ("doublet", "multistep") and not any(_overlap(m, f) for r, f in fitted if r is record)
     ]
     return Selection(fitted=tuple(fitted), unseen=tuple(unseen))
+
+
+def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flown]:
+    """The airborne part of each record, where nothing in it stands out as an excitation."""
+    flown = []
+    for record in records:
+        start_s, stop_s = airborne(record).longest
+        flown.append((record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found")))
+    return flown
 
 
 def of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:

@@ -121,6 +121,10 @@ class ResponseSettings(MeasureSettings):
         return super().as_json() | {"correct_filters": self.correct_filters}
 
 
+WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
+SpeedDamping: TypeAlias = Literal["joint", "two_step"]
+
+
 @dataclass(frozen=True, kw_only=True)
 class IdentifySettings(MeasureSettings):
     """Choices of one run of ``identify``.
@@ -131,17 +135,73 @@ class IdentifySettings(MeasureSettings):
         As in :class:`MeasureSettings`.
     fix
         Parameters held at given values.
+    ties
+        Parameters that follow others: name to an expression such as ``-L_p``.
+    free
+        Parameters to free again that the model holds.
+    constants
+        Constants of the model, such as the trim ``theta0``, in place of what the record shows.
+    outputs
+        Outputs to fit; by default those that the log holds as sensors measured them.
+    pairs
+        Responses ``output/input`` to fit, each with its band or ``None``; by default all that are coherent.
+    pair_weights
+        Response to a factor on its cost.
+    weights
+        ``cifer`` minimizes CIFER's cost; ``covariance`` goes on from there with weights made of the measured covariance
+        of all errors; ``auto`` does so where several outputs are fitted.
+    reduce
+        Drop step by step what the data do not show.
+    speed_damping
+        ``two_step`` takes X_u and Y_v from the responses of u_dot to theta and v_dot to phi before everything else.
     """
 
     fix: Mapping[str, float] = field(default_factory=dict)
+    ties: Mapping[str, str] = field(default_factory=dict)
+    free: tuple[str, ...] = ()
+    constants: Mapping[str, float] = field(default_factory=dict)
+    outputs: tuple[str, ...] = ()
+    pairs: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)
+    pair_weights: Mapping[str, float] = field(default_factory=dict)
+    weights: WeightsChoice = "auto"
+    reduce: bool = False
+    speed_damping: SpeedDamping = "joint"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set(fix=self.fix)
+        mappings = ("fix", "ties", "constants", "pairs", "pair_weights")
+        self._set(
+            free=tuple(self.free), outputs=tuple(self.outputs), **{name: getattr(self, name) for name in mappings}
+        )
+        for what, given, kind in (
+            ("weights", self.weights, WeightsChoice),
+            ("speed damping", self.speed_damping, SpeedDamping),
+        ):
+            if given not in get_args(kind):
+                raise UsageError(f"the {what} {given!r} came", needed=f"one of {', '.join(get_args(kind))}")
+        for name in {*self.fix, *self.ties, *self.free}:
+            if sum(name in group for group in (self.fix, self.ties, self.free)) > 1:
+                raise UsageError(f"{name} is to be two things at once", needed="one of --fix, --tie and --free")
 
     def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
         """The choices for the provenance of a result."""
-        return super().as_json() | {"fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()]}
+        return super().as_json() | {
+            "fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()],
+            "ties": [f"{name}={text}" for name, text in self.ties.items()],
+            "free": list(self.free),
+            "constants": [f"{name}={float(value)!r}" for name, value in self.constants.items()],
+            "outputs": list(self.outputs),
+            "pairs": [pair_text(name, band) for name, band in self.pairs.items()],
+            "pair_weights": [f"{name}={float(value)!r}" for name, value in self.pair_weights.items()],
+            "weights": self.weights,
+            "reduce": self.reduce,
+            "speed_damping": self.speed_damping,
+        }
+
+
+def pair_text(name: str, band_rad_s: tuple[float, float] | None) -> str:
+    """A response and its band as :func:`parse_pairs` reads them."""
+    return name if band_rad_s is None else f"{name}:{float(band_rad_s[0])!r}:{float(band_rad_s[1])!r}"
 
 
 def require_seed(seed: int) -> None:
@@ -201,15 +261,58 @@ def parse_numbers(text: str) -> tuple[float, ...]:
 
 
 def parse_fix(texts: tuple[str, ...]) -> dict[str, float]:
-    """Read ``NAME=VALUE`` once or more."""
+    """Read ``NAME=VALUE`` once or more.
+
+    Examples
+    --------
+    >>> parse_fix(("L_p=-2",))
+    {'L_p': -2.0}
+    """
     fixed = {}
-    for text in texts:
-        name, _, value = text.partition("=")
+    for name, value in _assignments(texts, "NAME=VALUE, such as L_p=-2").items():
         try:
-            fixed[name.strip()] = float(value)
+            fixed[name] = float(value)
         except ValueError:
-            raise UsageError(f"{text!r} cannot be read", needed="NAME=VALUE, such as L_p=-2") from None
+            raise UsageError(f"{f'{name}={value}'!r} cannot be read", needed="NAME=VALUE, such as L_p=-2") from None
     return fixed
+
+
+def parse_ties(texts: tuple[str, ...]) -> dict[str, str]:
+    """Read ``NAME=EXPRESSION`` once or more.
+
+    Examples
+    --------
+    >>> parse_ties(("tau_pitch=tau_roll",))
+    {'tau_pitch': 'tau_roll'}
+    """
+    return _assignments(texts, "NAME=EXPRESSION, such as tau_pitch=tau_roll")
+
+
+def _assignments(texts: tuple[str, ...], wanted: str) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise UsageError(f"{text!r} cannot be read", needed=wanted)
+        if name in found:
+            raise UsageError(f"{name} came twice", needed="each name once")
+        found[name] = value
+    return found
+
+
+def parse_pairs(texts: tuple[str, ...]) -> dict[str, tuple[float, float] | None]:
+    """Read ``OUTPUT/INPUT`` or ``OUTPUT/INPUT:LO:HI`` (rad/s) once or more.
+
+    Examples
+    --------
+    >>> parse_pairs(("q/pitch_command:3:45", "az/thrust_command"))
+    {'q/pitch_command': (3.0, 45.0), 'az/thrust_command': None}
+    """
+    pairs: dict[str, tuple[float, float] | None] = {}
+    for text in texts:
+        name, colon, band = text.partition(":")
+        pairs[name.strip()] = parse_band(band) if colon else None
+    return pairs
 
 
 def parse_shifts(texts: tuple[str, ...]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from rotorid.data.channel import LOWEST_RATE_HZ
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.models.rate import RATE_AXES
-from rotorid.pipeline.document import Document
+from rotorid.pipeline.document_base import Document
 from rotorid.pipeline.instruments import axis_of, find_instrument
 from rotorid.pipeline.selection import RICH_KINDS
 from rotorid.pipeline.support import LOWEST_TOP_RAD_S

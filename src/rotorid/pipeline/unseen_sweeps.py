@@ -5,15 +5,38 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from rotorid.data.findings import Finding
+from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.fit.frequency_cost import ACCEPTABLE_COST, pair_costs, point_weights
 from rotorid.fit.problem import usable_points
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.instruments import Flown
-from rotorid.pipeline.measure import measure
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.measure import Measured, measure
+from rotorid.pipeline.settings import MeasureSettings
+from rotorid.typing import BoolArray, ComplexArray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JudgedPair:
+    """One response of unseen sweeps.
+
+    Parameters
+    ----------
+    cost
+        CIFER's cost of the model against it.
+    band_rad_s
+        Lowest and highest frequency that counted.
+    points
+        How many counted.
+    """
+
+    cost: float
+    band_rad_s: tuple[float, float]
+    points: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,14 +45,31 @@ class Judged:
 
     Parameters
     ----------
-    costs
-        Cost of each response that has usable points, by ``output/input``.
+    pairs
+        Each response that has usable points, by ``output/input``.
     findings
         Remarks on the sweeps and on the costs.
+    records
+        Names of the logs.
+    response
+        The measured responses, or ``None`` where there are none.
+    model_response
+        The model on the same grid, shape ``(y, u, f)``.
+    used
+        Points that counted, shape ``(y, u, f)``.
     """
 
-    costs: Mapping[str, float] = field(default_factory=dict)
+    pairs: Mapping[str, JudgedPair] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    records: tuple[str, ...] = ()
+    response: FrequencyResponse | None = None
+    model_response: ComplexArray | None = None
+    used: BoolArray | None = None
+
+    @property
+    def costs(self) -> dict[str, float]:
+        """Cost of each response that has usable points, by ``output/input``."""
+        return {name: pair.cost for name, pair in self.pairs.items()}
 
 
 def judge_sweeps(
@@ -38,13 +78,14 @@ def judge_sweeps(
     sweeps: Sequence[Flown],
     *,
     band_rad_s: tuple[float, float],
-    settings: IdentifySettings,
+    settings: MeasureSettings,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Judged:
     """Cost of a frozen model against the responses of sweeps that were not fitted.
 
-    Judged where the model was fitted and these sweeps excite: above their end there is coherence too, of noise that
-    the controller fed back.
+    Judged where the model was fitted and where the sweeps of each input excite: above their end there is coherence
+    too, of noise that the controller fed back. A response without usable points, such as that of an input that was not
+    swept or of an output that does not follow it, is left out and not judged.
 
     Parameters
     ----------
@@ -55,7 +96,7 @@ def judge_sweeps(
     band_rad_s
         The fitted band.
     settings
-        Choices of the run that fitted it.
+        Choices of the run.
     progress
         Told what is being done.
 
@@ -65,20 +106,43 @@ def judge_sweeps(
         A channel is missing, the sweeps are too short, or no point of them is usable in the fitted band.
     """
     measured = measure(sweeps, inputs=structure.inputs, outputs=structure.outputs, settings=settings, progress=progress)
-    data, trusted = measured.response, measured.trusted_rad_s
-    band = max(band_rad_s[0], trusted[0]), min(band_rad_s[1], trusted[1])
+    data = measured.response
     limit = settings.least_coherence(joint=data.estimate == "joint")
-    used = usable_points(data, coherence=limit, band_rad_s=band)
+    used = _used(measured, band_rad_s, limit)
     if not used.any():
-        raise _nothing_usable(band_rad_s, trusted, limit)
-    costs = pair_costs(structure.response(parameters.values, data.omega_rad_s), data.values, point_weights(data, used))
-    named = {
-        f"{output}/{input}": float(costs[y, u])
-        for y, output in enumerate(data.outputs)
-        for u, input in enumerate(data.inputs)
-        if used[y, u].any()
-    }
-    return Judged(costs=named, findings=(*measured.findings, *_poor(sweeps, named)))
+        raise _nothing_usable(band_rad_s, measured.trusted_rad_s, limit)
+    model = structure.response(parameters.values, data.omega_rad_s)
+    costs = pair_costs(model, data.values, point_weights(data, used))
+    pairs = {}
+    for y, u in np.ndindex(used.shape[:2]):
+        omega = data.omega_rad_s[used[y, u]]
+        if omega.size:
+            band = (float(omega[0]), float(omega[-1]))
+            pairs[f"{data.outputs[y]}/{data.inputs[u]}"] = JudgedPair(
+                cost=float(costs[y, u]), band_rad_s=band, points=omega.size
+            )
+    records = tuple(dict.fromkeys(record.source.name for record, _ in sweeps))
+    return Judged(
+        pairs=pairs,
+        findings=(*measured.findings, *_poor(records, pairs)),
+        records=records,
+        response=data,
+        model_response=model,
+        used=used,
+    )
+
+
+def _used(measured: Measured, fitted_rad_s: tuple[float, float], limit: float) -> BoolArray:
+    """Points in the fitted band, each input as far as its own sweeps went, shape ``(y, u, f)``."""
+    data, trusted = measured.response, measured.trusted_rad_s
+    used = np.zeros(data.values.shape, dtype=np.bool_)
+    reached = np.asarray(measured.trusted_points(data, limit).any(axis=0))
+    for u in range(len(data.inputs)):
+        tops = data.omega_rad_s[reached[u]]
+        if tops.size:
+            band = max(fitted_rad_s[0], trusted[0]), min(fitted_rad_s[1], float(tops[-1]))
+            used[:, u] = usable_points(data, coherence=limit, band_rad_s=band)[:, u]
+    return used
 
 
 def _nothing_usable(
@@ -95,19 +159,19 @@ def _nothing_usable(
     )
 
 
-def _poor(sweeps: Sequence[Flown], costs: Mapping[str, float]) -> list[Finding]:
-    where = ", ".join(dict.fromkeys(record.source.name for record, _ in sweeps))
+def _poor(records: Sequence[str], pairs: Mapping[str, JudgedPair]) -> list[Finding]:
+    where = ", ".join(records)
     return [
         Finding(
             kind="poor_verification",
             severity="warning",
-            where=f"{where}: {pair}",
+            where=f"{where}: {name}",
             message=(
-                f"The model misses the response {pair} of unseen sweeps with a cost of {cost:.0f}, above the "
+                f"The model misses the response {name} of unseen sweeps with a cost of {pair.cost:.0f}, above the "
                 f"{ACCEPTABLE_COST:g} of an acceptable model."
             ),
-            numbers={"cost": cost},
+            numbers={"cost": pair.cost},
         )
-        for pair, cost in costs.items()
-        if not cost <= ACCEPTABLE_COST
+        for name, pair in pairs.items()
+        if not pair.cost <= ACCEPTABLE_COST
     ]

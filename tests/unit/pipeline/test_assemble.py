@@ -11,8 +11,10 @@ from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord, Source
 from rotorid.models.state_space import StateSpace
 from rotorid.pipeline.assemble import finding_documents, matrices_document, pole_documents, provenance_document
-from rotorid.pipeline.document import ParameterDocument, ScoreDocument
+from rotorid.pipeline.document import ParameterDocument
+from rotorid.pipeline.score_document import ScoreDocument
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.uncertainty.propagation import Pole
 
 
 def finding(severity: str, message: str = "A remark.") -> Finding:
@@ -51,7 +53,8 @@ def test_matrices_and_poles_are_those_of_the_system() -> None:
     document = matrices_document(system)
     assert document.F[1] == [-25.0, -6.0, 0.0]
     assert (document.delays_s.inputs, document.delays_s.outputs) == ([0.01], [0.0])
-    integrator, *pair = pole_documents(system)
+    integrator, *pair = pole_documents([Pole(value=complex(value), covariance=None) for value in system.poles()])
+    assert integrator.real_std is None
     assert (integrator.real, integrator.imag, integrator.damping, integrator.frequency_rad_s) == (0.0, 0.0, 0.0, 0.0)
     for pole in pair:
         np.testing.assert_allclose((pole.damping, pole.frequency_rad_s), (0.6, 5.0), rtol=1e-12)

@@ -204,7 +204,7 @@ def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatc
         return fit_and_drop(problem)
 
     monkeypatch.setattr("rotorid.pipeline.hold_out.fit_and_drop", seen)
-    structure = first.fitted.structure
+    structure = rate_model("rate.roll")
     hold_out(structure, [*first.selection.fitted, first.second], first.settings, silent)
     (problem,) = posed
     # The fit of the result dropped some; the data without the last maneuver have to speak for themselves.

@@ -49,9 +49,23 @@ def test_guidelines_of_ten_and_twenty_percent(percent: float, kinds: set[str]) -
     assert {finding.kind for finding in remarks if finding.severity == "warning"} == kinds
 
 
+def test_lag_and_delay_that_are_told_apart_say_so() -> None:
+    limits = spread(FOUND, 9.0, correlation=-0.8)
+    (remark,) = (finding for finding in judge_parameters(FOUND, limits) if finding.kind == "lag_plus_delay")
+    assert (remark.severity, remark.numbers["correlation"]) == ("info", pytest.approx(-0.8))
+
+
+@pytest.mark.parametrize(("percent", "correlation"), [(9.0, -0.99), (30.0, -0.5)], ids=["opposed", "unknown"])
+def test_lag_and_delay_that_are_not_told_apart_are_given_as_their_sum(percent: float, correlation: float) -> None:
+    remarks = judge_parameters(FOUND, spread(FOUND, percent, correlation=correlation))
+    (remark,) = (finding for finding in remarks if finding.kind == "not_identifiable")
+    assert remark.severity == "warning"
+    assert "Trust their sum of 40.0 ±" in remark.message
+
+
 def test_lag_and_delay_that_trade_have_a_sum_that_is_known_better() -> None:
     limits = spread(FOUND, 9.0, correlation=-1.0)
-    (remark,) = (finding for finding in judge_parameters(FOUND, limits) if finding.kind == "lag_plus_delay")
+    (remark,) = (finding for finding in judge_parameters(FOUND, limits) if finding.kind == "not_identifiable")
     assert remark.numbers["sum_s"] == pytest.approx(0.04, rel=1e-12)
     # Perfectly opposed, the deviations of 2.7 and 0.9 ms subtract.
     assert remark.numbers["std_s"] == pytest.approx(1.8e-3, rel=1e-12)

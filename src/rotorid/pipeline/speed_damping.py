@@ -1,0 +1,95 @@
+r"""Speed damping in two steps, as it is often done: X_u and Y_v first, from one response each, then the rest.
+
+.. math:: \frac{\dot u}{\theta} = \frac{-s g}{s - X_u}, \qquad \frac{\dot v}{\phi} = \frac{s g}{s - Y_v}
+
+Both leave out that a command pushes the vehicle sideways too (X_pitch, Y_roll). Where it does, the damping comes out
+several times too small, however good the data are. So this is an option, and the remark says what it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from rotorid.data.findings import Finding
+from rotorid.errors import UsageError
+from rotorid.fit.identify import fit
+from rotorid.fit.problem import FrequencyProblem
+from rotorid.models.structure import LinearStructure
+from rotorid.models.transfer_function import speed_damping
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.measure import measure
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.uncertainty.bounds import bounds
+
+_STEPS = {"X_u": ("u_dot", "theta", "pitch"), "Y_v": ("v_dot", "phi", "roll")}
+_NEGLECTED = {"X_u": "X_pitch", "Y_v": "Y_roll"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstStep:
+    """What the first step found: parameters to hold, with the remark on each."""
+
+    fix: dict[str, float]
+    findings: tuple[Finding, ...]
+
+
+def first_step(
+    structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings, progress: Callable[[str], None]
+) -> FirstStep:
+    """X_u and Y_v, as far as the structure has them, each from the sweeps of its own axis.
+
+    Parameters
+    ----------
+    structure
+        What will be fitted in the second step.
+    flown
+        Maneuvers; attitude and acceleration along the body must be logged or follow from what is.
+    settings
+        Choices of the run; bands and instruments are those of the second step and not used here.
+    progress
+        Told what is being done.
+
+    Raises
+    ------
+    UsageError
+        The structure has neither parameter.
+    InsufficientDataError
+        A channel is missing, or the response is not coherent.
+    """
+    names = [name for name in _STEPS if name in structure.parameters.free]
+    if not names:
+        raise UsageError(
+            f"two steps of speed damping for {structure.name} came, which has no free X_u and no free Y_v",
+            needed="a model with one of them, such as hover.longitudinal",
+        )
+    found = {name: _one(name, flown, settings, progress) for name in names}
+    return FirstStep(
+        fix={name: value for name, (value, _) in found.items()}, findings=tuple(f for _, f in found.values())
+    )
+
+
+def _one(
+    name: str, flown: Sequence[Flown], settings: IdentifySettings, progress: Callable[[str], None]
+) -> tuple[float, Finding]:
+    output, source, axis = _STEPS[name]
+    own = [item for item in flown if item[1].axis == axis] or list(flown)
+    plain = replace(settings, instruments=(), estimate="direct", pairs={}, pair_weights={}, shifts={})
+    measured = measure(own, inputs=(source,), outputs=(output,), settings=plain, progress=progress)
+    structure = speed_damping(output, source)
+    used = measured.trusted_points(measured.response, plain.least_coherence(joint=False))
+    problem = FrequencyProblem(structure=structure, parameters=structure.parameters, data=measured.response, used=used)
+    solution = fit(problem)
+    value, std = float(solution.theta[0]), float(bounds(problem, solution).std[0])
+    omega = measured.response.omega_rad_s[used[0, 0]]
+    return value, Finding(
+        kind="speed_damping_biased",
+        severity="warning",
+        where=name,
+        message=(
+            f"{name} = {value:.3g} ± {std:.2g} 1/s was taken from {output}/{source} between {omega[0]:.2g} and "
+            f"{omega[-1]:.3g} rad/s and held. That response leaves out {_NEGLECTED[name]}; where the command pushes "
+            f"the vehicle sideways, {name} is several times too small. The joint fit of all responses has no such bias."
+        ),
+        numbers={"value": value, "std": std, "low_rad_s": float(omega[0]), "high_rad_s": float(omega[-1])},
+    )
