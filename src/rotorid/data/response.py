@@ -48,6 +48,9 @@ class FrequencyResponse(Immutable):
     output_correlation
         Correlation of the errors of two outputs at one frequency, for each input, shape ``(u, y, y, f)``: gusts move
         several outputs at once. ``None`` takes them as independent.
+    input_correlation
+        Correlation of the errors of the responses of one output to two inputs between all frequencies, shape
+        ``(u, u, f, f)``: one instrument may move several inputs. ``None`` takes them as independent.
     """
 
     omega_rad_s: FloatArray
@@ -63,6 +66,7 @@ class FrequencyResponse(Immutable):
     findings: tuple[Finding, ...] = ()
     processing: tuple[str, ...] = ()
     output_correlation: ComplexArray | None = None
+    input_correlation: ComplexArray | None = None
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)
@@ -78,12 +82,14 @@ class FrequencyResponse(Immutable):
         covariance = read_only(self.covariance, np.complex128, ndim=4)
         if covariance.shape != (*shape, omega.size):
             raise ValueError(f"covariance: shape {(*shape, omega.size)} was needed and {covariance.shape} came")
-        if self.output_correlation is not None:
-            correlation = read_only(self.output_correlation, np.complex128, ndim=4)
-            if correlation.shape != (shape[1], shape[0], shape[0], shape[2]):
-                needed = (shape[1], shape[0], shape[0], shape[2])
-                raise ValueError(f"output_correlation: shape {needed} was needed and {correlation.shape} came")
-            self._set(output_correlation=correlation)
+        y, u, f = shape
+        correlations = {"output_correlation": (u, y, y, f), "input_correlation": (u, u, f, f)}
+        for name, needed in correlations.items():
+            values = getattr(self, name)
+            if values is not None:
+                if np.shape(values) != needed:
+                    raise ValueError(f"{name}: shape {needed} was needed and {np.shape(values)} came")
+                self._set(**{name: read_only(values, np.complex128, ndim=4)})
         self._set(
             omega_rad_s=omega,
             **arrays,

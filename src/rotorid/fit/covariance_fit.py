@@ -14,11 +14,8 @@ deviations fall to a half and down to a tenth of those of CIFER's weights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 
-from rotorid.fit.error_covariance import ErrorBlock, error_blocks
 from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
@@ -42,27 +39,12 @@ def refine(problem: FrequencyProblem, solution: Solution, *, solver: LevenbergMa
     Solution
         Its residuals are normalized: of a structure that fits their squares sum to about their number or less.
     """
-    whiten = whitening(error_blocks(problem))
+    errors = problem.errors
     free = problem.parameters.free
     lower, upper = (np.array([getattr(problem.parameters[name], side) for name in free]) for side in ("lower", "upper"))
 
     def normalized(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         residual, jacobian = problem.residuals(theta)
-        return whiten(residual), whiten(jacobian)
+        return errors.whitened(residual), errors.whitened(jacobian)
 
     return (solver or LevenbergMarquardt()).minimize(normalized, solution.theta, lower, upper)
-
-
-def whitening(blocks: Sequence[ErrorBlock]) -> Callable[[FloatArray], FloatArray]:
-    """The map that takes residuals, or each column of a Jacobian, to unit variance and no correlation."""
-    from scipy.linalg import solve_triangular
-
-    roots = [(block.rows, block.root()) for block in blocks]
-
-    def whiten(values: FloatArray) -> FloatArray:
-        result = np.zeros_like(values)
-        for rows, root in roots:
-            result[rows] = solve_triangular(root, values[rows], lower=True, check_finite=False)
-        return result
-
-    return whiten

@@ -11,6 +11,7 @@ import numpy as np
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
+from rotorid.fit.error_covariance import ResidualErrors, residual_errors
 from rotorid.fit.frequency_cost import PHASE_WEIGHT, pair_costs, point_weights, residual_scales
 from rotorid.fit.log_errors import Points, log_errors, sums_of_squares
 from rotorid.fit.pairs import pair_index
@@ -19,6 +20,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
+_OF_THE_DATA = ("weights", "scales", "points", "point_scales", "errors")
 _LARGEST_ERROR = 0.3
 _LONGEST_DIP = 3
 _FEWEST_POINTS = 3
@@ -111,9 +113,17 @@ class FrequencyProblem(Immutable):
         free = [self.parameters[name] for name in self.parameters.free]
         return np.array([one.lower for one in free]), np.array([one.upper for one in free])
 
+    @cached_property
+    def errors(self) -> ResidualErrors:
+        """What the errors of the data make of the residuals."""
+        return residual_errors(self.data, self.used, self.point_scales)
+
     def with_parameters(self, parameters: ParameterSet) -> FrequencyProblem:
         """The same problem with other free parameters or another start."""
-        return replace(self, parameters=parameters)
+        changed = replace(self, parameters=parameters)
+        # What follows from the data alone need not be worked out again.
+        changed.__dict__.update({name: self.__dict__[name] for name in _OF_THE_DATA if name in self.__dict__})
+        return changed
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals whose squares sum to the weighted cost, shape ``(2 n,)``, and their Jacobian ``(2 n, p)``.

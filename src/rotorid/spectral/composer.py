@@ -220,12 +220,43 @@ class Composer:
 
         Compacted where records are long: see :func:`rotorid.spectral.errors.compacted`.
         """
-        step = max(1, _MOMENTS_AT_ONCE // self._moments)
-        stretches = [(first, min(step, self.blocks - first)) for first in range(0, self.blocks, step)]
         return tuple(
-            compacted((self._reached(index, *stretch) for stretch in stretches), self.blocks * self._moments)
+            compacted((self._reached(index, *stretch) for stretch in self._stretches), self.blocks * self._moments)
             for index in range(len(self.windows[0].inputs))
         )
+
+    def input_correlation(self, share: FloatArray, points: BoolArray) -> ComplexArray:
+        r"""Correlation of the errors of responses to two inputs, shape ``(u, u, f, f)``.
+
+        Where one instrument moves several inputs, the same disturbance enters the responses to all of them:
+        :math:`E[\delta H_{u,i} \, \delta H_{v,j}^*] \propto \sum_m g_{u,i}(t_m) g_{v,j}^*(t_m)`.
+
+        Parameters
+        ----------
+        share
+            Share of each window for each input, the mean over the outputs, shape ``(u, w, f)``.
+        points
+            Frequencies to answer for, shape ``(f,)``.
+        """
+        inputs, count = share.shape[0], int(np.count_nonzero(points))
+        products = np.zeros((inputs * count, inputs * count), dtype=np.complex128)
+        for stretch in self._stretches:
+            reached = [
+                np.einsum("wf,wfm->fm", share[index][:, points], self._reached(index, *stretch)[:, points])
+                for index in range(inputs)
+            ]
+            together = np.concatenate(reached)
+            products += together @ together.conj().T
+        omega = np.tile(self.omega_rad_s[points], inputs)
+        products *= np.sinc(0.5 * (omega[:, None] - omega) * self._moment_s / np.pi)
+        level = np.sqrt(np.einsum("nn->n", products).real)
+        shape = (inputs, count, inputs, count)
+        return np.asarray(np.moveaxis((products / (level[:, None] * level)).reshape(shape), 2, 1))
+
+    @property
+    def _stretches(self) -> list[tuple[int, int]]:
+        step = max(1, _MOMENTS_AT_ONCE // self._moments)
+        return [(first, min(step, self.blocks - first)) for first in range(0, self.blocks, step)]
 
     def _reached(self, index: int, first_block: int, blocks: int) -> ComplexArray:
         """Influences of a stretch of time, shape ``(w, f, moments)``."""

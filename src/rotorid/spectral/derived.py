@@ -268,6 +268,7 @@ def selected(
     columns = [_row(response.inputs, name, "input") for name in kept_inputs]
     pairs = np.ix_([_row(response.outputs, name, "output") for name in kept_outputs], columns)
     note = () if band_rad_s is None else (f"band {low:g}:{high:g} rad/s selected",)
+    down, across = (index.ravel() for index in pairs)
     return replace(
         response,
         omega_rad_s=response.omega_rad_s[points],
@@ -279,15 +280,13 @@ def selected(
         outputs=kept_outputs,
         instruments=tuple(response.instruments[column] for column in columns) if response.instruments else (),
         processing=(*response.processing, *note),
-        output_correlation=_correlation(response, pairs, points),
+        output_correlation=_at(response.output_correlation, across, down, down, points),
+        input_correlation=_at(response.input_correlation, across, across, points, points),
     )
 
 
-def _correlation(response: FrequencyResponse, pairs: tuple[IntArray, ...], points: IntArray) -> ComplexArray | None:
-    if response.output_correlation is None:
-        return None
-    outputs, inputs = (rows.ravel() for rows in pairs)
-    return np.asarray(response.output_correlation[np.ix_(inputs, outputs, outputs, points)])
+def _at(correlation: ComplexArray | None, *indices: IntArray) -> ComplexArray | None:
+    return None if correlation is None else np.asarray(correlation[np.ix_(*indices)])
 
 
 def renamed(response: FrequencyResponse, names: Mapping[str, str]) -> FrequencyResponse:

@@ -181,8 +181,9 @@ def diagnosed_response(
     answers = [_respond(composer, matrices, input_rows, rows[output], leakage=leakage) for output in outputs]
     asked = asked[-composer.omega_rad_s.size :]
     parts = [part.at(asked) for part, _, _ in answers]
-    share = np.mean([part.share.mean(axis=0) for part, _, _ in answers], axis=0)
-    correlation = disturbance_correlation(composer.windows, [spectra for _, _, spectra in answers], share, asked)
+    share = np.mean([part.share for part, _, _ in answers], axis=0)
+    densities = [spectra for _, _, spectra in answers]
+    correlation = disturbance_correlation(composer.windows, densities, share.mean(axis=0), asked)
     response = _stacked(
         parts,
         omega_rad_s=composer.omega_rad_s[asked],
@@ -190,7 +191,8 @@ def diagnosed_response(
         outputs=outputs,
         instruments=drivers if joint else (),
         windows_s=[matrix.window_s for matrix in matrices],
-        correlation=correlation,
+        output_correlation=correlation,
+        input_correlation=composer.input_correlation(share, asked) if len(inputs) > 1 else None,
     )
     return response, diagnose(composer.windows, parts, [added[:, asked] for _, added, _ in answers], asked)
 
@@ -203,7 +205,8 @@ def _stacked(
     outputs: Sequence[str],
     instruments: Sequence[str],
     windows_s: Sequence[float],
-    correlation: ComplexArray,
+    output_correlation: ComplexArray,
+    input_correlation: ComplexArray | None,
 ) -> FrequencyResponse:
     """One response of all outputs."""
     return FrequencyResponse(
@@ -218,7 +221,8 @@ def _stacked(
         instruments=tuple(instruments),
         windows_s=tuple(windows_s),
         # The same disturbance enters the responses to every input.
-        output_correlation=np.stack([correlation] * len(inputs)),
+        output_correlation=np.stack([output_correlation] * len(inputs)),
+        input_correlation=input_correlation,
     )
 
 

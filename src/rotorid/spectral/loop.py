@@ -182,6 +182,9 @@ def at_points(response: FrequencyResponse, rows: IntArray) -> FrequencyResponse:
         random_error=response.random_error[..., rows],
         covariance=response.covariance[..., rows[:, None], rows],
         output_correlation=None if response.output_correlation is None else response.output_correlation[..., rows],
+        input_correlation=(
+            None if response.input_correlation is None else response.input_correlation[..., rows[:, None], rows]
+        ),
     )
 
 

@@ -19,13 +19,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.error_covariance import ErrorBlock, error_blocks
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
 from rotorid.typing import FloatArray
@@ -108,25 +107,21 @@ def bounds(problem: FrequencyProblem, solution: Solution, *, weights: Weights = 
     of_cost = jacobian if weights == "cifer" else problem.residuals(solution.theta)[1]
     length, _, inverse_root = _inverse_root(problem, of_cost)
     inverse = 0.5 * inverse_root @ inverse_root.T
-    blocks = error_blocks(problem)
     _, left_vectors, root = _inverse_root(problem, jacobian)
     gain = root @ left_vectors.T
-    covariance, expected, squared = np.zeros((length.size, length.size)), 0.0, 0.0
-    for block in blocks:
-        part = _whitened(block, weights)
-        covariance += gain[:, block.rows] @ part @ gain[:, block.rows].T
-        squared += float(np.sum(part**2))
-        expected += float(np.trace(part)) - 2.0 * float(
-            np.einsum("ij,jk,ki->", jacobian[block.rows], gain[:, block.rows], part, optimize=True)
-        )
+    spread = _Spread.of(problem, gain, weights)
     # The part of the errors that the fit absorbs does not show in the residuals.
-    expected += float(np.trace(jacobian @ covariance @ jacobian.T))
-    inflation = _inflation(float(residual @ residual), expected, squared)
+    expected = (
+        spread.total
+        - 2.0 * float(np.sum(jacobian * spread.shared.T))
+        + float(np.trace(jacobian @ spread.covariance @ jacobian.T))
+    )
+    inflation = _inflation(float(residual @ residual), expected, spread.squared)
     return Bounds(
         names=problem.parameters.free,
         cramer_rao=2.0 * np.sqrt(np.diag(inverse)),
         insensitivity=1.0 / (np.sqrt(2.0) * length),
-        covariance=covariance * inflation**2,
+        covariance=spread.covariance * inflation**2,
         inflation=inflation,
     )
 
@@ -141,15 +136,32 @@ def _inflation(found: float, expected: float, squared: float) -> float:
     return math.sqrt(found / expected)
 
 
-def _whitened(block: ErrorBlock, weights: Weights) -> FloatArray:
-    """Covariance of the residuals of a block in the metric of the fit."""
-    from scipy.linalg import solve_triangular
+class _Spread(NamedTuple):
+    """What the errors of the data make of residuals and parameters, in the metric of the fit.
 
-    if weights == "cifer":
-        return block.covariance
-    root = block.root()
-    half = solve_triangular(root, block.covariance, lower=True, check_finite=False)
-    return np.asarray(solve_triangular(root, half.T, lower=True, check_finite=False))
+    ``covariance`` is that of the parameters and ``shared`` that of parameters and residuals, shape ``(p, 2 n)``; the
+    residuals before any fit have the variances ``total`` in sum, and ``squared`` is at least the sum of the squares of
+    their covariances.
+    """
+
+    covariance: FloatArray
+    shared: FloatArray
+    total: float
+    squared: float
+
+    @classmethod
+    def of(cls, problem: FrequencyProblem, gain: FloatArray, weights: Weights) -> _Spread:
+        from scipy.linalg import solve_triangular
+
+        errors = problem.errors
+        if weights == "cifer":
+            shared = gain @ errors.covariance
+            total, squared = float(np.trace(errors.covariance)), float(np.sum(errors.covariance**2))
+            return cls(shared @ gain.T, shared, total, squared)
+        # With L L^T = C + C0 the whitened errors have 1 - L^-1 C0 L^-T, whose eigenvalues lie between zero and one.
+        back = solve_triangular(errors.root, gain.T, lower=True, trans=1, check_finite=False)
+        shared = errors.whitened(errors.covariance @ back).T
+        return cls(back.T @ errors.covariance @ back, shared, errors.whitened_trace, errors.whitened_trace)
 
 
 def _inverse_root(problem: FrequencyProblem, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
