@@ -11,9 +11,10 @@ from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fitting import fitted_band
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.inverse import pose_screened
+from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.unseen_sweeps import Judged, judge_sweeps
+from rotorid.pipeline.unseen_sweeps import judge_sweeps
 from rotorid.reduce.elimination import fit_and_drop
 
 _ADVICE = "Fly doublets, or give another log with --verify."

@@ -8,6 +8,7 @@ from rotorid.data.history import TimeHistory
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.response import FrequencyResponse
 from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.judged import Judged
 from rotorid.typing import BoolArray, ComplexArray
 from rotorid.verify.verification import Verification
 
@@ -43,6 +44,8 @@ class Identification:
         The maneuvers that were used, with their data.
     verifications
         Unseen maneuvers, measured and predicted.
+    judged
+        Responses of unseen sweeps, measured and of the model.
     least_coherence
         Coherence below which points were left out.
     """
@@ -55,4 +58,5 @@ class Identification:
     fitted: BoolArray
     segments: tuple[Segment, ...]
     verifications: tuple[Verification, ...]
+    judged: tuple[Judged, ...] = ()
     least_coherence: float = 0.6

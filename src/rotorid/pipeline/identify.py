@@ -140,6 +140,7 @@ def identify(
         least_coherence=settings.least_coherence(joint=measured.response.estimate == "joint"),
         segments=measured.segments,
         verifications=checked.verifications,
+        judged=checked.judged,
     )
 
 

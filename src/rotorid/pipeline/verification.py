@@ -15,10 +15,11 @@ from rotorid.pipeline.building import require_channels
 from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.hold_out import hold_out
 from rotorid.pipeline.instruments import Flown, axes_of
+from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.measure import Measured, default_band
 from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
-from rotorid.pipeline.unseen_sweeps import Judged, judge_sweeps
+from rotorid.pipeline.unseen_sweeps import judge_sweeps
 from rotorid.pipeline.verify_model import Candidate, candidate_of
 from rotorid.pipeline.verify_time import predict_maneuvers
 from rotorid.signal.segment import find_excitations

@@ -15,9 +15,9 @@ from rotorid.pipeline.assemble import finding_documents, provenance_document, ra
 from rotorid.pipeline.coverage import Trim, covered_by, trim_of
 from rotorid.pipeline.cutting import cut
 from rotorid.pipeline.instruments import Flown, axes_of
+from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.selection import each_once
 from rotorid.pipeline.settings import MeasureSettings
-from rotorid.pipeline.unseen_sweeps import Judged
 from rotorid.pipeline.verification import Checked, UnseenLog, check_logs, unseen_logs
 from rotorid.pipeline.verify_document import (
     VerifyDocument,

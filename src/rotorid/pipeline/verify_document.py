@@ -11,6 +11,7 @@ from pydantic import Field
 from rotorid.pipeline.coverage import Trim
 from rotorid.pipeline.document import FindingDocument, ProvenanceDocument
 from rotorid.pipeline.document_base import Document
+from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.score_document import (
     AheadDocument,
     AheadScoreDocument,
@@ -21,7 +22,6 @@ from rotorid.pipeline.score_document import (
     SweepVerificationDocument,
     TrimDocument,
 )
-from rotorid.pipeline.unseen_sweeps import Judged
 from rotorid.verify.prediction import Prediction
 from rotorid.verify.scores import scaled_guidelines
 from rotorid.verify.verdict import verdict

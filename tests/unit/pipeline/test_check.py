@@ -21,10 +21,11 @@ from rotorid.pipeline.fitting import Fitted, fit_with_bounds, pose
 from rotorid.pipeline.hold_out import hold_out
 from rotorid.pipeline.identify import identify
 from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.selection import Selection, select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.unseen_sweeps import Judged, judge_sweeps
+from rotorid.pipeline.unseen_sweeps import judge_sweeps
 from rotorid.pipeline.verification import Checked, check
 from rotorid.reduce.elimination import Reduced, fit_and_drop
 
