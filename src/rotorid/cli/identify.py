@@ -81,7 +81,7 @@ def identify_command(
     from rotorid.errors import InsufficientDataError
     from rotorid.io.registry import read
     from rotorid.pipeline.identify import identify, refused
-    from rotorid.pipeline.resolve import resolve_model
+    from rotorid.pipeline.resolve import require_known, resolve_model
     from rotorid.pipeline.settings import (
         IdentifySettings,
         parse_band,
@@ -99,7 +99,7 @@ def identify_command(
         windows_s=parse_numbers(windows) if windows else (),
         coherence=coherence,
         estimate=estimate,  # type: ignore[arg-type]
-        instruments=_names(instrument),
+        instruments=channel_names(instrument),
         segments=tuple(parse_segment(text) for text in segment or ()),
         shifts=parse_shifts(tuple(shift or ())),
         seed=seed,
@@ -107,14 +107,15 @@ def identify_command(
         ties=parse_ties(tuple(tie or ())),
         free=tuple(free or ()),
         constants=parse_fix(tuple(constant or ())),
-        outputs=_names(outputs),
+        outputs=channel_names(outputs),
         pairs=parse_pairs(tuple(pair or ())),
         pair_weights=parse_fix(tuple(weight or ())),
         weights=weights,  # type: ignore[arg-type]
         reduce=reduce,
         speed_damping=speed_damping,  # type: ignore[arg-type]
     )
-    structure = resolve_model(model, inputs=_names(inputs), outputs=_names(outputs))
+    structure = resolve_model(model, inputs=channel_names(inputs), outputs=channel_names(outputs))
+    require_known(structure, settings)
     folder = out or default_folder(logs[0], structure.name)
     command = ["rotorid", *sys.argv[1:]]
     records: list[FlightRecord] = []
@@ -139,7 +140,8 @@ def identify_command(
         print_result(result.document, folder)
 
 
-def _names(text: str | None) -> tuple[str, ...]:
+def channel_names(text: str | None) -> tuple[str, ...]:
+    """``CHANNEL,...`` as names."""
     return tuple(name.strip() for name in text.split(",")) if text else ()
 
 

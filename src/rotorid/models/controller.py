@@ -25,7 +25,8 @@ class RateController(Immutable):
 
     where :math:`F = 1/(1 + s/\omega_c)` are first-order filters and :math:`d` is one when the derivative is taken of
     the error, zero when it is taken of the rate alone. The angle is the integral of the rate, which holds near hover;
-    limits, anti-windup and slew rates are left out, and so is the gyro filter in front of the controller.
+    limits, anti-windup and slew rates are left out. Filters in front of the controller and its computing time may be
+    given as a delay, :math:`C(s) e^{-s \tau}`.
 
     Parameters
     ----------
@@ -41,11 +42,13 @@ class RateController(Immutable):
         Whether the derivative sees the set-point too.
     derivative_cutoff_hz, error_cutoff_hz, target_cutoff_hz, command_cutoff_hz
         Filters on the derivative, on the rate error, on the rate set-point and on the command; zero for none.
+    delay_s
+        How late the controller sees the rate.
 
     Raises
     ------
     UsageError
-        A gain or a cutoff is negative or not finite, or all gains of the rate are zero.
+        A gain, a cutoff or the delay is negative or not finite, or all gains of the rate are zero.
 
     Examples
     --------
@@ -63,14 +66,16 @@ class RateController(Immutable):
     error_cutoff_hz: float = 0.0
     target_cutoff_hz: float = 0.0
     command_cutoff_hz: float = 0.0
+    delay_s: float = 0.0
 
     def __post_init__(self) -> None:
         gains = (self.proportional_s, self.integral, self.derivative_s2)
         cutoffs = (self.derivative_cutoff_hz, self.error_cutoff_hz, self.target_cutoff_hz, self.command_cutoff_hz)
-        numbers = (*gains, self.angle_1_s, *cutoffs)
+        numbers = (*gains, self.angle_1_s, *cutoffs, self.delay_s)
         if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or not any(gains):
             raise UsageError(
-                f"gains {gains}, an angle gain {self.angle_1_s:g} and cutoffs {cutoffs} Hz came",
+                f"gains {gains}, an angle gain {self.angle_1_s:g}, cutoffs {cutoffs} Hz and a delay of "
+                f"{self.delay_s:g} s came",
                 needed="finite numbers from zero up, and a gain that is not zero",
             )
 
@@ -86,7 +91,8 @@ class RateController(Immutable):
         derivative = self.derivative_s2 * s * _low_pass(s, self.derivative_cutoff_hz)
         seen = around if self.derivative_of_error else np.ones_like(s)
         inside = (self.proportional_s + self.integral / s) * around + derivative * seen
-        return np.asarray(_low_pass(s, self.command_cutoff_hz) * _low_pass(s, self.error_cutoff_hz) * inside)
+        filters = _low_pass(s, self.command_cutoff_hz) * _low_pass(s, self.error_cutoff_hz)
+        return np.asarray(filters * inside * np.exp(-s * self.delay_s))
 
 
 def _low_pass(s: ComplexArray, cutoff_hz: float) -> ComplexArray:

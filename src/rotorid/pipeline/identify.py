@@ -132,7 +132,7 @@ def identify(
     )
     return Identification(
         document=_document(fitted, checked, findings, provenance, measured, flown),
-        model_toml=to_toml(fitted.structure, fitted.parameters, standard_deviations(fitted.bounds)),
+        model_toml=to_toml(fitted.structure, fitted.structure.parameters, standard_deviations(fitted.bounds)),
         response=measured.response,
         beside=measured.beside,
         model_response=fitted.structure.response(fitted.parameters.values, measured.response.omega_rad_s),
@@ -166,8 +166,8 @@ def _document(
         correlation=correlation_document(fitted.bounds),
         constants=dict(structure.constants),
         matrices=matrices_document(fitted.system),
-        poles=pole_documents(pole_confidence(structure, fitted.parameters, fitted.bounds)),
-        delays=delay_budget(structure, fitted.parameters, fitted.bounds, seen, filter_delays(measured, flown)),
+        poles=pole_documents(pole_confidence(structure, structure.parameters, fitted.bounds)),
+        delays=delay_budget(structure, structure.parameters, fitted.bounds, seen, filter_delays(measured, flown)),
         covered=range_documents(covered_by(flown)),
         verification=verification_document(checked, structure.states),
         identifiability=combination_documents(unseen_combinations(fitted.parameters, fitted.bounds)),

@@ -13,6 +13,7 @@ from rotorid.models.description import from_toml
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES, rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.models.ties import no_such
 from rotorid.models.transfer_function import transfer_function
 from rotorid.pipeline.settings import IdentifySettings
 
@@ -40,21 +41,45 @@ def resolve_model(
     """
     if isinstance(model, LinearStructure):
         return model
-    if isinstance(model, str):
-        if model in RATE_AXES:
-            return rate_model(model)
-        if model in model_names():
-            return library_model(model)
-        if match := _TRANSFER.fullmatch(model):
-            return _transfer(int(match[1]), int(match[2]), inputs, outputs)
     path = Path(model)
     if path.suffix != ".toml":
-        raise _unknown(str(model))
+        return named_model(str(model), inputs=inputs, outputs=outputs)
     try:
         return from_toml(path.read_text(encoding="utf-8"), where=path.name)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
         raise UsageError(f"{path} cannot be read: {reason}", needed="a model.toml, as identify writes it") from error
+
+
+def named_model(name: str, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearStructure:
+    """The structure behind a name: of the library, or ``transfer:m/n``.
+
+    Parameters
+    ----------
+    name
+        Such as ``hover.longitudinal``.
+    inputs, outputs
+        Channels of a transfer function, which has none by itself.
+
+    Raises
+    ------
+    ModelError
+        There is no such model.
+    UsageError
+        A transfer function came without channels.
+
+    Examples
+    --------
+    >>> named_model("transfer:0/1", inputs=["roll_command"], outputs=["p"]).parameters.names
+    ('b0', 'a0', 'tau')
+    """
+    if name in RATE_AXES:
+        return rate_model(name)
+    if name in model_names():
+        return library_model(name)
+    if match := _TRANSFER.fullmatch(name):
+        return _transfer(int(match[1]), int(match[2]), inputs, outputs)
+    raise _unknown(name)
 
 
 def _transfer(zeros: int, poles: int, inputs: Sequence[str], outputs: Sequence[str]) -> LinearStructure:
@@ -73,6 +98,36 @@ def _unknown(model: str) -> ModelError:
         needed=f"one of {', '.join(names)}, transfer:m/n, or a .toml file",
         remedy=f"did you mean {near[0]}?" if near else "",
     )
+
+
+def require_known(structure: LinearStructure, settings: IdentifySettings) -> None:
+    """Refuse a name that a structure does not have, before any log is read for it.
+
+    Parameters
+    ----------
+    structure
+        The whole model.
+    settings
+        Choices of the run: parameters, constants, outputs and responses ``output/input`` are looked up.
+
+    Raises
+    ------
+    ModelError
+        A name is unknown, the nearest one is suggested; or a choice of parameters is impossible.
+    UsageError
+        Nothing is left free.
+    """
+    responses = [f"{output}/{source}" for output in structure.outputs for source in structure.inputs]
+    for kind, given, known in (
+        ("constant", settings.constants, structure.constants),
+        ("output", settings.outputs, structure.outputs),
+        ("response", settings.pairs, responses),
+        ("response", settings.pair_weights, responses),
+    ):
+        for name in given:
+            if name not in known:
+                raise no_such(kind, name, known)
+    chosen_parameters(structure, settings)
 
 
 def chosen_parameters(structure: LinearStructure, settings: IdentifySettings) -> ParameterSet:

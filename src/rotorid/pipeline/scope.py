@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.connected import connected
+from rotorid.models.expression import Expression
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.building import require_channels
 from rotorid.pipeline.instruments import axis_of, is_command
+from rotorid.pipeline.resolve import require_known
 from rotorid.pipeline.selection import Selection
 from rotorid.pipeline.settings import IdentifySettings
 
@@ -58,19 +61,32 @@ def scoped(
     Raises
     ------
     InsufficientDataError
-        None of the outputs is in every record.
+        None of the outputs is in every record, or none of them follows the inputs that were excited.
     ModelError
-        An output was asked for that the model does not have.
+        A name was given that the model does not have.
+    UsageError
+        A parameter was given that takes no part in what is left of the model.
     """
+    require_known(structure, settings)
     flown = {maneuver.axis for _, maneuver in selection.fitted}
     excited = [name for name in structure.inputs if not is_command(name) or axis_of(name) in flown]
-    outputs = settings.outputs or _outputs_there(structure, records)
+    moved = connected(structure.select(inputs=excited))
+    outputs = settings.outputs or _outputs_there(moved, records)
     for record in records:
         require_channels(record, outputs)
-    smaller = structure.select(outputs=outputs, inputs=excited)
+    smaller = connected(structure.select(outputs=outputs, inputs=excited))
     lost = [name for name in structure.parameters.names if name not in smaller.parameters.names]
-    findings = [_not_excited(name, lost) for name in structure.inputs if name not in excited]
-    return Scoped(structure=smaller, findings=(*findings, *_without(structure, smaller, lost, settings)))
+    _require_left(lost, smaller, settings)
+    gone = [name for name in lost if name not in moved.parameters.names]
+    passed = [name for name in moved.outputs if name not in smaller.outputs]
+    return Scoped(
+        structure=smaller,
+        findings=(
+            *_not_excited([name for name in structure.inputs if name not in excited], gone),
+            *_without_response([name for name in excited if name not in smaller.inputs], settings.outputs, smaller),
+            *_without(passed, smaller, [name for name in lost if name not in gone], settings),
+        ),
+    )
 
 
 def _outputs_there(structure: LinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:
@@ -106,21 +122,59 @@ def _rate_hz(record: FlightRecord, name: str) -> float:
     return max((topic.sample_rate_hz for topic, _ in record.holding(name)), default=0.0)
 
 
-def _not_excited(name: str, lost: Sequence[str]) -> Finding:
-    gone = f" Without it {', '.join(lost)} cannot be identified." if lost else ""
-    return Finding(
-        kind="no_excitation",
-        severity="warning",
-        where=name,
-        message=f"No sweep or random binary signal of {name} came, so the model is fitted without that input.{gone}",
-    )
+def _require_left(lost: Sequence[str], left: LinearStructure, settings: IdentifySettings) -> None:
+    """Refuse what was said about parameters that stand nowhere any more."""
+    sources = {source for text in settings.ties.values() for source in Expression.parse(text).names}
+    given = [name for name in lost if name in {*settings.fix, *settings.ties, *settings.free, *sources}]
+    if given:
+        raise UsageError(
+            f"{', '.join(given)} came with --fix, --tie or --free, and no response of {', '.join(left.outputs)} to "
+            f"{', '.join(left.inputs)} depends on {'it' if len(given) == 1 else 'them'}",
+            needed=f"parameters among {', '.join(left.parameters.names)}",
+            remedy="leave it out, or add a log or outputs that show it",
+        )
+
+
+def _not_excited(names: Sequence[str], lost: Sequence[str]) -> list[Finding]:
+    """What to say about inputs that were not excited; what goes with several of them is said once."""
+    if not names:
+        return []
+    gone = f" Without {'it' if len(names) == 1 else 'them'} {', '.join(lost)} cannot be identified." if lost else ""
+    inputs = "that input" if len(names) == 1 else "those inputs"
+    return [
+        Finding(
+            kind="no_excitation",
+            severity="warning",
+            where=", ".join(names),
+            message=(
+                f"No sweep or random binary signal of {' or '.join(names)} came, so the model is fitted without "
+                f"{inputs}.{gone}"
+            ),
+        )
+    ]
+
+
+def _without_response(names: Sequence[str], asked: Sequence[str], left: LinearStructure) -> list[Finding]:
+    """What to say about inputs, and outputs that were asked for, between which the model has no response at all."""
+    names = [*names, *(name for name in asked if name not in left.outputs)]
+    return [
+        Finding(
+            kind="no_response",
+            severity="warning",
+            where=name,
+            message=(
+                f"The model leads from {', '.join(left.inputs)} to {', '.join(left.outputs)} without {name}, so it "
+                "takes no part in the fit."
+            ),
+        )
+        for name in names
+    ]
 
 
 def _without(
-    structure: LinearStructure, smaller: LinearStructure, lost: Sequence[str], settings: IdentifySettings
+    passed: Sequence[str], smaller: LinearStructure, lost: Sequence[str], settings: IdentifySettings
 ) -> list[Finding]:
     """What to say about outputs that were passed over by themselves."""
-    passed = [name for name in structure.outputs if name not in smaller.outputs]
     if settings.outputs or not passed:
         return []
     gone = f" With them go {', '.join(lost)}." if lost else ""

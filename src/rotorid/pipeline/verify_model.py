@@ -55,7 +55,7 @@ def candidate_of(fitted: Fitted, measured: Measured) -> Candidate:
     """A model that has just been fitted."""
     return Candidate(
         structure=fitted.structure,
-        parameters=fitted.parameters,
+        parameters=fitted.structure.parameters,
         band_rad_s=fitted.band_rad_s,
         sources=output_sources(measured),
     )

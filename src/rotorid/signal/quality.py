@@ -30,6 +30,7 @@ SAG = 0.05
 _REMARKED_SHARE = 0.1
 _LEAST_MOTION = 0.05
 _HARD_LIMIT = 1e-6
+_NORMALIZED = 1.5
 _EDGE = 2e-4
 _PILED = 3.0
 _LEAST_PILE = 10
@@ -185,6 +186,9 @@ def _saturated(name: str, values: FloatArray) -> float:
     # A thrust that goes below zero is counted from hover, and zero is no end of its range.
     upward = name in _MOTORS or (name == "thrust_command" and float(np.mean(values < -_HARD_LIMIT)) < _HARD_LIMIT)
     lowest = 0.0 if upward else -1.0
+    if np.abs(values).max() > _NORMALIZED:
+        # Steps of a motor controller, or microseconds: where their range ends is not known.
+        return limited_share(values)
     hard = np.mean((values <= lowest + _HARD_LIMIT) | (values >= 1.0 - _HARD_LIMIT))
     return max(float(hard), limited_share(values))
 

@@ -171,6 +171,10 @@ def test_a_command_that_is_an_input_itself_is_not_remarked_on() -> None:
     assert not others & {f.kind for f in quality_findings(history, axis="roll", accounted=names)}
 
 
+def test_commands_in_steps_of_a_motor_controller_have_no_known_limit() -> None:
+    assert ("saturation", "roll_command") not in findings(roll_command=100.0 * SWEEP)
+
+
 def test_a_random_binary_command_is_not_saturated() -> None:
     assert ("saturation", "roll_command") not in findings(roll_command=np.sign(SWEEP))
 

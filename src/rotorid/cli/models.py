@@ -1,0 +1,123 @@
+"""``rotorid models``: what can stand behind ``--model``, and where a model of one's own begins."""
+
+from __future__ import annotations
+
+import json as json_text
+import sys
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from rotorid.cli.identify import channel_names
+
+if TYPE_CHECKING:
+    from rotorid.models.structure import LinearStructure
+
+SCHEMA = "rotorid.models/1"
+
+TRANSFER = "transfer:m/n"
+_ABOUT_TRANSFER = "Any transfer function, m zeros over n poles, between channels named with --inputs and --outputs."
+_ABOUT_RATE = "Rate of one axis after its command: gain, damping, motor lag, delay. From some 3 to 8 rad/s up."
+
+
+class _Listed(NamedTuple):
+    """One line of the list; channels and parameters of a transfer function are the user's."""
+
+    name: str
+    about: str
+    structure: LinearStructure | None = None
+
+    def as_json(self) -> dict[str, object]:
+        structure = self.structure
+        return {
+            "name": self.name,
+            "about": self.about,
+            "inputs": list(structure.inputs) if structure else None,
+            "outputs": list(structure.outputs) if structure else None,
+            "parameters": list(structure.parameters.names) if structure else None,
+        }
+
+
+def models_command(
+    name: Annotated[
+        str | None, typer.Argument(help="A model, to print as the TOML text that --model reads. [default: list all]")
+    ] = None,
+    inputs: Annotated[str | None, typer.Option("--inputs", help="CHANNEL,... of a transfer function.")] = None,
+    outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... of a transfer function.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")] = False,
+) -> None:
+    """List the models of the library, or print one to begin a model of your own with."""
+    if name is None:
+        models = _library()
+        if json:
+            _write({"schema": SCHEMA, "models": [one.as_json() for one in models]})
+        else:
+            _print_list(models)
+        return
+    text, about, structure = _text(name, channel_names(inputs), channel_names(outputs))
+    if json:
+        _write({"schema": SCHEMA, "models": [{**_Listed(name, about, structure).as_json(), "toml": text}]})
+    else:
+        sys.stdout.write(text)
+
+
+def _library() -> list[_Listed]:
+    from rotorid.models.catalog import library_model, library_text, model_names
+    from rotorid.models.rate import RATE_AXES, rate_model
+
+    return [
+        *(_Listed(name, _ABOUT_RATE, rate_model(name)) for name in RATE_AXES),
+        *(_Listed(name, _first_comment(library_text(name)), library_model(name)) for name in model_names()),
+        _Listed(TRANSFER, _ABOUT_TRANSFER),
+    ]
+
+
+def _first_comment(text: str) -> str:
+    first = text.partition("\n")[0]
+    return first.removeprefix("#").strip() if first.startswith("#") else ""
+
+
+def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[str, str, LinearStructure]:
+    """A model as TOML text, what it is, and its structure."""
+    from rotorid.errors import UsageError
+    from rotorid.models.catalog import library_text, model_names
+    from rotorid.models.description import from_toml, to_toml
+    from rotorid.models.rate import RATE_AXES
+    from rotorid.pipeline.resolve import named_model
+
+    transfer = name.startswith("transfer:")
+    if (inputs or outputs) and not transfer:
+        raise UsageError(
+            f"--inputs and --outputs came with {name}",
+            needed=f"them with {TRANSFER} alone",
+            remedy="the channels of other models stand in their text",
+        )
+    if name in model_names():
+        text = library_text(name)
+        return text, _first_comment(text), from_toml(text, where=f"the model {name}")
+    structure = named_model(name, inputs=inputs, outputs=outputs)
+    about = _ABOUT_RATE if name in RATE_AXES else _ABOUT_TRANSFER
+    return f"# {about}\n\n{to_toml(structure, structure.parameters, {})}", about, structure
+
+
+def _print_list(models: list[_Listed]) -> None:
+    from rich.table import Table
+
+    from rotorid.cli.console import output_console
+
+    table = Table(box=None, pad_edge=False)
+    for column in ("model", "inputs -> outputs"):
+        table.add_column(column, overflow="fold")
+    table.add_column("parameters", justify="right")
+    table.add_column("what it is", overflow="fold")
+    for one in models:
+        structure = one.structure
+        channels = "" if structure is None else f"{' '.join(structure.inputs)} -> {' '.join(structure.outputs)}"
+        table.add_row(one.name, channels, "" if structure is None else str(len(structure.parameters)), one.about)
+    console = output_console()
+    console.print(table)
+    console.print("rotorid models NAME prints a model as TOML text, the beginning of one of your own.", soft_wrap=True)
+
+
+def _write(document: dict[str, object]) -> None:
+    sys.stdout.write(json_text.dumps(document, indent=2) + "\n")
