@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.data.disturbance import Disturbance
 from rotorid.data.findings import Finding
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.typing import ComplexArray, FloatArray
@@ -51,6 +52,8 @@ class FrequencyResponse(Immutable):
     input_correlation
         Correlation of the errors of the responses of one output to two inputs between all frequencies, shape
         ``(u, u, f, f)``: one instrument may move several inputs. ``None`` takes them as independent.
+    disturbance
+        What moved the outputs beside the inputs; ``None`` for what is no plain estimate any more.
     """
 
     omega_rad_s: FloatArray
@@ -67,6 +70,7 @@ class FrequencyResponse(Immutable):
     processing: tuple[str, ...] = ()
     output_correlation: ComplexArray | None = None
     input_correlation: ComplexArray | None = None
+    disturbance: Disturbance | None = None
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)

@@ -7,19 +7,22 @@ covariance :math:`C` of all residuals :math:`r`
 .. math:: \min_\theta \; r^T (C + C_0)^{-1} r
 
 lets what is common to several outputs cancel. Of the linear unbiased estimates it has the least variance (Aitken 1935).
-:math:`C_0` keeps it from believing too much: one percent of error of the model at every point, and a tenth of each
-point's own variance that nothing else shares. On simulated closed-loop flights of a quadrotor in turbulence standard
-deviations fall to a half and down to a tenth of those of CIFER's weights.
+The covariance is taken about the fitted model and not about the estimate: an estimate has adapted to its disturbance,
+and weights that know of it would pull the fit along. :math:`C_0` keeps it from believing too much: one percent of error
+of the model at every point, and a tenth of each point's own variance that nothing else shares. On simulated closed-loop
+flights of a quadrotor in turbulence standard deviations fall to a half and down to a tenth of those of CIFER's weights.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
+from rotorid.fit.error_covariance import ResidualErrors
 from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
 from rotorid.typing import FloatArray
+
+_ROUNDS = 2
+"""Errors are taken about the model of the round before; after two they stand still."""
 
 
 def refine(problem: FrequencyProblem, solution: Solution, *, solver: LevenbergMarquardt | None = None) -> Solution:
@@ -39,12 +42,13 @@ def refine(problem: FrequencyProblem, solution: Solution, *, solver: LevenbergMa
     Solution
         Its residuals are normalized: of a structure that fits their squares sum to about their number or less.
     """
-    errors = problem.errors
-    free = problem.parameters.free
-    lower, upper = (np.array([getattr(problem.parameters[name], side) for name in free]) for side in ("lower", "upper"))
+    solver = solver or LevenbergMarquardt()
+    for _ in range(_ROUNDS):
+        errors = problem.errors_about(solution.theta)
 
-    def normalized(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        residual, jacobian = problem.residuals(theta)
-        return errors.whitened(residual), errors.whitened(jacobian)
+        def normalized(theta: FloatArray, errors: ResidualErrors = errors) -> tuple[FloatArray, FloatArray]:
+            residual, jacobian = problem.residuals(theta)
+            return errors.whitened(residual), errors.whitened(jacobian)
 
-    return (solver or LevenbergMarquardt()).minimize(normalized, solution.theta, lower, upper)
+        solution = solver.minimize(normalized, solution.theta, *problem.box)
+    return solution

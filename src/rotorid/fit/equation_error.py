@@ -173,6 +173,9 @@ def _solve(error: ComplexArray, derivative: ComplexArray) -> tuple[FloatArray, f
     right = np.concatenate([error.real.ravel(), error.imag.ravel()])
     matrix = np.concatenate([columns.real, columns.imag], axis=1).T
     length = np.sqrt(np.sum(matrix**2, axis=0))
+    if not (np.isfinite(length).all() and np.isfinite(right).all()):
+        # Values so far off that they overflow lead nowhere, and LAPACK complains about them by itself.
+        return np.zeros(len(columns)), np.inf
     length = np.where(length > 0.0, length, 1.0)
     step = np.linalg.lstsq(matrix / length, -right, rcond=_RANK)[0] / length
     left = right + matrix @ step

@@ -18,6 +18,9 @@ from rotorid.typing import BoolArray, FloatArray, IntArray
 LONGEST_DELAY_S = 0.3
 """Delays of multirotors are below; a grid goes further where the present values do."""
 
+_LONGEST_GRID_S = 3.0
+"""What is later than this is no delay of a vehicle, and its grid would have no end."""
+
 _RADIANS_PER_STEP = 0.5
 _LAGS_S = (0.01, 0.03, 0.1)
 _SCAN_FREQUENCIES = 24
@@ -29,7 +32,7 @@ def delay_grid_s(problem: FrequencyProblem) -> FloatArray:
     """Delays from zero up, at most half a radian apart at the highest frequency, shape ``(g,)``."""
     highest = float(problem.points.omega_rad_s.max(initial=1.0))
     present = np.abs(problem.parameters.pack()[delays(problem)]).max(initial=0.0)
-    longest = max(LONGEST_DELAY_S, 1.5 * float(present))
+    longest = min(max(LONGEST_DELAY_S, 1.5 * float(present)), _LONGEST_GRID_S)
     return np.linspace(0.0, longest, 2 + int(longest * highest / _RADIANS_PER_STEP))
 
 

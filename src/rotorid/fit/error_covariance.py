@@ -12,13 +12,14 @@ between outputs, which the disturbance makes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.data.response import FrequencyResponse
+from rotorid.spectral.disturbances import level_about, output_correlation
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
 MODEL_ERROR = 0.01
@@ -75,7 +76,13 @@ class ResidualErrors(Immutable):
         return float(self.scale.size - np.sum(inverse**2 @ self.own))
 
 
-def residual_errors(data: FrequencyResponse, used: BoolArray, scales: tuple[FloatArray, FloatArray]) -> ResidualErrors:
+def residual_errors(
+    data: FrequencyResponse,
+    used: BoolArray,
+    scales: tuple[FloatArray, FloatArray],
+    *,
+    model: ComplexArray | None = None,
+) -> ResidualErrors:
     """Covariance of the residuals of a fit.
 
     Parameters
@@ -86,13 +93,33 @@ def residual_errors(data: FrequencyResponse, used: BoolArray, scales: tuple[Floa
         Points that count, shape ``(y, u, f)``.
     scales
         Factors of magnitude and phase errors in the residuals of these points, each shape ``(n,)``.
+    model
+        The response about which errors are wanted, shape ``(y, u, f)``: that of a fit knows better than single points
+        what is response and what disturbance. None for the measured one itself.
     """
+    if model is not None:
+        data = _about(data, used, model)
     relative = _relative_covariance(data, *np.nonzero(used))
     # The real and imaginary parts of a circular error: half of the covariance each, coupled by its imaginary part.
     real, cross = 0.5 * relative.real, -0.5 * relative.imag
     scale = np.concatenate(scales)
     total = np.block([[real, cross], [cross.T, real]])
     return ResidualErrors(covariance=scale[:, None] * total * scale, scale=scale)
+
+
+def _about(data: FrequencyResponse, used: BoolArray, model: ComplexArray) -> FrequencyResponse:
+    """The data with the errors that they have about a model: relative to it, and of what it leaves of the outputs."""
+    factor = np.where(used, data.values / np.where(used, model, 1.0), 1.0)
+    if data.disturbance is None:
+        return replace(data, covariance=data.covariance * factor[..., :, None] * factor.conj()[..., None, :])
+    difference = np.where(used, data.values - model, 0.0)
+    correlation = output_correlation(data.disturbance, difference)
+    factor = factor * level_about(data.disturbance, difference)
+    return replace(
+        data,
+        covariance=data.covariance * factor[..., :, None] * factor.conj()[..., None, :],
+        output_correlation=np.stack([correlation] * len(data.inputs)),
+    )
 
 
 def _relative_covariance(data: FrequencyResponse, output: IntArray, source: IntArray, point: IntArray) -> ComplexArray:

@@ -19,6 +19,7 @@ _SAME_COST = 1e-6
 _SAME_PLACE = 1e-3
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a start far off has a cost that is no number
 def fit(
     problem: FrequencyProblem,
     *,

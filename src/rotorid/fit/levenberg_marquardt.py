@@ -34,6 +34,7 @@ class LevenbergMarquardt:
     iterations: int = 200
     tolerance: float = 1e-10
 
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a step too far gives a cost that is no number
     def minimize(self, residuals: Residuals, start: FloatArray, lower: FloatArray, upper: FloatArray) -> Solution:
         """Minimize the sum of squares from ``start`` inside the box ``lower`` to ``upper``, each shape ``(p,)``."""
         theta = np.clip(start, lower, upper)
@@ -41,6 +42,17 @@ class LevenbergMarquardt:
         cost = float(residual @ residual)
         trace, damping, outcome = [cost], 1e-3, Outcome.OUT_OF_ITERATIONS
         evaluations = 1
+        if not _usable(cost, jacobian):
+            return Solution(
+                theta=theta,
+                cost=np.inf,
+                outcome=Outcome.STALLED,
+                residual=residual,
+                jacobian=jacobian,
+                evaluations=evaluations,
+                trace=(np.inf,),
+                at_bound=_at_bound(theta, lower, upper),
+            )
         for _ in range(self.iterations):
             gradient, normal = jacobian.T @ residual, jacobian.T @ jacobian
             # Column lengths of the Jacobian: gradients over them, and steps times them, have the unit of the residuals.
@@ -60,7 +72,7 @@ class LevenbergMarquardt:
             new_residual, new_jacobian = residuals(trial)
             evaluations += 1
             new_cost = float(new_residual @ new_residual)
-            if new_cost < cost:
+            if new_cost < cost and _usable(new_cost, new_jacobian):
                 small_step = np.abs(step * scale).max() <= self.tolerance * np.sqrt(1.0 + cost)
                 small_gain = cost - new_cost <= self.tolerance * (1e-6 + cost) and damping <= 1e-2
                 theta, residual, jacobian, cost = trial, new_residual, new_jacobian, new_cost
@@ -83,8 +95,17 @@ class LevenbergMarquardt:
             jacobian=jacobian,
             evaluations=evaluations,
             trace=tuple(trace),
-            at_bound=tuple(bool(flag) for flag in (theta <= lower) | (theta >= upper)),
+            at_bound=_at_bound(theta, lower, upper),
         )
+
+
+def _usable(cost: float, jacobian: FloatArray) -> bool:
+    """Whether sums of squares are numbers: no pole lies on a point, and nothing has grown beyond all measure."""
+    return bool(np.isfinite(cost) and np.isfinite(np.sum(jacobian**2)))
+
+
+def _at_bound(theta: FloatArray, lower: FloatArray, upper: FloatArray) -> tuple[bool, ...]:
+    return tuple(bool(flag) for flag in (theta <= lower) | (theta >= upper))
 
 
 def _step(normal: FloatArray, gradient: FloatArray, damping: float, moving: BoolArray) -> FloatArray:

@@ -18,7 +18,7 @@ from rotorid.fit.pairs import pair_index
 from rotorid.fit.parameter_map import ParameterMap
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.typing import BoolArray, ComplexArray, FloatArray
+from rotorid.typing import BoolArray, FloatArray
 
 _OF_THE_DATA = ("weights", "scales", "points", "point_scales", "errors")
 _LARGEST_ERROR = 0.3
@@ -117,6 +117,11 @@ class FrequencyProblem(Immutable):
     def errors(self) -> ResidualErrors:
         """What the errors of the data make of the residuals."""
         return residual_errors(self.data, self.used, self.point_scales)
+
+    def errors_about(self, theta: FloatArray) -> ResidualErrors:
+        """What the errors of the data make of the residuals, about the model at ``theta``."""
+        model = self.structure.response(self.parameters.unpack(theta).values, self.data.omega_rad_s)
+        return residual_errors(self.data, self.used, self.point_scales, model=model)
 
     def with_parameters(self, parameters: ParameterSet) -> FrequencyProblem:
         """The same problem with other free parameters or another start."""

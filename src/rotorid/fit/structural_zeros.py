@@ -56,7 +56,8 @@ def _zero_everywhere(problem: FrequencyProblem) -> BoolArray:
         except (ModelError, np.linalg.LinAlgError):
             continue
         size = np.abs(response).max(axis=-1, initial=0.0)
-        level = np.sqrt(size.max(axis=0, keepdims=True) * size.max(axis=1, keepdims=True))
+        # The root of each, for their product may be too large for a number.
+        level = np.sqrt(size.max(axis=0, keepdims=True)) * np.sqrt(size.max(axis=1, keepdims=True))
         zero &= size <= _ZERO * level
         drawn += 1
     return zero & (drawn > 0)

@@ -51,6 +51,8 @@ class Composed:
         Random error of each window alone, shape ``(u, w, f)``; not a number where it does not count.
     multiple_coherence
         Share of the output's power that all inputs explain, shape ``(f,)``.
+    weakness
+        Factor on the errors because instruments are weak, shape ``(u, f)``.
     """
 
     values: ComplexArray
@@ -60,6 +62,7 @@ class Composed:
     share: FloatArray
     window_error: FloatArray
     multiple_coherence: FloatArray
+    weakness: FloatArray
 
     def at(self, points: BoolArray) -> Composed:
         """The same at some of the frequencies only; ``points`` has shape ``(f,)``."""
@@ -71,6 +74,7 @@ class Composed:
             share=self.share[..., points],
             window_error=self.window_error[..., points],
             multiple_coherence=self.multiple_coherence[points],
+            weakness=self.weakness[:, points],
         )
 
 
@@ -111,7 +115,7 @@ class Composer:
         """
         parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
         columns = [self._one(parts, index, draft) for index in range(len(self.windows[0].inputs))]
-        values, coherence, error, covariance, share, single = (
+        values, coherence, error, covariance, share, single, weakness = (
             np.stack(arrays) for arrays in zip(*columns, strict=True)
         )
         mean = share.mean(axis=0)
@@ -126,6 +130,7 @@ class Composer:
             share=share,
             window_error=single,
             multiple_coherence=explained,
+            weakness=weakness,
         )
 
     @property
@@ -134,10 +139,10 @@ class Composer:
 
     def _one(
         self, parts: Sequence[Conditioned], index: int, draft: bool
-    ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray]:
+    ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
         power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
         response = self._padded([part.response[index] for part in parts], 1.0)
-        noise = self._padded([part.noise / left for part, left in zip(parts, self._left, strict=True)], 1.0).real
+        noise = self._padded([part.noise / left for part, left in zip(parts, self.left, strict=True)], 1.0).real
         pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
         single = random_error(pairs.coherence, self._averages, overlap=self.overlap)
         weights = self._weights(single)
@@ -158,10 +163,10 @@ class Composer:
         if draft:
             averages = np.sum(share * self._averages, axis=0)
             error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.overlap)
-            return values, coherence, error, np.zeros(0, dtype=np.complex128), share, single
-        covariance = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
+            return values, coherence, error, np.zeros(0, dtype=np.complex128), share, single, np.ones_like(error)
+        covariance, weakness = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
         spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(values)
-        return values, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance, share, single
+        return values, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance, share, single, weakness
 
     def _best_share(self, index: int, noise: FloatArray, size: FloatArray) -> FloatArray:
         """Shares of the least error, from how a disturbance at each moment enters each window's estimate."""
@@ -195,7 +200,7 @@ class Composer:
         return np.array([window.matrix.averages for window in self.windows])[:, None]
 
     @cached_property
-    def _left(self) -> tuple[FloatArray, ...]:
+    def left(self) -> tuple[FloatArray, ...]:
         """Share of the noise that estimating the response has left, of each window."""
         return tuple(residual_share(window, self.taper) for window in self.windows)
 
@@ -270,11 +275,11 @@ class Composer:
 
     def _covariance(
         self, parts: Sequence[Conditioned], index: int, share: FloatArray, noise: FloatArray
-    ) -> ComplexArray:
+    ) -> tuple[ComplexArray, FloatArray]:
         total = np.einsum("wf,wfm->fm", share, self._influences[index])
         covariance = response_covariance([total], self.omega_rad_s, noise, self._moment_s)
         if self._direct:
-            return covariance
+            return covariance, np.ones(len(covariance))
         unexplained = self._padded([window.input_noise[index] for window in self.windows], 0.0).real
         residual = self._padded([part.input_residual[index] for part in parts], 0.0)
         factor = weak_instrument_factor(
@@ -283,7 +288,7 @@ class Composer:
             np.sum(share * unexplained, axis=0),
             np.sum(share * residual, axis=0),
         )
-        return np.asarray(covariance * factor[:, None] * factor)
+        return np.asarray(covariance * factor[:, None] * factor), factor
 
 
 def _smooth(noise: FloatArray) -> FloatArray:

@@ -189,6 +189,7 @@ def ratio(numerator: FrequencyResponse, denominator: FrequencyResponse) -> Frequ
         random_error=np.hypot(numerator.random_error, denominator.random_error),
         covariance=(np.outer(values, values.conj()) * relative)[None, None],
         inputs=(name,),
+        disturbance=None,
         estimate="joint",
         instruments=numerator.instruments or numerator.inputs,
         findings=(*numerator.findings, *denominator.findings),
@@ -226,6 +227,7 @@ def inverse(response: FrequencyResponse) -> FrequencyResponse:
         covariance=_scaled_covariance(response, -1.0 / response.values**2),
         inputs=response.outputs,
         outputs=response.inputs,
+        disturbance=None,
         instruments=(),
         processing=(*response.processing, f"inverse of {response.outputs[0]}/{response.inputs[0]}"),
     )
@@ -282,6 +284,7 @@ def selected(
         processing=(*response.processing, *note),
         output_correlation=_at(response.output_correlation, across, down, down, points),
         input_correlation=_at(response.input_correlation, across, across, points, points),
+        disturbance=None,
     )
 
 
@@ -347,6 +350,7 @@ def _scaled(response: FrequencyResponse, factor: ComplexArray, *notes: str) -> F
         covariance=_scaled_covariance(response, factor),
         processing=(*response.processing, *notes),
         output_correlation=_turned(response, factor),
+        disturbance=None,
     )
 
 

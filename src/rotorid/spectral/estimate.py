@@ -7,13 +7,14 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from rotorid.data.disturbance import Disturbance
 from rotorid.data.history import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.spectral.composer import Composed, Composer, Composition
 from rotorid.spectral.conditioning import OutputSpectra, output_spectra, separate
 from rotorid.spectral.diagnostics import Diagnostics, diagnose
-from rotorid.spectral.disturbances import disturbance_correlation
+from rotorid.spectral.disturbances import disturbance_of, output_correlation
 from rotorid.spectral.grid import refined, require_grid
 from rotorid.spectral.leakage import derivatives, without_leakage
 from rotorid.spectral.preconditions import require_finite, require_motion, require_windows
@@ -183,7 +184,7 @@ def diagnosed_response(
     parts = [part.at(asked) for part, _, _ in answers]
     share = np.mean([part.share for part, _, _ in answers], axis=0)
     densities = [spectra for _, _, spectra in answers]
-    correlation = disturbance_correlation(composer.windows, densities, share.mean(axis=0), asked)
+    disturbance = disturbance_of(composer.windows, densities, [part for part, _, _ in answers], composer.left, asked)
     response = _stacked(
         parts,
         omega_rad_s=composer.omega_rad_s[asked],
@@ -191,7 +192,7 @@ def diagnosed_response(
         outputs=outputs,
         instruments=drivers if joint else (),
         windows_s=[matrix.window_s for matrix in matrices],
-        output_correlation=correlation,
+        disturbance=disturbance,
         input_correlation=composer.input_correlation(share, asked) if len(inputs) > 1 else None,
     )
     return response, diagnose(composer.windows, parts, [added[:, asked] for _, added, _ in answers], asked)
@@ -205,7 +206,7 @@ def _stacked(
     outputs: Sequence[str],
     instruments: Sequence[str],
     windows_s: Sequence[float],
-    output_correlation: ComplexArray,
+    disturbance: Disturbance,
     input_correlation: ComplexArray | None,
 ) -> FrequencyResponse:
     """One response of all outputs."""
@@ -221,8 +222,9 @@ def _stacked(
         instruments=tuple(instruments),
         windows_s=tuple(windows_s),
         # The same disturbance enters the responses to every input.
-        output_correlation=np.stack([output_correlation] * len(inputs)),
+        output_correlation=np.stack([output_correlation(disturbance)] * len(inputs)),
         input_correlation=input_correlation,
+        disturbance=disturbance,
     )
 
 

@@ -185,6 +185,7 @@ def at_points(response: FrequencyResponse, rows: IntArray) -> FrequencyResponse:
         input_correlation=(
             None if response.input_correlation is None else response.input_correlation[..., rows[:, None], rows]
         ),
+        disturbance=None,
     )
 
 

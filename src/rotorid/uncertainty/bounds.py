@@ -25,6 +25,7 @@ import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import InsufficientDataError
+from rotorid.fit.error_covariance import ResidualErrors
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
 from rotorid.typing import FloatArray
@@ -103,13 +104,18 @@ def bounds(problem: FrequencyProblem, solution: Solution, *, weights: Weights = 
     InsufficientDataError
         A parameter has no effect on the cost at all.
     """
-    residual, jacobian = solution.residual, solution.jacobian
-    of_cost = jacobian if weights == "cifer" else problem.residuals(solution.theta)[1]
+    if weights == "cifer":
+        errors, residual, jacobian = problem.errors, solution.residual, solution.jacobian
+        of_cost = jacobian
+    else:
+        errors = problem.errors_about(solution.theta)
+        residual, of_cost = problem.residuals(solution.theta)
+        residual, jacobian = errors.whitened(residual), errors.whitened(of_cost)
     length, _, inverse_root = _inverse_root(problem, of_cost)
     inverse = 0.5 * inverse_root @ inverse_root.T
     _, left_vectors, root = _inverse_root(problem, jacobian)
     gain = root @ left_vectors.T
-    spread = _Spread.of(problem, gain, weights)
+    spread = _Spread.of(errors, gain, weights)
     # The part of the errors that the fit absorbs does not show in the residuals.
     expected = (
         spread.total
@@ -150,10 +156,9 @@ class _Spread(NamedTuple):
     squared: float
 
     @classmethod
-    def of(cls, problem: FrequencyProblem, gain: FloatArray, weights: Weights) -> _Spread:
+    def of(cls, errors: ResidualErrors, gain: FloatArray, weights: Weights) -> _Spread:
         from scipy.linalg import solve_triangular
 
-        errors = problem.errors
         if weights == "cifer":
             shared = gain @ errors.covariance
             total, squared = float(np.trace(errors.covariance)), float(np.sum(errors.covariance**2))
