@@ -24,7 +24,8 @@ class RotoridError(Exception):
         self.needed = needed
         self.remedy = remedy
         parts = (came, f"needed: {needed}" if needed else "", remedy)
-        super().__init__("; ".join(part.rstrip(".") for part in parts if part) + ".")
+        sentence = "; ".join(part.rstrip(".") for part in parts if part)
+        super().__init__(sentence if sentence.endswith("?") else f"{sentence}.")
 
 
 class UsageError(RotoridError):

@@ -21,7 +21,7 @@ def test_pictures_are_drawn_and_hostile_text_stays_text(chromium: str, tmp_path:
     body = elements[elements.index("<body") :]
     pictures = html.count("data-picture=")
     # Plotly draws each picture in layers; the first of them carries the axes.
-    assert body.count('class="cartesianlayer"') == pictures == 8
+    assert body.count('class="cartesianlayer"') == pictures == 10
     assert "<title>run</title>" not in elements
 
 
@@ -42,6 +42,6 @@ def test_a_hover_model_is_drawn_and_fits_the_window(chromium: str, tmp_path: Pat
     assert console == []
     assert 'data-pictures="drawn"' in elements
     body = elements[elements.index("<body") :]
-    assert body.count('class="cartesianlayer"') == html.count("data-picture=") == 13
+    assert body.count('class="cartesianlayer"') == html.count("data-picture=") == 14
     # Bars of the map of correlations: one cell for each of 21 pairs.
     assert body.count('<g class="point"') == 21

@@ -16,6 +16,7 @@ from rotorid.cli.console import say
 from rotorid.cli.demo import demo_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
+from rotorid.cli.models import models_command
 from rotorid.cli.response import response_command
 from rotorid.cli.verify import verify_command
 from rotorid.errors import RotoridError
@@ -40,6 +41,7 @@ app.command("inspect")(inspect_command)
 app.command("response")(response_command)
 app.command("identify")(identify_command)
 app.command("verify")(verify_command)
+app.command("models")(models_command)
 
 
 def _version(asked: bool) -> None:

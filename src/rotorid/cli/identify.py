@@ -182,5 +182,7 @@ def print_result(document: ResultDocument, folder: Path) -> None:
         console.print(f"unseen {record}: {scores}")
     for record, cost_value in document.verification.frequency.items():
         console.print(f"unseen {record}: cost {cost_value:.1f}")
+    for combination in document.identifiability:
+        console.print(combination.words, markup=False)
     print_findings(document.findings)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)

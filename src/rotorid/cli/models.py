@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 import sys
+from itertools import takewhile
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
@@ -67,14 +68,16 @@ def _library() -> list[_Listed]:
 
     return [
         *(_Listed(name, _ABOUT_RATE, rate_model(name)) for name in RATE_AXES),
-        *(_Listed(name, _first_comment(library_text(name)), library_model(name)) for name in model_names()),
+        *(_Listed(name, _first_sentence(library_text(name)), library_model(name)) for name in model_names()),
         _Listed(TRANSFER, _ABOUT_TRANSFER),
     ]
 
 
-def _first_comment(text: str) -> str:
-    first = text.partition("\n")[0]
-    return first.removeprefix("#").strip() if first.startswith("#") else ""
+def _first_sentence(text: str) -> str:
+    """The first sentence of the comment with which a model begins."""
+    comment = takewhile(lambda line: line.startswith("#"), text.splitlines())
+    sentence, dot, _ = " ".join(line.removeprefix("#").strip() for line in comment).partition(". ")
+    return sentence + dot.strip()
 
 
 def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[str, str, LinearStructure]:
@@ -94,7 +97,7 @@ def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple
         )
     if name in model_names():
         text = library_text(name)
-        return text, _first_comment(text), from_toml(text, where=f"the model {name}")
+        return text, _first_sentence(text), from_toml(text, where=f"the model {name}")
     structure = named_model(name, inputs=inputs, outputs=outputs)
     about = _ABOUT_RATE if name in RATE_AXES else _ABOUT_TRANSFER
     return f"# {about}\n\n{to_toml(structure, structure.parameters, {})}", about, structure

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rotorid.pipeline.verify_document import VerifyDocument
     from rotorid.verify.matching import LowPass
 
-FILE = "verification.json"
+FILE, REPORT = "verification.json", "report.html"
 
 
 def verify_command(
@@ -51,6 +51,9 @@ def verify_command(
     scale: Annotated[
         float | None, typer.Option("--scale", help="Full-scale rotor diameter over the size of the vehicle.")
     ] = None,
+    controller: Annotated[
+        Path | None, typer.Option("--controller", help="TOML file with the gains of each axis, to fly in closed loop.")
+    ] = None,
     map: Map = None,
     out: Out = None,
     json: Json = False,
@@ -63,8 +66,9 @@ def verify_command(
     from rotorid.pipeline.verify import refused_verification, verify
     from rotorid.pipeline.verify_model import read_candidate
     from rotorid.report.output import to_json, write_together
+    from rotorid.report.verification_page import render_verification
 
-    settings = _settings(band, windows, coherence, estimate, instrument, segment, shift, low_pass, scale)
+    settings = _settings(band, windows, coherence, estimate, instrument, segment, shift, low_pass, scale, controller)
     candidate = read_candidate(result)
     folder = out or default_folder(logs[0], f"verify-{candidate.structure.name}")
     command = ["rotorid", *sys.argv[1:]]
@@ -76,7 +80,15 @@ def verify_command(
                 records.append(read(log, mapping=map))
             verified = verify(candidate, records, settings=settings, command=command, progress=tell)
             text = to_json(verified.document)
-            write_together(folder, {FILE: lambda path: write_atomically(path, text)})
+            tell("drawing the report")
+            page = render_verification(verified, title=f"{candidate.structure.name} on unseen flight")
+            write_together(
+                folder,
+                {
+                    FILE: lambda path: write_atomically(path, text),
+                    REPORT: lambda path: write_atomically(path, page),
+                },
+            )
     except InsufficientDataError as error:
         document = refused_verification(error, records, candidate, settings=settings, command=command)
         if json:
@@ -99,9 +111,11 @@ def _settings(
     shift: Sequence[str] | None,
     low_pass: str,
     scale: float | None,
+    controller: Path | None,
 ) -> VerifySettings:
     from rotorid.pipeline.settings import parse_band, parse_numbers, parse_segment, parse_shifts
     from rotorid.pipeline.verify import VerifySettings
+    from rotorid.pipeline.verify_controller import read_controllers
 
     return VerifySettings(
         band_rad_s=parse_band(band) if band else None,
@@ -113,6 +127,7 @@ def _settings(
         shifts=parse_shifts(tuple(shift or ())),
         scale=scale,
         vibration_filter=_low_pass(low_pass),
+        controllers=read_controllers(controller) if controller else {},
     )
 
 
@@ -138,7 +153,8 @@ def _print(document: VerifyDocument, folder: Path) -> None:
     for name in ("maneuver", "output"):
         table.add_column(name, justify="left")
     ahead = sorted({horizon.horizon_s for one in document.maneuvers for horizon in one.ahead})
-    for name in ("TIC", "fit %", *(f"TIC {horizon_s:.2g} s ahead" for horizon_s in ahead), "holds s", "verdict"):
+    over = [f"TIC {horizon_s:.2g} s ahead" for horizon_s in ahead]
+    for name in ("TIC", "fit %", *over, "holds s", "TIC closed loop", "verdict"):
         table.add_column(name, justify="left" if name == "verdict" else "right")
     for one in document.maneuvers:
         by_horizon = {horizon.horizon_s: horizon.outputs for horizon in one.ahead}
@@ -151,6 +167,7 @@ def _print(document: VerifyDocument, folder: Path) -> None:
                 f"{scores.nrmse_fit_percent:.0f}",
                 *("" if item is None else f"{item.tic:.2f}" for item in seen),
                 f"{one.holds_s[output]:.2g}" if output in one.holds_s else "",
+                f"{one.closed_loop.scores[output].tic:.2f}" if one.closed_loop else "",
                 one.verdict,
             )
     if document.maneuvers:
@@ -168,6 +185,7 @@ def _print(document: VerifyDocument, folder: Path) -> None:
                 highlight=False,
             )
     print_findings(document.findings)
+    console.print(f"report: {folder / REPORT}", soft_wrap=True, markup=False)
     console.print(f"file: {folder / FILE}", soft_wrap=True, markup=False)
 
 

@@ -113,7 +113,7 @@ def _about(data: FrequencyResponse, used: BoolArray, model: ComplexArray) -> Fre
     if data.disturbance is None:
         return replace(data, covariance=data.covariance * factor[..., :, None] * factor.conj()[..., None, :])
     difference = np.where(used, data.values - model, 0.0)
-    correlation = output_correlation(data.disturbance, difference)
+    correlation = output_correlation(data.disturbance, data.omega_rad_s, difference)
     factor = factor * level_about(data.disturbance, difference)
     return replace(
         data,

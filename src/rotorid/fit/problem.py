@@ -18,7 +18,7 @@ from rotorid.fit.pairs import pair_index
 from rotorid.fit.parameter_map import ParameterMap
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.typing import BoolArray, FloatArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _OF_THE_DATA = ("weights", "scales", "points", "point_scales", "errors")
 _LARGEST_ERROR = 0.3

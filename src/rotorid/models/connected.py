@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from rotorid.models.condense import Rows
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import BoolArray
+
+_T = TypeVar("_T")
 
 
 def connected(structure: LinearStructure) -> LinearStructure:
@@ -36,10 +39,10 @@ def connected(structure: LinearStructure) -> LinearStructure:
     seen = _spread((_filled(structure.H0) | _filled(structure.H1)).T, links.T)
     # From each input to each output there is a response where one state is both moved and seen.
     responses = np.asarray(seen.T @ moved)
-    inputs, outputs = responses.any(axis=0), responses.any(axis=1)
     if not responses.any():
         return structure
-    states = moved[:, inputs].any(axis=1) & seen[:, outputs].any(axis=1)
+    inputs, outputs = np.asarray(responses.any(axis=0)), np.asarray(responses.any(axis=1))
+    states = np.asarray(moved[:, inputs].any(axis=1) & seen[:, outputs].any(axis=1))
     if states.all() and inputs.all() and outputs.all():
         return structure
     return _part(structure, states, inputs, outputs)
@@ -58,40 +61,35 @@ def _spread(first: BoolArray, links: BoolArray) -> BoolArray:
 
 
 def _part(structure: LinearStructure, states: BoolArray, inputs: BoolArray, outputs: BoolArray) -> LinearStructure:
-    chosen = {"states": states, "inputs": inputs, "outputs": outputs}
-    axes = {
-        "M": (states, states),
-        "F": (states, states),
-        "G": (states, inputs),
-        "H0": (outputs, states),
-        "H1": (outputs, states),
+    """Some states, inputs and outputs, and the parameters that stand there."""
+    change: dict[str, Any] = {
+        "M": _block(structure.M, states, states),
+        "F": _block(structure.F, states, states),
+        "G": _block(structure.G, states, inputs),
+        "H0": _block(structure.H0, outputs, states),
+        "H1": _block(structure.H1, outputs, states),
+        "input_delays": _kept(structure.input_delays, inputs),
+        "output_delays": _kept(structure.output_delays, outputs),
     }
-    rows = {
-        name: tuple(
-            tuple(entry for entry, kept in zip(row, columns, strict=True) if kept)
-            for row, kept_row in zip(getattr(structure, name), lines, strict=True)
-            if kept_row
-        )
-        for name, (lines, columns) in axes.items()
-    }
-    names = {
-        name: tuple(one for one, kept in zip(getattr(structure, name), mask, strict=True) if kept)
-        for name, mask in chosen.items()
-    }
-    delays = {
-        "input_delays": tuple(one for one, kept in zip(structure.input_delays, inputs, strict=True) if kept),
-        "output_delays": tuple(one for one, kept in zip(structure.output_delays, outputs, strict=True) if kept),
-    }
-    entries = [entry for matrix in rows.values() for row in matrix for entry in row]
-    entries += [entry for row in delays.values() for entry in row]
+    rows = [row for name in ("M", "F", "G", "H0", "H1") for row in change[name]]
+    entries = [entry for row in (*rows, change["input_delays"], change["output_delays"]) for entry in row]
     used = frozenset[str]().union(*(entry.names for entry in entries))
     left = structure.parameters.only(name for name in structure.parameters.names if name in used)
     return replace(
         structure,
-        **names,
-        **rows,
-        **delays,
+        **change,
+        states=_kept(structure.states, states),
+        inputs=_kept(structure.inputs, inputs),
+        outputs=_kept(structure.outputs, outputs),
         parameters=left,
         gain=structure.gain if structure.gain in left.names else None,
         optional=tuple(name for name in structure.optional if name in left.names),
     )
+
+
+def _block(rows: Rows, kept_rows: BoolArray, kept_columns: BoolArray) -> Rows:
+    return tuple(_kept(row, kept_columns) for row in _kept(rows, kept_rows))
+
+
+def _kept(items: tuple[_T, ...], kept: BoolArray) -> tuple[_T, ...]:
+    return tuple(item for item, stays in zip(items, kept, strict=True) if stays)

@@ -50,8 +50,8 @@ def stepped(controller: RateController, *, step_s: float, driven: Driven) -> Ste
     Each step integrates the angle, filters the rate set-point :math:`A (r - \int y)`, filters the error, differences
     and filters the derivative, integrates the error, and filters the command. Filters are
     :math:`x_k = x_{k-1} + \frac{h}{h + 1/\omega_c} (v_k - x_{k-1})`, integrals :math:`x_k = x_{k-1} + h v_k`, as PX4
-    and ArduPilot have them. All of it is within the order of the step of :meth:`RateController.response`; the delay of the
-    controller is not part of it.
+    and ArduPilot have them. All of it is within the order of the step of :meth:`RateController.response`; the delay
+    of the controller is not part of it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where all that was flown was fitted: fit again without the last maneuver, and judge that model on it."""
+"""Where all that was flown was fitted: fit again without one maneuver, and judge that model on it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ _ADVICE = "Fly doublets, or give another log with --verify."
 def hold_out(
     structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings, progress: Callable[[str], None]
 ) -> Judged:
-    """Fit a structure to all maneuvers but the last, and judge that second model on the last one.
+    """Fit a structure to all maneuvers but one, and judge that second model on that one.
 
-    The second fit begins from nothing: its band, its start values and what it drops come from the maneuvers that are
-    left. It is another model than the one of the result, which has seen all of them.
+    Held out is the last maneuver of an axis that was flown more than once: without the only sweep of an axis its
+    parameters would be those of noise. The second fit begins from nothing: its band, its start values and what it drops
+    come from the maneuvers that are left. It is another model than the one of the result, which has seen all of them.
 
     Parameters
     ----------
@@ -39,17 +40,19 @@ def hold_out(
     progress
         Told what is being done.
     """
-    if len(flown) < 2:
+    axes = [maneuver.axis for _, maneuver in flown]
+    again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]
+    if not again:
         return Judged(findings=(_nothing_left(),))
-    progress("holding out the last maneuver")
-    rest, last = flown[:-1], flown[-1:]
-    name = f"{last[0][0].source.name} at {last[0][1].start_s:.1f} s"
+    rest, held = [*flown[: again[-1]], *flown[again[-1] + 1 :]], flown[again[-1]]
+    name = f"{held[0].source.name} at {held[1].start_s:.1f} s"
+    progress(f"holding out {name}")
     try:
         measured = measure(rest, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
         reduced = fit_and_drop(pose_screened(structure, measured, settings, rest).problem)
         parameters = reduced.problem.parameters.unpack(reduced.solution.theta)
         band = fitted_band(reduced.problem)
-        judged = judge_sweeps(structure, parameters, last, band_rad_s=band, settings=settings)
+        judged = judge_sweeps(structure, parameters, [held], band_rad_s=band, settings=settings)
     except InsufficientDataError as error:
         return Judged(findings=(_not_held_out(name, error),))
     # What was said of the data when all of it was fitted need not be said of its parts again.
@@ -63,7 +66,10 @@ def _nothing_left() -> Finding:
         kind="not_verified",
         severity="warning",
         where="verification",
-        message=f"Everything that was flown was fitted, so nothing is left to judge the model on. {_ADVICE}",
+        message=(
+            "Everything that was flown was fitted, and no axis twice, so nothing is left to judge the model on. "
+            f"{_ADVICE}"
+        ),
     )
 
 

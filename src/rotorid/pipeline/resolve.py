@@ -37,7 +37,7 @@ def resolve_model(
     ModelError
         There is no such model, or the file is wrong.
     UsageError
-        There is no such file, or a transfer function came without channels.
+        There is no such file, a transfer function came without channels, or inputs for a model that has its own.
     """
     if isinstance(model, LinearStructure):
         return model
@@ -45,10 +45,13 @@ def resolve_model(
     if path.suffix != ".toml":
         return named_model(str(model), inputs=inputs, outputs=outputs)
     try:
-        return from_toml(path.read_text(encoding="utf-8"), where=path.name)
+        structure = from_toml(path.read_text(encoding="utf-8"), where=path.name)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
         raise UsageError(f"{path} cannot be read: {reason}", needed="a model.toml, as identify writes it") from error
+    if inputs:
+        raise _has_inputs(structure, inputs)
+    return structure
 
 
 def named_model(name: str, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearStructure:
@@ -66,20 +69,21 @@ def named_model(name: str, *, inputs: Sequence[str] = (), outputs: Sequence[str]
     ModelError
         There is no such model.
     UsageError
-        A transfer function came without channels.
+        A transfer function came without channels, or inputs for a model that has its own.
 
     Examples
     --------
     >>> named_model("transfer:0/1", inputs=["roll_command"], outputs=["p"]).parameters.names
     ('b0', 'a0', 'tau')
     """
-    if name in RATE_AXES:
-        return rate_model(name)
-    if name in model_names():
-        return library_model(name)
     if match := _TRANSFER.fullmatch(name):
         return _transfer(int(match[1]), int(match[2]), inputs, outputs)
-    raise _unknown(name)
+    if name not in (*RATE_AXES, *model_names()):
+        raise _unknown(name)
+    structure = rate_model(name) if name in RATE_AXES else library_model(name)
+    if inputs:
+        raise _has_inputs(structure, inputs)
+    return structure
 
 
 def _transfer(zeros: int, poles: int, inputs: Sequence[str], outputs: Sequence[str]) -> LinearStructure:
@@ -88,6 +92,14 @@ def _transfer(zeros: int, poles: int, inputs: Sequence[str], outputs: Sequence[s
             f"transfer:{zeros}/{poles} came without channels", needed="--inputs and --outputs with their names"
         )
     return transfer_function(numerator=zeros, denominator=poles, inputs=inputs, outputs=outputs)
+
+
+def _has_inputs(structure: LinearStructure, inputs: Sequence[str]) -> UsageError:
+    return UsageError(
+        f"the inputs {', '.join(inputs)} came with {structure.name}, which has {', '.join(structure.inputs)}",
+        needed="--inputs with transfer:m/n alone",
+        remedy="leave them out; inputs that were not excited take no part",
+    )
 
 
 def _unknown(model: str) -> ModelError:
@@ -120,14 +132,24 @@ def require_known(structure: LinearStructure, settings: IdentifySettings) -> Non
     responses = [f"{output}/{source}" for output in structure.outputs for source in structure.inputs]
     for kind, given, known in (
         ("constant", settings.constants, structure.constants),
-        ("output", settings.outputs, structure.outputs),
         ("response", settings.pairs, responses),
         ("response", settings.pair_weights, responses),
     ):
         for name in given:
             if name not in known:
                 raise no_such(kind, name, known)
-    chosen_parameters(structure, settings)
+    if settings.outputs:
+        structure.select(outputs=settings.outputs)
+    at_trim = structure.with_constants(settings.constants)
+    chosen = chosen_parameters(at_trim, settings)
+    try:
+        at_trim.matrices(chosen.values)
+    except ModelError as error:
+        raise ModelError(
+            f"{structure.name} at its start values: {error.came}",
+            needed=error.needed,
+            remedy=error.remedy or "give other values",
+        ) from None
 
 
 def chosen_parameters(structure: LinearStructure, settings: IdentifySettings) -> ParameterSet:

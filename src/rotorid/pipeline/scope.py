@@ -159,7 +159,7 @@ def _without_response(names: Sequence[str], asked: Sequence[str], left: LinearSt
     names = [*names, *(name for name in asked if name not in left.outputs)]
     return [
         Finding(
-            kind="no_response",
+            kind="not_identifiable",
             severity="warning",
             where=name,
             message=(

@@ -59,8 +59,29 @@ class AheadDocument(Document):
     outputs: dict[str, AheadScoreDocument]
 
 
+class LoopScoreDocument(Document):
+    """How one output or command is predicted in closed loop."""
+
+    nrmse_fit_percent: float | None
+    tic: float
+    rms: float
+
+
+class ClosedLoopDocument(Document):
+    """The model under the controller that flew.
+
+    ``setpoints`` names the channel that drove the controller of each command, ``controller_tic`` says how well that
+    controller alone makes the measured command of the measured rate. Rates flatter the model, because the controller
+    makes them; commands and accelerations tell more.
+    """
+
+    setpoints: dict[str, str]
+    controller_tic: dict[str, float]
+    scores: dict[str, LoopScoreDocument]
+
+
 class ManeuverVerificationDocument(Document):
-    """One unseen maneuver: open loop, prediction ahead, and what follows."""
+    """One unseen maneuver: open loop, prediction ahead, closed loop, and what follows."""
 
     record: str
     axis: str
@@ -76,6 +97,7 @@ class ManeuverVerificationDocument(Document):
     moved: list[str]
     ahead: list[AheadDocument] = Field(default_factory=list)
     holds_s: dict[str, float] = Field(default_factory=dict)
+    closed_loop: ClosedLoopDocument | None = None
     trim: TrimDocument | None = None
 
 

@@ -11,11 +11,12 @@ from rotorid.data.findings import Finding
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.instruments import Flown, find_instrument
+from rotorid.pipeline.flights import flights_by_thrust
+from rotorid.pipeline.instruments import Flown, find_instrument, is_injection
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import missing_channel
-from rotorid.signal.segment import classify, find_excitations
+from rotorid.signal.segment import classify, excitation_signals, find_excitations
 from rotorid.typing import Axis
 
 RICH_KINDS = ("sweep", "random_binary")
@@ -46,6 +47,9 @@ def select_maneuvers(
     records: Sequence[FlightRecord], axes: Sequence[Axis], settings: IdentifySettings, *, whole: bool = False
 ) -> Selection:
     """Split the excitations of the axes into those to fit and those to keep unseen.
+
+    Left out is what only looks like a maneuver: set-points that an outer loop moves while the signal rests in which the
+    fitted excitations of the axis were seen, and what ends on the ground, where no model of a free flight holds.
 
     Parameters
     ----------
@@ -79,9 +83,37 @@ def select_maneuvers(
     unseen = [
         (record, m)
         for record, m in found
-        if m.kind in ("doublet", "multistep") and not any(_overlap(m, f) for r, f in fitted if r is record)
+        if m.kind in ("doublet", "multistep")
+        and not any(_overlap(m, f) for r, f in fitted if r is record)
+        and not _answers(record, m, fitted)
     ]
-    return Selection(fitted=tuple(fitted), unseen=tuple(unseen))
+    return Selection(fitted=tuple(fitted), unseen=wholly_flown(unseen))
+
+
+def wholly_flown(flown: Sequence[Flown]) -> tuple[Flown, ...]:
+    """Maneuvers that begin and end in the air, as far as thrust tells."""
+    flights = {id(record): flights_by_thrust(record) for record, _ in flown}
+
+    def flies(item: Flown) -> bool:
+        record, maneuver = item
+        flight = flights[id(record)]
+        return flight is None or any(
+            start_s <= maneuver.start_s and maneuver.stop_s <= stop_s for start_s, stop_s in flight.intervals
+        )
+
+    return tuple(item for item in flown if flies(item))
+
+
+def _answers(record: FlightRecord, maneuver: Maneuver, fitted: Sequence[Flown]) -> bool:
+    """Whether a set-point only passes on what an outer loop wants, while whoever flew the sweeps rests."""
+    names = excitation_signals(record, maneuver.axis)
+    # An injection enters far inside, and says nothing of the loops around it.
+    outer = [
+        names.index(m.signal)
+        for _, m in fitted
+        if m.axis == maneuver.axis and m.signal in names and not is_injection(m.signal)
+    ]
+    return bool(outer) and maneuver.signal in names and names.index(maneuver.signal) > max(outer)
 
 
 def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flown]:

@@ -17,11 +17,12 @@ from rotorid.pipeline.hold_out import hold_out
 from rotorid.pipeline.instruments import Flown, axes_of
 from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.measure import Measured, default_band
-from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes
+from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes, wholly_flown
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
+from rotorid.pipeline.telling import telling, usual_motion
 from rotorid.pipeline.unseen_sweeps import judge_sweeps
 from rotorid.pipeline.verify_model import Candidate, candidate_of
-from rotorid.pipeline.verify_time import predict_maneuvers
+from rotorid.pipeline.verify_time import predict_maneuvers, remarks_on
 from rotorid.signal.segment import find_excitations
 from rotorid.typing import Axis
 from rotorid.verify.matching import LowPass
@@ -87,7 +88,8 @@ def check(
         ),
         *unseen_logs(candidate, verify, axes, fits=selection.fits),
     ]
-    found = check_logs(candidate, logs, settings, progress)
+    usual = usual_motion(measured, fitted.band_rad_s)
+    found = check_logs(candidate, logs, settings, progress, usual=usual)
     if found.verifications or found.judged or verify:
         return found
     held = hold_out(fitted.problem.structure, selection.fitted, settings, progress)
@@ -102,6 +104,7 @@ def check_logs(
     progress: Callable[[str], None],
     *,
     vibration_filter: LowPass = "auto",
+    usual: Mapping[str, float] | None = None,
 ) -> Checked:
     """Judge a model on logs that it has not seen; whatever fails leaves the others standing.
 
@@ -117,11 +120,13 @@ def check_logs(
         Told what is being done.
     vibration_filter
         See :func:`rotorid.verify.time_domain.verify_in_time`.
+    usual
+        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.telling.telling`.
     """
     parts: list[Checked] = []
     heard: list[UnseenLog] = []
     causes = [(log, log.cause) for log in logs if log.cause]
-    for members, attempt in _attempts(candidate, logs, settings, progress, vibration_filter):
+    for members, attempt in _attempts(candidate, logs, settings, progress, vibration_filter, usual or {}):
         try:
             parts.append(attempt())
             heard += members
@@ -181,6 +186,7 @@ def unseen_logs(
             logs.append(UnseenLog(record=record, cause=f"it holds {what}"))
         else:
             short = tuple((r, m) for r, m in flown if m.kind not in RICH_KINDS)
+            short = short if segments else wholly_flown(short)
             sweeps = tuple((r, m) for r, m in flown if m.kind in RICH_KINDS)
             logs.append(UnseenLog(record=record, outputs=there, short=short, sweeps=sweeps))
     return tuple(logs)
@@ -201,6 +207,7 @@ def _attempts(
     settings: MeasureSettings,
     progress: Callable[[str], None],
     vibration_filter: LowPass,
+    usual: Mapping[str, float],
 ) -> list[tuple[list[UnseenLog], Callable[[], Checked]]]:
     """What to judge the model on, and the logs behind each."""
     axes = set(axes_of(candidate.structure.inputs, candidate.structure.outputs))
@@ -211,7 +218,7 @@ def _attempts(
     groups = [*([log] for log in alone), *([together] if together else [])]
     return [
         *(
-            ([log], partial(_predict, candidate, log, settings, progress, vibration_filter))
+            ([log], partial(_predict, candidate, log, settings, progress, vibration_filter, usual))
             for log in logs
             if log.short
         ),
@@ -225,11 +232,19 @@ def _predict(
     settings: MeasureSettings,
     progress: Callable[[str], None],
     vibration_filter: LowPass,
+    usual: Mapping[str, float],
 ) -> Checked:
     checks, findings = predict_maneuvers(
         candidate, log.short, settings, progress, outputs=log.outputs, vibration_filter=vibration_filter
     )
-    return Checked(verifications=checks, findings=(*_without(candidate, [log], log.outputs), *findings))
+    told = telling(checks, candidate, usual)
+    if not told:
+        raise InsufficientDataError("its short maneuvers move no output more than it moves before them")
+    # Only what tells about the model is remarked on.
+    said = [finding for check in checks for finding in remarks_on(check)]
+    data = [finding for finding in findings if finding not in said]
+    remarks = [finding for check in told for finding in remarks_on(check)]
+    return Checked(verifications=told, findings=(*_without(candidate, [log], log.outputs), *data, *remarks))
 
 
 def _judge(

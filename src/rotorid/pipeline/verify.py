@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rotorid.data.findings import Finding
@@ -19,6 +19,7 @@ from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.selection import each_once
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.pipeline.verification import Checked, UnseenLog, check_logs, unseen_logs
+from rotorid.pipeline.verify_controller import GivenController
 from rotorid.pipeline.verify_document import (
     VerifyDocument,
     guideline_document,
@@ -26,6 +27,7 @@ from rotorid.pipeline.verify_document import (
     sweep_verification,
 )
 from rotorid.pipeline.verify_model import Candidate, read_candidate
+from rotorid.typing import Axis
 from rotorid.verify.matching import LowPass
 from rotorid.verify.verification import Verification
 
@@ -45,19 +47,27 @@ class VerifySettings(MeasureSettings):
         Diameter of a full-scale rotor over the size of the vehicle, for the guideline of J_rms.
     vibration_filter
         Cutoff of the matched low-pass in rad/s, ``None`` for none, ``auto`` to decide by the data.
+    controllers
+        Controllers to fly the model under; by default those whose gains the logs hold.
     """
 
     scale: float | None = None
     vibration_filter: LowPass = "auto"
+    controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         MeasureSettings.__post_init__(self)
+        self._set(controllers=self.controllers)
         if self.scale is not None and not 0.0 < self.scale < math.inf:
             raise UsageError(f"a scale of {self.scale:g} came", needed="a finite number above zero")
 
     def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
         """The choices for the provenance of a result."""
-        return MeasureSettings.as_json(self) | {"scale": self.scale, "vibration_filter": self.vibration_filter}
+        return MeasureSettings.as_json(self) | {
+            "scale": self.scale,
+            "vibration_filter": self.vibration_filter,
+            "controllers": [f"{axis}: {given}" for axis, given in self.controllers.items()],
+        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,15 +147,12 @@ def verify(
 
 
 def chosen(model: str | Path | Candidate, settings: VerifySettings) -> Candidate:
-    """The model that is meant, with the band that was asked for."""
+    """The model that is meant, with the band and the controllers that were asked for."""
     candidate = model if isinstance(model, Candidate) else read_candidate(Path(model))
-    if settings.band_rad_s is None:
-        return candidate
-    return Candidate(
-        structure=candidate.structure,
-        parameters=candidate.parameters,
-        band_rad_s=settings.band_rad_s,
-        sources=candidate.sources,
+    return replace(
+        candidate,
+        band_rad_s=settings.band_rad_s or candidate.band_rad_s,
+        controllers={**candidate.controllers, **settings.controllers},
     )
 
 

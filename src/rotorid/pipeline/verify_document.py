@@ -15,6 +15,8 @@ from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.score_document import (
     AheadDocument,
     AheadScoreDocument,
+    ClosedLoopDocument,
+    LoopScoreDocument,
     ManeuverVerificationDocument,
     PairCost,
     RangeDocument,
@@ -22,6 +24,7 @@ from rotorid.pipeline.score_document import (
     SweepVerificationDocument,
     TrimDocument,
 )
+from rotorid.verify.closed_loop import ClosedLoop
 from rotorid.verify.prediction import Prediction
 from rotorid.verify.scores import scaled_guidelines
 from rotorid.verify.verdict import verdict
@@ -92,6 +95,7 @@ def maneuver_verification(
         moved=list(check.moved),
         ahead=_ahead(check.ahead) if check.ahead else [],
         holds_s=dict(check.ahead.holds_s) if check.ahead else {},
+        closed_loop=_closed_loop(check.closed_loop) if check.closed_loop else None,
         trim=TrimDocument(values=dict(trim.values), hover=trim.hover) if trim else None,
     )
 
@@ -113,6 +117,21 @@ def _ahead(prediction: Prediction) -> list[AheadDocument]:
         )
         for horizon in prediction.horizons
     ]
+
+
+def _closed_loop(flown: ClosedLoop) -> ClosedLoopDocument:
+    return ClosedLoopDocument(
+        setpoints=dict(flown.setpoints),
+        controller_tic=dict(flown.controller_tic),
+        scores={
+            name: LoopScoreDocument(
+                nrmse_fit_percent=scores.nrmse_fit_percent if math.isfinite(scores.nrmse_fit_percent) else None,
+                tic=scores.tic,
+                rms=scores.rms,
+            )
+            for name, scores in flown.scores.items()
+        },
+    )
 
 
 def sweep_verification(judged: Judged) -> SweepVerificationDocument:

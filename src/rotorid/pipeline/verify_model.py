@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rotorid.data.immutable import Immutable
@@ -16,6 +16,8 @@ from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.cutting import source_of
 from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.verify_controller import GivenController
+from rotorid.typing import Axis
 
 RESULT, MODEL = "result.json", "model.toml"
 
@@ -32,12 +34,15 @@ class Candidate(Immutable):
         Where it was fitted, or ``None`` when that is not known.
     sources
         Output to where it stood in the logs that were fitted; empty when that is not known.
+    controllers
+        Controllers that a person gave, to fly the model in closed loop; they go before the gains in a log.
     """
 
     structure: LinearStructure
     parameters: ParameterSet
     band_rad_s: tuple[float, float] | None = None
     sources: Mapping[str, str] | None = None
+    controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
 
     @property
     def system(self) -> StateSpace:

@@ -15,11 +15,13 @@ from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.measure import default_band
 from rotorid.pipeline.settings import MeasureSettings
-from rotorid.pipeline.verify_filters import with_known_delays
+from rotorid.pipeline.verify_controller import RATES, Controllers
+from rotorid.pipeline.verify_filters import with_known_delays, with_known_filters
+from rotorid.pipeline.verify_loop import fly_maneuver, looped_axes
 from rotorid.pipeline.verify_model import Candidate
 from rotorid.verify.matching import LowPass
 from rotorid.verify.scores import GOOD_FIT_PERCENT, GOOD_TIC
-from rotorid.verify.time_domain import verify_in_time
+from rotorid.verify.time_domain import matched, verify_in_time
 from rotorid.verify.verdict import disturbed_ahead, judged_horizon, poor_ahead, poor_outputs, verdict
 from rotorid.verify.verification import Verification
 
@@ -64,10 +66,16 @@ def predict_maneuvers(
         Nothing of a second is left without a gap, or a channel is missing.
     """
     inputs = candidate.structure.inputs
-    segments, findings = cut(
-        short, channels=(*inputs, *outputs), shifts=settings.shifts, rest_s=_AROUND_S, progress=progress
-    )
     record = short[0][0]
+    controllers = Controllers(record=record, given=candidate.controllers)
+    segments, findings = cut(
+        short,
+        channels=(*inputs, *outputs),
+        followers=controllers.channels(looped_axes(inputs, outputs)),
+        shifts=settings.shifts,
+        rest_s=_AROUND_S,
+        progress=progress,
+    )
     checks: list[Verification] = []
     remarks = list(findings)
     for segment in segments:
@@ -79,20 +87,31 @@ def predict_maneuvers(
         system, said = with_known_delays(
             candidate.system_of(outputs), record, outputs, fitted=candidate.sources or {}, judged=judged
         )
-        checks.append(
-            verify_in_time(
-                system,
-                history,
-                inputs=inputs,
-                outputs=outputs,
-                band_rad_s=candidate.band_rad_s or default_band([(record, segment.maneuver)], history.sample_rate_hz),
-                record=segment.record,
-                maneuver=segment.maneuver,
-                around=_around(segment, short),
-                vibration_filter=vibration_filter,
-            )
+        band = candidate.band_rad_s or default_band([(record, segment.maneuver)], history.sample_rate_hz)
+        around = _around(segment, short)
+        check = verify_in_time(
+            system,
+            history,
+            inputs=inputs,
+            outputs=outputs,
+            band_rad_s=band,
+            record=segment.record,
+            maneuver=segment.maneuver,
+            around=around,
+            vibration_filter=vibration_filter,
         )
-        remarks += said or _other_source(candidate, segment, outputs)
+        read = [RATES[axis][0] for axis in looped_axes(inputs, outputs)]
+        flown, why_not = fly_maneuver(
+            with_known_filters(system, record, outputs, read=read, fitted=candidate.sources or {}, judged=judged),
+            around,
+            segment.maneuver,
+            controllers,
+            inputs=inputs,
+            outputs=outputs,
+            filtered=matched(band, check.low_pass_rad_s, around),
+        )
+        checks.append(replace(check, closed_loop=flown))
+        remarks += [*(said or _other_source(candidate, segment, outputs)), *(f for f in why_not if f not in remarks)]
     if not checks:
         raise InsufficientDataError(
             f"its unseen maneuvers leave less than {_SHORTEST_S:g} s of data without a gap", needed="a longer maneuver"

@@ -14,6 +14,8 @@ function for each picture:
 ``rotorid.plot.loops.disturbance_rejection``           a sensitivity with its bandwidth and peak
 ``rotorid.plot.excitation.timeline``                   excitations over time
 ``rotorid.plot.time.verification``                     measured and predicted over time
+``rotorid.plot.unseen.ahead``                           measured, and predicted a little ahead
+``rotorid.plot.unseen.closed_loop``                     measured, and of the model under the same controller
 ``rotorid.plot.inspection.log_figure``                 a whole log
 ``rotorid.plot.overview.overview_png``                 an identification as a PNG
 =====================================================  =============================================================

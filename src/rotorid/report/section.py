@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rotorid.pipeline.document import ResultDocument
@@ -27,8 +27,8 @@ from rotorid.report.scope_rows import RangeRow, constants_sentence, range_rows
 from rotorid.report.tables import CostRow, FindingRow, ManeuverRow, cost_rows, finding_rows, maneuver_row
 from rotorid.report.timelines import timelines
 from rotorid.report.told_apart import correlation_picture, correlation_sentence
-from rotorid.report.wording import LEVELS, Verdict, cost_verdict, held_out, summary, worst_prediction
-from rotorid.verify.verification import Scores
+from rotorid.report.unseen_pictures import UnseenSweeps, unseen_sweeps
+from rotorid.report.wording import LEVELS, Verdict, cost_verdict, held_out, summary, worst_maneuver
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +61,7 @@ class Section:
     joint: bool
     least_coherence: float
     checks: tuple[Check, ...]
+    sweeps: tuple[UnseenSweeps, ...]
     poles: tuple[PoleRow, ...]
     poles_words: str
     poles_picture: Picture | None
@@ -90,7 +91,8 @@ class Section:
         return (
             *self.responses,
             *self.folded_responses,
-            *(check.picture for check in self.checks),
+            *(picture for check in self.checks for picture in check.pictures),
+            *(picture for one in self.sweeps for picture in one.pictures),
             *(picture for picture in single if picture is not None),
             *self.timelines,
         )
@@ -109,7 +111,6 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         True parameter values where they are known, as ``model.name`` or ``name``.
     """
     document = identified.document
-    scores = [one for check in identified.verifications for one in check.scores.values()]
     responses = model_pictures(identified, anchor=anchor)
     findings = [finding for finding in document.findings if not told_by_steps(finding, document)]
     return Section(
@@ -117,9 +118,9 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         title=_title(document),
         document=document,
         records=tuple(dict.fromkeys(segment.record for segment in identified.segments)),
-        sentences=summary(document, scores=scores),
+        sentences=summary(document),
         cost=_cost(document.cost.average) if document.cost else None,
-        unseen=_unseen(document, scores),
+        unseen=_unseen(document),
         parameters=parameter_groups(document, truth),
         dropped=dropped_parameters(document, anchor=anchor),
         truth_of_dropped=truth_of_dropped(document, truth),
@@ -133,6 +134,10 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         checks=tuple(
             check_section(check, key=f"{anchor}-check-{number}")
             for number, check in enumerate(identified.verifications)
+        ),
+        sweeps=tuple(
+            unseen_sweeps(one, key=f"{anchor}-sweeps-{number}", least_coherence=identified.least_coherence)
+            for number, one in enumerate(identified.judged)
         ),
         poles=pole_rows(document.poles),
         poles_words=poles_sentence(document.poles),
@@ -170,10 +175,11 @@ def _cost(cost: float) -> Verdict:
     return Verdict(cost_verdict(cost).level, f"cost {significant(cost)}")
 
 
-def _unseen(document: ResultDocument, scores: Sequence[Scores]) -> Verdict | None:
-    """The worse of what predictions and unseen sweeps say."""
+def _unseen(document: ResultDocument) -> Verdict | None:
+    """The worse of what unseen maneuvers and unseen sweeps say."""
     costs = document.verification.frequency.values()
-    verdicts = [*([worst_prediction(scores)] if scores else []), *([_cost(max(costs))] if costs else [])]
+    flown = worst_maneuver(document.verification.maneuvers)
+    verdicts = [*([flown] if flown else []), *([_cost(max(costs))] if costs else [])]
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level), default=None)
 
 

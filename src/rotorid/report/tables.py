@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from rotorid.data.maneuver import Maneuver
 from rotorid.pipeline.document import FindingDocument, ManeuverDocument, ResultDocument
 from rotorid.pipeline.score_document import PairCost
-from rotorid.plot.quantity import quantity
 from rotorid.report.model_pictures import by_axis
 from rotorid.report.numbers import MISSING, significant
-from rotorid.report.wording import Verdict, cost_verdict, finding_heading, prediction_verdict
-from rotorid.verify.verification import Verification
+from rotorid.report.wording import Verdict, cost_verdict, finding_heading
 
 _SEVERITIES = ("error", "warning", "info")
 
@@ -47,36 +45,6 @@ def _cost_row(pair: str, cost: PairCost | None, unseen: float | None) -> CostRow
         points=str(cost.points) if cost else MISSING,
         unseen=None if unseen is None else Verdict(cost_verdict(unseen).level, significant(unseen)),
     )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ScoreRow:
-    """How one output of an unseen maneuver was predicted."""
-
-    output: str
-    fit: str
-    tic: str
-    verdict: Verdict
-    rms: str
-    shift: str
-
-
-def score_rows(check: Verification) -> tuple[ScoreRow, ...]:
-    """Scores of each output of one verification, in the units of paper."""
-    rows = []
-    for name, scores in check.scores.items():
-        paper = quantity(name)
-        rows.append(
-            ScoreRow(
-                output=paper.words,
-                fit=significant(scores.nrmse_fit_percent),
-                tic=significant(scores.tic, digits=2),
-                verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent),
-                rms=f"{significant(paper.factor * scores.rms)} {paper.unit}",
-                shift=f"{significant(paper.factor * scores.reference_shift, digits=2)} {paper.unit}",
-            )
-        )
-    return tuple(rows)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -9,11 +9,12 @@ from typing import Literal, TypeAlias
 
 from rotorid.fit.frequency_cost import ACCEPTABLE_COST, EXCELLENT_COST
 from rotorid.pipeline.document import CostDocument, ParameterDocument, ResultDocument
+from rotorid.pipeline.score_document import ManeuverVerificationDocument, ScoreDocument
 from rotorid.plot.quantity import quantity
 from rotorid.report.modes import mode_sentences
 from rotorid.report.numbers import milliseconds, significant, unit, with_error
 from rotorid.verify.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
-from rotorid.verify.verification import Scores
+from rotorid.verify.verdict import Verdict as Found
 
 Level: TypeAlias = Literal["good", "fair", "poor"]
 
@@ -35,6 +36,18 @@ _EFFECTS = {
     "Z": "vertical force",
 }
 _DELAYS = "delays and lags"
+_FOUND: dict[Found, tuple[Level, str, str]] = {
+    "good": ("good", "good", "predicted well"),
+    "diverges": (
+        "good",
+        "good ahead, diverges in open loop",
+        "predicted well ahead, while the open loop diverges as that of an unstable airframe must",
+    ),
+    "disturbed": ("fair", "disturbed", "too disturbed to judge"),
+    "poor": ("poor", "poor", "predicted poorly"),
+}
+"""Level, badge and words of what was found on a maneuver, the best first."""
+
 _HEADINGS = {
     "airborne": "Reaches beyond the flight",
     "assumed_geometry": "The order of the motors was assumed",
@@ -66,7 +79,9 @@ _HEADINGS = {
     "not_identifiable": "Parameters that cannot be told apart",
     "not_verified": "Not verified",
     "off_axis_input": "Another axis moved too",
+    "no_controller": "Not flown in closed loop",
     "open_loop_diverges": "An unstable airframe, not a bad model",
+    "other_controller": "Another controller flew",
     "other_source": "Channels from different sources",
     "outputs_left_out": "Outputs that were not fitted",
     "parameter_at_bound": "A parameter stands at its bound",
@@ -127,14 +142,49 @@ def prediction_verdict(tic: float, fit_percent: float) -> Verdict:
     return Verdict("fair", "TIC above the guideline" if fit_percent >= GOOD_FIT_PERCENT else "fit below the guideline")
 
 
-def worst_prediction(scores: Sequence[Scores]) -> Verdict:
-    """Verdict on the worst of several predictions, with its scores as words."""
-    worst = max(scores, key=_badness)
-    words = f"TIC {significant(worst.tic, digits=2)}, fit {significant(worst.nrmse_fit_percent, digits=2)} %"
-    return Verdict(prediction_verdict(worst.tic, worst.nrmse_fit_percent).level, words)
+def maneuver_verdict(found: Found) -> Verdict:
+    """Verdict on an unseen maneuver as a badge.
+
+    Examples
+    --------
+    >>> maneuver_verdict("disturbed")
+    Verdict(level='fair', words='disturbed')
+    """
+    level, words, _ = _FOUND[found]
+    return Verdict(level, words)
 
 
-def _badness(scores: Scores) -> tuple[int, float]:
+def worst_maneuver(maneuvers: Sequence[ManeuverVerificationDocument]) -> Verdict | None:
+    """Verdict on the worst of several maneuvers, with how many are like it; ``None`` without any."""
+    found = [one.verdict for one in maneuvers]
+    worst = max(found, key=list(_FOUND).index, default=None)
+    if worst is None:
+        return None
+    level, words, _ = _FOUND[worst]
+    count = found.count(worst)
+    return Verdict(level, words if count == len(found) else f"{count} of {len(found)} {words}")
+
+
+def unseen_sentences(maneuvers: Sequence[ManeuverVerificationDocument]) -> tuple[str, ...]:
+    """What unseen maneuvers say about the model: how many of each verdict, and the worst open loop of what moved."""
+    found = [one.verdict for one in maneuvers]
+    several = "1 maneuver" if len(found) == 1 else f"{len(found)} maneuvers"
+    groups = [(found.count(kind), words) for kind, (_, _, words) in _FOUND.items() if kind in found]
+    told = groups[0][1] if len(groups) == 1 else ", ".join(f"{count} {words}" for count, words in groups)
+    sentence = f"Unseen flight: {several}{' ' if len(groups) == 1 else ', '}{told}."
+    scores = [(name, one) for each in maneuvers for name, one in each.scores.items() if name in (each.moved or [name])]
+    if not scores:
+        return (sentence,)
+    name, worst = max(scores, key=lambda item: _badness(item[1]))
+    return (
+        sentence,
+        f"In open loop {'the worst' if len(scores) > 1 else 'the output'} is {quantity(name).words} with a TIC of "
+        f"{significant(worst.tic, digits=2)} and a fit of {significant(worst.nrmse_fit_percent, digits=2)} % (good: "
+        f"TIC up to {GOOD_TIC:g} and a fit of {GOOD_FIT_PERCENT:g} % and more).",
+    )
+
+
+def _badness(scores: ScoreDocument) -> tuple[int, float]:
     tic = scores.tic if math.isfinite(scores.tic) else math.inf
     return -guidelines_met(scores.tic, scores.nrmse_fit_percent), tic
 
@@ -144,15 +194,13 @@ def held_out(document: ResultDocument) -> bool:
     return any(finding.kind == "held_out" for finding in document.findings)
 
 
-def summary(document: ResultDocument, *, scores: Sequence[Scores] = ()) -> tuple[str, ...]:
+def summary(document: ResultDocument) -> tuple[str, ...]:
     """What was found: each input, modes that grow, the cost or the fit, and each kind of check.
 
     Parameters
     ----------
     document
         The result.
-    scores
-        Scores of all outputs of all unseen maneuvers.
     """
     sentences = [sentence for name in document.inputs if (sentence := _input_sentence(document, name))]
     if not sentences:
@@ -165,7 +213,7 @@ def summary(document: ResultDocument, *, scores: Sequence[Scores] = ()) -> tuple
         sentences.append(_cost_sentence(document.cost))
     for name, percent in (document.fit_percent or {}).items():
         sentences.append(f"The model explains {significant(percent)} % of {quantity(name).words}.")
-    return (*sentences, *_unseen_sentences(document, scores))
+    return (*sentences, *_unseen_sentences(document))
 
 
 def _cost_sentence(cost: CostDocument) -> str:
@@ -179,16 +227,10 @@ def _cost_sentence(cost: CostDocument) -> str:
     return sentence
 
 
-def _unseen_sentences(document: ResultDocument, scores: Sequence[Scores]) -> tuple[str, ...]:
-    sentences = []
-    if scores:
-        good = sum(guidelines_met(one.tic, one.nrmse_fit_percent) == GUIDELINES for one in scores)
-        part = "all of them" if good == len(scores) else f"{good} of them"
-        count = "1 prediction" if len(scores) == 1 else f"{len(scores)} predictions, {part} good, the worst"
-        sentences.append(
-            f"Unseen flight: {count} with {worst_prediction(scores).words} "
-            f"(good: TIC up to {GOOD_TIC:g} and a fit of {GOOD_FIT_PERCENT:g} % and more)."
-        )
+def _unseen_sentences(document: ResultDocument) -> tuple[str, ...]:
+    sentences: list[str] = []
+    if document.verification.maneuvers:
+        sentences += unseen_sentences(document.verification.maneuvers)
     if costs := document.verification.frequency:
         cost = max(costs.values())
         what = "Held-out maneuver, by a second model fitted without it" if held_out(document) else "Unseen sweeps"

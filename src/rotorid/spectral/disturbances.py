@@ -12,6 +12,7 @@ matrix.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,9 +24,10 @@ from rotorid.spectral.conditioning import OutputSpectra, Separated, condition
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _TINY = 1e-300
-_ROUNDING = 1e-20
+_ROUNDING = 1e-12
+_REACH = math.log(4.0 / 3.0)
 _LEAST_FACTOR, _LARGEST_FACTOR = 0.5, 10.0
-"""An estimate adapts to its disturbance by less than half; far more is a model that does not fit, which shows anyway."""
+"""An estimate adapts to its disturbance by less than half; far more is a model that does not fit."""
 
 
 def disturbance_of(
@@ -55,7 +57,7 @@ def disturbance_of(
     """
     share = np.mean([part.share.mean(axis=0) for part in parts], axis=0)
     count, outputs = share.shape[1], len(parts)
-    inputs = len(windows[0].inputs)
+    inputs, own = len(windows[0].inputs), np.arange(len(parts))
     total = np.zeros((count, outputs + inputs, outputs + inputs), dtype=np.complex128)
     level = np.zeros((count, outputs))
     for index, window in enumerate(windows):
@@ -66,6 +68,9 @@ def disturbance_of(
         ]
         mixes = np.stack([*rows, *_inputs(window)], axis=1)
         densities = np.einsum("fam,fmn,fbn->fab", mixes.conj(), window.matrix.values, mixes, optimize=True)
+        # Without noise there is nothing but rounding, a millionth of a millionth of the output, and no correlation.
+        floor = _ROUNDING * np.stack([output[index].auto for output in spectra], axis=1)
+        densities[:, own, own] += floor
         total[here] += share[index, here, None, None] * densities.conj()
         noise = np.stack([condition(window, output[index]).noise for output in spectra], axis=1)
         level[here] += share[index, here, None] * noise / left[index][:, None]
@@ -76,23 +81,31 @@ def disturbance_of(
     )
 
 
-def output_correlation(disturbance: Disturbance, difference: ComplexArray | None = None) -> ComplexArray:
+def output_correlation(
+    disturbance: Disturbance, omega_rad_s: FloatArray, difference: ComplexArray | None = None
+) -> ComplexArray:
     r"""Correlation of the disturbances of the outputs, shape ``(y, y, f)``.
 
     .. math:: c_{ab} = \frac{E[V_a V_b^*]}{\sqrt{E|V_a|^2 \, E|V_b|^2}}
 
-    Few independent windows make chance look like correlation: of :math:`n` of them uncorrelated disturbances show
-    :math:`|c|^2 \approx 1/n`.
+    Averaged over a third to either side in frequency, with weights that fall to zero there: ten independent windows, as
+    many as there are at low frequencies, make of six independent outputs six that seem to hang together, and whoever
+    weighs by that believes too much. What the correlation does within a third is lost.
 
     Parameters
     ----------
     disturbance
         Of an estimate.
+    omega_rad_s
+        Its frequencies, shape ``(f,)``.
     difference
         The estimate minus the response about which the disturbance is wanted, shape ``(y, u, f)``; none for the
         estimate itself.
     """
-    return _normalized(_about(disturbance, difference))
+    each = np.moveaxis(_normalized(_about(disturbance, difference)), -1, 0)
+    distance = np.abs(np.log(omega_rad_s) - np.log(omega_rad_s)[:, None]) / _REACH
+    near = np.maximum(1.0 - distance, 0.0)
+    return _normalized(np.moveaxis(np.einsum("fg,gab->fab", near, each), 0, -1))
 
 
 def level_about(disturbance: Disturbance, difference: ComplexArray) -> FloatArray:
@@ -139,10 +152,8 @@ def _inputs(window: Separated) -> list[ComplexArray]:
 
 
 def _normalized(densities: ComplexArray) -> ComplexArray:
-    power = np.einsum("aaf->af", densities).real
-    # Without noise there is nothing to correlate but rounding, a millionth of a millionth of the largest density.
-    level = np.sqrt(np.maximum(power, _ROUNDING * power.max(axis=0, initial=0.0) + _TINY))
+    level = np.sqrt(np.maximum(np.einsum("aaf->af", densities).real, _TINY))
     scaled = densities / level[:, None, :] / level[None, :, :]
     rows = np.arange(len(densities))
     scaled[rows, rows] = 1.0
-    return np.asarray(scaled)
+    return np.asarray(0.5 * (scaled + scaled.conj().swapaxes(0, 1)))

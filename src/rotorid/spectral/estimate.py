@@ -222,7 +222,7 @@ def _stacked(
         instruments=tuple(instruments),
         windows_s=tuple(windows_s),
         # The same disturbance enters the responses to every input.
-        output_correlation=np.stack([output_correlation(disturbance)] * len(inputs)),
+        output_correlation=np.stack([output_correlation(disturbance, omega_rad_s)] * len(inputs)),
         input_correlation=input_correlation,
         disturbance=disturbance,
     )

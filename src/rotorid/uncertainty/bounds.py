@@ -178,9 +178,9 @@ def _inverse_root(problem: FrequencyProblem, jacobian: FloatArray) -> tuple[Floa
     if not length.all():
         silent = [name for name, size in zip(problem.parameters.free, length, strict=True) if size == 0.0]
         raise InsufficientDataError(
-            f"{', '.join(silent)} changes nothing in the fitted responses",
+            f"{', '.join(silent)} {'change' if len(silent) > 1 else 'changes'} nothing in the fitted responses",
             needed="parameters that the data can see",
-            remedy="fix it with --fix NAME=VALUE, or fit a wider band",
+            remedy=f"fix {'them' if len(silent) > 1 else 'it'} with --fix NAME=VALUE, or fit a wider band",
         )
     left_vectors, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
     return length, left_vectors, right.T / np.maximum(singular, _FLAT * singular.max(initial=0.0)) / length[:, None]

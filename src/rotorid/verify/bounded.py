@@ -52,25 +52,54 @@ def bounded_responses(model: Sampled) -> BoundedResponses:
     model
         The model on the samples of the record.
     """
-    steps, order = model.forcing.shape
-    basis, kept = _split(model.transition, steps)
-    inverse = np.linalg.inv(basis)
-    transition = inverse @ model.transition @ basis
-    slow, fast = transition[:kept, :kept], transition[kept:, kept:]
+    motions = _Motions.of(model)
+    nothing, rest = np.zeros_like(model.forcing), np.zeros(len(model.transition))
+    constants = zip(model.biases, model.direct_biases, strict=True)
 
     def outputs(forcing: FloatArray, ends: FloatArray) -> FloatArray:
-        """Response to a forcing, with the start of what decays and the end of what grows."""
-        parts = forcing @ inverse.T
-        decaying, growing = _forward(slow, parts[:, :kept], ends[:kept]), _backward(fast, parts[:, kept:], ends[kept:])
-        return model.seen(np.hstack([decaying, growing]) @ basis.T).T
+        return model.seen(motions.states(forcing, ends)).T
 
-    rest = np.zeros(order)
-    constants = zip(model.biases, model.direct_biases, strict=True)
     return BoundedResponses(
         forced=outputs(model.forcing, rest) + model.direct.T,
-        free=np.array([outputs(np.zeros_like(model.forcing), end) for end in np.eye(order)]),
-        biased=np.array([outputs(np.tile(bias, (steps, 1)), rest) + direct[:, None] for bias, direct in constants]),
+        free=np.array([outputs(nothing, end) for end in np.eye(rest.size)]),
+        biased=np.array([outputs(nothing + bias, rest) + direct[:, None] for bias, direct in constants]),
     )
+
+
+def bounded_states(model: Sampled) -> FloatArray:
+    """States of one motion under the inputs that stays bounded, shape ``(lead + samples, x)``.
+
+    Parameters
+    ----------
+    model
+        The model on the samples of the record.
+    """
+    return _Motions.of(model).states(model.forcing, np.zeros(len(model.transition)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Motions:
+    """A recursion in a basis that sets what decays, ``slow``, apart from what grows, ``fast``."""
+
+    basis: FloatArray
+    inverse: FloatArray
+    slow: FloatArray
+    fast: FloatArray
+
+    @classmethod
+    def of(cls, model: Sampled) -> _Motions:
+        basis, kept = _split(model.transition, len(model.forcing))
+        inverse = np.linalg.inv(basis)
+        transition = inverse @ model.transition @ basis
+        return cls(basis=basis, inverse=inverse, slow=transition[:kept, :kept], fast=transition[kept:, kept:])
+
+    def states(self, forcing: FloatArray, ends: FloatArray) -> FloatArray:
+        """Response to a forcing, with the start of what decays and the end of what grows."""
+        kept, parts = len(self.slow), forcing @ self.inverse.T
+        decaying = _forward(self.slow, parts[:, :kept], ends[:kept])
+        growing = _backward(self.fast, parts[:, kept:], ends[kept:])
+        both: FloatArray = np.hstack([decaying, growing]) @ self.basis.T
+        return both
 
 
 def _split(transition: FloatArray, steps: int) -> tuple[FloatArray, int]:

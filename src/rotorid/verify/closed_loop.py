@@ -22,6 +22,9 @@ from rotorid.verify.unknowns import adjust
 STEP_RATE_HZ = 1000.0
 """Airframe and controller advance at least as often as this."""
 
+ALIKE_TIC = 0.1
+"""Of a controller that is the one that flew; no guideline of the field."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loop(Immutable):
@@ -64,6 +67,11 @@ class LoopScores:
     nrmse_fit_percent: float
     tic: float
     rms: float
+
+    @property
+    def alike(self) -> bool:
+        """Whether the error is within a fifth of the motion, as that of a controller that flew is."""
+        return self.tic <= ALIKE_TIC
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -210,6 +218,8 @@ def controller_alone(
     sample_rate_hz
         Their rate.
     """
+    from rotorid.simulate.kernels import recursion
+
     fine = max(1, math.ceil(STEP_RATE_HZ / sample_rate_hz - 1e-9))
     samples = np.arange(rate.size)
     grid = np.arange((rate.size - 1) * fine + 1) / fine
@@ -221,17 +231,16 @@ def controller_alone(
             np.interp(late, samples, rate - rate.mean()),
         ]
     )
-    state = np.zeros((len(STATES), 1 + len(UNKNOWN)))
-    for column, name in enumerate(UNKNOWN, start=1):
-        state[STATES.index(name), column] = 1.0
-    made = np.empty((grid.size, state.shape[1]))
-    forcing, direct = (own.drive @ driving).T, (own.direct @ driving)[0]
-    for k in range(grid.size):
-        made[k] = (own.read @ state)[0]
-        state = own.transition @ state
-        state[:, 0] += forcing[k]
-    made[:, 0] += direct + np.interp(grid, samples, loop.excitation)
-    whole = made[::fine].T
+    forcing = np.ascontiguousarray((own.drive @ driving).T)
+    starts = [np.zeros(len(STATES)), *(np.eye(len(STATES))[STATES.index(name)] for name in UNKNOWN)]
+    made = np.array(
+        [
+            recursion(own.transition, forcing if not start.any() else np.zeros_like(forcing), start) @ own.read[0]
+            for start in starts
+        ]
+    )
+    made[0] += (own.direct @ driving)[0] + np.interp(grid, samples, loop.excitation)
+    whole = made[:, ::fine]
     columns = filtered(np.vstack([whole[1:], np.ones((1, rate.size))]))
     target, forced = filtered(command[None])[0], filtered(whole[:1])[0]
     predicted = forced + columns.T @ np.linalg.lstsq(columns.T, target - forced, rcond=1e-9)[0]

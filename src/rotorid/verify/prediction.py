@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import InsufficientDataError
-from rotorid.typing import BoolArray, FloatArray, IntArray
+from rotorid.typing import BoolArray, FloatArray
+from rotorid.verify.bounded import bounded_states
 from rotorid.verify.sampled import Sampled
 from rotorid.verify.scores import GOOD_FIT_PERCENT, nrmse_fit_percent, rms, theil_inequality
 
@@ -175,25 +177,54 @@ def predict_ahead(
     )
 
 
-def _ahead(model: Sampled, target: FloatArray, window: int, furthest: int) -> FloatArray:
-    """Predictions ``(restarts, furthest, y)``; those beyond the end of the record mean nothing."""
-    samples = target.shape[1]
-    starts = np.arange(samples - window)
-    forced = _forced(model, starts, furthest)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ahead:
+    r"""Predictions from every restart, any number of steps ahead.
+
+    Two motions under the same inputs differ by a free one. So one motion of the whole record serves all restarts, and
+    nothing need be simulated from each of them:
+
+    .. math:: y_{r,j} = y_{r+j} + C \Phi^j (x_r - x^{whole}_r)
+
+    ``whole`` are the outputs of that motion, shape ``(samples, y)``, and ``apart`` is how far the start of each restart
+    lies from it, shape ``(restarts, x)``. What each state and all constants do, step by step, are ``free`` and
+    ``constant``, shapes ``(length, y, x)`` and ``(length, y)``.
+    """
+
+    whole: FloatArray
+    apart: FloatArray
+    free: FloatArray
+    constant: FloatArray
+
+    @property
+    def furthest(self) -> int:
+        """The most steps ahead that there are."""
+        return len(self.free) - 1
+
+    def at(self, steps: int) -> FloatArray:
+        """Outputs so many steps after each restart, as far as the record goes, shape ``(y, restarts inside)``."""
+        late = self.whole[steps:]
+        predicted: FloatArray = late + self.apart[: len(late)] @ self.free[steps].T + self.constant[steps]
+        return predicted.T
+
+
+def _ahead(model: Sampled, target: FloatArray, window: int, furthest: int) -> _Ahead:
+    """Restart at every sample that has a window before it."""
+    restarts = target.shape[1] - window
+    states = bounded_states(model)
+    whole, before = model.seen(states) + model.direct, states[:restarts]
     free, constant = _free(model, furthest), _constant(model, furthest)
-    past = target.T[starts[:, None] + np.arange(window + 1)]
-    left = past - forced[:, : window + 1]
+    seen, common = free[: window + 1], constant[: window + 1]
+    past = sliding_window_view(target.T - whole, window + 1, axis=0).swapaxes(1, 2)
+    left = past + np.tensordot(before, seen, axes=(1, 2))
     size = target.std(axis=1)
+    least = _UNSEEN * np.where(size > 0.0, size, 1.0)
     weights = 1.0 / np.where(size > 0.0, size, 1.0)
-    ahead = forced
     for _ in range(_REWEIGHTED):
-        states, beta = _estimate(
-            left * weights, *((part[: window + 1] * weights[:, None]) for part in (free, constant))
-        )
-        ahead = forced + np.einsum("jyx,rx->rjy", free, states) + constant @ beta
-        error = np.sqrt(np.mean((past - ahead[:, : window + 1]) ** 2, axis=(0, 1)))
-        weights = 1.0 / np.maximum(error, _UNSEEN * np.where(size > 0.0, size, 1.0))
-    return ahead
+        starts, beta = _estimate(left * weights, *(part * weights[:, None] for part in (seen, common)))
+        rest = left - np.tensordot(starts, seen, axes=(1, 2)) - common @ beta
+        weights = 1.0 / np.maximum(np.sqrt(np.mean(rest**2, axis=(0, 1))), least)
+    return _Ahead(whole=whole, apart=starts - before, free=free, constant=constant @ beta)
 
 
 def _estimate(left: FloatArray, free: FloatArray, constant: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -216,18 +247,6 @@ def _estimate(left: FloatArray, free: FloatArray, constant: FloatArray) -> tuple
 def _norms(columns: FloatArray) -> FloatArray:
     norms = np.linalg.norm(columns, axis=0)
     return np.where(norms > 0.0, norms, 1.0)
-
-
-def _forced(model: Sampled, starts: IntArray, length: int) -> FloatArray:
-    """Responses from rest at every start, shape ``(restarts, length, y)``."""
-    last = model.forcing.shape[0] - 1
-    states = np.zeros((starts.size, model.lead + length, len(model.transition)))
-    for step in range(model.lead + length - 1):
-        forcing = model.forcing[np.minimum(starts + step, last)]
-        states[:, step + 1] = states[:, step] @ model.transition.T + forcing
-    late = np.minimum(starts[:, None] + np.arange(length), model.direct.shape[0] - 1)
-    forced: FloatArray = model.seen(states) + model.direct[late]
-    return forced
 
 
 def _free(model: Sampled, length: int) -> FloatArray:
@@ -254,7 +273,7 @@ def _constant(model: Sampled, length: int) -> FloatArray:
 def _horizon(
     horizon_s: float,
     steps: int,
-    ahead: FloatArray,
+    ahead: _Ahead,
     target: FloatArray,
     window: int,
     names: Sequence[str],
@@ -262,7 +281,7 @@ def _horizon(
     maneuver_s: tuple[float, float],
 ) -> Horizon:
     inside = target.shape[1] - window - steps
-    predicted, measured = ahead[:inside, window + steps].T, target[:, window + steps :]
+    predicted, measured = ahead.at(window + steps), target[:, window + steps :]
     trivial = target[:, window : window + inside]
     late_s = time_s[window + steps :]
     quiet, scored = late_s < maneuver_s[0], (late_s >= maneuver_s[0]) & (late_s <= maneuver_s[1] + horizon_s)
@@ -307,14 +326,16 @@ def _limit(scored: float, quiet: float) -> float:
     return float(np.sqrt(f.ppf(1.0 - _CHANCE, scored, quiet))) if quiet >= 1.0 else math.inf
 
 
-def _holds(ahead: FloatArray, target: FloatArray, window: int) -> FloatArray:
+def _holds(ahead: _Ahead, target: FloatArray, window: int) -> FloatArray:
     """Steps ahead up to which the fit stays good, for each output."""
-    samples = target.shape[1]
     motion = target.std(axis=1)
     limit = (1.0 - GOOD_FIT_PERCENT / 100.0) * motion
-    held = np.full(len(motion), float(ahead.shape[1] - 1 - window))
-    for steps in range(ahead.shape[1] - 1 - window, 0, -1):
-        inside = samples - window - steps
-        error = np.sqrt(np.mean((ahead[:inside, window + steps].T - target[:, window + steps :]) ** 2, axis=1))
-        held = np.where(error > limit, steps - 1.0, held)
+    furthest = ahead.furthest - window
+    held, holding = np.full(motion.size, float(furthest)), np.ones(motion.size, dtype=bool)
+    for steps in range(1, furthest + 1):
+        error = np.sqrt(np.mean((ahead.at(window + steps) - target[:, window + steps :]) ** 2, axis=1))
+        ends = holding & (error > limit)
+        held[ends], holding = steps - 1.0, holding & ~ends
+        if not holding.any():
+            break
     return held

@@ -74,7 +74,7 @@ def verify_in_time(
     rate = history.sample_rate_hz
     raw = np.stack([history[name] for name in outputs])
     cutoff = chosen_low_pass(vibration_filter, raw, band_rad_s, rate)
-    filtered = _matched(band_pass(band_rad_s, rate, history.duration_s), cutoff, rate)
+    filtered = matched(band_rad_s, cutoff, history)
     u = np.stack([history[name] for name in inputs])
     u = u - u.mean(axis=1, keepdims=True)
     measured = filtered(raw)
@@ -108,10 +108,22 @@ def verify_in_time(
     )
 
 
-def _matched(band: Filter, cutoff_rad_s: float | None, rate_hz: float) -> Filter:
+def matched(band_rad_s: tuple[float, float], cutoff_rad_s: float | None, history: TimeHistory) -> Filter:
+    """The filter that measurement and prediction of a record pass: the fitted band, and a low-pass where there is one.
+
+    Parameters
+    ----------
+    band_rad_s
+        The fitted band.
+    cutoff_rad_s
+        Of the low-pass against vibration, or ``None``.
+    history
+        The record; its rate and length decide.
+    """
+    band = band_pass(band_rad_s, history.sample_rate_hz, history.duration_s)
     if cutoff_rad_s is None:
         return band
-    smooth = low_pass(cutoff_rad_s, rate_hz)
+    smooth = low_pass(cutoff_rad_s, history.sample_rate_hz)
     return lambda values: smooth(band(values))
 
 

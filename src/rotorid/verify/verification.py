@@ -10,6 +10,7 @@ import numpy as np
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.data.maneuver import Maneuver
 from rotorid.typing import FloatArray
+from rotorid.verify.closed_loop import ClosedLoop
 from rotorid.verify.prediction import Prediction
 
 
@@ -72,6 +73,8 @@ class Verification(Immutable):
         Outputs that the maneuver moved clearly more than they moved before it: those that tell about the model.
     ahead
         Predictions over short horizons, restarted at every sample, or ``None`` where the record is too short.
+    closed_loop
+        The model under the controller that flew, or ``None`` where that is not known.
     """
 
     record: str
@@ -89,6 +92,7 @@ class Verification(Immutable):
     low_pass_rad_s: float | None = None
     moved: tuple[str, ...] = ()
     ahead: Prediction | None = None
+    closed_loop: ClosedLoop | None = None
 
     def __post_init__(self) -> None:
         self._set(

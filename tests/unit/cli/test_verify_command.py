@@ -41,6 +41,9 @@ def test_json_is_the_file_and_nothing_else(verified: tuple[Path, Ran]) -> None:
     (sweep,) = document.frequency
     assert sweep.pairs["p/roll_command"].value < 50.0
     assert document.provenance.inputs.keys() == {"sweeps.csv"}
+    page = (folder / "report.html").read_text()
+    assert "rate.roll on unseen flight" in page
+    assert "Unseen sweeps: cost" in page
 
 
 @pytest.mark.parametrize("name", ["result.json", "model.toml"])
@@ -56,6 +59,7 @@ def test_a_person_reads_costs_and_where_the_file_is(result: Path, flight: Path, 
     assert ran.code == 0
     assert "p/roll_command cost" in ran.out
     assert str(tmp_path / "verification.json") in ran.out
+    assert str(tmp_path / "report.html") in ran.out
 
 
 def test_quiet_says_nothing(result: Path, flight: Path, tmp_path: Path) -> None:
@@ -67,6 +71,18 @@ def test_a_log_that_cannot_judge_ends_with_one_and_its_findings(result: Path, fl
     assert ran.code == 1
     assert {finding["kind"] for finding in json.loads(ran.out)["findings"]} == {"not_verified"}
     assert not (tmp_path / "none").exists()
+
+
+def test_gains_come_from_a_file(result: Path, flight: Path, tmp_path: Path) -> None:
+    gains = tmp_path / "gains.toml"
+    gains.write_text("[roll]\nproportional_s = 0.06\n")
+    ran = rotorid("verify", result, flight, *SEGMENT, "--controller", gains, "--out", tmp_path, "--json")
+    assert json.loads(ran.out)["provenance"]["settings"]["controllers"] == ["roll: proportional_s=0.06"]
+    gains.write_text("[roll]\nproportional = 0.06\n")
+    ran = rotorid("verify", result, flight, *SEGMENT, "--controller", gains, "--out", tmp_path, "--json")
+    assert ran.code == 2
+    assert "line 2" in ran.err
+    assert "proportional_s" in ran.err
 
 
 @pytest.mark.parametrize(

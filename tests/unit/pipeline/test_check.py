@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.io.registry import read
 from rotorid.models.rate import rate_model
+from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.fitting import Fitted, fit_with_bounds, pose
 from rotorid.pipeline.hold_out import hold_out
@@ -28,6 +30,7 @@ from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.pipeline.unseen_sweeps import judge_sweeps
 from rotorid.pipeline.verification import Checked, check
 from rotorid.reduce.elimination import Reduced, fit_and_drop
+from rotorid.typing import Axis
 
 BAND = (12.0, 50.0)
 
@@ -228,3 +231,23 @@ def test_why_nothing_could_be_held_out_is_said(first: Fit, record: FlightRecord)
 def test_a_single_maneuver_cannot_be_held_out(first: Fit) -> None:
     held = hold_out(first.fitted.structure, [first.second], first.settings, silent)
     assert "Everything that was flown was fitted" in of_kind("not_verified", held.findings)["verification"]
+
+
+def of_axis(flown: Flown, axis: Axis) -> Flown:
+    return flown[0], replace(flown[1], axis=axis)
+
+
+def test_the_only_maneuver_of_an_axis_is_not_held_out(first: Fit) -> None:
+    # Relabeled, so that each axis was flown once: without either, its parameters would be those of noise.
+    once = [*first.selection.fitted, of_axis(first.second, "pitch")]
+    assert "no axis twice" in of_kind("not_verified", hold_out(*held(first, once)).findings)["verification"]
+
+
+def test_the_last_maneuver_of_an_axis_flown_twice_is_held_out(first: Fit) -> None:
+    flown = [*first.selection.fitted, first.second, of_axis(first.selection.fitted[0], "pitch")]
+    (where,) = of_kind("held_out", hold_out(*held(first, flown)).findings)
+    assert where == f"sweeps.csv at {first.second[1].start_s:.1f} s"
+
+
+def held(fit: Fit, flown: list[Flown]) -> tuple[LinearStructure, list[Flown], IdentifySettings, Callable[[str], None]]:
+    return rate_model("rate.roll"), flown, fit.settings, silent

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rotorid.errors import ModelError, UsageError
-from rotorid.models.description import to_toml
+from rotorid.models.description import from_toml, to_toml
 from rotorid.models.rate import RATE_AXES, rate_model
-from rotorid.pipeline.resolve import chosen_parameters, resolve_model
+from rotorid.pipeline.resolve import chosen_parameters, named_model, require_known, resolve_model
 from rotorid.pipeline.settings import IdentifySettings
 
 
@@ -50,3 +50,61 @@ def test_nothing_left_to_find_is_wrong_use() -> None:
     everything = {"L_roll": 100.0, "L_p": -2.0, "T_motor": 0.0, "tau_roll": 0.01}
     with pytest.raises(UsageError, match="every parameter is fixed"):
         chosen_parameters(rate_model("rate.roll"), IdentifySettings(fix=everything))
+
+
+def test_transfer_functions_need_channels() -> None:
+    structure = resolve_model("transfer:1/2", inputs=["roll_command"], outputs=["p", "phi"])
+    assert (structure.inputs, structure.outputs) == (("roll_command",), ("p", "phi"))
+    for channels in ({"inputs": ["roll_command"]}, {"outputs": ["p"]}, {}):
+        with pytest.raises(UsageError, match="transfer:1/2 came without channels; needed: --inputs and --outputs"):
+            resolve_model("transfer:1/2", **channels)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("orders", ["3/2", "0/0", "0/21", "99999999999999999999/1"])
+def test_impossible_orders_are_refused(orders: str) -> None:
+    with pytest.raises(ModelError, match="an order of the denominator from 1 to 20"):
+        resolve_model(f"transfer:{orders}", inputs=["roll_command"], outputs=["p"])
+
+
+@pytest.mark.parametrize(
+    "name", ["", "transfer:", "transfer:1", "transfer:-1/2", "rate", "/tmp", "hover.longitudinal.tml"]
+)
+def test_what_is_no_name_is_refused_with_the_names(name: str) -> None:
+    with pytest.raises(ModelError, match=r"there is no model.*transfer:m/n, or a \.toml file"):
+        named_model(name, inputs=["roll_command"], outputs=["p"])
+
+
+def test_inputs_of_a_model_that_has_its_own_are_not_ignored() -> None:
+    with pytest.raises(UsageError, match=r"inputs pitch_command came with rate\.roll.*transfer"):
+        resolve_model("rate.roll", inputs=["pitch_command"])
+    # Outputs choose among those of the model.
+    assert resolve_model("axis.roll", outputs=["p"]).outputs == ("p", "v", "phi", "ay")
+
+
+def test_names_are_looked_up_before_anything_is_read() -> None:
+    structure = resolve_model("hover.lateral")
+    require_known(structure, IdentifySettings(outputs=("p",), pairs={"p/roll_command": None}, constants={"phi0": 0.1}))
+    with pytest.raises(ModelError, match=r"no response 'p/roll'.*did you mean p/roll_command"):
+        require_known(structure, IdentifySettings(pairs={"p/roll": None}))
+
+
+def test_start_values_without_a_model_are_refused_unless_they_are_changed() -> None:
+    structure = from_toml(
+        """
+name = "lag"
+inputs = ["u"]
+states = ["x"]
+equations = ["x' = -x/T + b*u"]
+outputs = ["x"]
+[parameters.T]
+value = 0.0
+unit = "s"
+[parameters.b]
+value = 1.0
+unit = "1/s"
+"""
+    )
+    with pytest.raises(ModelError, match=r"lag at its start values: .* has no finite value at T = 0"):
+        require_known(structure, IdentifySettings())
+    require_known(structure, IdentifySettings(fix={"T": 0.1}))
+    require_known(structure, IdentifySettings(ties={"T": "0.1*b"}))

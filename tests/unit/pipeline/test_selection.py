@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.instruments import find_instrument
 from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.signal.segment import find_excitations
 
 RATE_HZ = 50.0
 STOP_S = 100.0
@@ -28,6 +30,10 @@ BINARY = maneuver("random_binary", 45.0, 70.0)
 DOUBLET = maneuver("doublet", 80.0, 83.0)
 
 
+def source(name: str) -> Source:
+    return Source(name=name, format="CSV", sha256=name)
+
+
 def record(
     *declared: Maneuver, moving: Sequence[str] = (), resting: Sequence[str] = (), name: str = "flight.csv"
 ) -> FlightRecord:
@@ -38,7 +44,7 @@ def record(
     values[: 2 + len(moving)] = np.sin(time_s)
     channels = tuple(Channel(name=n, unit=STANDARD_UNITS[n]) for n in names)
     topic = Topic(name="all", time_s=time_s, channels=channels, values=values)
-    return FlightRecord(source=Source(name=name, format="CSV", sha256=name), topics=(topic,), declared=declared)
+    return FlightRecord(source=source(name), topics=(topic,), declared=declared)
 
 
 def test_rich_maneuvers_are_fitted_and_short_ones_kept_unseen() -> None:
@@ -46,6 +52,52 @@ def test_rich_maneuvers_are_fitted_and_short_ones_kept_unseen() -> None:
     selection = select_maneuvers([log], ["roll"], IdentifySettings())
     assert [m for _, m in selection.fitted] == [SWEEP, BINARY]
     assert [m for _, m in selection.unseen] == [DOUBLET]
+
+
+def flight(*, landed_s: float = STOP_S, **moving: tuple[float, float]) -> FlightRecord:
+    """A log that flies until it lands, whose named channels swing over their intervals only."""
+    time_s = np.arange(0.0, STOP_S, 1.0 / RATE_HZ)
+    names = ("roll_command", "p", "thrust_command", *moving)
+    values = np.zeros((len(names), time_s.size))
+    values[2] = np.where(time_s < landed_s, 0.5, 0.0)
+    for row, (start_s, stop_s) in enumerate(moving.values(), start=3):
+        inside = (time_s >= start_s) & (time_s < stop_s)
+        phase = time_s[inside] - start_s
+        # A slow to fast sweep where there is time for one, else a doublet.
+        long = stop_s - start_s > 10.0
+        values[row, inside] = np.sin(phase + 0.1 * phase**2) if long else np.sign(np.sin(np.pi * phase + 1e-9))
+    channels = tuple(Channel(name=n, unit=STANDARD_UNITS[n]) for n in names)
+    topic = Topic(name="all", time_s=time_s, channels=channels, values=values)
+    return FlightRecord(source=source("flight.csv"), topics=(topic,))
+
+
+def unseen_of(*records: FlightRecord) -> list[tuple[str, float]]:
+    selection = select_maneuvers(records, ["roll"], IdentifySettings())
+    return [(m.signal, round(m.start_s)) for _, m in selection.unseen]
+
+
+def test_a_set_point_that_moves_while_the_stick_of_the_sweeps_rests_is_no_maneuver() -> None:
+    swept = flight(roll_stick=(10.0, 50.0))
+    returning = replace(flight(roll_stick=(0.0, 0.0), phi_setpoint=(60.0, 62.0)), source=source("returning.csv"))
+    assert [m.signal for m in find_excitations(returning, "roll")] == ["phi_setpoint"]
+    assert unseen_of(swept, returning) == []
+    # Where the sweeps were set-points themselves, it is one as they are.
+    by_program = replace(flight(phi_setpoint=(10.0, 50.0)), source=source("program.csv"))
+    assert unseen_of(by_program, returning) == [("phi_setpoint", 60)]
+
+
+def test_a_stick_doublet_is_unseen_beside_an_injected_sweep() -> None:
+    swept = flight(roll_excitation=(10.0, 50.0))
+    flown = replace(flight(roll_stick=(60.0, 62.0)), source=source("sticks.csv"))
+    assert unseen_of(swept, flown) == [("roll_stick", 60)]
+
+
+def test_a_maneuver_that_ends_on_the_ground_is_not_kept_unseen() -> None:
+    swept = flight(roll_stick=(10.0, 50.0))
+    later = replace(flight(roll_stick=(60.0, 62.0)), source=source("later.csv"))
+    landing = replace(flight(roll_stick=(60.0, 62.0), landed_s=61.0), source=source("landing.csv"))
+    assert unseen_of(swept, later) == [("roll_stick", 60)]
+    assert unseen_of(swept, landing) == []
 
 
 def test_given_segments_replace_what_is_found_and_what_they_cover_is_not_unseen() -> None:

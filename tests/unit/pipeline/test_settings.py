@@ -16,8 +16,10 @@ from rotorid.pipeline.settings import (
     parse_band,
     parse_fix,
     parse_numbers,
+    parse_pairs,
     parse_segment,
     parse_shifts,
+    parse_ties,
 )
 
 
@@ -121,3 +123,73 @@ def test_a_channel_is_shifted_once() -> None:
         parse_shifts(("p:0.1", "p:0.2"))
     with pytest.raises(UsageError, match="a shift of p by inf s"):
         IdentifySettings(shifts={"p": math.inf})
+
+
+@pytest.mark.parametrize(
+    ("choice", "says"),
+    [
+        ({"weights": "cifr"}, "the weights 'cifr' came; needed: one of auto, cifer, covariance"),
+        ({"speed_damping": "twice"}, "the speed damping 'twice' came; needed: one of joint, two_step"),
+        ({"fix": {"L_p": 1.0}, "ties": {"L_p": "L_roll"}}, "L_p is to be two things at once"),
+        ({"fix": {"L_p": 1.0}, "free": ("L_p",)}, "L_p is to be two things at once"),
+        ({"ties": {"L_p": "L_roll"}, "free": ("L_p",)}, "L_p is to be two things at once"),
+    ],
+)
+def test_impossible_choices_about_the_fit_are_refused(choice: dict[str, Any], says: str) -> None:
+    with pytest.raises(UsageError) as refused:
+        IdentifySettings(**choice)
+    assert says in str(refused.value)
+
+
+def test_choices_about_the_fit_are_written_down_and_read_back() -> None:
+    settings = IdentifySettings(
+        ties={"M_q": "-0.5*L_p"},
+        free=("tau_az",),
+        constants={"theta0": 0.0123456789012},
+        outputs=("q", "az"),
+        pairs={"q/pitch_command": (1.23456789012, 45.0), "az/thrust_command": None},
+        pair_weights={"q/pitch_command": 0.1},
+        weights="cifer",
+        reduce=True,
+        speed_damping="two_step",
+    )
+    written = settings.as_json()
+
+    def texts(name: str) -> tuple[str, ...]:
+        listed = written[name]
+        assert isinstance(listed, list)
+        return tuple(map(str, listed))
+
+    assert parse_ties(texts("ties")) == settings.ties
+    assert parse_fix(texts("constants")) == settings.constants
+    assert parse_pairs(texts("pairs")) == settings.pairs
+    assert parse_fix(texts("pair_weights")) == settings.pair_weights
+    assert (texts("free"), texts("outputs")) == (settings.free, settings.outputs)
+    assert (written["weights"], written["reduce"], written["speed_damping"]) == ("cifer", True, "two_step")
+
+
+def test_mappings_are_copied_in() -> None:
+    ties = {"M_q": "L_p"}
+    settings = IdentifySettings(ties=ties)
+    ties["M_q"] = "0"
+    assert settings.ties == {"M_q": "L_p"}
+    with pytest.raises(TypeError):
+        settings.ties["M_q"] = "0"  # type: ignore[index]
+
+
+@pytest.mark.parametrize("text", ["M_q", "=L_p", "M_q=", ""])
+def test_unreadable_ties_are_quoted(text: str) -> None:
+    with pytest.raises(UsageError, match=f"'{text}' cannot be read"):
+        parse_ties((text,))
+
+
+def test_a_tie_keeps_what_stands_behind_the_first_sign() -> None:
+    assert parse_ties((" M_q = L_p*2 ",)) == {"M_q": "L_p*2"}
+    with pytest.raises(UsageError, match="M_q came twice"):
+        parse_ties(("M_q=L_p", "M_q=L_r"))
+
+
+@pytest.mark.parametrize("text", ["q/pitch_command:3", "q/pitch_command:", "q/pitch_command:3:4:5", "q/x:a:b"])
+def test_unreadable_bands_of_responses_are_quoted(text: str) -> None:
+    with pytest.raises(UsageError, match=r"the band .* cannot be read"):
+        parse_pairs((text,))

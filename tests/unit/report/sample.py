@@ -22,8 +22,10 @@ from rotorid.pipeline.document import (
     VerificationDocument,
 )
 from rotorid.pipeline.identification import Identification, Segment
-from rotorid.pipeline.score_document import PairCost, ScoreDocument
+from rotorid.pipeline.judged import Judged, JudgedPair
+from rotorid.pipeline.score_document import ManeuverVerificationDocument, PairCost, ScoreDocument
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
+from rotorid.verify.verdict import Verdict
 from rotorid.verify.verification import Scores, Verification
 
 HOSTILE = "<script>alert(1)</script>"
@@ -138,6 +140,37 @@ def findings() -> list[FindingDocument]:
     ]
 
 
+def maneuver(*, verdict: Verdict = "good", tic: float = 0.041, fit: float = 92.4) -> ManeuverVerificationDocument:
+    return ManeuverVerificationDocument(
+        record="roll_doublet.ulg",
+        axis="roll",
+        kind="doublet",
+        start_s=612.5,
+        stop_s=613.3,
+        verdict=verdict,
+        scores={
+            "p": ScoreDocument(nrmse_fit_percent=fit, tic=tic, rms=0.063, bias=0.01, reference_shift=-0.004),
+            "r": ScoreDocument(nrmse_fit_percent=3.0, tic=0.9, rms=0.01, bias=0.0, reference_shift=0.0),
+        },
+        j_rms=1.4,
+        biases={"p": 0.01},
+        growth_1_s=0.0,
+        moved=["p"],
+    )
+
+
+def judged() -> Judged:
+    measured = response()
+    used: BoolArray = measured.coherence >= 0.6
+    return Judged(
+        pairs={"p/roll_command": JudgedPair(cost=12.3, band_rad_s=(1.1, 54.0), points=61)},
+        records=("roll_again.ulg",),
+        response=measured,
+        model_response=exact(measured.omega_rad_s).reshape(1, 1, -1),
+        used=used,
+    )
+
+
 def document(*, record: str = "roll_sweeps.ulg") -> ResultDocument:
     def parameter(value: float, unit: str, std: float, cr: float, insensitivity: float) -> ParameterDocument:
         return ParameterDocument(
@@ -181,6 +214,7 @@ def document(*, record: str = "roll_sweeps.ulg") -> ResultDocument:
                 }
             },
             frequency={"p/roll_command": 12.3},
+            maneuvers=[maneuver()],
         ),
         identifiability=[
             CombinationDocument(
@@ -225,4 +259,5 @@ def identification(*, record: str = "roll_sweeps.ulg") -> Identification:
         fitted=fitted,
         segments=(sweep(12.0, record=record), sweep(62.0, record=record)),
         verifications=(doublet(),),
+        judged=(judged(),),
     )

@@ -92,7 +92,7 @@ def test_contents_show_the_worse_of_predictions_and_unseen_sweeps() -> None:
     unflown = dataclasses.replace(changed(verification=VerificationDocument()), verifications=())
     shown = [section(one, anchor="s1", truth={}).unseen for one in (identification(), missed, unflown)]
     assert [verdict and (verdict.level, verdict.words) for verdict in shown] == [
-        ("good", "TIC 0.041, fit 92 %"),
+        ("good", "good"),
         ("poor", "cost 4.31·10³"),
         None,
     ]

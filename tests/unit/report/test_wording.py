@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.unit.report.sample import document
+from tests.unit.report.sample import document, maneuver
 
 from rotorid.pipeline.document import FindingDocument, PoleDocument, ResultDocument, VerificationDocument
 from rotorid.report.modes import pole_rows
@@ -15,7 +15,6 @@ from rotorid.report.numbers import percent, significant, unit, with_error
 from rotorid.report.parameter_table import Cell, parameter_groups, parameter_rows
 from rotorid.report.tables import cost_rows, finding_rows
 from rotorid.report.wording import cost_verdict, parameter_words, prediction_verdict, summary
-from rotorid.verify.verification import Scores
 
 
 @pytest.mark.parametrize(
@@ -90,10 +89,6 @@ def test_a_prediction_is_good_by_both_scores(tic: float, fit: float, level: str,
     assert (verdict.level, verdict.words) == (level, words)
 
 
-def scores(tic: float, fit: float) -> Scores:
-    return Scores(nrmse_fit_percent=fit, tic=tic, rms=0.1, bias=0.0, reference_shift=0.0)
-
-
 def verified(*kinds: str, **costs: float) -> ResultDocument:
     """The sample with other costs on unseen sweeps and findings of these kinds."""
     found = [FindingDocument(kind=kind, severity="info", where="", message="") for kind in kinds]
@@ -101,11 +96,13 @@ def verified(*kinds: str, **costs: float) -> ResultDocument:
 
 
 def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
-    assert summary(document(), scores=[scores(0.041, 92.4)]) == (
+    assert summary(document()) == (
         "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms.",
         "Roll oscillates at 0.91 rad/s and grows, doubling in 5.8 s.",
         "Cost 1.9: hardly distinguishable from the flight (guideline: below 50).",
-        "Unseen flight: 1 prediction with TIC 0.041, fit 92 % (good: TIC up to 0.25 and a fit of 50 % and more).",
+        "Unseen flight: 1 maneuver predicted well.",
+        "In open loop the output is roll rate p with a TIC of 0.041 and a fit of 92 % (good: TIC up to 0.25 and a fit "
+        "of 50 % and more).",
         "Unseen sweeps: cost at worst 12.3, hardly distinguishable from the flight.",
     )
 
@@ -122,10 +119,10 @@ def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
 
 def test_summary_names_the_worst_prediction() -> None:
     # Of two that miss one guideline each the larger Theil coefficient is the worse.
-    several = [scores(0.1, 80.0), scores(0.31, 55.0), scores(0.2, 45.0)]
-    assert summary(verified(), scores=several)[-1].startswith(
-        "Unseen flight: 3 predictions, 1 of them good, the worst with TIC 0.31, fit 55 % (good:"
-    )
+    several = [maneuver(), maneuver(tic=0.31, fit=55.0, verdict="poor"), maneuver(tic=0.2, fit=45.0, verdict="poor")]
+    flown = document().model_copy(update={"verification": VerificationDocument(maneuvers=several)})
+    assert "Unseen flight: 3 maneuvers, 1 predicted well, 2 predicted poorly." in summary(flown)
+    assert summary(flown)[-1].startswith("In open loop the worst is roll rate p with a TIC of 0.31 and a fit of 55 %")
 
 
 def test_an_unseen_sweep_counts_as_unseen_flight() -> None:

@@ -1,0 +1,123 @@
+"""Speed damping in two steps: the value of a known response, and what is said about it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rotorid.data.channel import STANDARD_UNITS, Channel
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.catalog import library_model
+from rotorid.models.rate import rate_model
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.speed_damping import FirstStep, first_step
+from rotorid.typing import Axis, FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+RATE_HZ = 50.0
+SAMPLES = 6000
+X_U, Y_V = -0.6, -0.35
+
+
+def flight(*axes: Axis, noise: float = 0.02, without: str = "") -> list[Flown]:
+    """One log with a stretch of each axis in turn; attitudes are noise up to 2 Hz, accelerations what follows."""
+    rng = np.random.default_rng(3)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(SAMPLES, 1.0 / RATE_HZ)
+    columns: dict[str, list[FloatArray]] = {name: [] for name in ("theta", "u_dot", "phi", "v_dot") if name != without}
+    maneuvers = []
+    for place, axis in enumerate(axes):
+        for angle, speed, damping, sign, own in (
+            ("theta", "u_dot", X_U, -1.0, "pitch"),
+            ("phi", "v_dot", Y_V, 1.0, "roll"),
+        ):
+            spectrum = np.fft.rfft(rng.standard_normal(SAMPLES)) * (omega < 4.0 * np.pi) * (axis == own)
+            push = sign * STANDARD_GRAVITY_M_S2 * 1j * omega / (1j * omega - damping)
+            moved = {angle: spectrum, speed: push * spectrum}
+            for name in moved.keys() & columns.keys():
+                quiet = noise * rng.standard_normal(SAMPLES) * (name == speed)
+                columns[name].append(np.fft.irfft(moved[name], SAMPLES) + quiet)
+        start_s = place * SAMPLES / RATE_HZ
+        maneuvers.append(
+            Maneuver(
+                axis=axis, kind="random_binary", start_s=start_s, stop_s=start_s + SAMPLES / RATE_HZ, origin="found"
+            )
+        )
+    values = np.stack([np.concatenate(parts) for parts in columns.values()])
+    topic = Topic(
+        name="log",
+        time_s=np.arange(values.shape[1]) / RATE_HZ,
+        channels=tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in columns),
+        values=values,
+    )
+    record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256="a"), topics=(topic,))
+    return [(record, maneuver) for maneuver in maneuvers]
+
+
+def step(model: str, flown: list[Flown], **choices: object) -> FirstStep:
+    return first_step(library_model(model), flown, IdentifySettings(**choices), lambda _: None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("model", "axis", "name", "truth"), [
+    ("hover.longitudinal", "pitch", "X_u", X_U),
+    ("hover.lateral", "roll", "Y_v", Y_V),
+])  # fmt: skip
+def test_the_damping_of_a_known_response_is_found(model: str, axis: Axis, name: str, truth: float) -> None:
+    first = step(model, flight(axis))
+    assert first.fix.keys() == {name}
+    (finding,) = first.findings
+    assert finding.numbers["value"] == first.fix[name]
+    assert abs(first.fix[name] - truth) <= 4.0 * finding.numbers["std"]
+    assert finding.numbers["std"] < 0.05 * abs(truth)
+
+
+def test_the_remark_says_what_was_held_and_why_it_may_be_wrong() -> None:
+    (finding,) = step("hover.longitudinal", flight("pitch")).findings
+    assert (finding.kind, finding.severity, finding.where) == ("speed_damping_biased", "warning", "X_u")
+    for part in ("u_dot/theta", "leaves out X_pitch", f"{finding.numbers['low_rad_s']:.2g}", "rad/s"):
+        assert part in finding.message
+    assert finding.numbers["low_rad_s"] < finding.numbers["high_rad_s"]
+
+
+def test_each_is_taken_from_the_maneuvers_of_its_own_axis() -> None:
+    # While pitch is flown phi stands still: v_dot/phi over both would be half noise.
+    first = step("hover.full", flight("pitch", "roll"))
+    assert first.fix.keys() == {"X_u", "Y_v"}
+    spread = {finding.where: finding.numbers["std"] for finding in first.findings}
+    assert abs(first.fix["X_u"] - X_U) <= 4.0 * spread["X_u"]
+    assert abs(first.fix["Y_v"] - Y_V) <= 4.0 * spread["Y_v"]
+
+
+def test_choices_about_the_second_step_do_not_disturb_the_first() -> None:
+    plain = step("hover.longitudinal", flight("pitch"))
+    chosen = step(
+        "hover.longitudinal",
+        flight("pitch"),
+        pairs={"q/pitch_command": (1.0, 20.0)},
+        pair_weights={"q/pitch_command": 3.0},
+        shifts={"q": 0.01},
+        weights="cifer",
+    )
+    assert chosen.fix == plain.fix
+
+
+def test_a_model_without_speed_damping_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"rate\.roll came, which has no free X_u and no free Y_v"):
+        first_step(rate_model("rate.roll"), flight("roll"), IdentifySettings(), lambda _: None)
+
+
+def test_one_that_is_held_already_is_not_looked_for() -> None:
+    structure = library_model("hover.full")
+    held = type(structure)(
+        **{name: getattr(structure, name) for name in structure.__dataclass_fields__ if name != "parameters"},
+        parameters=structure.parameters.fix("X_u", -0.2),
+    )
+    first = first_step(held, flight("roll"), IdentifySettings(), lambda _: None)
+    assert first.fix.keys() == {"Y_v"}
+
+
+def test_a_log_without_attitude_cannot_answer() -> None:
+    with pytest.raises(InsufficientDataError, match="theta"):
+        step("hover.longitudinal", flight("pitch", without="theta"))
