@@ -36,6 +36,7 @@ from rotorid.pipeline.fitting import Fitted, fit_with_bounds
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.instruments import Flown, axes_of, is_command
 from rotorid.pipeline.inverse import pose_screened
+from rotorid.pipeline.judge import judge_combinations
 from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.resolve import resolve_model
 from rotorid.pipeline.scope import scoped
@@ -45,7 +46,7 @@ from rotorid.pipeline.speed_damping import first_step
 from rotorid.pipeline.trim import trimmed
 from rotorid.pipeline.verification import Checked, check
 from rotorid.pipeline.verify_model import output_sources
-from rotorid.uncertainty.identifiability import unseen_combinations
+from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.uncertainty.propagation import pole_confidence
 
 
@@ -121,7 +122,9 @@ def identify(
     screened = pose_screened(structure, measured, settings, flown)
     fitted = fit_with_bounds(screened.problem, measured, settings)
     checked = check(fitted, measured, selection, verify, settings, progress)
-    findings += [*measured.findings, *screened.findings, *fitted.findings, *checked.findings]
+    unseen = unseen_combinations(fitted.parameters, fitted.bounds)
+    findings += [*measured.findings, *screened.findings, *fitted.findings, *judge_combinations(unseen)]
+    findings += checked.findings
     provenance = provenance_document(
         (*records, *verify),
         asked,
@@ -131,7 +134,7 @@ def identify(
         sources=output_sources(measured),
     )
     return Identification(
-        document=_document(fitted, checked, findings, provenance, measured, flown),
+        document=_document(fitted, checked, findings, provenance, measured, flown, unseen),
         model_toml=to_toml(fitted.structure, fitted.structure.parameters, standard_deviations(fitted.bounds)),
         response=measured.response,
         beside=measured.beside,
@@ -151,6 +154,7 @@ def _document(
     provenance: ProvenanceDocument,
     measured: Measured,
     flown: Sequence[Flown],
+    unseen: Sequence[Combination],
 ) -> ResultDocument:
     structure = fitted.structure
     seen = np.asarray(fitted.problem.used.any(axis=-1))
@@ -170,7 +174,7 @@ def _document(
         delays=delay_budget(structure, structure.parameters, fitted.bounds, seen, filter_delays(measured, flown)),
         covered=range_documents(covered_by(flown)),
         verification=verification_document(checked, structure.states),
-        identifiability=combination_documents(unseen_combinations(fitted.parameters, fitted.bounds)),
+        identifiability=combination_documents(unseen),
         findings=finding_documents(findings),
         provenance=provenance,
     )

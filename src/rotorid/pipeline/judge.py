@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from rotorid.models.rate import MOTOR_LAG
 from rotorid.pipeline.measure import Measured
 from rotorid.typing import BoolArray
 from rotorid.uncertainty.bounds import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, Bounds
+from rotorid.uncertainty.identifiability import Combination
 
 _EXCITED_SHARE = 0.7
 
@@ -24,6 +26,7 @@ _KNOWN = 0.25
 """Lag and delay count as told apart when each is known to a quarter of itself."""
 
 _LARGEST_CORRELATION = 0.95
+_NOTHING = 1e9
 
 
 def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
@@ -96,6 +99,21 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
         where=f"{MOTOR_LAG}, {delay}",
         message=message,
         numbers={"sum_s": together, "std_s": std, "correlation": correlation},
+    )
+
+
+def judge_combinations(combinations: Sequence[Combination]) -> tuple[Finding, ...]:
+    """A warning for each group of parameters that the data do not tell apart at all."""
+    return tuple(
+        Finding(
+            kind="not_identifiable",
+            severity="warning",
+            where=", ".join(item.names or item.vector),
+            message=item.words(),
+            numbers={"relative_std": min(item.relative_std, _NOTHING)},
+        )
+        for item in combinations
+        if item.flat
     )
 
 

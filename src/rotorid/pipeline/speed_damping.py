@@ -3,7 +3,8 @@ r"""Speed damping in two steps, as it is often done: X_u and Y_v first, from one
 .. math:: \frac{\dot u}{\theta} = \frac{-s g}{s - X_u}, \qquad \frac{\dot v}{\phi} = \frac{s g}{s - Y_v}
 
 Both leave out that a command pushes the vehicle sideways too (X_pitch, Y_roll). Where it does, the damping comes out
-several times too small, however good the data are. So this is an option, and the remark says what it does.
+several times too small from slow responses and several times too large from fast ones, however good the data are. So
+this is an option, and the remark says what it does and how well the first step fits at all.
 """
 
 from __future__ import annotations
@@ -81,6 +82,7 @@ def _one(
     problem = FrequencyProblem(structure=structure, parameters=structure.parameters, data=measured.response, used=used)
     solution = fit(problem)
     value, std = float(solution.theta[0]), float(bounds(problem, solution).std[0])
+    cost = float(problem.costs(solution.theta)[0, 0])
     omega = measured.response.omega_rad_s[used[0, 0]]
     return value, Finding(
         kind="speed_damping_biased",
@@ -88,8 +90,15 @@ def _one(
         where=name,
         message=(
             f"{name} = {value:.3g} ± {std:.2g} 1/s was taken from {output}/{source} between {omega[0]:.2g} and "
-            f"{omega[-1]:.3g} rad/s and held. That response leaves out {_NEGLECTED[name]}; where the command pushes "
-            f"the vehicle sideways, {name} is several times too small. The joint fit of all responses has no such bias."
+            f"{omega[-1]:.3g} rad/s, at a cost of {cost:.0f}, and held. That response leaves out {_NEGLECTED[name]}: "
+            f"where the command pushes the vehicle sideways, {name} is several times off, too small from slow responses "
+            "and too large from fast ones. The joint fit of all responses has no such bias."
         ),
-        numbers={"value": value, "std": std, "low_rad_s": float(omega[0]), "high_rad_s": float(omega[-1])},
+        numbers={
+            "value": value,
+            "std": std,
+            "cost": cost,
+            "low_rad_s": float(omega[0]),
+            "high_rad_s": float(omega[-1]),
+        },
     )

@@ -13,14 +13,12 @@ from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.verify_model import Candidate
 from rotorid.typing import FloatArray
 from rotorid.verify.matching import band_pass
-from rotorid.verify.time_domain import MOVED
 from rotorid.verify.verification import Verification
 
 SHARE = 0.25
 """An output that the model does not connect with a maneuver tells something from this share of its usual motion: what
 moves less is noise, or a coupling that is no part of a model of each axis."""
 
-_QUIET_S = 0.5
 _UNCONNECTED = 1e-9
 
 
@@ -46,9 +44,10 @@ def telling(
 ) -> tuple[Verification, ...]:
     """Verifications with those outputs as ``moved`` that tell about the model; those without any are left out.
 
-    An output tells where it moves clearly more than before the maneuver, within the fitted band, and where it should
-    move or does: the model connects it with the input of the maneuver, or it moves by a quarter of its usual motion.
-    The latter shows a coupling that the model lacks.
+    An output tells where it moves clearly more than before the maneuver, see
+    :func:`rotorid.verify.time_domain.verify_in_time`, and where it should move or does: the model connects it with the
+    input of the maneuver, or it moves by a quarter of its usual motion. The latter shows a coupling that the model
+    lacks.
 
     Parameters
     ----------
@@ -69,27 +68,12 @@ def telling(
 
 
 def _telling(check: Verification, candidate: Candidate, largest: Mapping[str, float]) -> tuple[str, ...]:
-    moved = _moved(check)
     expected = _connected(check, candidate.system_of(check.output_names))
     return tuple(
         name
         for name, values in zip(check.output_names, check.measured, strict=True)
-        if name in moved and (name in expected or values.std() >= SHARE * largest[name])
+        if name in check.moved and (name in expected or values.std() >= SHARE * largest[name])
     )
-
-
-def _moved(check: Verification) -> tuple[str, ...]:
-    """Outputs that move clearly more than before; what the open loop saw of it where predictions ahead saw nothing."""
-    if check.ahead is None or not check.ahead.horizons:
-        return check.moved or check.output_names
-    seen, maneuver = check.ahead.horizons[0], check.maneuver
-    quiet = seen.time_s < maneuver.start_s
-    flown = (seen.time_s >= maneuver.start_s) & (seen.time_s <= maneuver.stop_s)
-    # Predictions ahead begin a horizon after the record, so less than this before a maneuver tells nothing of gusts.
-    if not flown.any() or maneuver.start_s - seen.time_s[0] < _QUIET_S:
-        return check.moved or check.output_names
-    before, during = (seen.measured[:, part].std(axis=1) for part in (quiet, flown))
-    return tuple(name for name, a, b in zip(check.output_names, before, during, strict=True) if b > MOVED * a)
 
 
 def _connected(check: Verification, system: StateSpace) -> tuple[str, ...]:

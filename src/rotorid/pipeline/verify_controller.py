@@ -21,7 +21,8 @@ from rotorid.models.controller import RateController, rate_controller
 from rotorid.models.controller_steps import Driven
 from rotorid.models.description_source import Source
 from rotorid.typing import Axis
-from rotorid.verify.closed_loop import Loop, LoopScores, controller_alone
+from rotorid.verify.closed_loop import Loop, LoopScores
+from rotorid.verify.controller_alone import controller_alone
 from rotorid.verify.matching import Filter
 from rotorid.verify.scores import GOOD_TIC
 

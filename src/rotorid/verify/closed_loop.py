@@ -199,54 +199,6 @@ def closed_loop(
     return target, forced + adjust(parts, target - forced, weights=weights, filtered=filtered).response
 
 
-def controller_alone(
-    loop: Loop, rate: FloatArray, command: FloatArray, *, filtered: Filter, sample_rate_hz: float
-) -> LoopScores:
-    """How well a controller makes the measured command of the measured rate and set-point.
-
-    This needs no model of the airframe: it says whether the controller is the one that flew. Offset, angle and integral
-    at the beginning are estimated.
-
-    Parameters
-    ----------
-    loop
-        The controller and what drove it.
-    rate, command
-        As measured, shape ``(samples,)``.
-    filtered
-        As in :func:`closed_loop`.
-    sample_rate_hz
-        Their rate.
-    """
-    from rotorid.simulate.kernels import recursion
-
-    fine = max(1, math.ceil(STEP_RATE_HZ / sample_rate_hz - 1e-9))
-    samples = np.arange(rate.size)
-    grid = np.arange((rate.size - 1) * fine + 1) / fine
-    own = stepped(loop.controller, step_s=1.0 / (fine * sample_rate_hz), driven=loop.driven)
-    late = grid - loop.controller.delay_s * sample_rate_hz
-    driving = np.stack(
-        [
-            np.interp(grid, samples, loop.setpoint - loop.setpoint.mean()),
-            np.interp(late, samples, rate - rate.mean()),
-        ]
-    )
-    forcing = np.ascontiguousarray((own.drive @ driving).T)
-    starts = [np.zeros(len(STATES)), *(np.eye(len(STATES))[STATES.index(name)] for name in UNKNOWN)]
-    made = np.array(
-        [
-            recursion(own.transition, forcing if not start.any() else np.zeros_like(forcing), start) @ own.read[0]
-            for start in starts
-        ]
-    )
-    made[0] += (own.direct @ driving)[0] + np.interp(grid, samples, loop.excitation)
-    whole = made[:, ::fine]
-    columns = filtered(np.vstack([whole[1:], np.ones((1, rate.size))]))
-    target, forced = filtered(command[None])[0], filtered(whole[:1])[0]
-    predicted = forced + columns.T @ np.linalg.lstsq(columns.T, target - forced, rcond=1e-9)[0]
-    return scored(target, predicted)
-
-
 def scored(measured: FloatArray, predicted: FloatArray) -> LoopScores:
     """Scores of one signal about its mean, shape ``(samples,)``."""
     mean = measured.mean()
@@ -312,37 +264,32 @@ class _Flown:
 
     def responses(self) -> FloatArray:
         """The forced response, those to each initial state and each steady force, shape ``(r, y + loops, steps)``."""
+        from rotorid.verify.kernels import fly_loops
+
         step, loops, steps = self.plant.step, len(self.controlled), self.inputs.shape[1]
-        order = len(step.transition)
         start, state, steady = self._starts()
-        columns = start.shape[1]
         lead = 1 + int(step.lags.max())
         # Commands before the record are those of its first sample, for the forced response alone.
-        given = np.zeros((lead + steps, loops, columns))
+        given = np.zeros((lead + steps, loops, start.shape[1]))
         given[:lead, :, 0] = self.inputs[self.controlled, 0]
-        states = np.empty((steps, order, columns))
-        states[0] = start
-        forcing = self._forcing()
-        taps = step.taps[:, self.controlled]
-        lags = lead - step.lags[self.controlled]
-        reading = self.plant.C[self.fed_back]
         delays = self.plant.output_delays[self.fed_back] + self.reading_delays
-        driven = np.zeros((2 * loops, columns))
-        for k in range(steps):
-            driven[:loops, 0] = self.setpoints[:, k]
-            driven[loops:] = _read(states, k, reading, delays)
-            command = self.controller.read @ state + self.controller.direct @ driven
-            command[:, 0] += self.excitations[:, k]
-            given[lead + k] = command
-            state = self.controller.transition @ state + self.controller.drive @ driven
-            if k + 1 == steps:
-                break
-            after = step.transition @ states[k]
-            after[:, 0] += forcing[k]
-            for loop in range(loops):
-                past = given[k + lags[loop] - 1 : k + lags[loop] + 2, loop] + steady[loop]
-                after += taps[:, loop].T @ past
-            states[k + 1] = after
+        whole = delays.astype(np.int64)
+        states = fly_loops(
+            np.ascontiguousarray(step.transition),
+            np.ascontiguousarray(step.taps[:, self.controlled].transpose(1, 2, 0)),
+            step.lags[self.controlled],
+            np.ascontiguousarray(self._forcing()),
+            np.ascontiguousarray(self.plant.C[self.fed_back]),
+            whole,
+            delays - whole,
+            *(np.array(getattr(self.controller, name)) for name in ("transition", "drive", "read", "direct")),
+            np.vstack([self.setpoints, self.excitations]).T.copy(),
+            start,
+            state,
+            steady,
+            given,
+            lead,
+        )
         return self._seen(states, given, steady, lead)
 
     def _starts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -383,18 +330,6 @@ class _Flown:
             else:
                 seen[y, :, 0] += self.plant.D[y, u] * _later(left[u], delay)
         return np.concatenate([np.moveaxis(seen, 2, 0), np.moveaxis(given[lead:], 0, 2).transpose(1, 0, 2)], axis=1)
-
-
-def _read(states: FloatArray, k: int, reading: FloatArray, delays: FloatArray) -> FloatArray:
-    """Outputs that are fed back at a step, each as late as it is, shape ``(loops, r)``."""
-    if not delays.any():
-        return np.asarray(reading @ states[k])
-    rows = []
-    for row, delay in zip(reading, delays, strict=True):
-        whole = int(delay)
-        newer, older = states[max(k - whole, 0)], states[max(k - whole - 1, 0)]
-        rows.append(row @ (newer + (delay - whole) * (older - newer)))
-    return np.array(rows)
 
 
 def _later(values: FloatArray, delay: float) -> FloatArray:

@@ -22,6 +22,8 @@ MOVED = 2.0
 """An output that moves this many times as much as before the maneuver was moved by it."""
 
 _QUIET_S = 0.5
+_SETTLED_S = 0.8
+"""The first motion of a record is what the maneuver before it left, and the filter's end; only the rest is quiet."""
 
 
 def verify_in_time(
@@ -103,7 +105,7 @@ def verify_in_time(
         j_rms=j_rms(measured - predicted, [_unit(history, name) for name in outputs]),
         growth_1_s=max(growth, 0.0),
         low_pass_rad_s=cutoff,
-        moved=_moved(around or history, maneuver, outputs),
+        moved=_moved(around or history, maneuver, outputs, band_rad_s),
         ahead=_ahead(system, around or history, maneuver, inputs, outputs, band_rad_s, growth),
     )
 
@@ -148,14 +150,19 @@ def _scores(measured: FloatArray, predicted: FloatArray, *, bias: float, shift: 
     )
 
 
-def _moved(history: TimeHistory, maneuver: Maneuver, outputs: tuple[str, ...]) -> tuple[str, ...]:
-    """Outputs that move clearly more in a maneuver than before it; all, where that cannot be seen or none does."""
-    time_s = history.time_s
-    quiet, flown = time_s < maneuver.start_s, (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s)
-    if np.count_nonzero(quiet) < _QUIET_S * history.sample_rate_hz or not flown.any():
+def _moved(
+    history: TimeHistory, maneuver: Maneuver, outputs: tuple[str, ...], band_rad_s: tuple[float, float]
+) -> tuple[str, ...]:
+    """Outputs that move clearly more in a maneuver than before it, within the band; all, where that cannot be seen."""
+    time_s, rate = history.time_s, history.sample_rate_hz
+    settled_s = min(history.start_s + _SETTLED_S, maneuver.start_s - _QUIET_S)
+    quiet = (time_s >= settled_s) & (time_s < maneuver.start_s)
+    flown = (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s)
+    if settled_s < history.start_s or not flown.any():
         return outputs
-    moved = tuple(name for name in outputs if history[name][flown].std() >= MOVED * history[name][quiet].std())
-    return moved or outputs
+    motion = band_pass(band_rad_s, rate, history.duration_s)(np.stack([history[name] for name in outputs]))
+    before, during = (motion[:, part].std(axis=1) for part in (quiet, flown))
+    return tuple(name for name, a, b in zip(outputs, before, during, strict=True) if b > MOVED * a)
 
 
 def _ahead(

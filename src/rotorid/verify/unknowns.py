@@ -69,12 +69,12 @@ def adjust(
     weights
         One over the size of each output, shape ``(y,)``, so that outputs of different units count alike.
     filtered
-        The filter that measurement and forced response have passed, for arrays of shape ``(y, samples)``.
+        The filter that measurement and forced response have passed, for arrays ``(..., samples)``.
     """
     outputs, samples = residual.shape
     shifts = np.kron(np.eye(outputs), np.ones(samples)).reshape(outputs, outputs, samples)
     whole = np.concatenate([shifts, responses.free, responses.biased])
-    columns = np.stack([filtered(column) for column in whole])
+    columns = filtered(whole)
     weighted = (columns * weights[:, None]).reshape(len(whole), -1)
     seen = told_apart(weighted, np.linalg.norm((whole * weights[:, None]).reshape(len(whole), -1), axis=1))
     coefficients = np.zeros(len(whole))

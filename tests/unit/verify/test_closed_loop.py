@@ -16,7 +16,8 @@ from rotorid.models.state_space import StateSpace
 from rotorid.simulate.flight import SILENT, STEP_RATE_HZ, Excitation, Flight, fly
 from rotorid.typing import Axis
 from rotorid.vehicles import s500
-from rotorid.verify.closed_loop import ALIKE_TIC, Loop, closed_loop, controller_alone, scored
+from rotorid.verify.closed_loop import ALIKE_TIC, Loop, closed_loop, scored
+from rotorid.verify.controller_alone import controller_alone
 
 AXES: tuple[Axis, ...] = ("roll", "pitch")
 # The autopilot's own step and ours count the integral one step apart: an error of a step against the fastest motion of
