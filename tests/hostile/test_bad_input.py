@@ -38,7 +38,7 @@ def assert_one_sentence(ran: Ran, code: int) -> str:
     assert "Traceback" not in ran.err
     sentence, *remarks = ran.err.strip().splitlines()
     assert sentence.startswith("rotorid: ")
-    assert sentence.endswith(".")
+    assert sentence.endswith((".", "?"))
     assert all(remark.startswith("  ") for remark in remarks)
     if code == 2:
         assert remarks == []

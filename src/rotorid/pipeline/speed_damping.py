@@ -90,9 +90,9 @@ def _one(
         where=name,
         message=(
             f"{name} = {value:.3g} ± {std:.2g} 1/s was taken from {output}/{source} between {omega[0]:.2g} and "
-            f"{omega[-1]:.3g} rad/s, at a cost of {cost:.0f}, and held. That response leaves out {_NEGLECTED[name]}: "
-            f"where the command pushes the vehicle sideways, {name} is several times off, too small from slow responses "
-            "and too large from fast ones. The joint fit of all responses has no such bias."
+            f"{omega[-1]:.3g} rad/s, at a cost of {cost:.0f}, and held. It leaves out {_NEGLECTED[name]}: "
+            f"where the command pushes the vehicle sideways, {name} is off several times, too small from slow "
+            "responses and too large from fast ones. The joint fit of all responses has no such bias."
         ),
         numbers={
             "value": value,

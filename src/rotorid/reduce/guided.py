@@ -98,8 +98,9 @@ def reduce_guided(
         steps.append(step)
         if step.action != "dropped":
             settled.add(suspect.name)
-    # Refuses a parameter without effect that had to stay.
-    bounds(state.problem, state.solution)
+    if any(np.isinf(item.std) for item in state.evidence):
+        # Refuses a parameter without effect that had to stay.
+        bounds(state.problem, state.solution)
     return Reduction(problem=state.problem, solution=state.solution, steps=tuple(steps))
 
 

@@ -89,7 +89,7 @@ class _Motions:
     @classmethod
     def of(cls, model: Sampled) -> _Motions:
         basis, kept = _split(model.transition, len(model.forcing))
-        inverse = np.linalg.inv(basis)
+        inverse = np.asarray(np.linalg.inv(basis), dtype=np.float64)
         transition = inverse @ model.transition @ basis
         return cls(basis=basis, inverse=inverse, slow=transition[:kept, :kept], fast=transition[kept:, kept:])
 

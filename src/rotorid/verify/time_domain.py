@@ -158,7 +158,7 @@ def _moved(
     settled_s = min(history.start_s + _SETTLED_S, maneuver.start_s - _QUIET_S)
     quiet = (time_s >= settled_s) & (time_s < maneuver.start_s)
     flown = (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s)
-    if settled_s < history.start_s or not flown.any():
+    if settled_s < history.start_s - 1.0 / rate or not flown.any():
         return outputs
     motion = band_pass(band_rad_s, rate, history.duration_s)(np.stack([history[name] for name in outputs]))
     before, during = (motion[:, part].std(axis=1) for part in (quiet, flown))

@@ -14,7 +14,8 @@ from rotorid.simulate.flight import Flight
 from rotorid.simulate.linear import simulate_linear
 from rotorid.typing import Axis
 from rotorid.vehicles import s500
-from rotorid.verify.bounded import bounded_responses
+from rotorid.verify.bounded import bounded_responses, bounded_states
+from rotorid.verify.prediction import _ahead
 from rotorid.verify.sampled import sampled
 from rotorid.verify.scores import rms
 from rotorid.verify.verdict import judged_horizon, poor_ahead, shortest_horizon, verdict
@@ -183,6 +184,51 @@ def test_what_moved_is_seen(flights: dict[str, Flight]) -> None:
     made: Verification = check(flights["yaw"], s500.lateral())
     assert "r" in made.moved
     assert made.time_s[-1] > STOP_S
+
+
+class TestMoved:
+    """What moves clearly more than before, within the band."""
+
+    def moved(self, flight: Flight, *, shaken: float = 0.0, frequency_hz: float = 3.0) -> tuple[str, ...]:
+        """What moved of a yaw doublet whose yaw rate swings all the time too, by a multiple of its largest."""
+        swing = np.sin(2.0 * np.pi * frequency_hz * flight.time_s)
+        rate = flight.columns["r"]
+        columns = {**flight.columns, "r": rate + shaken * np.abs(rate).max() * swing}
+        return check(replace(flight, columns=columns), s500.lateral()).moved
+
+    def test_what_moves_all_the_time_was_not_moved(self, flights: dict[str, Flight]) -> None:
+        assert "r" in self.moved(flights["yaw"])
+        assert "r" not in self.moved(flights["yaw"], shaken=10.0)
+
+    def test_vibration_above_the_band_does_not_hide_a_motion(self, flights: dict[str, Flight]) -> None:
+        assert "r" in self.moved(flights["yaw"], shaken=10.0, frequency_hz=90.0)
+
+    def test_without_quiet_time_all_count(self, flights: dict[str, Flight]) -> None:
+        late = replace(flights["yaw"].maneuvers[0], start_s=0.2)
+        assert check(replace(flights["yaw"], maneuvers=(late,)), s500.lateral()).moved == parts("yaw")[1]
+
+    def test_nothing_moves_where_there_is_no_maneuver(self, flights: dict[str, Flight]) -> None:
+        still = replace(flights["yaw"], columns={name: 0.0 * v for name, v in flights["yaw"].columns.items()})
+        assert check(still, s500.lateral()).moved == ()
+
+
+def test_predictions_ahead_are_those_simulated_from_every_restart() -> None:
+    """One motion of the record serves all restarts; the sum of rounding is that of an unstable motion over 1 s."""
+    rng = np.random.default_rng(1)
+    model = replace(s500.longitudinal(), output_delays_s=np.array([0.0, 0.013, 0.0, 0.005, 0.0, 0.0]))
+    u = np.cumsum(0.01 * rng.standard_normal((2, 500)), axis=1)
+    made = sampled(model, u, sample_rate_hz=100.0, before=u[:, 0])
+    target = made.seen(_states(made)).T + made.direct.T
+    target = target - target.mean(axis=1, keepdims=True) + 0.01 * rng.standard_normal(target.shape)
+    window, restart, steps = 30, 200, 100
+    ahead = _ahead(made, target, window, furthest=window + steps + 1)
+    state = bounded_states(made)[restart] + ahead.apart[restart]
+    states = np.empty((made.lead + window + steps + 1, state.size))
+    for step in range(len(states)):
+        states[step] = state
+        state = made.transition @ state + made.forcing[restart + step]
+    end = made.seen(states)[-1] + made.direct[restart + window + steps] + ahead.constant[window + steps]
+    assert ahead.at(window + steps)[:, restart] == pytest.approx(end, rel=1e-9, abs=1e-9)
 
 
 def test_gusts_are_not_taken_for_a_wrong_model() -> None:
