@@ -72,8 +72,10 @@ class ResidualErrors(Immutable):
     @cached_property
     def whitened_trace(self) -> float:
         """Sum of the variances of whitened residuals: what is measured of them, without what no covariance knows."""
-        inverse = self.whitened(np.eye(self.scale.size))
-        return float(self.scale.size - np.sum(inverse**2 @ self.own))
+        from scipy.linalg.lapack import dtrtri
+
+        inverse = dtrtri(self.root.T, lower=0)[0]
+        return float(self.scale.size - np.einsum("ij,ij,i->", inverse, inverse, self.own))
 
 
 def residual_errors(

@@ -120,7 +120,7 @@ def bounds(problem: FrequencyProblem, solution: Solution, *, weights: Weights = 
     expected = (
         spread.total
         - 2.0 * float(np.sum(jacobian * spread.shared.T))
-        + float(np.trace(jacobian @ spread.covariance @ jacobian.T))
+        + float(np.sum((jacobian @ spread.covariance) * jacobian))
     )
     inflation = _inflation(float(residual @ residual), expected, spread.squared)
     return Bounds(
@@ -161,7 +161,7 @@ class _Spread(NamedTuple):
 
         if weights == "cifer":
             shared = gain @ errors.covariance
-            total, squared = float(np.trace(errors.covariance)), float(np.sum(errors.covariance**2))
+            total, squared = float(np.trace(errors.covariance)), float(np.vdot(errors.covariance, errors.covariance))
             return cls(shared @ gain.T, shared, total, squared)
         # With L L^T = C + C0 the whitened errors have 1 - L^-1 C0 L^-T, whose eigenvalues lie between zero and one.
         back = solve_triangular(errors.root, gain.T, lower=True, trans=1, check_finite=False)
