@@ -1,8 +1,8 @@
 """Flights of every published model in closed loop, and what the identification makes of each of them.
 
 A twin is a published model with an autopilot that holds it, a plan of sweeps, gusts and noisy sensors. Each flight goes
-the way of a user's log: one record in, responses with the injected sweeps as instruments, the model of the library fitted
-from its own start values. What the publication dropped is held at zero, everything else is free.
+the way of a user's log: one record in, responses with the injected sweeps as instruments, the model of the library
+fitted from its own start values. What the publication dropped is held at zero, everything else is free.
 """
 
 from __future__ import annotations
