@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.twins.published_flights import TWINS, Result, identify
+from tests.twins.twin_flights import TWINS, Result, identify
 
 from rotorid.uncertainty.bounds import Weights
 
