@@ -37,22 +37,24 @@ def coverage(results: list[Result], weights: Weights) -> dict[str, float]:
     return dict(zip(results[0].names, np.mean(inside, axis=0), strict=True))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in TWINS if not name.startswith("hover")])
-def test_intervals_of_95_percent_cover_the_truth(name: str) -> None:
-    found = coverage(study(name, FLIGHTS), "covariance")
-    assert min(found.values()) >= LEAST_COVERAGE, found
+MISSED = {
+    "hover.longitudinal": "parameters that the lowest frequencies alone show scatter up to 1.6 times as much as stated",
+    "hover.lateral": "several parameters cover 82 to 89 % only: errors do not factor as stated where every output "
+    "has shares of the windows of its own",
+    "axis.pitch": "intervals are up to a third too wide: residuals count as too large where weights know the errors",
+    "rig.roll": "intervals are up to twice too wide: long windows see each frequency of a sweep once",
+}
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="in gusts that move the vehicle as much as the sweeps do, the parameters that only the lowest frequencies "
-    "show (M_u, Z_u, L_v, X_q) scatter up to 1.6 times as much as stated: there instruments are weak, and the estimate "
-    "is a ratio whose denominator holds the same gusts",
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=MISSED[name])) if name in MISSED else name
+        for name in TWINS
+    ],
 )
-@pytest.mark.parametrize("name", [name for name in TWINS if name.startswith("hover")])
-def test_intervals_of_hover_models_cover_the_truth(name: str) -> None:
+def test_intervals_of_95_percent_cover_the_truth(name: str) -> None:
     found = coverage(study(name, FLIGHTS), "covariance")
     assert min(found.values()) >= LEAST_COVERAGE, found
     assert max(found.values()) <= LARGEST_COVERAGE, found
