@@ -21,14 +21,11 @@ from rotorid.fit.covariance_fit import refine
 from rotorid.fit.identify import fit
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.models.catalog import library_model
-from rotorid.models.state_space import StateSpace
 from rotorid.pipeline.fitting import pose
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.simulate.flight import Excitation, fly
-from rotorid.simulate.hold import discretize
-from rotorid.simulate.kernels import closed_loop
-from rotorid.simulate.turbulence import gauss_markov
+from rotorid.simulate.linear_loop import LinearLoop, fly_linear
 from rotorid.typing import Axis, FloatArray
 from rotorid.uncertainty.bounds import Weights, bounds
 from rotorid.vehicles import hummingbird, rig, s500
@@ -36,9 +33,6 @@ from rotorid.vehicles import hummingbird, rig, s500
 STEP_HZ = 1000.0
 BAND = (2.0 * math.pi * 0.1, 2.0 * math.pi * 8.0)
 SWEEP_S, REST_S = 50.0, 5.0
-GUST_S = 1.0
-"""Correlation time of gusts."""
-
 GYRO, ATTITUDE, SPEED, ACCELEROMETER = 0.01, 0.002, 0.03, 0.1
 """Standard deviations of the noise of a sample, those of :class:`rotorid.simulate.flight.SensorNoise`."""
 
@@ -57,78 +51,6 @@ class Twin:
     held: Mapping[str, float]
     flight: Callable[[np.random.Generator], FlightRecord]
     settings: Mapping[str, object] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Loop:
-    """A vehicle under proportional-integral control of combinations of its outputs, pushed by gusts.
-
-    ``error`` takes outputs to the error of each input; ``gusts`` are columns of the state equation, ``strength`` their
-    standard deviations.
-    """
-
-    system: StateSpace
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    error: FloatArray
-    proportional: tuple[float, ...]
-    integral: tuple[float, ...]
-    noise: tuple[float, ...]
-    gusts: FloatArray
-    strength: tuple[float, ...]
-    log_hz: float = 200.0
-
-
-def closed_loop_log(loop: Loop, excitation: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Columns of the log of one flight; ``excitation`` has shape ``(u, steps)``.
-
-    Commands go linearly from one millisecond to the next, between which the vehicle is exact; the log picks samples.
-    """
-    steps, inputs = excitation.shape[1], len(loop.inputs)
-    A, B, C, D = loop.system.proper()
-    pushed = np.linalg.solve(loop.system.M, loop.gusts)
-    delays_s = np.append(loop.system.input_delays_s, np.zeros(pushed.shape[1]))
-    step = discretize(A, np.hstack([B, pushed]), delays_s=delays_s, step_s=1.0 / STEP_HZ, hold="first")
-    gusts = np.array(
-        [
-            gauss_markov(steps, intensity=each, correlation_s=GUST_S, sample_rate_hz=STEP_HZ, rng=rng)
-            for each in loop.strength
-        ]
-    )
-    past = np.append(np.zeros(inputs), gusts[:, 0])
-    noise = np.array(loop.noise) * rng.standard_normal((steps, len(loop.outputs)))
-    states, commands = closed_loop(
-        step.transition,
-        np.ascontiguousarray(step.taps[:, :inputs]),
-        step.lags[:inputs],
-        step.forcing(np.vstack([np.zeros_like(excitation), gusts]), past),
-        np.ascontiguousarray(C),
-        noise,
-        loop.error,
-        np.array(loop.proportional),
-        np.array(loop.integral) / STEP_HZ,
-        np.ascontiguousarray(excitation.T),
-    )
-    late = step.delayed(np.vstack([commands.T, gusts]), past)
-    # What a gust does to an acceleration at once stands in the state equation, and so in its derivative.
-    outputs = C @ states.T + D @ late[:inputs] + loop.system.H1 @ pushed @ late[inputs:]
-    outputs = np.stack([_later(y, d) for y, d in zip(outputs, loop.system.output_delays_s, strict=True)]) + noise.T
-    rows = (*commands.T, *excitation, *outputs)
-    names = (*loop.inputs, *map(excitation_of, loop.inputs), *loop.outputs)
-    every = slice(None, None, round(STEP_HZ / loop.log_hz))
-    return {name: row[every] for name, row in zip(names, rows, strict=True)}
-
-
-def _later(values: FloatArray, delay_s: float) -> FloatArray:
-    """A signal that goes linearly between steps, read with a delay."""
-    if not delay_s:
-        return values
-    clock = np.arange(values.size)
-    return np.interp(clock - delay_s * STEP_HZ, clock, values)
-
-
-def excitation_of(name: str) -> str:
-    return f"{name.removesuffix('_command')}_excitation"
 
 
 def record_of(columns: Mapping[str, FloatArray], log_hz: float, maneuvers: Sequence[Maneuver]) -> FlightRecord:
@@ -187,15 +109,15 @@ def plan(
     return tuple(parts)
 
 
-def flown(loop: Loop, parts: Sequence[Excitation], rng: np.random.Generator) -> FlightRecord:
+def flown(loop: LinearLoop, parts: Sequence[Excitation], rng: np.random.Generator) -> FlightRecord:
     """The log of a loop with one input that flies a plan."""
     steps = round((parts[-1].maneuver.stop_s + REST_S) * STEP_HZ)
     excitation = np.zeros((1, steps))
     for part in parts:
         first = round(part.maneuver.start_s * STEP_HZ)
         excitation[0, first : first + part.values.size] += part.values
-    columns = closed_loop_log(loop, excitation, rng)
-    return record_of(columns, loop.log_hz, [part.maneuver for part in parts])
+    log = fly_linear(loop, excitation, rng=rng)
+    return record_of(log.columns, log.sample_rate_hz, [part.maneuver for part in parts])
 
 
 # The S500 flies with the autopilot and the gusts that ship with it.
@@ -239,21 +161,22 @@ LATERAL = Twin(
 # Its autopilot was not published: rate, angle and drift in pitch, rate and heading in yaw, climb in heave.
 GUST_M_S, GUST_TORQUE = 0.08, 0.1
 
-HUMMINGBIRD_PITCH = Loop(
+HUMMINGBIRD_PITCH = LinearLoop(
+    name="hummingbird pitch",
     system=hummingbird.pitch(),
     inputs=("pitch_command",),
     outputs=("q", "u", "theta", "ax"),
     error=np.array([[-1.0, 0.5, -3.5, 0.0]]),
     proportional=(4.0,),
     integral=(3.0,),
-    noise=(GYRO, SPEED, ATTITUDE, ACCELEROMETER),
-    gusts=-hummingbird.pitch().F[:, [1]],
-    strength=(GUST_M_S,),
+    noise_std=(GYRO, SPEED, ATTITUDE, ACCELEROMETER),
+    gust_input=-hummingbird.pitch().F[:, [1]],
+    gust_std=(GUST_M_S,),
 )
 
 
 def hummingbird_flight(
-    loop: Loop, axis: Axis, amplitude: float, band: tuple[float, float] = BAND
+    loop: LinearLoop, axis: Axis, amplitude: float, band: tuple[float, float] = BAND
 ) -> Callable[[np.random.Generator], FlightRecord]:
     return lambda rng: flown(loop, plan({axis: amplitude}, rng, band), rng)
 
@@ -267,16 +190,17 @@ PITCH = Twin(
     flight=hummingbird_flight(HUMMINGBIRD_PITCH, "pitch", 3.0),
 )
 
-HUMMINGBIRD_YAW = Loop(
+HUMMINGBIRD_YAW = LinearLoop(
+    name="hummingbird yaw",
     system=hummingbird.yaw(),
     inputs=("yaw_command",),
     outputs=("r",),
     error=np.array([[-1.0]]),
     proportional=(6.0,),
     integral=(6.0,),
-    noise=(GYRO,),
-    gusts=np.array([[1.0], [0.0]]),
-    strength=(GUST_TORQUE,),
+    noise_std=(GYRO,),
+    gust_input=np.array([[1.0], [0.0]]),
+    gust_std=(GUST_TORQUE,),
 )
 
 YAW = Twin(
@@ -288,16 +212,17 @@ YAW = Twin(
     flight=hummingbird_flight(HUMMINGBIRD_YAW, "yaw", 10.0, (BAND[0], 2.0 * math.pi * 12.0)),
 )
 
-HUMMINGBIRD_VERTICAL = Loop(
+HUMMINGBIRD_VERTICAL = LinearLoop(
+    name="hummingbird vertical",
     system=hummingbird.vertical(),
     inputs=("thrust_command",),
     outputs=("w", "az"),
     error=np.array([[1.0, 0.0]]),
     proportional=(5.0,),
     integral=(1.0,),
-    noise=(SPEED, ACCELEROMETER),
-    gusts=np.array([[0.5934]]),
-    strength=(GUST_M_S,),
+    noise_std=(SPEED, ACCELEROMETER),
+    gust_input=np.array([[0.5934]]),
+    gust_std=(GUST_M_S,),
 )
 
 VERTICAL = Twin(
@@ -314,23 +239,23 @@ RIG_S, RIG_HZ, RIG_WINDOWS_S = 120.0, 100.0, (71.0, 60.0, 40.0)
 RIG_BAND = (0.15, 12.0)
 RIG_AMPLITUDE_V = 0.6
 
-RIG = Loop(
+RIG = LinearLoop(
+    name="rig",
     system=rig.roll(),
     inputs=("motor_3", "motor_4"),
     outputs=("phi", "p"),
     error=np.array([[-0.3, -1.0], [0.3, 1.0]]),
     proportional=(1.2, 1.2),
     integral=(0.0, 0.0),
-    noise=(0.01, GYRO),
-    gusts=np.zeros((2, 1)),
-    strength=(0.0,),
-    log_hz=RIG_HZ,
+    noise_std=(0.01, GYRO),
+    gust_input=np.zeros((2, 1)),
+    gust_std=(0.0,),
 )
 
 
 def rig_flight(rng: np.random.Generator) -> FlightRecord:
     up, down = (sweep(RIG_AMPLITUDE_V, rng, RIG_BAND, RIG_S) for _ in range(2))
-    columns = closed_loop_log(RIG, np.stack([up, down[::-1]]), rng)
+    columns = fly_linear(RIG, np.stack([up, down[::-1]]), sample_rate_hz=RIG_HZ, rng=rng).columns
     whole = Maneuver(axis="roll", kind="sweep", start_s=0.0, stop_s=RIG_S, band_rad_s=RIG_BAND, origin="declared")
     return record_of(columns, RIG_HZ, [whole])
 
