@@ -50,18 +50,19 @@ class Discretized:
         past
             Inputs before the first sample, shape ``(u,)``.
         """
-        terms = (self._late(u, past, tap).T @ self.taps[tap] for tap in range(3))
+        terms = (self.shifted(u, past, tap).T @ self.taps[tap] for tap in range(3))
         total: FloatArray = sum(terms, start=np.zeros((u.shape[1], self.taps.shape[2])))
         return total
 
     def delayed(self, u: FloatArray, past: FloatArray) -> FloatArray:
         """The late inputs at the sample instants, shape ``(u, samples)``."""
         late: FloatArray = sum(
-            (self.weights[tap, :, None] * self._late(u, past, tap) for tap in range(2)), start=np.zeros_like(u)
+            (self.weights[tap, :, None] * self.shifted(u, past, tap) for tap in range(2)), start=np.zeros_like(u)
         )
         return late
 
-    def _late(self, u: FloatArray, past: FloatArray, tap: int) -> FloatArray:
+    def shifted(self, u: FloatArray, past: FloatArray, tap: int) -> FloatArray:
+        """The samples of each input that a tap weighs in every step, shape ``(u, samples)``."""
         late = np.empty_like(u)
         for row, values, first, lag in zip(late, u, past, self.lags + 1 - tap, strict=True):
             # A lag of -1 is the sample at the end of the step, which a first-order hold goes to.

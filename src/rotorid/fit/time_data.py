@@ -1,0 +1,85 @@
+"""Records on which a model is fitted in the time domain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from rotorid.data.history import TimeHistory
+from rotorid.data.immutable import Immutable, read_only
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.typing import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimeData(Immutable):
+    """Inputs and measured outputs of one maneuver on one clock.
+
+    Parameters
+    ----------
+    name
+        Where they come from.
+    inputs
+        Shape ``(u, n)``, SI units, as differences from a trim.
+    outputs
+        Shape ``(y, n)``.
+    sample_rate_hz
+        Rate of both.
+    before
+        Inputs before the first sample, shape ``(u,)``; by default what the first sample shows.
+    """
+
+    name: str
+    inputs: FloatArray
+    outputs: FloatArray
+    sample_rate_hz: float
+    before: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        inputs, outputs = (read_only(values, np.float64, ndim=2) for values in (self.inputs, self.outputs))
+        if inputs.shape[1] != outputs.shape[1]:
+            raise UsageError(f"{inputs.shape[1]} samples of the inputs and {outputs.shape[1]} of the outputs came")
+        if not (np.isfinite(inputs).all() and np.isfinite(outputs).all()):
+            raise UsageError(f"{self.name} holds samples that are no numbers", needed="records without gaps")
+        before = read_only(self.before if self.before.size else inputs[:, 0], np.float64, ndim=1)
+        self._set(inputs=inputs, outputs=outputs, before=before)
+
+    @classmethod
+    def of(cls, history: TimeHistory, *, inputs: tuple[str, ...], outputs: tuple[str, ...], name: str) -> TimeData:
+        """Channels of a history; inputs as differences from their mean."""
+        u = np.stack([history[channel] for channel in inputs])
+        y = np.stack([history[channel] for channel in outputs])
+        u = u - u.mean(axis=1, keepdims=True)
+        return cls(name=name, inputs=u, outputs=y, sample_rate_hz=history.sample_rate_hz)
+
+    @property
+    def samples(self) -> int:
+        return int(self.inputs.shape[1])
+
+    @property
+    def duration_s(self) -> float:
+        return self.samples / self.sample_rate_hz
+
+    def pieces(self, length_s: float) -> tuple[TimeData, ...]:
+        """The record in pieces of about one length, each of which knows the inputs before it.
+
+        Raises
+        ------
+        InsufficientDataError
+            A piece would hold fewer than two samples.
+        """
+        count = max(1, round(self.duration_s / length_s))
+        edges = np.linspace(0, self.samples, count + 1).round().astype(int)
+        if np.diff(edges).min() < 2:
+            raise InsufficientDataError(f"pieces of {length_s:g} s came", needed="pieces of at least two samples")
+        return tuple(
+            replace(
+                self,
+                inputs=self.inputs[:, start:stop],
+                outputs=self.outputs[:, start:stop],
+                before=self.inputs[:, start - 1] if start else self.before,
+            )
+            for start, stop in pairwise(edges)
+        )

@@ -1,0 +1,204 @@
+"""The covariance of parameters when the residuals are colored, as they are in every real flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.errors import InsufficientDataError
+from rotorid.fit.time_problem import Part
+from rotorid.typing import FloatArray
+
+_LONGEST_MEMORY = 40
+_SAMPLES_PER_LAG = 10
+_ROUNDS = 4
+
+
+class ColoredCovariance(NamedTuple):
+    """Covariance of the free parameters, shape ``(p, p)`` each.
+
+    Parameters
+    ----------
+    corrected
+        For the color of the residuals.
+    white
+        As it would be, were the residuals white: what textbooks print, and several times too small in flight.
+    memory
+        Order of the autoregression that describes the color.
+    """
+
+    corrected: FloatArray
+    white: FloatArray
+    memory: int
+
+
+def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
+    r"""Covariance of least-squares estimates whose residuals are a stationary process of any color.
+
+    .. math:: \mathrm{Cov} = D \Big[ \sum_i S_i^T \sum_j \mathcal R(i-j) S_j \Big] D, \qquad
+        D = \Big( \sum_i S_i^T S_i \Big)^{-1}
+
+    for whitened sensitivities :math:`S` (:math:`R^{-1/2}` times the derivatives of the outputs) and the
+    autocovariance :math:`\mathcal R` of the errors. It is that of a vector autoregression, its order chosen by the
+    corrected information criterion of Akaike: products of single lags scatter so much that their double sum need not
+    even be positive.
+
+    A fit takes from the residuals what looks like its parameters, and slow errors look like them most. With P the
+    projection on parameters and unknowns, :math:`E[r r^T] = (I - P) \Sigma (I - P)`: what is missing is computed for
+    the autoregression found so far and given back, until it rests.
+
+    Parameters
+    ----------
+    parts
+        Whitened residuals, slopes and unknowns of each record, see :class:`rotorid.fit.time_problem.Part`.
+
+    Raises
+    ------
+    InsufficientDataError
+        The data do not determine all parameters.
+
+    Notes
+    -----
+    Assumes errors that do not depend on the inputs. A structure that is wrong leaves residuals that do; then the
+    covariance describes scatter about the best wrong model only.
+
+    References
+    ----------
+    Morelli and Klein, *Accuracy of Aerodynamic Model Parameters Estimated from Flight Test Data*, Journal of Guidance,
+    Control, and Dynamics 20(1), 1997, for the sum.
+    """
+    parameters = parts[0].slopes.shape[2]
+    flat = np.concatenate([part.slopes.reshape(-1, parameters) for part in parts])
+    size = np.linalg.norm(flat, axis=0)
+    if not (size > 0.0).all() or len(flat) <= parameters:
+        raise InsufficientDataError("a parameter has no effect on the records", remedy="fix it or drop it")
+    D = np.linalg.inv((flat / size).T @ (flat / size)) / np.outer(size, size)
+    root = np.linalg.cholesky((D + D.T) / 2.0)
+    taken = [np.concatenate([part.unknown, part.slopes @ root], axis=2) for part in parts]
+    residuals = [part.residual for part in parts]
+    process = autoregression(residuals)
+    for _ in range(_ROUNDS):
+        process = autoregression(residuals, missing=_Missing(taken, process, parameters))
+    middle = sum((_middle(part.slopes, process) for part in parts), start=np.zeros_like(D))
+    freedom = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
+    white = D * float(sum(np.sum(one**2) for one in residuals)) / freedom
+    return ColoredCovariance(corrected=D @ middle @ D, white=white, memory=len(process.coefficients))
+
+
+class Process(NamedTuple):
+    r"""A vector autoregression :math:`e_k = \sum_i A_i e_{k-i} + w_k`.
+
+    Parameters
+    ----------
+    coefficients
+        :math:`A`, shape ``(order, y, y)``; stable.
+    noise
+        Covariance of :math:`w`, shape ``(y, y)``.
+    """
+
+    coefficients: FloatArray
+    noise: FloatArray
+
+
+class _Missing:
+    """What a fit took from the sums of products of its residuals, lag by lag."""
+
+    def __init__(self, taken: Sequence[FloatArray], process: Process, parameters: int) -> None:
+        self._taken = taken
+        late = [_colored(basis, process) for basis in taken]
+        inner = [np.einsum("nya,nyb->ab", basis, seen) for basis, seen in zip(taken, late, strict=True)]
+        # Parameters are shared by all records, unknowns are not.
+        shared = sum((one[-parameters:, -parameters:] for one in inner), start=np.zeros((parameters, parameters)))
+        for one in inner:
+            one[-parameters:, -parameters:] = shared
+        self._other = [seen - 0.5 * basis @ one.T for basis, seen, one in zip(taken, late, inner, strict=True)]
+
+    def __call__(self, lag: int) -> FloatArray:
+        outputs = self._taken[0].shape[1]
+        total = np.zeros((outputs, outputs))
+        for basis, other in zip(self._taken, self._other, strict=True):
+            kept = len(basis) - lag
+            total += np.tensordot(basis[lag:], other[:kept], axes=((0, 2), (0, 2)))
+            total += np.tensordot(other[lag:], basis[:kept], axes=((0, 2), (0, 2)))
+        return total
+
+
+def autoregression(residuals: Sequence[FloatArray], *, missing: Callable[[int], FloatArray] | None = None) -> Process:
+    """Vector autoregression of residuals by Yule and Walker's equations, its order by information criterion.
+
+    Parameters
+    ----------
+    residuals
+        One array ``(n, y)`` for each record; means are taken as they are.
+    missing
+        What the sum of products at a lag lacks of its expectation, shape ``(y, y)``; nothing by default.
+
+    Examples
+    --------
+    >>> from scipy.signal import lfilter
+    >>> noise = np.random.default_rng(0).standard_normal(4000)
+    >>> process = autoregression([lfilter([1.0], [1.0, -0.8], noise)[:, None]])
+    >>> len(process.coefficients), round(float(process.coefficients[0, 0, 0]), 1)
+    (1, 0.8)
+    """
+    outputs = residuals[0].shape[1]
+    count = sum(len(one) for one in residuals)
+    limit = max(1, min(_LONGEST_MEMORY, count // (_SAMPLES_PER_LAG * outputs), *(len(one) // 2 for one in residuals)))
+    lags = []
+    for lag in range(limit + 1):
+        total = sum((one[lag:].T @ one[: len(one) - lag] for one in residuals), start=np.zeros((outputs, outputs)))
+        if missing is not None:
+            total = total + missing(lag)
+        lags.append(total / (count - lag * len(residuals)))
+    best, lowest = Process(np.zeros((0, outputs, outputs)), lags[0]), np.inf
+    for order, process in enumerate(_whittle(np.stack(lags))):
+        free = order * outputs**2
+        spare = max(count * outputs - free - outputs, 1)
+        criterion = count * float(np.linalg.slogdet(process.noise)[1]) + 2.0 * free * count * outputs / spare
+        if criterion < lowest:
+            best, lowest = process, criterion
+    return best
+
+
+def _whittle(lags: FloatArray) -> list[Process]:
+    """Whittle's recursion: the autoregressions of all orders, each from the one before, while they are stable."""
+    outputs = lags.shape[1]
+    forward: list[FloatArray] = []
+    backward: list[FloatArray] = []
+    ahead, behind = lags[0], lags[0]
+    found = [Process(np.zeros((0, outputs, outputs)), ahead)]
+    for order in range(1, len(lags)):
+        known = (A @ lags[order - 1 - i] for i, A in enumerate(forward))
+        delta = lags[order] - sum(known, start=np.zeros_like(ahead))
+        A, B = np.linalg.solve(behind.T, delta.T).T, np.linalg.solve(ahead.T, delta).T
+        forward, backward = (
+            [*(f - A @ b for f, b in zip(forward, reversed(backward), strict=True)), A],
+            [*(b - B @ f for b, f in zip(backward, reversed(forward), strict=True)), B],
+        )
+        ahead, behind = ahead - A @ delta.T, behind - B @ delta
+        ahead, behind = (ahead + ahead.T) / 2.0, (behind + behind.T) / 2.0
+        if min(np.linalg.eigvalsh(ahead)[0], np.linalg.eigvalsh(behind)[0]) <= 0.0:
+            break
+        found.append(Process(np.stack(forward), ahead))
+    return found
+
+
+def _middle(slopes: FloatArray, process: Process) -> FloatArray:
+    r""":math:`S^T \Sigma S` of one record."""
+    middle: FloatArray = np.einsum("nya,nyb->ab", slopes, _colored(slopes, process))
+    return middle
+
+
+def _colored(columns: FloatArray, process: Process) -> FloatArray:
+    r""":math:`\Sigma` times columns ``(n, y, m)``: the covariance of a stationary process, as its spectrum says."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    samples, outputs, _ = columns.shape
+    length = next_fast_len(2 * samples, real=True)
+    polynomial = np.concatenate([np.eye(outputs)[None], -process.coefficients])
+    inverse = np.linalg.inv(rfft(polynomial, n=length, axis=0))
+    spectrum = inverse @ process.noise @ np.conj(np.swapaxes(inverse, 1, 2))
+    whole: FloatArray = irfft(spectrum @ rfft(columns, n=length, axis=0), n=length, axis=0)
+    return whole[:samples]

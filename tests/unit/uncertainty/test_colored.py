@@ -1,0 +1,63 @@
+"""The covariance under colored residuals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from rotorid.errors import InsufficientDataError
+from rotorid.fit.time_problem import Part
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.colored import autoregression, colored_covariance
+
+SAMPLES, MEMORY = 1500, 0.9
+
+
+def regression(seed: int, slopes: FloatArray, *, memory: float = MEMORY) -> tuple[Part, float]:
+    """Residuals of a regression of colored noise on one regressor and a shift, and the estimate itself."""
+    rng = np.random.default_rng(seed)
+    noise = lfilter([1.0], [1.0, -memory], rng.standard_normal(SAMPLES + 200))[200:]
+    unknown = np.full((SAMPLES, 1), SAMPLES**-0.5)
+    column = slopes - unknown @ (unknown.T @ slopes)
+    estimate = float((column.T @ noise)[0] / (column.T @ column)[0, 0])
+    left = noise - unknown[:, 0] * (unknown[:, 0] @ noise) - column[:, 0] * estimate
+    return Part(residual=left[:, None], slopes=column[:, None, :], unknown=unknown[:, None, :]), estimate
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_stated_errors_are_the_scatter_of_many_estimates(memory: float) -> None:
+    slopes = np.repeat(np.sign(np.random.default_rng(99).standard_normal((SAMPLES // 50, 1))), 50, axis=0)
+    runs = [regression(seed, slopes, memory=memory) for seed in range(200)]
+    scatter = np.std([estimate for _, estimate in runs])
+    stated = np.sqrt([colored_covariance([part]).corrected[0, 0] for part, _ in runs])
+    # A standard deviation of 200 estimates is known to 5 %.
+    assert np.median(stated) == pytest.approx(scatter, rel=0.15)
+    if memory:
+        white = np.sqrt(colored_covariance([runs[0][0]]).white[0, 0])
+        assert white < 0.5 * scatter
+
+
+def test_records_add_up() -> None:
+    slopes = np.repeat(np.sign(np.random.default_rng(9).standard_normal((SAMPLES // 50, 1))), 50, axis=0)
+    part, _ = regression(0, slopes)
+    one, two = colored_covariance([part]), colored_covariance([part, part])
+    assert two.corrected[0, 0] == pytest.approx(one.corrected[0, 0] / 2.0, rel=0.05)
+
+
+def test_a_vector_process_is_found() -> None:
+    rng = np.random.default_rng(1)
+    A = np.array([[0.7, 0.2], [0.0, 0.5]])
+    e = np.zeros((6000, 2))
+    for k in range(1, len(e)):
+        e[k] = A @ e[k - 1] + rng.standard_normal(2) * [1.0, 0.3]
+    process = autoregression([e])
+    assert np.allclose(process.coefficients[0], A, atol=0.1)
+    assert np.allclose(process.noise, np.diag([1.0, 0.09]), atol=0.05)
+
+
+def test_a_parameter_without_effect_is_refused() -> None:
+    part, _ = regression(0, np.ones((SAMPLES, 1)))
+    dead = Part(part.residual, np.zeros((SAMPLES, 1, 1)), part.unknown)
+    with pytest.raises(InsufficientDataError, match="no effect"):
+        colored_covariance([dead])
