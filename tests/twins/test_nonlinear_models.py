@@ -1,0 +1,114 @@
+"""Known flights, noise added, given back to the fit: the truth must lie inside the predicted spread."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rotorid.fit.nonlinear_fit import NonlinearFit, fit_nonlinear
+from rotorid.fit.nonlinear_problem import NonlinearProblem
+from rotorid.fit.solution import Outcome
+from rotorid.fit.time_data import TimeData
+from rotorid.models.nonlinear import NonlinearStructure
+from rotorid.models.nonlinear_catalog import nonlinear_model
+from rotorid.models.parameter import ParameterSet
+from rotorid.simulate.nonlinear import Scheme, simulate_nonlinear
+from rotorid.typing import FloatArray
+
+RATE_HZ = 20.0
+
+
+def flown(
+    model: NonlinearStructure,
+    truth: ParameterSet,
+    u: FloatArray,
+    noise: FloatArray,
+    rng: np.random.Generator,
+    scheme: Scheme | None = None,
+) -> TimeData:
+    y = simulate_nonlinear(model, truth.values, u, sample_rate_hz=RATE_HZ, before=u[:, 0], scheme=scheme)
+    return TimeData(
+        name="twin",
+        inputs=u,
+        outputs=y + noise[:, None] * rng.standard_normal(y.shape),
+        sample_rate_hz=RATE_HZ,
+    )
+
+
+def squared_errors(fit: NonlinearFit, truth: ParameterSet) -> float:
+    """Squared distance from the truth in units of the predicted covariance; chi-squared with one degree for each."""
+    error = fit.estimate.parameters.pack() - truth.pack()
+    return float(error @ np.linalg.solve(fit.covariance, error))
+
+
+def tilts(rng: np.random.Generator, samples: int) -> FloatArray:
+    """Roll and pitch that go from one tilt to the next within a second."""
+    corners = np.arange(0, samples + 20, 20)
+    values = 0.35 * rng.choice([-1.0, 1.0], (2, corners.size))
+    return np.stack([np.interp(np.arange(samples), corners, row) for row in values])
+
+
+@pytest.mark.parametrize("kind", ["linear", "quadratic"])
+def test_drag_comes_back_within_its_spread(kind: str) -> None:
+    model = nonlinear_model(f"drag.{kind}")
+    truth = model.parameters.with_values({"k_Dx": 0.3, "k_Dy": 0.45})
+    scheme, seeds, distances = Scheme(hold="first"), 30, []
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        records = tuple(flown(model, truth, tilts(rng, 100), np.array([0.05, 0.08]), rng, scheme) for _ in range(2))
+        given = NonlinearProblem(structure=model, parameters=model.parameters, records=records, scheme=scheme)
+        fit = fit_nonlinear(given)
+        assert fit.settled
+        distances.append(squared_errors(fit, truth))
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 2 * seeds)
+    assert low < sum(distances) < high
+
+
+def test_the_wrong_drag_is_seen() -> None:
+    """The noise of a fit with the wrong law is larger than that of one with the right law."""
+    right, wrong = nonlinear_model("drag.quadratic"), nonlinear_model("drag.linear")
+    rng, scheme = np.random.default_rng(7), Scheme(hold="first")
+    truth = right.parameters.with_values({"k_Dx": 0.3, "k_Dy": 0.45})
+    records = (flown(right, truth, tilts(rng, 400), np.array([0.02, 0.02]), rng, scheme),)
+    noises = [
+        np.sqrt(
+            np.diag(
+                fit_nonlinear(
+                    NonlinearProblem(structure=model, parameters=model.parameters, records=records, scheme=scheme)
+                ).noise
+            )
+        )
+        for model in (right, wrong)
+    ]
+    # 400 samples give a standard deviation to 3.5 %; four of these.
+    assert noises[0] == pytest.approx([0.02, 0.02], rel=0.14)
+    assert (noises[1] > 1.5 * noises[0]).all()
+
+
+def flight() -> tuple[NonlinearStructure, ParameterSet]:
+    model = nonlinear_model("flight.first_order")
+    values = {"K_phi": 0.95, "T_phi": 0.16, "tau_phi": 0.063, "K_theta": 1.05, "T_theta": 0.14, "tau_theta": 0.071}
+    values |= {"K_down": 1.1, "T_down": 0.25, "tau_down": 0.118, "K_psi": 1.2, "T_psi": 0.6, "tau_psi": 0.145}
+    return model, model.parameters.with_values(values)
+
+
+def binary(rng: np.random.Generator, samples: int) -> FloatArray:
+    size = np.array([0.1, 0.1, 0.5, 0.5])[:, None]
+    return np.repeat(size * rng.choice([-1.0, 1.0], (4, samples // 8)), 8, axis=1)
+
+
+def test_a_whole_flight_comes_back_within_its_spread() -> None:
+    """Ten states, fourteen parameters of which four are delays, nine outputs, an unknown start."""
+    model, truth = flight()
+    noise = np.array([0.01, 0.01, 0.01, 0.02, 0.02, 0.02, 0.005, 0.005, 0.005])
+    seeds, distances = 2, []
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        data = flown(model, truth, binary(rng, 240), noise, rng)
+        fit = fit_nonlinear(NonlinearProblem(structure=model, parameters=model.parameters, records=(data,)))
+        assert fit.settled
+        assert fit.solution.outcome is Outcome.CONVERGED
+        distances.append(squared_errors(fit, truth))
+    low, high = stats.chi2.ppf([0.0005, 0.9995], len(truth.free) * seeds)
+    assert low < sum(distances) < high
