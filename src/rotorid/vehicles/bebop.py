@@ -1,0 +1,184 @@
+r"""The Parrot Bebop 2 with its autopilot, as published: roll, pitch and vertical speed after their set-points.
+
+Flown under motion capture at 20 Hz with random binary commands of all three at once (*System identification for an
+autonomous drone*; the paper's appendix L has the numbers). Inputs are ``phi_setpoint``, ``theta_setpoint`` and
+``velocity_down_setpoint``, outputs ``phi``, ``theta`` and ``velocity_down``; the paper counts vertical speed upward,
+which changes both sides alike.
+
+The parameters of first order are averages over four records, those of second and third order the fit to the first of
+them. The states of those have no meaning. Of the fourth order only pitch is printed whole: in roll one entry of B is
+missing and another stands twice, and the output matrix of vertical speed is not there.
+
+Higher orders took a trim of the pitch angle for slow dynamics: the third order has a pole of pitch at -0.005 1/s and a
+steady gain of -13.4, the fourth one of -109. Over the 18 s of a record this hardly shows. A command that stays would
+in the end tilt these models the wrong way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from rotorid.models.response import response_model
+from rotorid.models.state_space import StateSpace
+from rotorid.typing import FloatArray
+
+PAIRS: tuple[tuple[str, str], ...] = (
+    ("phi_setpoint", "phi"),
+    ("theta_setpoint", "theta"),
+    ("velocity_down_setpoint", "velocity_down"),
+)
+"""Set-point and response of each channel."""
+
+SAMPLE_S = 0.05
+"""Interval of the commands and of the motion capture."""
+
+SIMULATED_SAMPLE_S = 0.0504
+"""Mean interval of the stamps with the pauses before the maneuvers, with which the printed fits come out."""
+
+FIRST_ORDER: Mapping[str, float] = MappingProxyType(
+    {
+        "K_phi": 1.126,
+        "T_phi": 0.2368,
+        "K_theta": 1.1075,
+        "T_theta": 0.2318,
+        "K_velocity_down": 1.2270,
+        "T_velocity_down": 0.3367,
+    }
+)
+"""Appendix L, A; parameters of ``response.first_order``."""
+
+FIRST_ORDER_DELAY: Mapping[str, float] = MappingProxyType(
+    {
+        "K_phi": 0.9655,
+        "T_phi": 0.1598,
+        "tau_phi": SAMPLE_S,
+        "K_theta": 0.9795,
+        "T_theta": 0.1621,
+        "tau_theta": SAMPLE_S,
+        "K_velocity_down": 1.1635,
+        "T_velocity_down": 0.2599,
+        "tau_velocity_down": SAMPLE_S,
+    }
+)
+"""Appendix L, B; parameters of ``response.first_order_delay``. Delays of one sample each, the least they could be."""
+
+YAW_RATE: Mapping[str, float] = MappingProxyType({"K_r": 1.5979, "T_r": 1.3542, "tau_r": 0.15})
+"""Appendix J, from a record of someone else; parameters of ``response.first_order_delay`` on ``r``."""
+
+DRAG_1_S: Mapping[str, tuple[float, float]] = MappingProxyType({"forward": (0.25, 0.08), "right": (0.33, 0.05)})
+"""Table I: drag over mass and its standard deviation over the steps."""
+
+RISE_TIME_S: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"theta": (0.260, 0.055), "phi": (0.410, 0.0424), "velocity_down": (0.313, 0.025)}
+)
+"""Table III: mean and standard deviation, read to a sample."""
+
+_SECOND = (
+    ([[-3.6268, 4.5680], [-4.2580, -3.8136]], [3.3057, -1.5443], [-0.1337, -1.4979]),
+    ([[-6.5559, 5.4182], [-4.8719, -5.1334]], [-0.2825, -3.9654], [-2.2622, -0.1050]),
+    ([[-4.5702, 4.4186], [-4.9402, -4.7852]], [3.3742, 0.4442], [0.1768, -2.5312]),
+)
+_THIRD = (
+    (
+        [[-3.0696, -3.5650, -2.4296], [0.0520, -5.4143, -5.9011], [3.7089, 1.0430, -1.4279]],
+        [-2.1462, 1.6727, 3.5351],
+        [-0.5915, -0.8319, 0.4358],
+    ),
+    (
+        [[-6.1824, -1.8848, -5.5527], [-2.7956, -1.6305, 2.0099], [2.9196, 2.5074, -6.8438]],
+        [3.2526, 1.1928, -0.7547],
+        [1.5283, -0.8466, 3.8820],
+    ),
+    (
+        [[-4.4829, 4.6997, 8.1645], [-3.2938, -5.6196, 2.7175], [-7.0201, -1.7885, -3.5407]],
+        [1.4509, -3.2656, 3.3287],
+        [0.5327, -2.8051, -2.4470],
+    ),
+)
+_FOURTH_PITCH = (
+    [
+        [-1.6003, -1.6104, 2.5787, 0.8336],
+        [0.5943, -1.7293, 1.4047, 2.9910],
+        [-2.1009, 4.1525, -4.5706, -3.7690],
+        [0.4700, -3.0666, 5.0265, -0.7570],
+    ],
+    [0.5930, 1.3859, -3.3685, -0.0717],
+    [1.2238, 0.4942, -0.2987, -1.6873],
+)
+
+
+def first_order() -> StateSpace:
+    """All three channels as lags.
+
+    Examples
+    --------
+    >>> first_order().poles().real.round(2).tolist()
+    [-2.97, -4.22, -4.31]
+    """
+    return response_model("response.first_order", PAIRS).matrices(FIRST_ORDER)
+
+
+def first_order_delay() -> StateSpace:
+    """All three channels as lags behind a delay of one sample.
+
+    Examples
+    --------
+    >>> first_order_delay().input_delays_s.tolist()
+    [0.05, 0.05, 0.05]
+    """
+    return response_model("response.first_order_delay", PAIRS).matrices(FIRST_ORDER_DELAY)
+
+
+def second_order() -> StateSpace:
+    """All three channels, two states each.
+
+    Examples
+    --------
+    >>> second_order().poles()[[0, 2, 4]].round(2)
+    array([-3.72-4.41j, -4.68-4.67j, -5.84-5.09j])
+    """
+    return _side_by_side(_SECOND)
+
+
+def third_order() -> StateSpace:
+    """All three channels, three states each, with a pole of pitch next to zero.
+
+    Examples
+    --------
+    >>> float(third_order().poles()[0].real.round(4))
+    -0.0049
+    """
+    return _side_by_side(_THIRD)
+
+
+def fourth_order_pitch() -> StateSpace:
+    """Pitch alone, the only channel of the fourth order that is printed whole.
+
+    Examples
+    --------
+    >>> fourth_order_pitch().F.shape
+    (4, 4)
+    """
+    return _side_by_side((_FOURTH_PITCH,))
+
+
+def _side_by_side(channels: Sequence[tuple[list[list[float]], list[float], list[float]]]) -> StateSpace:
+    from scipy.linalg import block_diag
+
+    def diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
+        return np.asarray(block_diag(*blocks), dtype=np.float64)
+
+    A = diagonal([np.array(a) for a, _, _ in channels])
+    C = diagonal([np.array([c]) for _, _, c in channels])
+    return StateSpace(
+        M=np.eye(len(A)),
+        F=A,
+        G=diagonal([np.array(b)[:, None] for _, b, _ in channels]),
+        H0=C,
+        H1=np.zeros_like(C),
+        input_delays_s=np.zeros(len(channels)),
+        output_delays_s=np.zeros(len(channels)),
+    )
