@@ -1,0 +1,37 @@
+"""Delays of known twins: fractions of a sample, noise, feedback, and intervals that cover."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag
+
+from rotorid.fit.delay import estimate_delay
+from rotorid.fit.delay_model import Order
+
+SEEDS = 200
+
+
+@pytest.mark.parametrize("delay_samples", [0.3, 2.7])
+def test_delay_is_found_inside_its_interval(delay_samples: float) -> None:
+    found = estimate_delay([late_lag(11, delay_samples)], input=INPUT, output=OUTPUT).recommended
+    assert found.std_s is not None
+    assert abs(found.delay_s * RATE_HZ - delay_samples) < 4.0 * found.std_s * RATE_HZ
+    assert found.std_s * RATE_HZ < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay_samples", [0.3, 2.7])
+def test_intervals_cover(delay_samples: float) -> None:
+    inside, scores = 0, []
+    for seed in range(SEEDS):
+        record = late_lag(seed, delay_samples)
+        found = estimate_delay([record], input=INPUT, output=OUTPUT, orders=(Order(0, 2),)).recommended
+        assert found.interval_s is not None
+        assert found.std_s is not None
+        low, high = (end * RATE_HZ for end in found.interval_s)
+        inside += low <= delay_samples <= high
+        scores.append((found.delay_s * RATE_HZ - delay_samples) / (found.std_s * RATE_HZ))
+    assert 0.91 <= inside / SEEDS <= 0.985
+    # The mean of the normalized errors of 200 flights has a standard deviation of 0.07.
+    assert abs(float(np.mean(scores))) < 0.3
