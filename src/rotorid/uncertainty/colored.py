@@ -145,21 +145,47 @@ def autoregression(residuals: Sequence[FloatArray], *, missing: Callable[[int], 
     """
     outputs = residuals[0].shape[1]
     count = sum(len(one) for one in residuals)
-    limit = max(1, min(_LONGEST_MEMORY, count // (_SAMPLES_PER_LAG * outputs), *(len(one) // 2 for one in residuals)))
+    limit = max(1, min(_LONGEST_MEMORY, count // _SAMPLES_PER_LAG, *(len(one) // 2 for one in residuals)))
     lags = []
     for lag in range(limit + 1):
         total = sum((one[lag:].T @ one[: len(one) - lag] for one in residuals), start=np.zeros((outputs, outputs)))
         if missing is not None:
             total = total + missing(lag)
         lags.append(total / (count - lag * len(residuals)))
+    sums = np.stack(lags)
+    together = _fitted(sums, count)
+    apart = [_fitted(sums[:, one : one + 1, one : one + 1], count) for one in range(outputs)]
+    # Outputs that hardly go together are better described each by itself, with a memory as long as it is.
+    if sum(one.criterion for one in apart) < together.criterion:
+        return _beside([one.process for one in apart])
+    return together.process
+
+
+class _Fitted(NamedTuple):
+    process: Process
+    criterion: float
+
+
+def _fitted(lags: FloatArray, count: int) -> _Fitted:
+    """The order of least corrected information criterion for autocovariances ``(lags, y, y)``."""
+    outputs = lags.shape[1]
     best, lowest = Process(np.zeros((0, outputs, outputs)), lags[0]), np.inf
-    for order, process in enumerate(_whittle(np.stack(lags))):
+    for order, process in enumerate(_whittle(lags)):
         free = order * outputs**2
         spare = max(count * outputs - free - outputs, 1)
         criterion = count * float(np.linalg.slogdet(process.noise)[1]) + 2.0 * free * count * outputs / spare
         if criterion < lowest:
             best, lowest = process, criterion
-    return best
+    return _Fitted(best, lowest)
+
+
+def _beside(processes: Sequence[Process]) -> Process:
+    """Processes of one output each as one of all."""
+    order = max(len(one.coefficients) for one in processes)
+    coefficients = np.zeros((order, len(processes), len(processes)))
+    for output, one in enumerate(processes):
+        coefficients[: len(one.coefficients), output, output] = one.coefficients[:, 0, 0]
+    return Process(coefficients, np.diag([float(one.noise[0, 0]) for one in processes]))
 
 
 def _whittle(lags: FloatArray) -> list[Process]:
