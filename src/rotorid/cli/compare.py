@@ -1,0 +1,118 @@
+"""``rotorid compare``: several results in, one table out, on the same logs where there are some."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rotorid.cli.console import progress, say_refused
+from rotorid.cli.options import Hold, Json, Map, Out, Quiet, Segments, Shifts
+
+if TYPE_CHECKING:
+    from rotorid.data.record import FlightRecord
+    from rotorid.pipeline.compare_document import CompareDocument
+
+DEFAULT_FOLDER = Path("rotorid-out") / "compare"
+
+
+def compare_command(
+    results: Annotated[list[Path], typer.Argument(help="Folders that identify wrote, or their result.json.")],
+    log: Annotated[
+        list[Path] | None, typer.Option("--log", help="A log to score every model on, best an unseen one. Repeatable.")
+    ] = None,
+    segment: Segments = None,
+    shift: Shifts = None,
+    hold: Hold = "auto",
+    map: Map = None,
+    out: Out = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Put models and methods side by side, on the same data with --log."""
+    from rotorid.errors import InsufficientDataError
+    from rotorid.io.registry import read
+    from rotorid.pipeline.compare import compare, refused_comparison
+    from rotorid.pipeline.compare_results import read_results
+    from rotorid.pipeline.settings import IdentifySettings, parse_segment, parse_shifts
+    from rotorid.report.compare_page import JSON, write_comparison
+    from rotorid.report.output import to_json
+
+    settings = IdentifySettings(
+        segments=tuple(parse_segment(text) for text in segment or ()),
+        shifts=parse_shifts(tuple(shift or ())),
+        hold=hold,  # type: ignore[arg-type]
+    )
+    entries = read_results(results)
+    folder = out or DEFAULT_FOLDER
+    command = ["rotorid", *sys.argv[1:]]
+    records: list[FlightRecord] = []
+    try:
+        with progress(quiet=quiet) as tell:
+            for path in log or ():
+                tell(f"reading {path.name}")
+                records.append(read(path, mapping=map))
+            compared = compare(entries, records, settings=settings, command=command, progress=tell)
+            tell("drawing the report")
+            write_comparison(folder, compared, title=f"{len(entries)} models side by side")
+    except InsufficientDataError as error:
+        document = refused_comparison(error, entries, records, settings=settings, command=command)
+        if json:
+            sys.stdout.write(to_json(document))
+        say_refused(error, document.findings, folder / JSON, quiet=quiet)
+        raise typer.Exit(1) from None
+    if json:
+        sys.stdout.write(to_json(compared.document))
+    elif not quiet:
+        _print(compared.document, folder)
+
+
+def _print(document: CompareDocument, folder: Path) -> None:
+    """A comparison for a person: models, maneuvers, shared parameters, findings, where the files are."""
+    from rich.table import Table
+
+    from rotorid.cli.console import output_console, print_findings
+    from rotorid.report.compare_page import JSON, PAGE, comparison_summary
+    from rotorid.report.compare_rows import maneuver_rows, model_rows, scored_words, shared_rows
+
+    console = output_console()
+    labels = [one.label for one in document.models]
+
+    def table(title: str, words: list[str], numbers: list[str]) -> Table:
+        made = Table(title=title, title_justify="left", box=None, pad_edge=False)
+        for name in words:
+            made.add_column(name, justify="left")
+        for name in numbers:
+            made.add_column(name, justify="right")
+        return made
+
+    models = table(
+        "models",
+        ["result", "model", "method"],
+        ["free", "own data %", "cross-validated %", "logs %", "cost", "AIC", "BIC"],
+    )
+    for row in model_rows(document):
+        models.add_row(
+            *(row.label, row.model, row.method, row.parameters, row.own, row.validated, row.on_logs),
+            *(row.cost, row.aic, row.bic),
+        )
+    console.print(models)
+    if document.maneuvers:
+        fits = table(f"fit percent on the logs{scored_words(document)}; * seen", ["log", "maneuver"], labels)
+        for one in maneuver_rows(document):
+            fits.add_row(one.record, one.what, *(f"{cell.text}{'*' if cell.marked else ''}" for cell in one.fits))
+        console.print(fits)
+    if shared := shared_rows(document):
+        parameters = table("parameters; distance from the first", ["parameter", "unit"], labels)
+        for pair in shared:
+            cells = zip(pair.values, pair.distances, strict=True)
+            shown = (f"{value.text} ({far.text})" if far.text else value.text for value, far in cells)
+            parameters.add_row(pair.name, pair.unit, *shown)
+        console.print(parameters)
+    for sentence in comparison_summary(document):
+        console.print(sentence, markup=False)
+    print_findings(document.findings)
+    console.print(f"report: {folder / PAGE}", soft_wrap=True, markup=False)
+    console.print(f"file: {folder / JSON}", soft_wrap=True, markup=False)

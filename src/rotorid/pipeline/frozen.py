@@ -1,0 +1,138 @@
+"""Score identified models on maneuvers, every parameter frozen: the same data and the same rules for any method."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from rotorid.errors import InsufficientDataError
+from rotorid.fit.time_data import TimeData
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.building import require_channels
+from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.time_fit import unknowns_of
+from rotorid.pipeline.time_records import time_records
+from rotorid.verify.frozen import FrozenScores, score_frozen
+from rotorid.verify.matching import band_pass
+
+
+def score_flown(
+    structure: LinearStructure,
+    flown: Sequence[Flown],
+    settings: IdentifySettings,
+    *,
+    horizon_s: float | None = None,
+    band_rad_s: tuple[float, float] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[FrozenScores, ...]:
+    """Scores of a model on each maneuver, with its outputs that the logs hold.
+
+    Without a band nothing is filtered, and noise counts as error for every model alike. With a band inputs and outputs
+    pass the same zero-phase filter first, as in a verification: a model of frequency responses is judged where it was
+    identified, and what it leaves out below its band, such as speed modes, is no fault of it.
+
+    Parameters
+    ----------
+    structure
+        The model; its parameters have their values.
+    flown
+        Maneuvers.
+    settings
+        Whose hold and shifts count.
+    horizon_s
+        How far ahead to predict, infinite for a simulation; by default what the poles of the model ask for.
+    band_rad_s
+        What to look at; everything by default.
+    progress
+        Told what is being done.
+
+    Raises
+    ------
+    InsufficientDataError
+        A log lacks an input or all outputs, or is too short.
+    """
+    there = held_outputs(structure, flown)
+    kept = structure if there == structure.outputs else structure.select(outputs=there)
+    records = time_records(kept, flown, settings, progress)
+    scores = (
+        score_frozen(
+            kept,
+            kept.parameters.values,
+            data if band_rad_s is None else _within(band_rad_s, data),
+            horizon_s=horizon_s,
+            # A filtered command no longer stands still between its samples.
+            hold=records.hold if band_rad_s is None else "first",
+            unknowns=unknowns_of(kept),
+        )
+        for data in records.data
+    )
+    return tuple(
+        replace(one, record=segment.record, time_s=one.time_s + segment.history.start_s)
+        for one, segment in zip(scores, records.segments, strict=True)
+    )
+
+
+def _within(band_rad_s: tuple[float, float], data: TimeData) -> TimeData:
+    """A record within a band: the model is linear, so filtered inputs drive it to filtered outputs."""
+    filtered = band_pass(band_rad_s, data.sample_rate_hz, data.duration_s)
+    inputs = filtered(data.inputs)
+    return replace(data, inputs=inputs, outputs=filtered(data.outputs), before=inputs[:, 0])
+
+
+def fitted_band(documents: Sequence[ResultDocument]) -> tuple[float, float] | None:
+    """The band that all models of frequency responses were fitted in; ``None`` without such, or without a common one.
+
+    Examples
+    --------
+    >>> fitted_band(()) is None
+    True
+    """
+    bands = [
+        [pair.band_rad_s for pair in one.cost.pairs.values()]
+        for one in documents
+        if one.method == "frequency" and one.cost and one.cost.pairs
+    ]
+    low = max((min(low for low, _ in pairs) for pairs in bands), default=0.0)
+    high = min((max(high for _, high in pairs) for pairs in bands), default=0.0)
+    return (low, high) if 0.0 < low < high else None
+
+
+def held_outputs(structure: LinearStructure, flown: Sequence[Flown]) -> tuple[str, ...]:
+    """Outputs of a model that all logs hold.
+
+    Raises
+    ------
+    InsufficientDataError
+        An input is missing, or there is no output.
+    """
+    for record, _ in flown:
+        require_channels(record, structure.inputs)
+    there = tuple(name for name in structure.outputs if _holds(name, flown))
+    if not there:
+        for record, _ in flown:
+            require_channels(record, structure.outputs)
+    return there
+
+
+def _holds(name: str, flown: Sequence[Flown]) -> bool:
+    try:
+        for record, _ in flown:
+            require_channels(record, [name])
+    except InsufficientDataError:
+        return False
+    return True
+
+
+def common_horizon_s(scores: Sequence[FrozenScores]) -> float | None:
+    """The horizon over which all can be judged, where they were judged over different ones; ``None`` where they agree.
+
+    Examples
+    --------
+    >>> common_horizon_s(()) is None
+    True
+    """
+    horizons_s = {one.horizon_s for one in scores}
+    return min(horizons_s, default=math.inf) if len(horizons_s) > 1 else None

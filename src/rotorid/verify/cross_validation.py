@@ -1,0 +1,280 @@
+"""Cross-validation: a model is identified on some records and scored on others, each record in its turn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, Literal, TypeAlias, TypeVar, get_args
+
+import numpy as np
+
+from rotorid.data.immutable import Immutable
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.typing import BoolArray, FloatArray
+from rotorid.verify.frozen import FrozenScores
+
+Group = TypeVar("Group")
+Model = TypeVar("Model")
+
+Kind: TypeAlias = Literal["each", "leave_one_out"]
+"""``each``: identified on each record alone and scored on all others. ``leave_one_out``: identified on all records but
+one and scored on that one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fold(Immutable, Generic[Model]):
+    """One identification, and how its model does on every record.
+
+    Parameters
+    ----------
+    identified
+        Names of the records that the fit has seen.
+    model
+        What was identified; ``None`` where the data did not support it.
+    scores
+        For each group in the order of all, seen ones included: one for each record of it, none where the model could
+        not be scored.
+    cause
+        Why there is no model.
+    """
+
+    identified: tuple[str, ...]
+    model: Model | None
+    scores: tuple[tuple[FrozenScores, ...], ...]
+    cause: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrossValidation(Immutable, Generic[Model]):
+    """All identifications, scored on all records.
+
+    Parameters
+    ----------
+    kind
+        What each fold is identified on.
+    records
+        Names of the groups of records, one for each fold.
+    folds
+        One for each record.
+    """
+
+    kind: Kind
+    records: tuple[str, ...]
+    folds: tuple[Fold[Model], ...]
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs that were scored."""
+        every = (one for fold in self.folds for group in fold.scores for one in group)
+        return tuple(dict.fromkeys(name for one in every for name in one.scores))
+
+    @property
+    def horizons_s(self) -> tuple[float, ...]:
+        """How far ahead was predicted, shortest first; scores compare where this is one number."""
+        return tuple(sorted({one.horizon_s for fold in self.folds for group in fold.scores for one in group}))
+
+    @property
+    def fit_percent(self) -> FloatArray:
+        """Fit percent by fold, scored record and output, shape ``(f, r, y)``; not a number where there is none.
+
+        Of a group with several records it is the mean.
+        """
+        return np.array(
+            [[[fit_percent(group, name) for name in self.outputs] for group in fold.scores] for fold in self.folds]
+        )
+
+    @property
+    def table(self) -> FloatArray:
+        """Mean fit percent of the outputs by fold and scored record, shape ``(f, r)``.
+
+        Outputs that no record moves are left out; where one of the others is missing there is no number.
+        """
+        every = self.fit_percent
+        moved = np.isfinite(every).any(axis=(0, 1))
+        if not moved.any():
+            return np.full(every.shape[:2], np.nan)
+        return np.asarray(every[:, :, moved].mean(axis=2))
+
+    @property
+    def unseen(self) -> BoolArray:
+        """Where a record was scored that the fold has not seen, shape ``(f, r)``."""
+        return np.array([[name not in fold.identified for name in self.records] for fold in self.folds])
+
+    @property
+    def fold_means(self) -> FloatArray:
+        """Mean fit percent on what each fold has not seen, shape ``(f,)``; not a number for one without a score."""
+        return np.array([_mean(row[new]) for row, new in zip(self.table, self.unseen, strict=True)])
+
+    @property
+    def fold_spreads(self) -> FloatArray:
+        """Standard deviation over the records that each fold has not seen, shape ``(f,)``."""
+        return np.array([_spread(row[new]) for row, new in zip(self.table, self.unseen, strict=True)])
+
+    @property
+    def best(self) -> int | None:
+        """The fold with the highest mean, where each stands for one record.
+
+        Choosing it by the very scores that are then reported is optimistic; :attr:`mean` is not.
+        """
+        means = self.fold_means
+        return None if self.kind != "each" or np.isnan(means).all() else int(np.nanargmax(means))
+
+    @property
+    def mean(self) -> float:
+        """Mean fit percent on unseen records over all folds."""
+        return _mean(self.table[self.unseen])
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the fit percent on unseen records, over all folds and records."""
+        return _spread(self.table[self.unseen])
+
+
+def cross_validate(
+    groups: Sequence[Group],
+    *,
+    names: Sequence[str],
+    kind: Kind,
+    fit: Callable[[tuple[Group, ...]], Model],
+    score: Callable[[Model, Group], Sequence[FrozenScores]],
+    progress: Callable[[str], None] = lambda _: None,
+) -> CrossValidation[Model]:
+    """Identify and score, each group of records in its turn.
+
+    What belongs to one flight stays in one group: neighboring maneuvers share battery, wind and trim, and a model that
+    has seen one of them has seen more than a new flight would show it. The order of the groups changes nothing but the
+    order of the table.
+
+    Parameters
+    ----------
+    groups
+        Records, or what is flown together; at least two.
+    names
+        One for each, all different.
+    kind
+        What to identify on.
+    fit
+        Identifies a model on groups. Where it raises :class:`InsufficientDataError`, the fold stays empty and says so.
+    score
+        Scores a model on the records of a group; where it raises the same, that place in the table stays empty.
+    progress
+        Told what is being done.
+
+    Raises
+    ------
+    UsageError
+        There are fewer than two groups, or a name stands twice.
+    InsufficientDataError
+        No fold found a model that could be scored on what it has not seen.
+
+    References
+    ----------
+    *System Identification of the Parrot Bebop 2*, section IV-B3: identified on each record, scored on all others, and
+    the model with the highest mean is chosen.
+
+    Examples
+    --------
+    >>> from rotorid.verify.frozen import OutputScore
+    >>> def score(model, group):
+    ...     fit = 100.0 - abs(model - group)
+    ...     one = OutputScore(nrmse_fit_percent=fit, tic=0.0, rms=0.0)
+    ...     return [FrozenScores(record="", horizon_s=1.0, scores={"p": one},
+    ...                          time_s=np.zeros(0), measured=np.zeros((0, 0)), predicted=np.zeros((0, 0)))]
+    >>> found = cross_validate([1.0, 2.0, 6.0], names="abc", kind="each", fit=sum, score=score)
+    >>> found.fold_means.tolist(), found.best, round(found.mean, 2)
+    ([97.0, 97.5, 95.5], 1, 96.67)
+    """
+    _require(groups, names, kind)
+    folds: list[Fold[Model]] = []
+    for number, name in enumerate(names):
+        others = kind == "leave_one_out"
+        used = [index for index in range(len(groups)) if (index == number) != others]
+        progress(f"identifying {'without' if others else 'on'} {name}")
+        folds.append(_fold(groups, [names[index] for index in used], used, fit, score))
+    found = CrossValidation(kind=kind, records=tuple(names), folds=tuple(folds))
+    if np.isnan(found.fold_means).all():
+        causes = "; ".join(dict.fromkeys(fold.cause.rstrip(".") for fold in folds if fold.cause))
+        raise InsufficientDataError(
+            causes or "no model could be scored on a record that it has not seen",
+            needed="records that support the model one without the other",
+            remedy="give more of them, or leave one out instead of identifying on each",
+        )
+    return found
+
+
+def _fold(
+    groups: Sequence[Group],
+    identified: Sequence[str],
+    used: Sequence[int],
+    fit: Callable[[tuple[Group, ...]], Model],
+    score: Callable[[Model, Group], Sequence[FrozenScores]],
+) -> Fold[Model]:
+    try:
+        model = fit(tuple(groups[index] for index in used))
+    except InsufficientDataError as error:
+        return Fold(identified=tuple(identified), model=None, scores=((),) * len(groups), cause=error.came)
+    return Fold(identified=tuple(identified), model=model, scores=tuple(_scored(score, model, one) for one in groups))
+
+
+def rescored(
+    found: CrossValidation[Model], groups: Sequence[Group], score: Callable[[Model, Group], Sequence[FrozenScores]]
+) -> CrossValidation[Model]:
+    """The same models, scored in another way.
+
+    Parameters
+    ----------
+    found
+        A finished cross-validation.
+    groups
+        Those of it, in its order.
+    score
+        As for :func:`cross_validate`.
+    """
+
+    def anew(fold: Fold[Model]) -> Fold[Model]:
+        if fold.model is None:
+            return fold
+        return replace(fold, scores=tuple(_scored(score, fold.model, one) for one in groups))
+
+    return replace(found, folds=tuple(anew(fold) for fold in found.folds))
+
+
+def fit_percent(group: Sequence[FrozenScores], output: str) -> float:
+    """Mean fit percent of an output over the records that have it and move it; not a number without any."""
+    every = [one.scores[output].nrmse_fit_percent for one in group if output in one.scores]
+    known = [value for value in every if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _scored(
+    score: Callable[[Model, Group], Sequence[FrozenScores]], model: Model, group: Group
+) -> tuple[FrozenScores, ...]:
+    try:
+        return tuple(score(model, group))
+    except InsufficientDataError:
+        return ()
+
+
+def _require(groups: Sequence[Group], names: Sequence[str], kind: Kind) -> None:
+    if kind not in get_args(Kind):
+        raise UsageError(f"the cross-validation {kind!r} came", needed=f"one of {', '.join(get_args(Kind))}")
+    if len(groups) < 2:
+        raise UsageError(
+            f"{len(groups)} record came to cross-validate",
+            needed="at least two: one to identify on, one to score on",
+            remedy="give more logs, or more segments of one",
+        )
+    if len(set(names)) != len(groups) or len(names) != len(groups):
+        raise UsageError(f"the records are called {', '.join(names)}", needed=f"{len(groups)} different names")
+
+
+def _mean(values: FloatArray) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _spread(values: FloatArray) -> float:
+    """Standard deviation of a sample; not a number for fewer than two."""
+    known = values[~np.isnan(values)]
+    return float(known.std(ddof=1)) if known.size > 1 else float("nan")

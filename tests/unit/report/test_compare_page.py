@@ -1,0 +1,117 @@
+"""The page of ``compare``: who does best, on what, and where parameters differ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tests.unit.pipeline.response_twins import flight, written
+from tests.unit.report.page_parser import Page
+
+from rotorid.pipeline.compare import Compared, compare
+from rotorid.pipeline.compare_document import CrossValidatedDocument
+from rotorid.pipeline.compare_results import read_results
+from rotorid.report.compare_page import comparison_summary, render_comparison, write_comparison
+from rotorid.report.compare_rows import lone_parameters, model_rows, shared_rows
+
+LABELS = ("first", "second", "other")
+HOSTILE = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("results")
+    return [
+        written(folder / "first", "response.first_order", 1),
+        written(folder / "second", "response.second_order", 1),
+        written(folder / "other", "response.second_order", 2),
+    ]
+
+
+@pytest.fixture(scope="module")
+def unseen(results: list[Path]) -> Compared:
+    return compare(results, [flight(1), flight(3)])
+
+
+@pytest.fixture(scope="module")
+def page(unseen: Compared) -> Page:
+    return Page(render_comparison(unseen, title="three models"))
+
+
+def test_the_best_on_unseen_data_comes_first(unseen: Compared) -> None:
+    (sentence,) = comparison_summary(unseen.document)
+    assert sentence.startswith("On 1 maneuver that no model has seen, ")
+    assert ", before " in sentence
+
+
+def test_without_logs_the_page_says_what_would_help(results: list[Path]) -> None:
+    (sentence,) = comparison_summary(compare(results).document)
+    assert "--log" in sentence
+
+
+def test_a_lead_within_the_spread_is_said_to_be_none(results: list[Path]) -> None:
+    (sentence,) = comparison_summary(compare(results[1:], [flight(3), flight(4)]).document)
+    assert sentence.startswith("On 2 maneuvers that no model has seen, ")
+    # Two estimates of one truth differ by less than two flights do.
+    assert sentence.endswith("%, within the spread.")
+
+
+def test_cross_validated_results_are_ranked(results: list[Path]) -> None:
+    document = compare(results).document
+    means = (72.5, 81.4, 80.0)
+    models = [
+        one.model_copy(
+            update={
+                "cross_validation": CrossValidatedDocument(
+                    kind="each", mean_percent=mean, spread_percent=2.9, best_percent=mean + 2.0
+                )
+            }
+        )
+        for one, mean in zip(document.models, means, strict=True)
+    ]
+    crossed = document.model_copy(update={"models": models})
+    assert comparison_summary(crossed) == ("Cross-validated, second does best with 81.4 %, before other with 80.0 %.",)
+    assert [row.validated for row in model_rows(crossed)] == ["72.5 ± 2.9", "81.4 ± 2.9", "80.0 ± 2.9"]
+
+
+def test_one_row_for_each_model(page: Page) -> None:
+    rows = page.tables[0][1:]
+    assert [row[0].startswith(label) for row, label in zip(rows, LABELS, strict=True)] == [True] * 3
+    assert [row[0].endswith("_order") for row in rows] == [True] * 3
+    assert [row[3:5] for row in rows] == [["1", "2"], ["2", "3"], ["2", "3"]]
+
+
+def test_what_was_fitted_is_marked(page: Page) -> None:
+    known, new = page.tables[1][1:]
+    assert [cell.endswith("seen") for cell in known[1:]] == [True, True, False]
+    assert not any(cell.endswith("seen") for cell in new)
+
+
+def test_shared_parameters_stand_in_a_row(unseen: Compared) -> None:
+    rows = {row.name: row for row in shared_rows(unseen.document)}
+    assert rows.keys() == {"K_phi", "omega_phi", "zeta_phi"}
+    assert rows["omega_phi"].values[0].text == "–"
+    assert rows["omega_phi"].distances[1].text == ""
+    assert rows["omega_phi"].distances[2].text.endswith(" σ")
+    assert lone_parameters(unseen.document) == {"first": 1, "second": 0, "other": 0}
+
+
+def test_every_picture_is_placed_and_drawn(page: Page) -> None:
+    placed = page.attributes("data-picture")
+    assert placed == ["scores", "maneuver-0", "maneuver-1"]
+    assert set(page.figures["pictures"]) == set(placed)
+    names = {trace["name"] for trace in page.figures["pictures"]["maneuver-0"]["data"]}
+    assert names == {"measured", "first", "second", "other"}
+
+
+def test_both_files_are_written(unseen: Compared, tmp_path: Path) -> None:
+    write_comparison(tmp_path / "made", unseen, title="t")
+    assert {path.name for path in (tmp_path / "made").iterdir()} == {"compare.json", "report.html"}
+
+
+def test_a_hostile_label_can_only_be_read(results: list[Path]) -> None:
+    first, *others = read_results(results)
+    html = render_comparison(compare([replace(first, label=HOSTILE), *others], [flight(3)]), title=HOSTILE)
+    assert HOSTILE not in html
+    assert HOSTILE in "".join(Page(html).text)
