@@ -13,6 +13,8 @@ NAMES = {
         *("schema", "model", "inputs", "outputs", "states", "parameters", "cost", "fit_percent", "matrices", "poles"),
         *("verification", "identifiability", "findings", "provenance"),
         *("fit", "reduction", "correlation", "constants", "delays", "covered"),
+        *("method", "hold", "pieces_s", "records", "noise", "log_likelihood", "information", "residuals", "minima"),
+        *("frequency_fit", "cross_validation"),
     },
     "ParameterDocument": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
     "CostDocument": {"average", "pairs"},

@@ -12,7 +12,9 @@ from typing import Annotated
 import typer
 
 from rotorid import __version__
+from rotorid.cli.compare import compare_command
 from rotorid.cli.console import say
+from rotorid.cli.delay import delay_command
 from rotorid.cli.demo import demo_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
@@ -41,6 +43,8 @@ app.command("inspect")(inspect_command)
 app.command("response")(response_command)
 app.command("identify")(identify_command)
 app.command("verify")(verify_command)
+app.command("compare")(compare_command)
+app.command("delay")(delay_command)
 app.command("models")(models_command)
 
 

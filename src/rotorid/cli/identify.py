@@ -13,21 +13,28 @@ from rotorid.cli.names import default_folder
 from rotorid.cli.options import (
     Band,
     Coherence,
+    CrossValidate,
+    Decoupled,
     Estimate,
+    Hold,
     Instrument,
     Json,
     Logs,
     Map,
+    Method,
     Out,
+    Pieces,
     Quiet,
     Seed,
     Segments,
     Shifts,
+    Starts,
     Windows,
 )
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
+    from rotorid.models.structure import LinearStructure
     from rotorid.pipeline.document import ResultDocument
 
 
@@ -36,6 +43,7 @@ def identify_command(
     model: Annotated[
         str, typer.Option("--model", help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml.")
     ],
+    method: Method = "auto",
     band: Band = None,
     windows: Windows = None,
     coherence: Coherence = None,
@@ -52,7 +60,10 @@ def identify_command(
         list[str] | None, typer.Option("--constant", help="NAME=VALUE of a constant, such as the trim. Repeatable.")
     ] = None,
     outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... to fit. [default: sensors]")] = None,
-    inputs: Annotated[str | None, typer.Option("--inputs", help="CHANNEL,... of a transfer function.")] = None,
+    inputs: Annotated[
+        str | None, typer.Option("--inputs", help="CHANNEL,... of response.*, transfer:m/n and black_box:N.")
+    ] = None,
+    decoupled: Decoupled = False,
     pair: Annotated[
         list[str] | None, typer.Option("--pair", help="OUTPUT/INPUT[:LO:HI] to fit, and no others. Repeatable.")
     ] = None,
@@ -66,6 +77,10 @@ def identify_command(
     speed_damping: Annotated[
         str, typer.Option("--speed-damping", help="joint, or two_step: X_u and Y_v before all else.")
     ] = "joint",
+    hold: Hold = "auto",
+    starts: Starts = "default",
+    pieces: Pieces = None,
+    cross_validate: CrossValidate = None,
     segment: Segments = None,
     shift: Shifts = None,
     verify: Annotated[
@@ -81,7 +96,7 @@ def identify_command(
     from rotorid.errors import InsufficientDataError
     from rotorid.io.registry import read
     from rotorid.pipeline.identify import identify, refused
-    from rotorid.pipeline.resolve import require_known, resolve_model
+    from rotorid.pipeline.resolve import finds_its_channels, require_known, resolve_model
     from rotorid.pipeline.settings import (
         IdentifySettings,
         parse_band,
@@ -92,6 +107,7 @@ def identify_command(
         parse_shifts,
         parse_ties,
     )
+    from rotorid.pipeline.time_crossed import cross_validated, parse_kind
     from rotorid.report.output import to_json, write_results
 
     settings = IdentifySettings(
@@ -113,10 +129,19 @@ def identify_command(
         weights=weights,  # type: ignore[arg-type]
         reduce=reduce,
         speed_damping=speed_damping,  # type: ignore[arg-type]
+        method=method,  # type: ignore[arg-type]
+        hold=hold,  # type: ignore[arg-type]
+        starts=starts,
+        pieces_s=pieces,
     )
-    structure = resolve_model(model, inputs=channel_names(inputs), outputs=channel_names(outputs))
-    require_known(structure, settings)
-    folder = out or default_folder(logs[0], structure.name)
+    kind = parse_kind(cross_validate)
+    channels = channel_names(inputs), channel_names(outputs)
+    wanted: str | LinearStructure = model
+    if not finds_its_channels(model, channels[0]):
+        wanted = resolve_model(model, inputs=channels[0], outputs=channels[1], decoupled=decoupled)
+        require_known(wanted, settings)
+    name = wanted if isinstance(wanted, str) else wanted.name
+    folder = out or default_folder(logs[0], name)
     command = ["rotorid", *sys.argv[1:]]
     records: list[FlightRecord] = []
     try:
@@ -125,11 +150,13 @@ def identify_command(
                 tell(f"reading {log.name}")
                 records.append(read(log, mapping=map))
             others = [read(log, mapping=map) for log in verify or ()]
-            result = identify(records, structure, settings=settings, verify=others, command=command, progress=tell)
+            result = identify(records, wanted, settings=settings, verify=others, command=command, progress=tell)
+            if kind is not None:
+                result = cross_validated(result, records, wanted, kind=kind, settings=settings, progress=tell)
             tell("writing the report")
-            write_results(folder, result, title=f"{structure.name} from {', '.join(log.name for log in logs)}")
+            write_results(folder, result, title=f"{name} from {', '.join(log.name for log in logs)}")
     except InsufficientDataError as error:
-        document = refused(error, records, structure, settings=settings, command=command)
+        document = refused(error, records, wanted, settings=settings, command=command)
         if json:
             sys.stdout.write(to_json(document))
         say_refused(error, document.findings, folder / "result.json", quiet=quiet)
@@ -177,11 +204,22 @@ def print_result(document: ResultDocument, folder: Path) -> None:
         for pair, cost in document.cost.pairs.items():
             low, high = cost.band_rad_s
             console.print(f"cost of {pair} {cost.value:.1f} over {low:.2g} to {high:.3g} rad/s (up to 50 is excellent)")
+    if document.fit_percent:
+        fits = ", ".join(f"{name} {percent:.1f} %" for name, percent in document.fit_percent.items())
+        console.print(f"{document.method.replace('_', ' ')}, {document.hold}-order hold; explained: {fits}")
     for record, outputs in document.verification.records.items():
         scores = ", ".join(f"{name} TIC {s.tic:.2f}, fit {s.nrmse_fit_percent:.0f} %" for name, s in outputs.items())
         console.print(f"unseen {record}: {scores}")
     for record, cost_value in document.verification.frequency.items():
         console.print(f"unseen {record}: cost {cost_value:.1f}")
+    if (crossed := document.cross_validation) is not None and crossed.mean_percent is not None:
+        spread = "" if crossed.spread_percent is None else f" ± {crossed.spread_percent:.1f}"
+        ahead = "" if crossed.horizon_s is None else f", {crossed.horizon_s:.2g} s ahead"
+        console.print(f"cross-validated on unseen records{ahead}: {crossed.mean_percent:.1f}{spread} %")
+        if crossed.best is not None:
+            console.print(
+                f"best record to identify on: {crossed.best.record}, {crossed.best.mean_percent:.1f} % (optimistic)"
+            )
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
     print_findings(document.findings)

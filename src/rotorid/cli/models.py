@@ -18,6 +18,13 @@ SCHEMA = "rotorid.models/1"
 
 TRANSFER = "transfer:m/n"
 _ABOUT_TRANSFER = "Any transfer function, m zeros over n poles, between channels named with --inputs and --outputs."
+BLACK_BOX = "black_box:N"
+_ABOUT_BLACK_BOX = "Any state space of N states, between channels named with --inputs and --outputs; +delay for delays."
+_ABOUT_RESPONSE = {
+    "response.first_order": "Gain and time constant from each set-point to what it is of, as an autopilot flies it.",
+    "response.second_order": "Gain, frequency and damping from each set-point to what it is of.",
+    "response.second_order_zero": "The same with a zero.",
+}
 _ABOUT_RATE = "Rate of one axis after its command: gain, damping, motor lag, delay. From some 3 to 8 rad/s up."
 
 
@@ -39,12 +46,19 @@ class _Listed(NamedTuple):
         }
 
 
+_RESPONSES = _Listed(
+    "response.*",
+    "From each set-point to what it is of: first_order, second_order or second_order_zero, with _delay or without.",
+)
+"""How the list names six models in one line; they have the channels of the log."""
+
+
 def models_command(
     name: Annotated[
         str | None, typer.Argument(help="A model, to print as the TOML text that --model reads. [default: list all]")
     ] = None,
-    inputs: Annotated[str | None, typer.Option("--inputs", help="CHANNEL,... of a transfer function.")] = None,
-    outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... of a transfer function.")] = None,
+    inputs: Annotated[str | None, typer.Option("--inputs", help="CHANNEL,... of a model without its own.")] = None,
+    outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... of a model without its own.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")] = False,
 ) -> None:
     """List the models of the library, or print one to begin a model of your own with."""
@@ -65,12 +79,21 @@ def models_command(
 def _library() -> list[_Listed]:
     from rotorid.models.catalog import library_model, library_text, model_names
     from rotorid.models.rate import RATE_AXES, rate_model
+    from rotorid.models.response import RESPONSE_MODELS
 
     return [
         *(_Listed(name, _ABOUT_RATE, rate_model(name)) for name in RATE_AXES),
         *(_Listed(name, _first_sentence(library_text(name)), library_model(name)) for name in model_names()),
+        *(_Listed(name, _about_response(name)) for name in RESPONSE_MODELS),
         _Listed(TRANSFER, _ABOUT_TRANSFER),
+        _Listed(BLACK_BOX, _ABOUT_BLACK_BOX),
     ]
+
+
+def _about_response(name: str) -> str:
+    """What a response model is; it has the channels of the log, or those that are named."""
+    plain = name.removesuffix("_delay")
+    return _ABOUT_RESPONSE[plain] if plain == name else f"As {plain}, with a delay of each."
 
 
 def _first_sentence(text: str) -> str:
@@ -86,13 +109,14 @@ def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple
     from rotorid.models.catalog import library_text, model_names
     from rotorid.models.description import from_toml, to_toml
     from rotorid.models.rate import RATE_AXES
+    from rotorid.models.response import RESPONSE_MODELS
     from rotorid.pipeline.resolve import named_model
 
-    transfer = name.startswith("transfer:")
-    if (inputs or outputs) and not transfer:
+    named = name.startswith(("transfer:", "black_box:", "response."))
+    if (inputs or outputs) and not named:
         raise UsageError(
             f"--inputs and --outputs came with {name}",
-            needed=f"them with {TRANSFER} alone",
+            needed=f"them with response.*, {TRANSFER} or {BLACK_BOX} alone",
             remedy="the channels of other models stand in their text",
         )
     if name in model_names():
@@ -100,6 +124,10 @@ def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple
         return text, _first_sentence(text), from_toml(text, where=f"the model {name}")
     structure = named_model(name, inputs=inputs, outputs=outputs)
     about = _ABOUT_RATE if name in RATE_AXES else _ABOUT_TRANSFER
+    if name in RESPONSE_MODELS:
+        about = _about_response(name)
+    elif not name.startswith("transfer:") and named:
+        about = _ABOUT_BLACK_BOX
     return f"# {about}\n\n{to_toml(structure, structure.parameters, {})}", about, structure
 
 
@@ -113,7 +141,7 @@ def _print_list(models: list[_Listed]) -> None:
         table.add_column(column, overflow="fold")
     table.add_column("parameters", justify="right")
     table.add_column("what it is", overflow="fold")
-    for one in models:
+    for one in [*(one for one in models if not one.name.startswith("response.")), _RESPONSES]:
         structure = one.structure
         channels = "" if structure is None else f"{' '.join(structure.inputs)} -> {' '.join(structure.outputs)}"
         table.add_row(one.name, channels, "" if structure is None else str(len(structure.parameters)), one.about)

@@ -42,3 +42,31 @@ Shifts: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--shift", help="CHANNEL:SECONDS to delay it by, where inspect finds its stamps wrong. Repeatable."),
 ]
+Method: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--method",
+        help="frequency, output_error, prediction_error, equation_error, or auto: output_error for response.* and "
+        "black_box:N, frequency for others.",
+    ),
+]
+Hold: TypeAlias = Annotated[
+    str, typer.Option("--hold", help="zero or first order between samples, in time; auto: zero for logged commands.")
+]
+Starts: TypeAlias = Annotated[
+    str, typer.Option("--starts", help="Where searches in time begin: default, central, sobol:N or random:N.")
+]
+Pieces: TypeAlias = Annotated[
+    float | None,
+    typer.Option("--pieces", help="Seconds after which a fit in time begins anew. [default: as growing modes need]"),
+]
+Decoupled: TypeAlias = Annotated[
+    bool, typer.Option("--decoupled", help="A black box for each input and its output, side by side.")
+]
+CrossValidate: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--cross-validate",
+        help="each: identify on each log alone, score on all others. leave_one_out: on all but one, score on that one.",
+    ),
+]

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from rotorid.pipeline.cross_validation_document import CrossValidationDocument
 from rotorid.pipeline.document_base import Document
 from rotorid.pipeline.score_document import (
     ManeuverVerificationDocument,
@@ -119,16 +120,70 @@ class CorrelationDocument(Document):
 class FitDocument(Document):
     """How the fit went.
 
-    ``weights`` says what was minimized last: CIFER's cost, or errors weighed by their measured covariance. ``trace`` is
-    CIFER's cost, summed over the responses, after each accepted step. ``inflation`` is the factor on standard
-    deviations because residuals were larger than the errors of the data.
+    ``weights`` says what was minimized last: CIFER's cost, errors weighed by their measured covariance, or in time the
+    errors of the outputs by the covariance that they have (``likelihood``). ``trace`` is CIFER's cost, summed over the
+    responses, or the sum of squares in time, after each accepted step. ``inflation`` is the factor on standard
+    deviations because residuals were larger than the errors of the data, or in time because they remember their past.
     """
 
-    weights: Literal["cifer", "covariance"]
+    weights: Literal["cifer", "covariance", "likelihood"]
     outcome: str
     evaluations: int
     trace: list[float]
     inflation: float
+
+
+class RecordFitDocument(Document):
+    """A stretch of a record that was fitted in time: share of each output's motion that the model explains."""
+
+    record: str
+    start_s: float
+    stop_s: float
+    samples: int
+    sample_rate_hz: float
+    pieces: int = 1
+    fit_percent: dict[str, float]
+
+
+class ComparedDocument(Document):
+    """A parameter as the fit in the frequency domain has it.
+
+    ``hold_s`` is the part of a delay that the response contains and a simulation with held inputs has apart.
+    """
+
+    value: float
+    std: float | None = None
+    hold_s: float = 0.0
+
+
+class MinimumDocument(Document):
+    """Another place where a search came to rest: its sum of squares, outputs weighed by size, and its parameters."""
+
+    cost: float
+    parameters: dict[str, float]
+
+
+class InformationDocument(Document):
+    """Information criteria; ``numbers`` counts parameters, initial states, trims and the noise covariance."""
+
+    aic: float
+    bic: float
+    numbers: int
+
+
+class ResidualsDocument(Document):
+    """Residuals of a fit in time.
+
+    ``memory`` is the order of the autoregression that describes their color, ``inflation`` the factor that it puts on
+    standard deviations. ``autocorrelation`` of each output is at lags of ``step_s``, from zero on; that of white
+    residuals would stay within ``chance``, two standard deviations.
+    """
+
+    memory: int
+    inflation: float
+    step_s: float
+    chance: float
+    autocorrelation: dict[str, list[float]]
 
 
 class DelayDocument(Document):
@@ -181,6 +236,16 @@ class ResultDocument(Document):
     cost: CostDocument | None = None
     fit_percent: dict[str, float] | None = None
     fit: FitDocument | None = None
+    method: Literal["frequency", "output_error", "prediction_error", "equation_error"] = "frequency"
+    hold: Literal["zero", "first"] | None = None
+    pieces_s: float | None = None
+    records: list[RecordFitDocument] = Field(default_factory=list)
+    noise: dict[str, float] | None = None
+    log_likelihood: float | None = None
+    information: InformationDocument | None = None
+    residuals: ResidualsDocument | None = None
+    minima: list[MinimumDocument] = Field(default_factory=list)
+    frequency_fit: dict[str, ComparedDocument] | None = None
     reduction: list[StepDocument] = Field(default_factory=list)
     correlation: CorrelationDocument | None = None
     constants: dict[str, float] = Field(default_factory=dict)
@@ -189,6 +254,7 @@ class ResultDocument(Document):
     delays: dict[str, DelayDocument] = Field(default_factory=dict)
     covered: dict[str, RangeDocument] = Field(default_factory=dict)
     verification: VerificationDocument = Field(default_factory=VerificationDocument)
+    cross_validation: CrossValidationDocument | None = None
     identifiability: list[CombinationDocument] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rotorid.data.history import TimeHistory
+from rotorid.data.immutable import Immutable, read_only
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.response import FrequencyResponse
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.judged import Judged
-from rotorid.typing import BoolArray, ComplexArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.verify.verification import Verification
 
 
@@ -23,6 +26,44 @@ class Segment:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedRecord(Immutable):
+    """A fitted stretch of a record with what the model makes of its inputs, for time-domain fits.
+
+    Parameters
+    ----------
+    record
+        Name of the file.
+    maneuver
+        What was flown.
+    time_s
+        Stamps on the log's own clock, shape ``(samples,)``.
+    inputs
+        Shape ``(u, samples)``, as differences from their mean.
+    measured, simulated
+        Outputs, shape ``(y, samples)``; initial state and trim of the simulation were estimated.
+    starts
+        Samples at which the simulation began anew, the first included.
+    """
+
+    record: str
+    maneuver: Maneuver
+    time_s: FloatArray
+    inputs: FloatArray
+    measured: FloatArray
+    simulated: FloatArray
+    starts: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        self._set(
+            time_s=read_only(self.time_s, np.float64, ndim=1),
+            inputs=read_only(self.inputs, np.float64, ndim=2),
+            measured=read_only(self.measured, np.float64, ndim=2),
+            simulated=read_only(self.simulated, np.float64, ndim=2),
+            starts=tuple(self.starts),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Identification:
     """A finished identification.
 
@@ -33,7 +74,8 @@ class Identification:
     model_toml
         The structure with the identified values, as text.
     response
-        The measured response that was fitted.
+        The measured response that was fitted; beside a time-domain fit that of the same data, without any frequency
+        where it could not be measured.
     beside
         The direct estimate, when ``response`` is a joint one.
     model_response
@@ -48,6 +90,8 @@ class Identification:
         Responses of unseen sweeps, measured and of the model.
     least_coherence
         Coherence below which points were left out.
+    simulated
+        What a time-domain fit was made to: every record, measured and simulated.
     """
 
     document: ResultDocument
@@ -60,3 +104,4 @@ class Identification:
     verifications: tuple[Verification, ...]
     judged: tuple[Judged, ...] = ()
     least_coherence: float = 0.6
+    simulated: tuple[SimulatedRecord, ...] = ()

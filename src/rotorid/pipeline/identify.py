@@ -43,6 +43,7 @@ from rotorid.pipeline.scope import scoped
 from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.speed_damping import first_step
+from rotorid.pipeline.time_identify import chosen_method, identify_in_time
 from rotorid.pipeline.trim import trimmed
 from rotorid.pipeline.verification import Checked, check
 from rotorid.pipeline.verify_model import output_sources
@@ -67,14 +68,16 @@ def identify(
 
     The steps: find the excitations, bring the channels onto one clock, estimate composite-window frequency responses
     (joint input–output where an instrument is logged), fit the structure in CIFER's cost, drop what the data do not
-    show, bound the parameters, and predict maneuvers that were not fitted.
+    show, bound the parameters, and predict maneuvers that were not fitted. Responses to set-points, black boxes and
+    whatever ``settings.method`` says are fitted in time, see :func:`rotorid.pipeline.time_identify.identify_in_time`.
 
     Parameters
     ----------
     records
         Logs as :func:`rotorid.read` gives them.
     model
-        A name of the library such as ``hover.longitudinal`` or ``rate.roll``, a TOML file, or a structure.
+        A name of the library such as ``hover.longitudinal`` or ``rate.roll``, a response model such as
+        ``response.second_order``, which finds its channels in the logs, a TOML file, or a structure.
     settings
         Choices; everything has a default.
     verify
@@ -104,7 +107,11 @@ def identify(
     439.3
     """
     settings = settings or IdentifySettings()
-    whole = resolve_model(model)
+    whole = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    if method := chosen_method(whole, settings):
+        return identify_in_time(
+            records, whole, method=method, settings=settings, verify=verify, command=command, progress=progress
+        )
     axes, commands = axes_of(whole.inputs, whole.outputs), all(is_command(name) for name in whole.inputs)
     selection = select_maneuvers(records, axes, settings, whole=not commands)
     flown = selection.fitted
@@ -145,6 +152,12 @@ def identify(
         verifications=checked.verifications,
         judged=checked.judged,
     )
+
+
+def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Channels that every record holds."""
+    names = [record.channel_names for record in records]
+    return tuple(name for name in (names[0] if names else ()) if all(name in others for others in names))
 
 
 def _document(
@@ -189,15 +202,19 @@ def refused(
     command: Sequence[str] = (),
 ) -> ResultDocument:
     """The document for data that cannot support a model: its findings say why, and no number is given."""
-    structure = resolve_model(model)
     findings = [*(f for record in records for f in record.findings), *error.findings]
+    try:
+        structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    except InsufficientDataError:
+        structure = None
+    name = structure.name if structure else str(model)
     if not error.findings:
-        findings.append(Finding(kind="not_identifiable", severity="error", where=structure.name, message=str(error)))
+        findings.append(Finding(kind="not_identifiable", severity="error", where=name, message=str(error)))
     return ResultDocument(
-        model=structure.name,
-        inputs=list(structure.inputs),
-        outputs=list(structure.outputs),
-        states=list(structure.states),
+        model=name,
+        inputs=list(structure.inputs if structure else ()),
+        outputs=list(structure.outputs if structure else ()),
+        states=list(structure.states if structure else ()),
         findings=finding_documents(findings),
         provenance=provenance_document(records, settings, command=command),
     )

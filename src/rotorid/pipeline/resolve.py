@@ -7,43 +7,55 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorid.errors import ModelError, UsageError
+from rotorid.data.findings import Finding
+from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError
+from rotorid.models.black_box import black_box, black_box_pairs
 from rotorid.models.catalog import library_model, model_names
 from rotorid.models.description import from_toml
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.models.response import RESPONSE_MODELS, response_model, response_pairs
 from rotorid.models.structure import LinearStructure
 from rotorid.models.ties import no_such
 from rotorid.models.transfer_function import transfer_function
 from rotorid.pipeline.settings import IdentifySettings
 
 _TRANSFER = re.compile(r"transfer:(\d+)/(\d+)")
+_BLACK_BOX = re.compile(r"black_box:(\d+)(\+delay)?")
 
 
 def resolve_model(
-    model: str | Path | LinearStructure, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()
+    model: str | Path | LinearStructure,
+    *,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    decoupled: bool = False,
+    logged: Sequence[str] = (),
 ) -> LinearStructure:
     """The structure behind a name, a TOML file or a structure.
 
     Parameters
     ----------
     model
-        A name of the library, ``transfer:m/n``, a TOML file or a structure.
-    inputs, outputs
-        Channels of a transfer function, which has none by itself.
+        A name of the library, ``transfer:m/n``, ``black_box:N``, a TOML file or a structure.
+    inputs, outputs, decoupled, logged
+        See :func:`named_model`.
 
     Raises
     ------
     ModelError
         There is no such model, or the file is wrong.
     UsageError
-        There is no such file, a transfer function came without channels, or inputs for a model that has its own.
+        There is no such file, a model without channels of its own came without any, or inputs for a model that has its
+        own.
+    InsufficientDataError
+        The logs hold no pair of set-point and response.
     """
     if isinstance(model, LinearStructure):
         return model
     path = Path(model)
     if path.suffix != ".toml":
-        return named_model(str(model), inputs=inputs, outputs=outputs)
+        return named_model(str(model), inputs=inputs, outputs=outputs, decoupled=decoupled, logged=logged)
     try:
         structure = from_toml(path.read_text(encoding="utf-8"), where=path.name)
     except (OSError, UnicodeDecodeError) as error:
@@ -54,30 +66,57 @@ def resolve_model(
     return structure
 
 
-def named_model(name: str, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearStructure:
-    """The structure behind a name: of the library, or ``transfer:m/n``.
+def named_model(
+    name: str,
+    *,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    decoupled: bool = False,
+    logged: Sequence[str] = (),
+) -> LinearStructure:
+    """The structure behind a name: of the library, ``response.*``, ``transfer:m/n`` or ``black_box:N``.
 
     Parameters
     ----------
     name
         Such as ``hover.longitudinal``.
     inputs, outputs
-        Channels of a transfer function, which has none by itself.
+        Channels of a transfer function, a black box or a response model, which have none by themselves; those of a
+        response model belong together in their order.
+    decoupled
+        Whether a black box is one for each input and its output, side by side.
+    logged
+        Channels of the logs, in which a response model without given channels finds its pairs.
 
     Raises
     ------
     ModelError
         There is no such model.
     UsageError
-        A transfer function came without channels, or inputs for a model that has its own.
+        A model without channels of its own came without any, or inputs for a model that has its own.
+    InsufficientDataError
+        The logs hold no pair of set-point and response.
 
     Examples
     --------
     >>> named_model("transfer:0/1", inputs=["roll_command"], outputs=["p"]).parameters.names
     ('b0', 'a0', 'tau')
+    >>> named_model("response.first_order", logged=["phi", "phi_setpoint", "theta"]).parameters.names
+    ('K_phi', 'T_phi')
+    >>> named_model("black_box:2+delay", inputs=["u"], outputs=["y"]).parameters.names
+    ('a0_1', 'a1_1', 'b_x1', 'b_x2', 'tau')
     """
     if match := _TRANSFER.fullmatch(name):
-        return _transfer(int(match[1]), int(match[2]), inputs, outputs)
+        _require_channels(name, inputs, outputs)
+        return transfer_function(numerator=int(match[1]), denominator=int(match[2]), inputs=inputs, outputs=outputs)
+    if match := _BLACK_BOX.fullmatch(name):
+        _require_channels(name, inputs, outputs)
+        order, delays = int(match[1]), match[2] is not None
+        if decoupled:
+            return black_box_pairs(order, _paired(name, inputs, outputs), delays=delays)
+        return black_box(order, inputs, outputs, delays=delays)
+    if name in RESPONSE_MODELS:
+        return response_model(name, _pairs_of(name, inputs, outputs, logged))
     if name not in (*RATE_AXES, *model_names()):
         raise _unknown(name)
     structure = rate_model(name) if name in RATE_AXES else library_model(name)
@@ -86,28 +125,83 @@ def named_model(name: str, *, inputs: Sequence[str] = (), outputs: Sequence[str]
     return structure
 
 
-def _transfer(zeros: int, poles: int, inputs: Sequence[str], outputs: Sequence[str]) -> LinearStructure:
+def finds_its_channels(model: str | Path | LinearStructure, inputs: Sequence[str] = ()) -> bool:
+    """Whether a model takes its channels from the logs, so that it is known only when they are read.
+
+    Examples
+    --------
+    >>> finds_its_channels("response.first_order"), finds_its_channels("rate.roll")
+    (True, False)
+    """
+    return not inputs and not isinstance(model, LinearStructure) and str(model) in RESPONSE_MODELS
+
+
+def answers_setpoints(structure: LinearStructure) -> bool:
+    """Whether a structure is a response model or a black box, which are fitted in the time domain by default."""
+    return structure.name in RESPONSE_MODELS or black_box_order(structure) is not None
+
+
+def black_box_order(structure: LinearStructure) -> int | None:
+    """Order of a black box, ``None`` for any other structure.
+
+    Examples
+    --------
+    >>> black_box_order(named_model("black_box:3", inputs=["u"], outputs=["y"]))
+    3
+    """
+    match = _BLACK_BOX.fullmatch(structure.name)
+    return int(match[1]) if match else None
+
+
+def _require_channels(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
     if not inputs or not outputs:
+        raise UsageError(f"{name} came without channels", needed="--inputs and --outputs with their names")
+
+
+def _paired(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    if len(inputs) != len(outputs):
         raise UsageError(
-            f"transfer:{zeros}/{poles} came without channels", needed="--inputs and --outputs with their names"
+            f"{len(inputs)} inputs and {len(outputs)} outputs came for {name}", needed="an output for each input"
         )
-    return transfer_function(numerator=zeros, denominator=poles, inputs=inputs, outputs=outputs)
+    return tuple(zip(inputs, outputs, strict=True))
+
+
+def _pairs_of(
+    name: str, inputs: Sequence[str], outputs: Sequence[str], logged: Sequence[str]
+) -> tuple[tuple[str, str], ...]:
+    if inputs:
+        return _paired(name, inputs, outputs)
+    pairs = tuple(pair for pair in response_pairs(logged) if not outputs or pair[1] in outputs)
+    if not pairs:
+        raise _no_pair(name, outputs, logged)
+    return pairs
+
+
+def _no_pair(name: str, outputs: Sequence[str], logged: Sequence[str]) -> RotoridError:
+    needed = "a channel and its set-point, such as phi and phi_setpoint"
+    remedy = "name them with --inputs and --outputs, or in the log with --map"
+    if not logged:
+        return UsageError(f"{name} came without channels", needed=needed, remedy=remedy)
+    which = f" of {', '.join(outputs)}" if outputs else ""
+    message = f"No logged channel{which} has a set-point beside it."
+    finding = Finding(kind="missing_channel", severity="error", where=name, message=message)
+    return InsufficientDataError(message, needed=needed, remedy=remedy, findings=[finding])
 
 
 def _has_inputs(structure: LinearStructure, inputs: Sequence[str]) -> UsageError:
     return UsageError(
         f"the inputs {', '.join(inputs)} came with {structure.name}, which has {', '.join(structure.inputs)}",
-        needed="--inputs with transfer:m/n alone",
+        needed="--inputs with response.*, transfer:m/n or black_box:N alone",
         remedy="leave them out; inputs that were not excited take no part",
     )
 
 
 def _unknown(model: str) -> ModelError:
-    names = (*RATE_AXES, *model_names())
-    near = difflib.get_close_matches(model, names, n=1)
+    names = (*RATE_AXES, *model_names(), *RESPONSE_MODELS)
+    near = difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
     return ModelError(
         f"there is no model {model!r}",
-        needed=f"one of {', '.join(names)}, transfer:m/n, or a .toml file",
+        needed=f"one of {', '.join(names)}, transfer:m/n, black_box:N, or a .toml file",
         remedy=f"did you mean {near[0]}?" if near else "",
     )
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
+from rotorid.pipeline.compare_document import CompareDocument
+from rotorid.pipeline.delay_document import DelayDocument
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.document_base import Document
 from rotorid.pipeline.inspection import InspectDocument
@@ -16,6 +18,8 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.inspect-1": InspectDocument,
     "rotorid.response-1": ResponseDocument,
     "rotorid.verify-1": VerifyDocument,
+    "rotorid.compare-1": CompareDocument,
+    "rotorid.delay-1": DelayDocument,
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, get_args
@@ -123,6 +124,10 @@ class ResponseSettings(MeasureSettings):
 
 WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
 SpeedDamping: TypeAlias = Literal["joint", "two_step"]
+MethodChoice: TypeAlias = Literal["auto", "frequency", "output_error", "prediction_error", "equation_error"]
+HoldChoice: TypeAlias = Literal["auto", "zero", "first"]
+
+_STARTS = re.compile(r"default|central|(sobol|random):[1-9]\d*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +159,16 @@ class IdentifySettings(MeasureSettings):
         Drop step by step what the data do not show.
     speed_damping
         ``two_step`` takes X_u and Y_v from the responses of u_dot to theta and v_dot to phi before everything else.
+    method
+        ``frequency`` fits responses; ``output_error``, ``prediction_error`` and ``equation_error`` fit time histories;
+        ``auto`` takes output error for responses to set-points and black boxes, and responses for all other models.
+    hold
+        What inputs do between their samples in a time-domain fit: ``zero`` order, ``first`` order, or ``auto``: zero
+        for commands that stand in the log at the rate of the fit, first for all others.
+    pieces_s
+        Length of the pieces in which a time-domain fit begins anew; by default whole records for stable models.
+    starts
+        Where time-domain searches begin: ``default``, ``central`` (composite design), ``sobol:N`` or ``random:N``.
     """
 
     fix: Mapping[str, float] = field(default_factory=dict)
@@ -166,6 +181,10 @@ class IdentifySettings(MeasureSettings):
     weights: WeightsChoice = "auto"
     reduce: bool = False
     speed_damping: SpeedDamping = "joint"
+    method: MethodChoice = "auto"
+    hold: HoldChoice = "auto"
+    pieces_s: float | None = None
+    starts: str = "default"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -176,12 +195,18 @@ class IdentifySettings(MeasureSettings):
         for what, given, kind in (
             ("weights", self.weights, WeightsChoice),
             ("speed damping", self.speed_damping, SpeedDamping),
+            ("method", self.method, MethodChoice),
+            ("hold", self.hold, HoldChoice),
         ):
             if given not in get_args(kind):
                 raise UsageError(f"the {what} {given!r} came", needed=f"one of {', '.join(get_args(kind))}")
         for name in {*self.fix, *self.ties, *self.free}:
             if sum(name in group for group in (self.fix, self.ties, self.free)) > 1:
                 raise UsageError(f"{name} is to be two things at once", needed="one of --fix, --tie and --free")
+        if self.pieces_s is not None and not 0.0 < self.pieces_s < math.inf:
+            raise UsageError(f"pieces of {self.pieces_s:g} s came", needed="a length above 0 s")
+        if not _STARTS.fullmatch(self.starts):
+            raise UsageError(f"the starts {self.starts!r} came", needed="default, central, sobol:N or random:N")
 
     def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
         """The choices for the provenance of a result."""
@@ -196,6 +221,10 @@ class IdentifySettings(MeasureSettings):
             "weights": self.weights,
             "reduce": self.reduce,
             "speed_damping": self.speed_damping,
+            "method": self.method,
+            "hold": self.hold,
+            "pieces_s": self.pieces_s,
+            "starts": self.starts,
         }
 
 

@@ -95,8 +95,11 @@ def write_overview_report(
 
 
 def response_arrays(identification: Identification) -> dict[str, np.ndarray]:
-    """Arrays of ``responses.npz``; no pickles, names as plain text."""
+    """Arrays of ``responses.npz``, without pickles; of a fit in time also its records, as ``record_0_time_s`` ..."""
     arrays = measured_arrays(identification.response, identification.beside)
+    for number, one in enumerate(identification.simulated):
+        parts = {"time_s": one.time_s, "inputs": one.inputs, "measured": one.measured, "simulated": one.simulated}
+        arrays |= {f"record_{number}_{name}": values for name, values in parts.items()}
     return arrays | {"model": identification.model_response, "fitted": identification.fitted}
 
 

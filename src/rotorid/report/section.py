@@ -25,10 +25,13 @@ from rotorid.report.picture import Picture
 from rotorid.report.reduction_rows import StepRow, reduction_sentence, step_rows, told_by_steps
 from rotorid.report.scope_rows import RangeRow, constants_sentence, range_rows
 from rotorid.report.tables import CostRow, FindingRow, ManeuverRow, cost_rows, finding_rows, maneuver_row
+from rotorid.report.time_crossed import Crossed, crossed
+from rotorid.report.time_fits import TimeFits, time_fits
+from rotorid.report.time_words import time_sentences
 from rotorid.report.timelines import timelines
 from rotorid.report.told_apart import correlation_picture, correlation_sentence
 from rotorid.report.unseen_pictures import UnseenSweeps, unseen_sweeps
-from rotorid.report.wording import LEVELS, Verdict, cost_verdict, held_out, summary, worst_maneuver
+from rotorid.report.wording import LEVELS, Verdict, cost_verdict, fit_verdict, held_out, summary, worst_maneuver
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +81,8 @@ class Section:
     findings_in_steps: int
     maneuvers: tuple[ManeuverRow, ...]
     timelines: tuple[Picture, ...]
+    time: TimeFits | None = None
+    crossed: Crossed | None = None
 
     @property
     def far_from_truth(self) -> bool:
@@ -89,6 +94,7 @@ class Section:
         """All figures of the section."""
         single = (self.poles_picture, self.correlation)
         return (
+            *(self.time.all_pictures if self.time else ()),
             *self.responses,
             *self.folded_responses,
             *(picture for check in self.checks for picture in check.pictures),
@@ -119,7 +125,7 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         document=document,
         records=tuple(dict.fromkeys(segment.record for segment in identified.segments)),
         sentences=summary(document),
-        cost=_cost(document.cost.average) if document.cost else None,
+        cost=_explained(document),
         unseen=_unseen(document),
         parameters=parameter_groups(document, truth),
         dropped=dropped_parameters(document, anchor=anchor),
@@ -154,8 +160,10 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         findings=finding_rows(findings),
         findings_in_steps=len(document.findings) - len(findings),
         maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
+        time=time_fits(identified, key=f"{anchor}-time"),
+        crossed=crossed(document.cross_validation),
         timelines=timelines(
-            identified.segments,
+            () if identified.simulated else identified.segments,
             document.provenance.maneuvers,
             inputs=document.inputs,
             outputs=document.outputs,
@@ -175,6 +183,13 @@ def _cost(cost: float) -> Verdict:
     return Verdict(cost_verdict(cost).level, f"cost {significant(cost)}")
 
 
+def _explained(document: ResultDocument) -> Verdict | None:
+    """Verdict on the fit: that of the worst output for a fit in time, of the cost in the frequency domain."""
+    if document.method != "frequency" and document.fit_percent:
+        return fit_verdict(min(document.fit_percent.values()))
+    return _cost(document.cost.average) if document.cost else None
+
+
 def _unseen(document: ResultDocument) -> Verdict | None:
     """The worse of what unseen maneuvers and unseen sweeps say."""
     costs = document.verification.frequency.values()
@@ -186,4 +201,6 @@ def _unseen(document: ResultDocument) -> Verdict | None:
 def _fit(document: ResultDocument) -> Fit | None:
     if document.fit is None:
         return None
-    return Fit(sentences=fit_sentences(document.fit), curve=sparkline(document.fit.trace))
+    in_time = document.method != "frequency"
+    sentences = time_sentences(document, document.fit) if in_time else fit_sentences(document.fit)
+    return Fit(sentences=sentences, curve=sparkline(document.fit.trace))

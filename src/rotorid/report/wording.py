@@ -54,12 +54,14 @@ _HEADINGS = {
     "battery_sag": "The battery sagged",
     "clock_disorder": "Stamps out of order",
     "clock_skew": "Times of two channels",
+    "colored_residuals": "Residuals that remember",
     "closed_loop_bias": "Feedback in this response",
     "correlated_inputs": "Inputs moved together",
     "corrupt_log": "The log is damaged",
     "decimated": "Logged without a filter in front",
     "disturbed_verification": "A flight that cannot judge the model",
     "dropped_parameter": "A parameter was dropped",
+    "fitted_in_pieces": "Fitted in pieces",
     "gap": "A gap in the data",
     "held_out": "Judged on a held-out maneuver",
     "impossible_physics": "A value that physics does not allow",
@@ -73,9 +75,12 @@ _HEADINGS = {
     "legacy_units": "Units of an older firmware",
     "low_coherence": "Low coherence",
     "missing_channel": "A channel is missing",
+    "methods_disagree": "Two methods disagree",
     "never_airborne": "The vehicle never flew",
     "no_excitation": "No excitation found",
+    "not_compared": "No second opinion",
     "not_converged": "The fit did not converge",
+    "order_too_high": "More order than the data show",
     "not_identifiable": "Parameters that cannot be told apart",
     "not_verified": "Not verified",
     "off_axis_input": "Another axis moved too",
@@ -103,6 +108,7 @@ _HEADINGS = {
     "unknown_column": "A column that is not known",
     "unknown_filter": "A filter that is not known",
     "unknown_topic": "A topic that is not known",
+    "unstable_model": "A growing mode",
     "vibration_filtered": "Vibration was filtered out",
 }
 
@@ -140,6 +146,18 @@ def prediction_verdict(tic: float, fit_percent: float) -> Verdict:
     if met == 0:
         return Verdict("poor", "both beyond the guideline")
     return Verdict("fair", "TIC above the guideline" if fit_percent >= GOOD_FIT_PERCENT else "fit below the guideline")
+
+
+def fit_verdict(percent: float) -> Verdict:
+    """Verdict on how much of an output a model explains: 50 % and more are good, below 0 % the mean would do better.
+
+    Examples
+    --------
+    >>> fit_verdict(83.2)
+    Verdict(level='good', words='83.2 %')
+    """
+    level: Level = "good" if percent >= GOOD_FIT_PERCENT else "fair" if percent > 0.0 else "poor"
+    return Verdict(level, f"{percent:.1f} %")
 
 
 def maneuver_verdict(found: Found) -> Verdict:
@@ -209,10 +227,13 @@ def summary(document: ResultDocument) -> tuple[str, ...]:
     if lag := _lag_sentence(document):
         sentences.append(lag)
     sentences += mode_sentences(document)
+    if document.fit_percent:
+        parts = [
+            f"{significant(percent)} % of {quantity(name).words}" for name, percent in document.fit_percent.items()
+        ]
+        sentences.append(f"The model explains {', '.join(parts)}.")
     if document.cost is not None:
         sentences.append(_cost_sentence(document.cost))
-    for name, percent in (document.fit_percent or {}).items():
-        sentences.append(f"The model explains {significant(percent)} % of {quantity(name).words}.")
     return (*sentences, *_unseen_sentences(document))
 
 
@@ -235,6 +256,9 @@ def _unseen_sentences(document: ResultDocument) -> tuple[str, ...]:
         cost = max(costs.values())
         what = "Held-out maneuver, by a second model fitted without it" if held_out(document) else "Unseen sweeps"
         sentences.append(f"{what}: cost at worst {significant(cost)}, {cost_verdict(cost).words}.")
+    crossed = document.cross_validation
+    if crossed is not None and crossed.mean_percent is not None:
+        sentences.append(f"On records it was not identified on it explains {significant(crossed.mean_percent)} %.")
     return tuple(sentences) or ("Not verified on an unseen flight yet.",)
 
 

@@ -11,6 +11,7 @@ from tests.unit.cli.commands import rotorid
 from rotorid.models.catalog import library_text, model_names
 from rotorid.models.description import from_toml
 from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.models.response import RESPONSE_MODELS
 from rotorid.pipeline.resolve import resolve_model
 
 NAMES = (*RATE_AXES, *model_names())
@@ -26,7 +27,7 @@ def test_every_name_that_the_model_option_takes_is_listed_with_what_it_is() -> N
         assert f"{' '.join(structure.inputs)} -> {' '.join(structure.outputs)}" in line
         assert f" {len(structure.parameters)} " in line
         assert line.rstrip().endswith(".")
-    assert "transfer:m/n" in lines
+    assert {"transfer:m/n", "black_box:N", "response.*"} <= lines.keys()
 
 
 def test_what_a_model_is_stands_first_in_its_file() -> None:
@@ -41,8 +42,8 @@ def test_json_holds_the_same_and_nothing_else_comes() -> None:
     assert (ran.code, ran.err) == (0, "")
     document = json.loads(ran.out)
     assert document["schema"] == "rotorid.models/1"
-    assert [one["name"] for one in document["models"]] == [*NAMES, "transfer:m/n"]
-    for one in document["models"][:-1]:
+    assert [one["name"] for one in document["models"]] == [*NAMES, *RESPONSE_MODELS, "transfer:m/n", "black_box:N"]
+    for one in document["models"][: len(NAMES)]:
         structure = resolve_model(one["name"])
         assert one["inputs"] == list(structure.inputs)
         assert one["outputs"] == list(structure.outputs)
@@ -75,6 +76,13 @@ def test_a_transfer_function_is_written_for_its_channels() -> None:
     refused = rotorid("models", "transfer:1/2")
     assert (refused.code, refused.out) == (2, "")
     assert "--inputs and --outputs" in refused.err
+
+
+def test_response_models_and_black_boxes_are_written_for_their_channels() -> None:
+    text = rotorid("models", "response.second_order_delay", "--inputs", "phi_setpoint", "--outputs", "phi").out
+    assert from_toml(text).parameters.names == ("K_phi", "omega_phi", "zeta_phi", "tau_phi")
+    box = rotorid("models", "black_box:3", "--inputs", "u", "--outputs", "y").out
+    assert len(from_toml(box).states) == 3
 
 
 def test_one_model_as_json_has_its_text() -> None:

@@ -6,10 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from rotorid.errors import ModelError, UsageError
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.models.description import from_toml, to_toml
 from rotorid.models.rate import RATE_AXES, rate_model
-from rotorid.pipeline.resolve import chosen_parameters, named_model, require_known, resolve_model
+from rotorid.pipeline.resolve import (
+    answers_setpoints,
+    black_box_order,
+    chosen_parameters,
+    finds_its_channels,
+    named_model,
+    require_known,
+    resolve_model,
+)
 from rotorid.pipeline.settings import IdentifySettings
 
 
@@ -70,7 +78,7 @@ def test_impossible_orders_are_refused(orders: str) -> None:
     "name", ["", "transfer:", "transfer:1", "transfer:-1/2", "rate", "/tmp", "hover.longitudinal.tml"]
 )
 def test_what_is_no_name_is_refused_with_the_names(name: str) -> None:
-    with pytest.raises(ModelError, match=r"there is no model.*transfer:m/n, or a \.toml file"):
+    with pytest.raises(ModelError, match=r"there is no model.*transfer:m/n, black_box:N, or a \.toml file"):
         named_model(name, inputs=["roll_command"], outputs=["p"])
 
 
@@ -108,3 +116,38 @@ unit = "1/s"
         require_known(structure, IdentifySettings())
     require_known(structure, IdentifySettings(fix={"T": 0.1}))
     require_known(structure, IdentifySettings(ties={"T": "0.1*b"}))
+
+
+def test_a_response_model_finds_its_pairs_in_the_log_or_takes_those_that_are_named() -> None:
+    logged = ["phi", "phi_setpoint", "theta", "theta_setpoint", "r"]
+    found = named_model("response.second_order", logged=logged)
+    assert (found.inputs, found.outputs) == (("phi_setpoint", "theta_setpoint"), ("phi", "theta"))
+    assert named_model("response.second_order", outputs=["theta"], logged=logged).inputs == ("theta_setpoint",)
+    named = named_model("response.first_order", inputs=["r_setpoint"], outputs=["r"])
+    assert named.inputs == ("r_setpoint",)
+    assert answers_setpoints(named)
+    assert finds_its_channels("response.first_order")
+    assert not finds_its_channels("response.first_order", ["r_setpoint"])
+
+
+def test_a_log_without_set_points_cannot_support_a_response_model() -> None:
+    with pytest.raises(InsufficientDataError, match="has a set-point beside it") as caught:
+        named_model("response.first_order", logged=["p", "roll_command"])
+    assert [finding.kind for finding in caught.value.findings] == ["missing_channel"]
+    with pytest.raises(UsageError, match="came without channels"):
+        named_model("response.first_order")
+    with pytest.raises(UsageError, match="1 inputs and 2 outputs"):
+        named_model("response.first_order", inputs=["phi_setpoint"], outputs=["phi", "theta"])
+
+
+def test_a_black_box_is_one_or_several_side_by_side() -> None:
+    channels = {"inputs": ["u", "v"], "outputs": ["y", "z"]}
+    coupled = named_model("black_box:2", **channels)
+    decoupled = named_model("black_box:2+delay", **channels, decoupled=True)
+    assert (len(coupled.states), len(decoupled.states)) == (2, 4)
+    assert black_box_order(coupled) == black_box_order(decoupled) == 2
+    assert "tau_y" in decoupled.parameters.names
+    with pytest.raises(UsageError, match="came without channels"):
+        named_model("black_box:2")
+    with pytest.raises(ModelError, match=r"did you mean response\.second_order"):
+        named_model("response.second_ordre")

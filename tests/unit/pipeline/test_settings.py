@@ -193,3 +193,22 @@ def test_a_tie_keeps_what_stands_behind_the_first_sign() -> None:
 def test_unreadable_bands_of_responses_are_quoted(text: str) -> None:
     with pytest.raises(UsageError, match=r"the band .* cannot be read"):
         parse_pairs((text,))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"method": "guess"}, {"hold": "second"}, {"starts": "sobol"}, {"starts": "random:0"}, {"pieces_s": 0.0}]
+)
+def test_impossible_choices_in_time_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(UsageError):
+        IdentifySettings(**wrong)
+
+
+@pytest.mark.parametrize("starts", ["default", "central", "sobol:16", "random:3"])
+def test_starts_go_into_the_provenance(starts: str) -> None:
+    chosen = IdentifySettings(method="output_error", hold="first", starts=starts, pieces_s=1.5).as_json()
+    assert (chosen["method"], chosen["hold"], chosen["starts"], chosen["pieces_s"]) == (
+        "output_error",
+        "first",
+        starts,
+        1.5,
+    )

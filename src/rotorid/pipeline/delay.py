@@ -1,0 +1,242 @@
+"""Logs in, delays out: how late each output answers its input, as a fraction of a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+import numpy as np
+
+from rotorid.data.channel import STANDARD_UNITS
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fit.delay import DelayAnalysis, estimate_delay
+from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
+from rotorid.pipeline.cutting import cut, histories
+from rotorid.pipeline.delay_document import DelayDocument, DelayPairDocument, delay_pair_document
+from rotorid.pipeline.delay_selection import chosen_maneuvers, default_pairs
+from rotorid.pipeline.instruments import Flown, axes_of, find_instrument, is_command
+from rotorid.pipeline.measure import measure
+from rotorid.pipeline.selection import each_once
+from rotorid.pipeline.settings import MeasureSettings
+from rotorid.signal.segment import excitation_signals
+from rotorid.typing import BoolArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Delays:
+    """A finished run of ``delay``.
+
+    Parameters
+    ----------
+    document
+        What ``delay.json`` holds.
+    analyses
+        The numbers behind it, by pair ``output/input``.
+    """
+
+    document: DelayDocument
+    analyses: dict[str, DelayAnalysis]
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+def delays(
+    records: Sequence[FlightRecord],
+    *,
+    input: str | None = None,
+    output: str | None = None,
+    settings: MeasureSettings | None = None,
+    command: Sequence[str] = (),
+    progress: Callable[[str], None] = _silent,
+) -> Delays:
+    """Delays between channels of flight records: what ``rotorid delay`` does.
+
+    The excitations of the pair's axis are used; where there are none, stretches that look like one, and else the whole
+    record. Where the input contains feedback of the output and an instrument is logged, the joint frequency response
+    gives the recommended estimate, otherwise the records themselves.
+
+    Parameters
+    ----------
+    records
+        Logs as :func:`rotorid.read` gives them.
+    input, output
+        Channels; without them every logged set-point that moves and its response, or the commands and their rates
+        where no set-point is logged.
+    settings
+        Choices; everything has a default.
+    command
+        For the provenance of the result.
+    progress
+        Told what is being done.
+
+    Returns
+    -------
+    Delays
+        The document of ``delay.json`` and the numbers behind it.
+
+    Raises
+    ------
+    InsufficientDataError
+        No pair gives a delay; the findings say why.
+    UsageError
+        A channel or an option is wrong.
+
+    Examples
+    --------
+    >>> from rotorid.io.registry import read
+    >>> result = delays([read("flight.ulg")], input="phi_setpoint", output="phi")  # doctest: +SKIP
+    >>> result.document.pairs["phi/phi_setpoint"].recommended.delay_s  # doctest: +SKIP
+    0.071
+    """
+    settings = settings or MeasureSettings()
+    each_once(records)
+    pairs = _pairs(records, input, output)
+    found: dict[str, _Pair] = {}
+    refusals: list[Finding] = []
+    for source, answer in pairs:
+        try:
+            found[f"{answer}/{source}"] = _pair(records, source, answer, settings, progress)
+        except InsufficientDataError as error:
+            if input is not None:
+                raise
+            refusals.append(_refusal(error, source, answer))
+    if not found:
+        raise InsufficientDataError(
+            "no pair of channels shows a delay",
+            needed="a set-point that moves and its response",
+            remedy="name a pair with --input and --output",
+            findings=refusals,
+        )
+    remarks = (
+        *(finding for record in records for finding in record.findings),
+        *(finding for pair in found.values() for finding in pair.findings),
+        *refusals,
+    )
+    flown = dict.fromkeys(item for pair in found.values() for item in pair.flown)
+    return Delays(
+        document=DelayDocument(
+            pairs={name: pair.document for name, pair in found.items()},
+            findings=finding_documents(remarks),
+            provenance=provenance_document(records, settings, command=command, flown=tuple(flown)),
+        ),
+        analyses={name: pair.analysis for name, pair in found.items()},
+    )
+
+
+def refused_delay(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    *,
+    settings: MeasureSettings,
+    command: Sequence[str] = (),
+) -> DelayDocument:
+    """The document for data that show no delay: its findings say why, and no number is given."""
+    findings = [*(f for record in records for f in record.findings), *error.findings]
+    if not error.findings:
+        findings.append(Finding(kind="no_delay", severity="error", where="delay", message=str(error)))
+    return DelayDocument(
+        findings=finding_documents(findings), provenance=provenance_document(records, settings, command=command)
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pair:
+    analysis: DelayAnalysis
+    document: DelayPairDocument
+    findings: tuple[Finding, ...]
+    flown: tuple[Flown, ...]
+
+
+def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
+    if (input is None) != (output is None):
+        given = "an input" if output is None else "an output"
+        raise UsageError(f"{given} came alone", needed="both --input and --output, or none of them")
+    if input is None or output is None:
+        return default_pairs(records)
+    if input == output:
+        raise UsageError(f"{input} came as input and as output", needed="different channels")
+    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
+    for name in (input, output):
+        if name not in known:
+            close = ", ".join(get_close_matches(name, sorted(known), n=3))
+            raise UsageError(
+                f"there is no channel {name}",
+                needed="names such as roll_command, p, az, or those of the mapping",
+                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
+            )
+    return ((input, output),)
+
+
+def _pair(
+    records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings, progress: Callable[[str], None]
+) -> _Pair:
+    progress(f"delay of {output} behind {input}")
+    flown, remarks = chosen_maneuvers(records, input, output, settings)
+    instrument = _instrument(flown, input, output, settings)
+    feedback = instrument != input
+    segments, cutting = cut(flown, channels=(input, output), shifts=settings.shifts)
+    response, measuring = _response(flown, input, output, instrument, settings)
+    analysis = estimate_delay(
+        histories(segments),
+        input=input,
+        output=output,
+        feedback=feedback,
+        airframe=is_command(input),
+        response=response,
+        highest_rad_s=settings.band_rad_s[1] if settings.band_rad_s else np.inf,
+    )
+    return _Pair(
+        analysis=analysis,
+        document=delay_pair_document(
+            analysis,
+            feedback=feedback,
+            instrument=instrument if feedback else None,
+            maneuvers=[maneuver_document(record, maneuver) for record, maneuver in flown],
+        ),
+        findings=(*remarks, *cutting, *measuring, *analysis.findings),
+        flown=tuple(flown),
+    )
+
+
+def _instrument(flown: Sequence[Flown], input: str, output: str, settings: MeasureSettings) -> str | None:
+    """The channel that holds no feedback: the input itself, one that excites it, or ``None`` where none is known."""
+    if settings.instruments:
+        return settings.instruments[0]
+    axis = axes_of((input,), (output,))[0]
+    found = find_instrument(flown, axis)
+    if found is not None:
+        return found
+    # A set-point of the outermost logged loop comes from a person or a program; a command from a controller.
+    outside = excitation_signals(flown[0][0], axis)
+    return input if not is_command(input) and outside and outside[0] == input else None
+
+
+def _response(
+    flown: Sequence[Flown], input: str, output: str, instrument: str | None, settings: MeasureSettings
+) -> tuple[tuple[FrequencyResponse, BoolArray] | None, tuple[Finding, ...]]:
+    """The frequency response of the pair, joint where the input contains feedback, and its usable points."""
+    joint = settings.estimate != "direct" and instrument not in (None, input, output)
+    chosen = replace(
+        settings,
+        instruments=(instrument,) if joint and instrument else (),
+        estimate="joint" if joint else "direct",
+    )
+    try:
+        measured = measure(flown, inputs=(input,), outputs=(output,), settings=chosen)
+    except InsufficientDataError:
+        # Too short for a window: the records themselves may still answer.
+        return None, ()
+    limit = settings.least_coherence(joint=joint)
+    used = measured.trusted_points(measured.response, limit)
+    biased = tuple(finding for finding in measured.findings if finding.kind == "closed_loop_bias")
+    return ((measured.response, used) if np.any(used) else None), biased
+
+
+def _refusal(error: InsufficientDataError, input: str, output: str) -> Finding:
+    return Finding(kind="no_delay", severity="warning", where=f"{output}/{input}", message=str(error))

@@ -1,0 +1,374 @@
+"""From records in time to a fitted model with bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.immutable import Immutable
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fit.output_error import OutputErrorFit, fit_output_error
+from rotorid.fit.solution import Solution
+from rotorid.fit.time_data import TimeData
+from rotorid.fit.time_problem import Part, TimeProblem, Unknown
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.fitting import Fitted
+from rotorid.pipeline.instruments import is_command
+from rotorid.pipeline.resolve import black_box_order, chosen_parameters
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.time_records import TimeRecords
+from rotorid.pipeline.time_start import designed_starts, own_starts
+from rotorid.uncertainty.bounds import Bounds
+from rotorid.uncertainty.colored import colored_covariance
+
+TimeMethod: TypeAlias = Literal["output_error", "prediction_error", "equation_error"]
+
+_GROWTHS = 2.0
+"""How many times a mode may grow e-fold within a piece: with more, its start decides all that follows."""
+
+_LEAST_PIECE = 20
+_ALIKE = 1.5
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimeFitted(Immutable):
+    """A model that was fitted in the time domain, with what is known about it.
+
+    Parameters
+    ----------
+    method
+        How.
+    problem
+        Its simulation over the records, or over pieces of them; at the covariance of the output errors.
+    solution
+        How the solver ended.
+    parameters
+        The identified values.
+    listed
+        The same with those that were dropped before.
+    bounds
+        Their uncertainty, corrected for the color of the residuals.
+    memory
+        Order of the autoregression that describes that color.
+    log_likelihood
+        Of the residuals, were they white and Gaussian.
+    unknowns
+        How many numbers were estimated beside the parameters.
+    pieces_s
+        Length of the pieces, ``None`` for whole records.
+    findings
+        Remarks of the fit itself.
+    """
+
+    method: TimeMethod
+    problem: TimeProblem
+    solution: Solution
+    parameters: ParameterSet
+    listed: ParameterSet
+    bounds: Bounds
+    memory: int
+    log_likelihood: float
+    unknowns: int
+    pieces_s: float | None
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def structure(self) -> LinearStructure:
+        """What the values belong to, without states that a dropped lag has left without dynamics."""
+        return self.problem.structure.condensed(self.parameters)
+
+
+class _Ended(NamedTuple):
+    """End of the search of one method; the problem simulates with the values that were found."""
+
+    problem: TimeProblem
+    solution: Solution
+    parts: list[Part]
+    log_likelihood: float
+    pieces_s: float | None = None
+    findings: tuple[Finding, ...] = ()
+
+
+def fit_in_time(
+    structure: LinearStructure,
+    records: TimeRecords,
+    settings: IdentifySettings,
+    *,
+    method: TimeMethod,
+    frequency: Fitted | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> TimeFitted:
+    """Fit a structure to records in time and bound its parameters.
+
+    The search begins at the fit in the frequency domain, where there is one, and at the start values of the structure.
+    Where a mode grows, records are cut into pieces in which it grows twice e-fold at most, each with an initial state
+    of its own (multiple shooting).
+
+    Parameters
+    ----------
+    structure
+        What to fit; of a vehicle's, what the frequency domain has dropped stays dropped.
+    records
+        What to fit it to.
+    settings
+        Choices of the run.
+    method
+        How.
+    frequency
+        The fit of the same data in the frequency domain.
+    progress
+        Told what is being done.
+
+    Raises
+    ------
+    InsufficientDataError
+        The records do not determine the parameters.
+    UsageError
+        The method is not one for this structure.
+    """
+    parameters = chosen_parameters(structure, settings)
+    if frequency is not None:
+        structure, parameters = _begun(structure, parameters, frequency)
+    whole = frequency.parameters if frequency is not None else chosen_parameters(structure, settings)
+    progress(f"fitting {structure.name} by {method.replace('_', ' ')}")
+    seeded = frequency is not None
+    if method == "prediction_error":
+        ended = _predicting(structure, parameters, records, settings, seeded=seeded)
+    elif method == "output_error":
+        ended = _simulating(structure, parameters, records, settings, seeded=seeded)
+    else:
+        raise UsageError(
+            "the method equation_error came", needed="output_error or prediction_error to identify a structure"
+        )
+    return _bounded(ended, whole, method)
+
+
+def _begun(
+    structure: LinearStructure, parameters: ParameterSet, frequency: Fitted
+) -> tuple[LinearStructure, ParameterSet]:
+    """A structure at the values of the frequency domain.
+
+    Of a vehicle it stays without what was dropped there. A response in time shows delays that one of few samples for
+    each period does not.
+    """
+    if all(is_command(name) for name in structure.inputs):
+        return frequency.structure, frequency.structure.parameters
+    known = {
+        one.name: one.value for one in frequency.parameters if one.status == "free" and one.name in parameters.free
+    }
+    return structure, parameters.with_values(known)
+
+
+def _simulating(
+    structure: LinearStructure,
+    parameters: ParameterSet,
+    records: TimeRecords,
+    settings: IdentifySettings,
+    *,
+    seeded: bool,
+) -> _Ended:
+    """Output error, in pieces as short as the modes need that it finds."""
+    order = black_box_order(structure)
+    if order is not None and not any(parameters.values.values()):
+        return _black_box(structure, order, records, settings, unknowns_of(structure))
+    length_s = settings.pieces_s
+    if length_s is None:
+        length_s = _piece_s(structure, parameters, records.data)
+    for _ in range(_ROUNDS):
+        problem = _posed(structure, parameters, records, length_s)
+        starts = [parameters.pack()] if seeded else []
+        # The own starts of a large model lead nowhere that its responses have not shown.
+        if not seeded or any(parameters[name].starts for name in parameters.free):
+            starts += own_starts(problem)
+        starts += designed_starts(problem, settings.starts, seed=settings.seed)
+        fit = fit_output_error(problem, starts=starts)
+        parameters, seeded = fit.parameters, True
+        needed = _piece_s(structure, parameters, records.data)
+        if settings.pieces_s is not None or _about_as_long(length_s, needed):
+            break
+        length_s = needed
+    return _ended(fit, length_s)
+
+
+def _about_as_long(length_s: float | None, needed_s: float | None) -> bool:
+    if length_s is None or needed_s is None:
+        return length_s is needed_s
+    return needed_s / _ALIKE < length_s < _ALIKE * needed_s
+
+
+def _posed(
+    structure: LinearStructure, parameters: ParameterSet, records: TimeRecords, length_s: float | None
+) -> TimeProblem:
+    data = records.data if length_s is None else tuple(p for one in records.data for p in one.pieces(length_s))
+    return TimeProblem(
+        structure=structure, parameters=parameters, records=data, hold=records.hold, unknowns=unknowns_of(structure)
+    )
+
+
+def _predicting(
+    structure: LinearStructure,
+    parameters: ParameterSet,
+    records: TimeRecords,
+    settings: IdentifySettings,
+    *,
+    seeded: bool,
+) -> _Ended:
+    """Prediction error, from the values of the frequency domain or of an output-error fit."""
+    from rotorid.fit.innovations import InnovationsProblem
+    from rotorid.fit.innovations_fit import fit_prediction_error
+
+    if not seeded:
+        begun = _simulating(structure, parameters, records, settings, seeded=False)
+        structure, parameters = begun.problem.structure, begun.problem.parameters
+    problem = InnovationsProblem(
+        structure=structure,
+        parameters=parameters,
+        records=records.data,
+        hold=records.hold,
+        unknowns=unknowns_of(structure),
+    )
+    fit = fit_prediction_error(problem)
+    low, high = problem.box
+    theta = fit.solution.theta
+    # A noise on its bound has no effect any more, and none on what is known of the model.
+    kept = ((theta > low) & (theta < high)) | (np.arange(theta.size) < len(parameters.free))
+    parts = [part._replace(slopes=part.slopes[:, :, kept]) for part in problem.parts(theta)]
+    length_s = settings.pieces_s or _piece_s(structure, fit.parameters, records.data)
+    shown = _posed(structure, fit.parameters, records, length_s).with_noise(fit.noise_covariance)
+    return _Ended(shown, fit.solution, parts, fit.log_likelihood, length_s)
+
+
+def _ended(fit: OutputErrorFit, length_s: float | None = None, findings: tuple[Finding, ...] = ()) -> _Ended:
+    parts = fit.problem.parts(fit.solution.theta)
+    problem = fit.problem.with_parameters(fit.parameters)
+    return _Ended(problem, fit.solution, parts, fit.log_likelihood, length_s, findings)
+
+
+def _black_box(
+    structure: LinearStructure,
+    order: int,
+    records: TimeRecords,
+    settings: IdentifySettings,
+    unknowns: tuple[Unknown, ...],
+) -> _Ended:
+    """A black box without values: its starts come from subspaces."""
+    from rotorid.fit.black_box import fit_black_box, fit_black_box_pairs
+
+    if settings.fix or settings.ties or settings.free:
+        raise UsageError(
+            f"--fix, --tie or --free came with {structure.name}",
+            needed="a black box with values, as a model.toml holds one",
+        )
+    delays = any(name.startswith("tau") for name in structure.parameters.names)
+    if len(structure.states) > order:
+        pairs = tuple(zip(structure.inputs, structure.outputs, strict=True))
+        found = fit_black_box_pairs(
+            records.data, order, pairs=pairs, delays=delays, hold=records.hold, unknowns=unknowns
+        )
+    else:
+        found = fit_black_box(
+            records.data,
+            order,
+            inputs=structure.inputs,
+            outputs=structure.outputs,
+            delays=delays,
+            hold=records.hold,
+            unknowns=unknowns,
+        )
+    return _ended(found.fit, findings=found.findings)
+
+
+def unknowns_of(structure: LinearStructure) -> tuple[Unknown, ...]:
+    """What is estimated beside the parameters: for commands also their trim, which a vehicle integrates."""
+    if all(is_command(name) for name in structure.inputs) and black_box_order(structure) is None:
+        return ("initial_state", "output_shift", "state_bias")
+    return ("initial_state", "output_shift")
+
+
+def _piece_s(structure: LinearStructure, parameters: ParameterSet, data: Sequence[TimeData]) -> float | None:
+    """Length of pieces in which the fastest growing mode stays small; ``None`` where whole records do."""
+    growth_1_s = growth(structure, parameters)
+    longest_s = max(record.duration_s for record in data)
+    if growth_1_s * longest_s <= _GROWTHS:
+        return None
+    return max(_GROWTHS / growth_1_s, _LEAST_PIECE / min(record.sample_rate_hz for record in data))
+
+
+def growth(structure: LinearStructure, parameters: ParameterSet) -> float:
+    """Largest real part of a pole, at least zero."""
+    poles = structure.matrices(parameters.values).poles()
+    return max(0.0, float(poles.real.max(initial=0.0)))
+
+
+def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFitted:
+    parameters = ended.problem.parameters
+    bounds, memory = time_bounds(ended.parts, parameters)
+    same = whole.free == parameters.free
+    return TimeFitted(
+        method=method,
+        problem=ended.problem,
+        solution=ended.solution,
+        parameters=parameters,
+        listed=whole.unpack(parameters.pack()) if same else parameters,
+        bounds=bounds,
+        memory=memory,
+        log_likelihood=ended.log_likelihood,
+        unknowns=sum(part.unknown.shape[2] for part in ended.parts),
+        pieces_s=ended.pieces_s,
+        findings=ended.findings,
+    )
+
+
+def time_bounds(parts: Sequence[Part], parameters: ParameterSet) -> tuple[Bounds, int]:
+    r"""Bounds from the Fisher matrix :math:`F = \sum_i S_i^T S_i`, and the memory of the residuals.
+
+    Cramér–Rao and insensitivity are CIFER's, :math:`2 \sqrt{(F^{-1})_{ii}}` and :math:`1 / \sqrt{F_{ii}}`, so that the
+    same guidelines apply. Columns of the slopes beyond the free parameters are those of a noise model, which is
+    estimated with them. The covariance is corrected for the color of the residuals; ``inflation`` is how much
+    larger than for white ones the standard deviations are, in the geometric mean.
+
+    Raises
+    ------
+    InsufficientDataError
+        A parameter has no effect, or several cannot be told apart at all.
+    """
+    free = parameters.free
+    count = len(free)
+    slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
+    fisher = slopes.T @ slopes
+    silent = [name for name, size in zip(free, fisher.diagonal()[:count], strict=True) if size == 0.0]
+    if silent:
+        raise _unseen(silent)
+    try:
+        colored = colored_covariance(parts)
+    except np.linalg.LinAlgError as error:
+        raise _unseen(free) from error
+    length = np.sqrt(fisher.diagonal())
+    inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / fisher.diagonal()
+    corrected, white = colored.corrected[:count, :count], colored.white[:count, :count]
+    ratio = np.log(corrected.diagonal() / white.diagonal())
+    bounds = Bounds(
+        names=free,
+        cramer_rao=2.0 * np.sqrt(inverse[:count]),
+        insensitivity=1.0 / length[:count],
+        covariance=corrected,
+        inflation=math.exp(0.5 * float(np.mean(ratio))),
+    )
+    return bounds, colored.memory
+
+
+def _unseen(names: Sequence[str]) -> InsufficientDataError:
+    message = f"The records do not determine {', '.join(names)}."
+    return InsufficientDataError(
+        message,
+        needed="parameters that the data can see",
+        remedy="fix some with --fix NAME=VALUE, or take a smaller model",
+        findings=[Finding(kind="not_identifiable", severity="error", where=name, message=message) for name in names],
+    )

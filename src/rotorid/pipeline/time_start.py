@@ -1,0 +1,186 @@
+"""Where a time-domain fit begins: the frequency-domain fit of the same data, and the start values of the structure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.fit.time_problem import TimeProblem
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.fitting import Fitted, fit_with_bounds
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.inverse import pose_screened
+from rotorid.pipeline.measure import Measured, measure
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.time_records import TimeRecords
+from rotorid.typing import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from rotorid.fit.design_of_starts import Scale, StartBox
+
+_MOST_TRIED = 81
+_KEPT = 3
+_WIDER = 3.0
+_LEAST_SIZE = 1e-3
+
+
+class FrequencySide(NamedTuple):
+    """What the frequency domain says about the same data.
+
+    Parameters
+    ----------
+    measured
+        Responses, or ``None`` where they could not be estimated.
+    fitted
+        The fit in the frequency domain, or ``None`` where there is none.
+    why_not
+        Why there is no fit, in words; empty where there is one.
+    """
+
+    measured: Measured | None = None
+    fitted: Fitted | None = None
+    why_not: str = ""
+
+
+def frequency_side(
+    structure: LinearStructure,
+    flown: Sequence[Flown],
+    settings: IdentifySettings,
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    fits: bool = True,
+) -> FrequencySide:
+    """Measure responses and fit them, as far as the data support that.
+
+    Parameters
+    ----------
+    structure, flown, settings, progress
+        As for :func:`rotorid.pipeline.identify.identify`.
+    fits
+        Whether to fit the structure; one without start values of its own cannot be.
+    """
+    measured = None
+    try:
+        measured = measure(
+            flown, inputs=structure.inputs, outputs=structure.outputs, settings=settings, progress=progress
+        )
+        if not fits:
+            return FrequencySide(measured)
+        progress(f"fitting {structure.name} in the frequency domain")
+        problem = pose_screened(structure, measured, settings, flown).problem
+        return FrequencySide(measured, fit_with_bounds(problem, measured, settings))
+    except (InsufficientDataError, ModelError) as error:
+        return FrequencySide(measured, None, error.came.rstrip("."))
+
+
+def own_starts(problem: TimeProblem) -> list[FloatArray]:
+    """Start values of the structure, the most promising first.
+
+    Parameters that have the same start values take them together: axes side by side are alike. A gain enters linearly,
+    so that its best value at every start is known.
+
+    Parameters
+    ----------
+    problem
+        Its parameters hold the values of all that have no others.
+    """
+    tried = [(cost, theta) for theta in _grid(problem) if np.isfinite(cost := _with_gain(problem, theta))]
+    ranked = sorted(tried, key=lambda one: one[0])
+    return [theta for _, theta in ranked[:_KEPT]]
+
+
+def _grid(problem: TimeProblem) -> Iterator[FloatArray]:
+    parameters = problem.parameters
+    free = parameters.free
+    groups: dict[tuple[float, ...], list[int]] = {}
+    for row, name in enumerate(free):
+        if parameters[name].starts:
+            groups.setdefault(parameters[name].starts, []).append(row)
+    low, high = problem.box
+    yield parameters.pack()
+    for number, values in enumerate(product(*groups)):
+        if number == _MOST_TRIED:
+            return
+        theta = parameters.pack()
+        for rows, value in zip(groups.values(), values, strict=True):
+            theta[rows] = value
+        yield np.clip(theta, low, high)
+
+
+def _with_gain(problem: TimeProblem, theta: FloatArray) -> float:
+    """Cost at a start, whose gain is set to its best value in place."""
+    residual, slopes = problem.residuals(theta)
+    gain = problem.structure.gain
+    if gain not in problem.parameters.free or not np.isfinite(residual).all():
+        return float(residual @ residual)
+    row = problem.parameters.free.index(gain)
+    column = slopes[:, row]
+    size = float(column @ column)
+    if size == 0.0:
+        return float(residual @ residual)
+    low, high = problem.box
+    moved = np.clip(theta[row] - float(column @ residual) / size, low[row], high[row])
+    residual = residual + column * (moved - theta[row])
+    theta[row] = moved
+    return float(residual @ residual)
+
+
+def designed_starts(problem: TimeProblem, starts: str, *, seed: int) -> list[FloatArray]:
+    """Starts of a design: ``central``, ``sobol:N`` or ``random:N``; none for ``default``.
+
+    The box of a parameter reaches to a third of its smallest start value and to three times its largest; without start
+    values, as far about its value. Its bounds cut it.
+
+    Raises
+    ------
+    UsageError
+        There are too many parameters for a central composite design.
+    """
+    from rotorid.fit.design_of_starts import at_random, central_composite, sobol
+
+    kind, _, count = starts.partition(":")
+    if kind == "default":
+        return []
+    box = _box(problem)
+    if kind == "central":
+        return list(central_composite(box))
+    rng = np.random.default_rng(seed)
+    return list((sobol if kind == "sobol" else at_random)(box, int(count), rng=rng))
+
+
+def _box(problem: TimeProblem) -> StartBox:
+    from rotorid.fit.design_of_starts import StartBox
+
+    sides: list[tuple[float, float]] = []
+    scales: list[Scale] = []
+    for name in problem.parameters.free:
+        one = problem.parameters[name]
+        values = one.starts or (one.value,)
+        low, high = min(values), max(values)
+        one_sign = low * high > 0.0
+        if one_sign:
+            low, high = (low / _WIDER, high * _WIDER) if low > 0.0 else (low * _WIDER, high / _WIDER)
+        else:
+            size = max(abs(low), abs(high), _LEAST_SIZE)
+            low, high = -_WIDER * size, _WIDER * size
+        low, high = max(low, one.lower), min(high, one.upper)
+        sides.append((low, high))
+        scales.append("logarithmic" if low * high > 0.0 else "linear")
+    lower, upper = (np.array(side) for side in zip(*sides, strict=True))
+    return StartBox(lower=lower, upper=upper, scales=tuple(scales))
+
+
+def held_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray:
+    r"""Response of the hold of the inputs, :math:`(1 - e^{-j \omega T}) / (j \omega T)`, shape ``(f,)``.
+
+    It is one for inputs that were joined by lines. Responses between samples contain it. A simulation with held inputs
+    has it apart from the model.
+    """
+    if records.hold == "first":
+        return np.ones(omega_rad_s.size, dtype=np.complex128)
+    half = 0.5 * omega_rad_s / records.data[0].sample_rate_hz
+    return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half), dtype=np.complex128)

@@ -1,0 +1,95 @@
+"""Which pairs and stretches of a log tell delays, and the document about them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag
+
+from rotorid.data.channel import STANDARD_UNITS, Channel
+from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.pipeline.delay import delays, refused_delay
+from rotorid.pipeline.delay_document import DelayDocument
+from rotorid.pipeline.delay_selection import default_pairs
+from rotorid.pipeline.settings import MeasureSettings, parse_segment
+from rotorid.typing import FloatArray
+
+DELAY_SAMPLES = 2.7
+
+
+def log(columns: dict[str, FloatArray], name: str = "log") -> FlightRecord:
+    channels = tuple(Channel(name=column, unit=STANDARD_UNITS[column]) for column in columns)
+    values = np.stack(list(columns.values()))
+    topic = Topic(name="log", time_s=np.arange(values.shape[1]) / RATE_HZ, channels=channels, values=values)
+    return FlightRecord(source=Source(name=name, format="twin", sha256=name), topics=(topic,))
+
+
+@pytest.fixture(scope="module")
+def record() -> FlightRecord:
+    history = late_lag(1, DELAY_SAMPLES)
+    rest = np.zeros(history.values.shape[1])
+    return log({INPUT: history[INPUT], OUTPUT: history[OUTPUT], "theta_setpoint": rest, "theta": rest})
+
+
+def test_set_points_that_move_are_the_default(record: FlightRecord) -> None:
+    assert default_pairs([record]) == ((INPUT, OUTPUT),)
+
+
+def test_commands_and_rates_stand_in_where_no_set_point_is_logged() -> None:
+    history = late_lag(1, DELAY_SAMPLES)
+    assert default_pairs([log({"roll_command": history[INPUT], "p": history[OUTPUT]})]) == (("roll_command", "p"),)
+
+
+def test_a_log_without_pairs_is_refused() -> None:
+    with pytest.raises(InsufficientDataError) as refused:
+        default_pairs([log({"p": np.random.default_rng(0).normal(size=500)})])
+    assert [finding.kind for finding in refused.value.findings] == ["missing_channel"]
+
+
+def test_document_holds_the_delay_and_what_it_means(record: FlightRecord) -> None:
+    result = delays([record])
+    (name,) = result.document.pairs
+    pair = result.document.pairs[name]
+    assert name == f"{OUTPUT}/{INPUT}"
+    assert pair.hold == "held"
+    assert not pair.feedback
+    assert pair.recommended.method == "records"
+    assert pair.recommended.interval_s is not None
+    low, high = pair.recommended.interval_s
+    assert low < pair.recommended.delay_s < high
+    assert pair.recommended.delay_samples == pytest.approx(DELAY_SAMPLES, abs=0.3)
+    assert {estimate.method for estimate in pair.others} >= {"samples"}
+    assert DelayDocument.model_validate_json(result.document.model_dump_json(by_alias=True)) == result.document
+
+
+def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
+    plain = delays([record], input=INPUT, output=OUTPUT)
+    moved = delays([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(shifts={OUTPUT: 0.03}))
+    name = f"{OUTPUT}/{INPUT}"
+    change = moved.analyses[name].recommended.delay_s - plain.analyses[name].recommended.delay_s
+    # The output is interpolated to move it, which costs it some of its highest frequencies.
+    assert change == pytest.approx(0.03, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("input", "output", "words"),
+    [
+        (INPUT, None, "came alone"),
+        (None, OUTPUT, "came alone"),
+        (INPUT, INPUT, "as input and as output"),
+        ("phi_setpiont", OUTPUT, "did you mean phi_setpoint"),
+    ],
+)
+def test_slips_are_named(input: str | None, output: str | None, words: str, record: FlightRecord) -> None:
+    with pytest.raises(UsageError, match=words):
+        delays([record], input=input, output=output)
+
+
+def test_segments_outside_of_the_log_are_refused(record: FlightRecord) -> None:
+    settings = MeasureSettings(segments=(parse_segment("roll:900:950"),))
+    with pytest.raises(InsufficientDataError, match="no given segment") as refused:
+        delays([record], input=INPUT, output=OUTPUT, settings=settings)
+    document = refused_delay(refused.value, [record], settings=settings)
+    assert document.pairs == {}
+    assert [finding.kind for finding in document.findings] == ["no_excitation"]

@@ -1,0 +1,211 @@
+"""Identification in time on a flight whose answer is known: values, bounds, hold, comparison, verification."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, binary, flight
+
+from rotorid.data.maneuver import Maneuver
+from rotorid.errors import UsageError
+from rotorid.fit.time_data import TimeData
+from rotorid.fit.time_problem import TimeProblem
+from rotorid.models.equations import structure_from_equations
+from rotorid.models.parameter import Parameter, ParameterSet
+from rotorid.models.rate import rate_model
+from rotorid.models.response import response_model
+from rotorid.pipeline.identification import Identification, Segment
+from rotorid.pipeline.identify import identify
+from rotorid.pipeline.resolve import named_model
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.time_feedback import following, judge_following
+from rotorid.pipeline.time_fit import fit_in_time
+from rotorid.pipeline.time_identify import chosen_method
+from rotorid.pipeline.time_judge import Compared, judge_agreement
+from rotorid.pipeline.time_records import TimeRecords, evenly_stamped, time_records
+from rotorid.pipeline.time_start import designed_starts, own_starts
+from rotorid.simulate.linear import simulate_linear
+
+SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])
+
+
+@pytest.fixture(scope="module")
+def result() -> Identification:
+    return identify([flight()], "response.second_order_delay", verify=[flight(seed=7)])
+
+
+def test_the_truth_lies_within_the_bounds_that_the_color_of_the_noise_demands(result: Identification) -> None:
+    for name, value in TRUTH.items():
+        found = result.document.parameters[name]
+        assert found.std is not None
+        # Four deviations: one in sixteen thousand by chance.
+        assert abs(found.value - value) < 4.0 * found.std, name
+    assert result.document.residuals is not None
+    assert result.document.residuals.inflation > 1.2
+    assert "colored_residuals" in {finding.kind for finding in result.document.findings}
+
+
+def test_the_document_says_how_the_fit_was_made(result: Identification) -> None:
+    document = result.document
+    assert (document.method, document.hold, document.pieces_s) == ("output_error", "zero", None)
+    assert document.fit_percent is not None
+    assert document.fit_percent["phi"] > 90.0
+    assert [(one.record, one.samples, one.pieces) for one in document.records] == [("flight0.csv", 1500, 1)]
+    assert document.records[0].fit_percent["phi"] == pytest.approx(document.fit_percent["phi"])
+    # The colored noise of the flight: 4 mrad.
+    assert document.noise is not None
+    assert document.noise["phi"] == pytest.approx(0.004, rel=0.2)
+    assert document.information is not None
+    # Four parameters, two initial states, a trim and a variance.
+    assert document.information.numbers == 8
+    assert document.information.bic > document.information.aic
+
+
+def test_both_domains_agree_once_the_hold_is_counted(result: Identification) -> None:
+    beside = result.document.frequency_fit
+    assert beside is not None
+    assert beside["tau_phi"].hold_s == pytest.approx(0.5 / RATE_HZ, rel=1e-6)
+    assert beside["tau_phi"].value - TRUTH["tau_phi"] > 0.5 * beside["tau_phi"].hold_s
+    assert result.document.cost is not None
+    assert "methods_disagree" not in {finding.kind for finding in result.document.findings}
+
+
+def test_an_unseen_record_is_simulated_and_scored(result: Identification) -> None:
+    (check,) = result.verifications
+    assert check.record == "flight7.csv"
+    assert check.scores["phi"].nrmse_fit_percent > 90.0
+    assert check.time_s.size == 1500
+    assert result.document.verification.records
+
+
+def test_records_are_handed_on_for_the_pictures(result: Identification) -> None:
+    (one,) = result.simulated
+    assert one.measured.shape == one.simulated.shape == (1, 1500)
+    assert one.starts == (0,)
+    error = one.measured - one.simulated
+    assert float(np.std(error)) == pytest.approx((result.document.noise or {})["phi"], rel=0.02)
+
+
+def test_jittery_stamps_leave_the_samples_as_they_are() -> None:
+    plain, jittery = flight(), flight(jitter_s=0.004)
+    maneuver = Maneuver(axis="roll", kind="other", start_s=plain.start_s - 1.0, stop_s=plain.stop_s + 1.0)
+    records = time_records(SECOND, [(jittery, replace(maneuver, start_s=jittery.start_s))], IdentifySettings())
+    assert records.hold == "zero"
+    np.testing.assert_array_equal(records.data[0].outputs[0], jittery.topics[0].values[1])
+    steps = np.diff(evenly_stamped(jittery, maneuver, ("phi", "phi_setpoint")).topics[0].time_s)
+    assert np.ptp(steps) < 1e-9
+    # Half a step and more is no jitter: then nothing is moved.
+    wild = flight(jitter_s=0.03)
+    assert evenly_stamped(wild, maneuver, ("phi", "phi_setpoint")) is wild
+
+
+def test_the_method_follows_the_model_unless_it_is_named() -> None:
+    box = named_model("black_box:2", inputs=["u"], outputs=["y"])
+    plain = IdentifySettings()
+    assert [chosen_method(one, plain) for one in (SECOND, box, rate_model("rate.roll"))] == [
+        "output_error",
+        "output_error",
+        None,
+    ]
+    assert chosen_method(SECOND, IdentifySettings(method="frequency")) is None
+    assert chosen_method(rate_model("rate.roll"), IdentifySettings(method="prediction_error")) == "prediction_error"
+
+
+def test_what_cannot_be_done_in_time_is_refused() -> None:
+    with pytest.raises(UsageError, match="equation_error"):
+        identify([flight(samples=400)], "response.first_order", settings=IdentifySettings(method="equation_error"))
+
+
+def of_rate(growth_1_s: float, *, samples: int = 800, seed: int = 0) -> tuple[TimeRecords, TimeProblem]:
+    """A record of x' = a x + b u with a little noise, kept near zero by its input."""
+    structure = structure_from_equations(
+        name="growing",
+        inputs=["u"],
+        states=["y"],
+        equations=["y' = a*y + b*u"],
+        outputs=["y"],
+        parameters=ParameterSet(
+            [Parameter(name="a", value=0.5, unit="1/s"), Parameter(name="b", value=1.0, unit="1/s")]
+        ),
+    )
+    rng = np.random.default_rng(seed)
+    system = structure.matrices({"a": growth_1_s, "b": 2.0})
+    gain, state, u, y = 2.0, 0.0, np.zeros(samples), np.zeros(samples)
+    for k in range(samples):
+        y[k] = state
+        u[k] = -gain * state + rng.choice([-1.0, 1.0]) * 0.3
+        state = float(simulate_linear(system, np.full((1, 2), u[k]), sample_rate_hz=20.0, x0=np.array([state]))[0, 1])
+    data = TimeData(
+        name="r", inputs=u[None], outputs=(y + 0.002 * rng.standard_normal(samples))[None], sample_rate_hz=20.0
+    )
+    problem = TimeProblem(structure=structure, parameters=structure.parameters, records=(data,))
+    return TimeRecords((), (data,), "zero", ()), problem
+
+
+def test_a_growing_mode_is_fitted_in_pieces_in_which_it_grows_twice_e_fold() -> None:
+    records, problem = of_rate(1.0)
+    fitted = fit_in_time(problem.structure, records, IdentifySettings(), method="output_error")
+    assert fitted.pieces_s == pytest.approx(2.0, rel=0.1)
+    assert len(fitted.problem.records) == pytest.approx(20, abs=2)
+    for name, value in (("a", 1.0), ("b", 2.0)):
+        row = fitted.bounds.names.index(name)
+        assert abs(fitted.parameters[name].value - value) < 4.0 * float(fitted.bounds.std[row])
+
+
+def test_pieces_that_were_asked_for_are_obeyed() -> None:
+    records, problem = of_rate(-1.0)
+    whole = fit_in_time(problem.structure, records, IdentifySettings(), method="output_error")
+    pieces = fit_in_time(problem.structure, records, IdentifySettings(pieces_s=5.0), method="output_error")
+    assert (whole.pieces_s, len(whole.problem.records)) == (None, 1)
+    assert (pieces.pieces_s, len(pieces.problem.records)) == (5.0, 8)
+
+
+def test_starts_respect_bounds_and_designs_have_their_sizes() -> None:
+    record = flight(samples=400)
+    maneuver = Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s)
+    records = time_records(SECOND, [(record, maneuver)], IdentifySettings())
+    problem = TimeProblem(structure=SECOND, parameters=SECOND.parameters, records=records.data)
+    low, high = problem.box
+    designs = {name: designed_starts(problem, name, seed=1) for name in ("default", "central", "sobol:8", "random:5")}
+    assert {name: len(one) for name, one in designs.items()} == {
+        "default": 0,
+        "central": 2**4 + 2 * 4 + 1,
+        "sobol:8": 8,
+        "random:5": 5,
+    }
+    for theta in (*own_starts(problem), *(theta for one in designs.values() for theta in one)):
+        assert ((theta >= low) & (theta <= high)).all()
+
+
+def test_inputs_that_follow_errors_are_found_and_others_are_not() -> None:
+    rng = np.random.default_rng(3)
+    error = rng.standard_normal(4000)
+    free = rng.standard_normal(4000)
+    fed = free.copy()
+    fed[3:] -= 0.4 * error[:-3]
+    names = {"input_names": ["roll_command", "pitch_command"], "output_names": ["p"], "sample_rate_hz": 100.0}
+    found = following([error[None]], [np.stack([fed, free])], **names)
+    assert [finding.where for finding in judge_following(found)] == ["p/roll_command"]
+    # 0.16 of 1.16 of what the command holds.
+    assert found[0].share == pytest.approx(0.16 / 1.16, rel=0.25)
+    switched = np.stack([binary(4000, rng), binary(4000, rng)])
+    assert following([error[None]], [switched], **names) == ()
+
+
+def test_a_difference_beyond_three_deviations_is_told_with_its_numbers() -> None:
+    records, problem = of_rate(-1.0)
+    fitted = fit_in_time(problem.structure, records, IdentifySettings(), method="output_error")
+    a, std = fitted.parameters["a"].value, float(fitted.bounds.std[fitted.bounds.names.index("a")])
+    near, far = Compared(a + 2.0 * std, std), Compared(a + 10.0 * std, std)
+    assert judge_agreement(fitted, {"a": near}) == ()
+    (finding,) = judge_agreement(fitted, {"a": far})
+    assert (finding.kind, finding.where) == ("methods_disagree", "a")
+    assert finding.numbers["distance_std"] == pytest.approx(10.0 / np.sqrt(2.0))
+
+
+def test_segments_know_their_records(result: Identification) -> None:
+    (segment,) = result.segments
+    assert isinstance(segment, Segment)
+    assert segment.history.values.shape == (2, 1500)
