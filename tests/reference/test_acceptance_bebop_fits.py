@@ -30,7 +30,9 @@ from rotorid.verify.frozen import FrozenScores, score_frozen
 
 NAMES = ("120935", "121028", "121250", "122633")
 PAIRS = tuple((f"{name}_setpoint", name) for name in ("phi", "theta", "velocity_down"))
-STEP_S = 0.0504
+STEP_S = 0.050
+"""The mean step of the stamps within every record; single ones stray by a millisecond."""
+
 DELAY = "response.second_order_delay"
 
 # Fit percent of the best record to identify on; in brackets the paper's own.
@@ -48,7 +50,7 @@ Fit = Callable[[Sequence[TimeData]], Identified]
 
 @cache
 def record(folder: Path, name: str, output: str) -> TimeData:
-    """One axis of one record, with the uniform clock of the paper."""
+    """One axis of one record, on a uniform clock."""
     log = rotorid.read(folder / f"{name}.mat", mapping=folder.parent / "map.toml")
     rows = {channel: topic.values[row] for channel in log.channel_names for topic, row in log.holding(channel)}
     return TimeData(

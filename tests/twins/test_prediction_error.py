@@ -118,13 +118,12 @@ def test_output_error_is_biased_where_prediction_error_is_not() -> None:
 
 @pytest.mark.slow
 def test_intervals_of_95_percent_cover_the_truth() -> None:
-    found = [by_prediction_error(flown(seed)) for seed in range(100, 220)]
+    found = [by_prediction_error(flown(seed)) for seed in range(100, 500)]
     scaled = np.array([one.error / one.std for one in found])
     covered = np.mean(np.abs(scaled) < 1.96, axis=0)
-    # 120 flights: the share scatters by 2 %, and three deviations below 95 % are 89 %.
-    assert (covered > 0.89).all()
-    # The mean of 120 normalized errors scatters by 0.09; of a minute of flight, L_p is found 0.3 deviations too high.
-    assert (np.abs(scaled.mean(axis=0)) < 0.5).all()
+    print(dict(zip(TRUTH, np.stack([covered, scaled.mean(axis=0), scaled.std(axis=0)], axis=1).tolist(), strict=True)))
+    assert (covered >= 0.91).all(), covered
+    assert (covered <= 0.985).all(), covered
 
 
 def test_a_wrong_start_of_the_noise_changes_nothing() -> None:

@@ -13,6 +13,7 @@ from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
 from rotorid.fit.minima import best_of
 from rotorid.fit.solution import Minimum, Solution
 from rotorid.fit.time_problem import TimeProblem
+from rotorid.fit.time_start import own_starts
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import FloatArray
 
@@ -79,7 +80,8 @@ def fit_output_error(
     problem
         Structure, records, what is unknown.
     starts
-        Start values of the free parameters; by default those of the problem.
+        Start values of the free parameters; by default the best of those that the problem and its parameters give, see
+        :func:`rotorid.fit.time_start.own_starts`.
     solver
         Local solver.
     correlated
@@ -94,7 +96,7 @@ def fit_output_error(
     count = problem.samples * len(problem.structure.outputs)
     if count <= len(problem.parameters.free):
         raise InsufficientDataError(f"{count} samples came", needed=f"more than {len(problem.parameters.free)}")
-    found = [solver.minimize(problem.residuals, start, *problem.box) for start in starts or [problem.parameters.pack()]]
+    found = [solver.minimize(problem.residuals, start, *problem.box) for start in starts or own_starts(problem)]
     solution = best_of(found, name=problem.structure.name)
     others = solution.others
     for _ in range(_ROUNDS):

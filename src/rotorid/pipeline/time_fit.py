@@ -16,6 +16,7 @@ from rotorid.fit.output_error import OutputErrorFit, fit_output_error
 from rotorid.fit.solution import Solution
 from rotorid.fit.time_data import TimeData
 from rotorid.fit.time_problem import Part, TimeProblem, Unknown
+from rotorid.fit.time_start import own_starts
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fitting import Fitted
@@ -23,7 +24,7 @@ from rotorid.pipeline.instruments import is_command
 from rotorid.pipeline.resolve import black_box_order, chosen_parameters
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_records import TimeRecords
-from rotorid.pipeline.time_start import designed_starts, own_starts
+from rotorid.pipeline.time_start import designed_starts
 from rotorid.uncertainty.bounds import Bounds
 from rotorid.uncertainty.colored import colored_covariance
 

@@ -14,6 +14,7 @@ from rotorid.typing import FloatArray
 _LONGEST_MEMORY = 40
 _SAMPLES_PER_LAG = 10
 _ROUNDS = 4
+_NEGLIGIBLE = 0.02
 
 
 class ColoredCovariance(NamedTuple):
@@ -79,7 +80,7 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     taken = [np.concatenate([part.unknown, part.slopes @ root], axis=2) for part in parts]
     residuals = [part.residual for part in parts]
     process = autoregression(residuals)
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if _matters(taken, parameters) else 0):
         process = autoregression(residuals, missing=_Missing(taken, process, parameters))
     middle = sum((_middle(part.slopes, process) for part in parts), start=np.zeros_like(D))
     freedom = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
@@ -100,6 +101,12 @@ class Process(NamedTuple):
 
     coefficients: FloatArray
     noise: FloatArray
+
+
+def _matters(taken: Sequence[FloatArray], parameters: int) -> bool:
+    """Whether a fit takes a noticeable share of the power within as narrow a band as the longest memory tells apart."""
+    numbers = parameters + sum(one.shape[2] - parameters for one in taken)
+    return bool(numbers * _LONGEST_MEMORY > _NEGLIGIBLE * sum(one[:, :, 0].size for one in taken))
 
 
 class _Missing:

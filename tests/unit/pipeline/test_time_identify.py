@@ -12,6 +12,7 @@ from rotorid.data.maneuver import Maneuver
 from rotorid.errors import UsageError
 from rotorid.fit.time_data import TimeData
 from rotorid.fit.time_problem import TimeProblem
+from rotorid.fit.time_start import own_starts
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rate import rate_model
@@ -25,7 +26,7 @@ from rotorid.pipeline.time_fit import fit_in_time
 from rotorid.pipeline.time_identify import chosen_method
 from rotorid.pipeline.time_judge import Compared, judge_agreement
 from rotorid.pipeline.time_records import TimeRecords, evenly_stamped, time_records
-from rotorid.pipeline.time_start import designed_starts, own_starts
+from rotorid.pipeline.time_start import designed_starts
 from rotorid.simulate.linear import simulate_linear
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])
