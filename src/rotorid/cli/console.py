@@ -49,12 +49,12 @@ def say_refused(error: RotoridError, findings: Sequence[FindingDocument], result
 
 
 def print_findings(findings: Sequence[FindingDocument]) -> None:
-    """Warnings and errors to standard output; remarks stand in the files."""
+    """Warnings and errors to standard output, what several places have in common once; remarks stand in the files."""
     console = output_console()
-    for finding in findings:
-        if finding.severity != "info":
-            console.print(f"[bold]{finding.severity}[/bold] {finding.kind}: ", end="")
-            console.print(finding.message, markup=False)
+    said = dict.fromkeys((one.severity, one.kind, one.message) for one in findings if one.severity != "info")
+    for severity, kind, message in said:
+        console.print(f"[bold]{severity}[/bold] {kind}: ", end="")
+        console.print(message, markup=False)
 
 
 @contextmanager
