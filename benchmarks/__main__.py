@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from benchmarks import dataflash, frequency_response, state_space, ulog
+from benchmarks import accuracy, dataflash, frequency_response, output_error, state_space, ulog
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +45,8 @@ def rows() -> Iterator[Row | str]:
         yield f"  without scipy.signal.coherence, formed from the densities instead: {result['ratio_densities']:.0f}"
         yield f"  memory {memory:.2f} GiB of {limit:.0f} GiB: {'met' if memory < limit else 'MISSED'}"
     yield from _fits()
+    yield from _output_error()
+    yield from _accuracy()
     missing = [log.name for log in (dataflash.LOG, ulog.LOG) if not log.is_file()]
     if missing:
         yield f"logs skipped: there is no {' and no '.join(missing)}; set ROTORID_DATA to the folder of flight data"
@@ -87,6 +89,37 @@ def _fits() -> Iterator[Row | str]:
             peer_s=result["control_starts_s"],
             bar=state_space.STARTS_BAR,
         )
+
+
+def _output_error() -> Iterator[Row]:
+    job = output_error.job()
+    result = output_error.run(job)
+    yield Row(
+        job="output error, residual and Jacobian",
+        ours_s=result["rotorid_s"],
+        peer="lsim",
+        peer_s=result["lsim_s"],
+        bar=output_error.JACOBIAN_BAR,
+    )
+    yield Row(
+        job="output error, whole fit",
+        ours_s=result["rotorid_fit_s"],
+        peer="lsim",
+        peer_s=result["lsim_fit_s"],
+        bar=output_error.FIT_BAR,
+    )
+
+
+def _accuracy() -> Iterator[str]:
+    """Errors of the last of our methods and of the best peer, which no time is compared with."""
+    for job in accuracy.jobs():
+        found = dict(accuracy.rows(job))
+        ours = list(job.ours)[-1]
+        others = {name: one for name, one in found.items() if name not in job.ours}
+        best = min(others, key=lambda name: others[name].size)
+        verdict = "met" if found[ours].within_bar and found[ours].size <= others[best].size else "MISSED"
+        yield f"{job.name}: {ours} {found[ours]}, best of {len(others)} peers {best} {others[best]}: {verdict}"
+    yield from accuracy.skipped()
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ from rotorid.simulate.linear import simulate_linear
 from rotorid.typing import FloatArray
 
 SAMPLES, RATE_HZ, NOISE, OFF = 12_000, 200.0, 0.02, 0.1
-REPEATS = 5
+REPEATS, PEER_REPEATS = 25, 5
 JACOBIAN_BAR, FIT_BAR = 40.0, 20.0
 
 
@@ -88,7 +88,7 @@ def run(job: Job) -> dict[str, float]:
     solver, peer = LevenbergMarquardt(tolerance=1e-9), residuals_of_lsim(problem)
     problem.residuals(start)
     ours = _median(lambda: problem.residuals(start))
-    theirs = _median(lambda: finite_differences(peer, start))
+    theirs = _median(lambda: finite_differences(peer, start), repeats=PEER_REPEATS)
     exact = problem.residuals(start)[1]
     numeric = finite_differences(peer, start)
     ends: dict[str, float] = {}
@@ -100,7 +100,7 @@ def run(job: Job) -> dict[str, float]:
         found = least_squares(peer, start, method="lm", x_scale="jac", ftol=1e-9, xtol=1e-9, gtol=1e-9)
         ends["lsim"] = 2.0 * float(found.cost)
 
-    ours_fit, theirs_fit = _median(fit_ours), _median(fit_theirs, repeats=1)
+    ours_fit, theirs_fit = _median(fit_ours, repeats=PEER_REPEATS), _median(fit_theirs, repeats=1)
     return {
         "rotorid_s": ours,
         "lsim_s": theirs,

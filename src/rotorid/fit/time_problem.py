@@ -145,8 +145,8 @@ class TimeProblem(Immutable):
         except ModelError:
             size = self.samples * len(self.structure.outputs)
             return np.full(size, np.nan), np.full((size, len(theta)), np.nan)
-        residual = np.concatenate([part.residual.ravel() for part in parts])
-        return residual, np.concatenate([part.slopes.reshape(-1, len(theta)) for part in parts])
+        residual = _stacked([part.residual.ravel() for part in parts])
+        return residual, _stacked([part.slopes.reshape(-1, len(theta)) for part in parts])
 
     def parts(self, theta: FloatArray) -> list[Part]:
         """The same for each record, with what its unknowns can explain."""
@@ -199,7 +199,7 @@ class TimeProblem(Immutable):
         shape = moved.outputs.shape
         error = record.outputs.T - moved.outputs - self._unknown(moved) @ coefficients
         # Minus: the residual falls as the prediction rises.
-        slopes = -_mixed(self.whitening, moved.slopes(coefficients[: moved.free.shape[2]])).reshape(error.size, -1)
+        slopes = moved.slopes(coefficients[: moved.free.shape[2]], -self.whitening).reshape(error.size, -1)
         if basis.shape[1]:
             slopes -= basis @ (basis.T @ slopes)
         return Part(
@@ -207,6 +207,11 @@ class TimeProblem(Immutable):
             slopes=slopes.reshape(*shape, -1),
             unknown=basis.reshape(*shape, -1),
         )
+
+
+def _stacked(blocks: list[FloatArray]) -> FloatArray:
+    """Blocks one below the other; a single one is not copied."""
+    return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
 
 
 def _mixed(whitening: FloatArray, columns: FloatArray) -> FloatArray:

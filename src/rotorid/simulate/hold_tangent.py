@@ -100,9 +100,10 @@ class _Step:
         taps, slopes = np.zeros((3, self.b.size)), np.zeros((len(self.db), 3, self.b.size))
         onward, donward, taps[1], slopes[:, 1], _, _ = self._integrals(1.0 - fraction, -self.dfraction, ramp=False)
         # With a whole delay the older sample has no share, but the share grows with the delay.
-        _, _, before, dbefore, _, _ = self._integrals(fraction, self.dfraction, ramp=False)
-        taps[0] = onward @ before
-        slopes[:, 0] = donward @ before + dbefore @ onward.T
+        if fraction > 0.0 or self.dfraction.any():
+            _, _, before, dbefore, _, _ = self._integrals(fraction, self.dfraction, ramp=False)
+            taps[0] = onward @ before
+            slopes[:, 0] = donward @ before + dbefore @ onward.T
         return taps, slopes
 
     def first(self, fraction: float) -> tuple[FloatArray, FloatArray]:

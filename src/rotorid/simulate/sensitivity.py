@@ -12,7 +12,7 @@ from rotorid.errors import ModelError
 from rotorid.models.state_space import StateSpace
 from rotorid.simulate.hold import Discretized, Hold, discretize
 from rotorid.simulate.hold_tangent import DiscretizedTangent, discretize_tangent
-from rotorid.typing import FloatArray, IntArray
+from rotorid.typing import BoolArray, FloatArray, IntArray
 
 _SINGULAR = 1e-13
 
@@ -92,24 +92,31 @@ class _Group:
         return self.step.forcing(self.inputs, self.before)
 
     @cached_property
-    def fed_through(self) -> FloatArray:
-        late: FloatArray = self.step.delayed(self.inputs, self.before).T @ self.system.D.T
-        return late
+    def from_rest(self) -> FloatArray:
+        return self._states(self.forcing, np.zeros(len(self.system.A)))
 
-    def constants(self, columns: FloatArray, dcolumns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What constants ``columns`` of the proper equations add to the states in a step, and its derivatives."""
-        count = columns.shape[1]
+    def _states(self, forcing: FloatArray, start: FloatArray) -> FloatArray:
+        from rotorid.simulate.kernels import recursion
+
+        states: FloatArray = recursion(self.step.transition, forcing, start)
+        return states
+
+    def _constant(self, bias: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What constants in the equations add to the states in a step, shape ``(x,)``, and its derivatives."""
+        directions, order = self.moves.A.shape[:2]
+        if not bias.any():
+            return np.zeros(order), np.zeros((directions, order))
         held, moving = discretize_tangent(
             self.system.A,
-            columns,
+            (self.system.constant @ bias)[:, None],
             self.moves.A,
-            dcolumns,
-            delays_s=np.zeros(count),
-            ddelays_s=np.zeros((len(dcolumns), count)),
+            (self.moves.constant @ bias)[..., None],
+            delays_s=np.zeros(1),
+            ddelays_s=np.zeros((directions, 1)),
             step_s=self.step_s,
             hold="zero",
         )
-        return held.taps.sum(axis=0).T, moving.taps.sum(axis=1).swapaxes(1, 2)
+        return held.taps.sum(axis=(0, 1)), moving.taps.sum(axis=(1, 2))
 
     def free(self, *, starts: bool, biases: bool) -> FloatArray:
         """Responses to unit initial states and constants, shape ``(n, rows, k)``."""
@@ -134,47 +141,59 @@ class _Group:
 
     def outputs(self) -> FloatArray:
         """From rest, shape ``(n, rows)``."""
-        from rotorid.simulate.kernels import recursion
-
-        states = recursion(self.step.transition, self.forcing, np.zeros(len(self.system.A)))
-        seen: FloatArray = states @ self.system.C.T + self.fed_through
+        seen: FloatArray = self.from_rest @ self.system.C.T
+        if self.system.D.any():
+            seen += self.step.delayed(self.inputs, self.before).T @ self.system.D.T
         return seen
 
-    def slopes(self, start: FloatArray, bias: FloatArray) -> FloatArray:
-        """Derivatives of the outputs, shape ``(n, rows, p)``, with the start and the constants held."""
-        from rotorid.simulate.kernels import recursion
-        from rotorid.simulate.sensitivity_kernels import state_sensitivities
+    def add_slopes(self, start: FloatArray, bias: FloatArray, mixing: FloatArray, slopes: FloatArray) -> None:
+        """Add ``mixing``, shape ``(z, rows)``, of the derivatives of the outputs to ``slopes``, shape ``(n, z p)``.
 
-        directions, order, inputs = len(self.moves.A), len(self.system.A), len(self.inputs)
-        constant, dconstant = self.constants(
-            (self.system.constant @ bias)[:, None], (self.moves.constant @ bias)[..., None]
-        )
-        states = recursion(self.step.transition, self.forcing + constant[:, 0], start)
-        late = [self.step.shifted(self.inputs, self.before, tap).T for tap in range(3)]
-        regressors = np.hstack([states, *late, np.ones((len(states), 1))])
-        tangent = self.tangent
+        The start and the constants are held.
+        """
+        from rotorid.simulate.sensitivity_kernels import add_state_sensitivities
+
+        constant, dconstant = self._constant(bias)
+        states = self._states(self.forcing + constant, start) if start.any() or bias.any() else self.from_rest
         forcing = np.concatenate(
             [
-                tangent.transition.transpose(2, 1, 0),
-                *tangent.taps.transpose(1, 2, 3, 0),
-                dconstant.transpose(2, 1, 0),
+                self.tangent.transition.transpose(2, 1, 0),
+                *self.tangent.taps.transpose(1, 2, 3, 0),
+                dconstant.T[None],
             ]
         )
-        direct = np.zeros((regressors.shape[1], len(self.rows), directions))
+        direct = mixing @ self._direct(bias)
+        used = np.any(forcing, axis=(1, 2)) | np.any(direct, axis=(1, 2))
+        add_state_sensitivities(
+            self.step.transition,
+            forcing[used].reshape(int(used.sum()), -1),
+            mixing @ self.system.C,
+            direct[used].reshape(int(used.sum()), -1),
+            self._regressors(states, used),
+            slopes,
+        )
+
+    def _direct(self, bias: FloatArray) -> FloatArray:
+        """Derivatives of what states, late inputs and one add to the outputs at once, shape ``(c, rows, p)``."""
+        order, inputs, weights = len(self.system.A), len(self.inputs), self.step.weights
+        direct = np.zeros((order + 3 * inputs + 1, len(self.rows), len(self.moves.A)))
         direct[:order] = self.moves.C.transpose(2, 1, 0)
         for tap in range(2):
-            seen = self.moves.D * self.step.weights[tap] + self.system.D * tangent.weights[:, tap, None]
+            seen = self.moves.D * weights[tap] + self.system.D * self.tangent.weights[:, tap, None]
             direct[order + tap * inputs : order + (tap + 1) * inputs] = seen.transpose(2, 1, 0)
         direct[-1] = (self.moves.direct @ bias).T
-        used = np.any(forcing, axis=(1, 2)) | np.any(direct, axis=(1, 2))
-        return state_sensitivities(
-            self.step.transition,
-            np.ascontiguousarray(forcing[used]).reshape(int(used.sum()), -1),
-            np.ascontiguousarray(self.system.C),
-            np.ascontiguousarray(direct[used]).reshape(int(used.sum()), -1),
-            np.ascontiguousarray(regressors[:, used]),
-            directions,
-        )
+        return direct
+
+    def _regressors(self, states: FloatArray, used: BoolArray) -> FloatArray:
+        """Those used of the states, of the inputs that each tap weighs, and of one, shape ``(n, c)``."""
+        samples, order = states.shape
+        kept, *taps, one = np.split(used, order + len(self.inputs) * np.arange(4))
+        late = [
+            self.step.shifted(self.inputs, self.before, tap)[chosen].T
+            for tap, chosen in enumerate(taps)
+            if chosen.any()
+        ]
+        return np.hstack([states[:, kept], *late, np.ones((samples, int(one.sum())))])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,18 +220,27 @@ class Motion:
     _starts: bool
     _biases: bool
 
-    def slopes(self, coefficients: FloatArray) -> FloatArray:
-        """Derivatives of ``outputs + free @ coefficients`` with the coefficients held, shape ``(n, y, p)``."""
+    def slopes(self, coefficients: FloatArray, mixing: FloatArray | None = None) -> FloatArray:
+        """Derivatives of ``outputs + free @ coefficients`` with the coefficients held, shape ``(n, y, p)``.
+
+        Parameters
+        ----------
+        coefficients
+            Initial states and constants, shape ``(k,)``.
+        mixing
+            A matrix over the outputs, shape ``(z, y)``; then its products with the derivatives, shape ``(n, z, p)``.
+        """
         samples, outputs = self.outputs.shape
-        slopes = np.zeros((samples, outputs, len(self._groups[0].moves.A)))
-        order = len(self._groups[0].system.A)
+        mixing = np.eye(outputs) if mixing is None else mixing
+        directions, order = self._groups[0].moves.A.shape[:2]
+        slopes = np.zeros((samples, len(mixing) * directions))
         width = order * (self._starts + self._biases)
         for index, group in enumerate(self._groups):
             own = coefficients[index * width : (index + 1) * width]
             start = own[:order] if self._starts else np.zeros(order)
             bias = own[width - order :] if self._biases else np.zeros(order)
-            slopes[:, group.rows] = group.slopes(start, bias)
-        return slopes
+            group.add_slopes(start, bias, mixing[:, group.rows], slopes)
+        return slopes.reshape(samples, len(mixing), directions)
 
 
 def motion(

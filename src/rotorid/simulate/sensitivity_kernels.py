@@ -9,24 +9,24 @@ from rotorid.typing import FloatArray
 
 
 @njit(cache=True, fastmath={"contract"})
-def state_sensitivities(
+def add_state_sensitivities(
     transition: FloatArray,
     forcing: FloatArray,
     measured: FloatArray,
     direct: FloatArray,
     regressors: FloatArray,
-    parameters: int,
-) -> FloatArray:
-    """Slopes of the outputs, shape ``(n, y, p)``, of ``s[k+1] = transition s[k] + forcing z[k]`` from rest.
+    slopes: FloatArray,
+) -> None:
+    """Add to ``slopes``, shape ``(n, y p)``, those of the outputs of ``s[k+1] = transition s[k] + forcing z[k]``.
 
-    ``regressors`` are ``z``, shape ``(n, c)``: states and late inputs; ``forcing`` has the shape ``(c, x p)`` and
-    ``direct``, what ``z`` adds to the slopes of the outputs at once, ``(c, y p)``. The innermost loops run over
-    parameters, which lie side by side in memory.
+    The sensitivities ``s`` of the states begin at rest. ``regressors`` are ``z``, shape ``(n, c)``: states and late
+    inputs; ``forcing`` has the shape ``(c, x p)`` and ``direct``, what ``z`` adds to the slopes of the outputs at once,
+    ``(c, y p)``. The innermost loops run over parameters, which lie side by side in memory.
     """
     samples, count = regressors.shape
     order, outputs = len(transition), len(measured)
+    parameters = forcing.shape[1] // order
     width = order * parameters
-    slopes = np.zeros((samples, outputs * parameters))
     now, following = np.zeros(width), np.zeros(width)
     seen = np.zeros(count, dtype=np.bool_)
     for c in range(count):
@@ -55,7 +55,6 @@ def state_sensitivities(
                 for p in range(parameters):
                     following[i * parameters + p] += factor * now[j * parameters + p]
         now, following = following, now
-    return slopes.reshape(samples, outputs, parameters)
 
 
 @njit(cache=True, fastmath={"contract"})
