@@ -146,7 +146,7 @@ class TimeProblem(Immutable):
             size = self.samples * len(self.structure.outputs)
             return np.full(size, np.nan), np.full((size, len(theta)), np.nan)
         residual = _stacked([part.residual.ravel() for part in parts])
-        return residual, _stacked([part.slopes.reshape(-1, len(theta)) for part in parts])
+        return residual, _stacked([part.slopes.reshape(part.residual.size, len(theta)) for part in parts])
 
     def parts(self, theta: FloatArray) -> list[Part]:
         """The same for each record, with what its unknowns can explain."""
@@ -199,13 +199,14 @@ class TimeProblem(Immutable):
         shape = moved.outputs.shape
         error = record.outputs.T - moved.outputs - self._unknown(moved) @ coefficients
         # Minus: the residual falls as the prediction rises.
-        slopes = moved.slopes(coefficients[: moved.free.shape[2]], -self.whitening).reshape(error.size, -1)
+        slopes = moved.slopes(coefficients[: moved.free.shape[2]], -self.whitening)
+        slopes = slopes.reshape(error.size, len(self.parameters.free))
         if basis.shape[1]:
             slopes -= basis @ (basis.T @ slopes)
         return Part(
             residual=error @ self.whitening.T,
-            slopes=slopes.reshape(*shape, -1),
-            unknown=basis.reshape(*shape, -1),
+            slopes=slopes.reshape(*shape, slopes.shape[1]),
+            unknown=basis.reshape(*shape, basis.shape[1]),
         )
 
 

@@ -164,6 +164,8 @@ class _Group:
         )
         direct = mixing @ self._direct(bias)
         used = np.any(forcing, axis=(1, 2)) | np.any(direct, axis=(1, 2))
+        if not used.any():
+            return
         add_state_sensitivities(
             self.step.transition,
             forcing[used].reshape(int(used.sum()), -1),

@@ -129,3 +129,13 @@ def test_too_few_samples_are_refused() -> None:
     short = TimeData(name="short", inputs=record.inputs[:, :2], outputs=record.outputs[:, :2], sample_rate_hz=RATE_HZ)
     with pytest.raises(InsufficientDataError, match="4 samples"):
         fit_output_error(problem(short))
+
+
+def test_a_model_without_free_parameters_is_simulated() -> None:
+    parameters = OSCILLATOR.parameters
+    for name, value in TRUTH.items():
+        parameters = parameters.fix(name, value)
+    one = TimeProblem(structure=OSCILLATOR, parameters=parameters, records=(flown(0, shift=0.3),))
+    fit = fit_output_error(one)
+    assert fit.solution.jacobian.shape == (1200, 0)
+    assert np.abs(fit.solution.residual).max() < 1e-3
