@@ -18,6 +18,9 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.typing import FloatArray
 
 _ROUNDS = 12
+_SCOUTED = 20_000
+"""Samples on which several starts are tried, so that a long log does not take as many times as long."""
+
 _AT_REST = 1e-4
 _LEAST_NOISE = 1e-10
 """Of the variance of an output: a model that fits a noise-free record exactly leaves rounding, and no covariance."""
@@ -81,7 +84,7 @@ def fit_output_error(
         Structure, records, what is unknown.
     starts
         Start values of the free parameters; by default the best of those that the problem and its parameters give, see
-        :func:`rotorid.fit.time_start.own_starts`.
+        :func:`rotorid.fit.time_start.own_starts`. Several are tried on the first part of long records.
     solver
         Local solver.
     correlated
@@ -94,10 +97,14 @@ def fit_output_error(
     """
     solver = solver or LevenbergMarquardt(iterations=100, tolerance=1e-9)
     count = problem.samples * len(problem.structure.outputs)
-    if count <= len(problem.parameters.free):
-        raise InsufficientDataError(f"{count} samples came", needed=f"more than {len(problem.parameters.free)}")
-    found = [solver.minimize(problem.residuals, start, *problem.box) for start in starts or own_starts(problem)]
-    solution = best_of(found, name=problem.structure.name)
+    numbers = len(problem.parameters.free) + problem.most_unknowns
+    if count <= numbers:
+        raise InsufficientDataError(
+            f"{count} samples came to determine {numbers} numbers, those of where the records begin included",
+            needed=f"more than {numbers}",
+            remedy="give longer records or pieces",
+        )
+    solution = _searched(problem, starts or own_starts(problem), solver)
     others = solution.others
     for _ in range(_ROUNDS):
         noise = _covariance(problem, solution.theta, correlated=correlated)
@@ -107,8 +114,26 @@ def fit_output_error(
         if moved < _AT_REST:
             break
     return OutputErrorFit(
-        problem=problem, solution=replace(solution, others=others), log_likelihood=_log_likelihood(problem)
+        problem=problem, solution=replace(solution, others=others), log_likelihood=log_likelihood(problem)
     )
+
+
+def _searched(problem: TimeProblem, starts: Sequence[FloatArray], solver: LevenbergMarquardt) -> Solution:
+    """The best of the searches from all starts: of several on a part of long records, then on the whole."""
+    brief = problem.shortened(_SCOUTED) if len(starts) > 1 else problem
+    best = best_of(
+        [solver.minimize(brief.residuals, start, *problem.box) for start in starts], name=problem.structure.name
+    )
+    if brief is problem:
+        return best
+    places = [best.theta, *(one.theta for one in best.others)]
+    ranked = sorted((Minimum(float(np.sum(problem.residuals(one)[0] ** 2)), one) for one in places), key=_cost)
+    lowest, *others = (one for one in ranked if np.isfinite(one.cost))
+    return replace(solver.minimize(problem.residuals, lowest.theta, *problem.box), others=tuple(others))
+
+
+def _cost(minimum: Minimum) -> float:
+    return minimum.cost if np.isfinite(minimum.cost) else np.inf
 
 
 def _covariance(problem: TimeProblem, theta: FloatArray, *, correlated: bool) -> FloatArray:
@@ -121,7 +146,26 @@ def _covariance(problem: TimeProblem, theta: FloatArray, *, correlated: bool) ->
     return np.diag(covariance.diagonal() + least) if not correlated else covariance + np.diag(least)
 
 
-def _log_likelihood(problem: TimeProblem) -> float:
+def log_likelihood(problem: TimeProblem) -> float:
+    r"""Of output errors, were they white and Gaussian.
+
+    .. math:: \ln L = -\tfrac12 N \left( n_y (1 + \ln 2\pi) + \ln\det R \right)
+
+    Parameters
+    ----------
+    problem
+        Its noise is the covariance that the errors show.
+
+    Examples
+    --------
+    >>> from rotorid.fit.time_data import TimeData
+    >>> from rotorid.models.response import response_model
+    >>> structure = response_model("response.first_order", [("r_setpoint", "r")])
+    >>> record = TimeData(name="r", inputs=np.zeros((1, 100)), outputs=np.ones((1, 100)), sample_rate_hz=50.0)
+    >>> problem = TimeProblem(structure=structure, parameters=structure.parameters, records=(record,))
+    >>> round(log_likelihood(problem.with_noise(np.array([[0.01]]))), 1)
+    88.4
+    """
     outputs = len(problem.structure.outputs)
     determinant = float(np.linalg.slogdet(problem.noise)[1])
     return -0.5 * problem.samples * float(outputs * (1.0 + np.log(2.0 * np.pi)) + determinant)

@@ -15,7 +15,7 @@ from rotorid.fit.time_data import TimeData
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.simulate.hold import Hold
-from rotorid.simulate.sensitivity import Motion, Slopes, motion
+from rotorid.simulate.sensitivity import Motion, Slopes, Stepped, stepped
 from rotorid.typing import FloatArray
 
 Unknown: TypeAlias = Literal["initial_state", "output_shift", "state_bias"]
@@ -126,6 +126,28 @@ class TimeProblem(Immutable):
         """Samples of all records together."""
         return sum(record.samples for record in self.records)
 
+    @property
+    def most_unknowns(self) -> int:
+        """The most numbers that are estimated beside the parameters, over all records."""
+        states, outputs = len(self.structure.states), len(self.structure.outputs)
+        size = {"initial_state": states, "state_bias": states, "output_shift": outputs}
+        return len(self.records) * sum(size[unknown] for unknown in self.unknowns)
+
+    def shortened(self, samples: int) -> TimeProblem:
+        """The same problem on the first part of every record, so that all together hold about so many samples."""
+        share = samples / self.samples
+        if share >= 1.0:
+            return self
+        least = 2 + self.most_unknowns // len(self.records)
+        ends = [min(one.samples, max(least, round(share * one.samples))) for one in self.records]
+        return replace(
+            self,
+            records=tuple(
+                replace(one, inputs=one.inputs[:, :end], outputs=one.outputs[:, :end])
+                for one, end in zip(self.records, ends, strict=True)
+            ),
+        )
+
     def with_parameters(self, parameters: ParameterSet) -> TimeProblem:
         """The same problem with other free parameters or another start."""
         return replace(self, parameters=parameters)
@@ -162,17 +184,13 @@ class TimeProblem(Immutable):
     def _motions(self, theta: FloatArray) -> Iterator[tuple[TimeData, Motion]]:
         parameters = self.parameters.unpack(theta)
         system, slopes = self.structure.matrices_and_jacobian(parameters.values, parameters.directions)
+        starts, biases = "initial_state" in self.unknowns, "state_bias" in self.unknowns
+        shared: dict[float, Stepped] = {}
         for record in self.records:
-            moved = motion(
-                system,
-                Slopes(*slopes),
-                record.inputs,
-                sample_rate_hz=record.sample_rate_hz,
-                before=record.before,
-                hold=self.hold,
-                starts="initial_state" in self.unknowns,
-                biases="state_bias" in self.unknowns,
-            )
+            rate_hz = record.sample_rate_hz
+            if rate_hz not in shared:
+                shared[rate_hz] = stepped(system, Slopes(*slopes), sample_rate_hz=rate_hz, hold=self.hold)
+            moved = shared[rate_hz].motion(record.inputs, record.before, starts=starts, biases=biases)
             if not (np.isfinite(moved.outputs).all() and np.isfinite(moved.free).all()):
                 raise ModelError("the model diverges over a record", remedy="fit pieces of it, or predict ahead")
             yield record, moved

@@ -12,6 +12,8 @@ from rotorid.typing import FloatArray
 
 _MOST_TRIED = 81
 _KEPT = 3
+_RANKED = 20_000
+"""Samples by which starts are ranked; more would not rank them otherwise."""
 
 
 def own_starts(problem: TimeProblem) -> list[FloatArray]:
@@ -25,6 +27,7 @@ def own_starts(problem: TimeProblem) -> list[FloatArray]:
     problem
         Its parameters hold the values of all that have no others.
     """
+    problem = problem.shortened(_RANKED)
     tried = [(cost, theta) for theta in _grid(problem) if np.isfinite(cost := _with_gain(problem, theta))]
     ranked = sorted(tried, key=lambda one: one[0])
     return [theta for _, theta in ranked[:_KEPT]]

@@ -280,24 +280,58 @@ def motion(
     ModelError
         ``M`` is singular: a state follows the input at once.
     """
-    groups = tuple(_groups(system, slopes, u, before, 1.0 / sample_rate_hz, hold))
-    parts = [group.free(starts=starts, biases=biases) for group in groups]
-    outputs = np.empty((u.shape[1], len(system.H0)))
-    free = np.zeros((*outputs.shape, sum(part.shape[2] for part in parts)))
-    for index, (group, part) in enumerate(zip(groups, parts, strict=True)):
-        outputs[:, group.rows] = group.outputs()
-        width = part.shape[2]
-        free[:, group.rows, index * width : (index + 1) * width] = part
-    return Motion(outputs=outputs, free=free, _groups=groups, _starts=starts, _biases=biases)
+    shared = stepped(system, slopes, sample_rate_hz=sample_rate_hz, hold=hold)
+    return shared.motion(u, before, starts=starts, biases=biases)
 
 
-def _groups(
-    system: StateSpace, slopes: Slopes, u: FloatArray, before: FloatArray, step_s: float, hold: Hold
-) -> list[_Group]:
+class _View(NamedTuple):
+    """The system as outputs of one delay see it, with its inputs later by as much."""
+
+    rows: IntArray
+    system: Proper
+    moves: Proper
+    step: Discretized
+    tangent: DiscretizedTangent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stepped:
+    """A linear model discretized for one rate, with its derivatives: what all records of that rate share."""
+
+    _views: tuple[_View, ...]
+    _outputs: int
+    _step_s: float
+
+    def motion(self, u: FloatArray, before: FloatArray, *, starts: bool = True, biases: bool = False) -> Motion:
+        """What the model does with the inputs of one record; see :func:`motion`."""
+        groups = tuple(_Group(*view, u, before, self._step_s) for view in self._views)
+        parts = [group.free(starts=starts, biases=biases) for group in groups]
+        outputs = np.empty((u.shape[1], self._outputs))
+        free = np.zeros((*outputs.shape, sum(part.shape[2] for part in parts)))
+        for index, (group, part) in enumerate(zip(groups, parts, strict=True)):
+            outputs[:, group.rows] = group.outputs()
+            width = part.shape[2]
+            free[:, group.rows, index * width : (index + 1) * width] = part
+        return Motion(outputs=outputs, free=free, _groups=groups, _starts=starts, _biases=biases)
+
+
+def stepped(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, hold: Hold) -> Stepped:
+    """Discretize a linear model for the records of one rate.
+
+    Parameters
+    ----------
+    system, slopes, sample_rate_hz, hold
+        As for :func:`motion`.
+
+    Raises
+    ------
+    ModelError
+        ``M`` is singular: a state follows the input at once.
+    """
     proper, moves = proper_tangent(system, slopes)
     keys = np.vstack([system.output_delays_s, slopes.output_delays_s])
     _, which = np.unique(keys, axis=1, return_inverse=True)
-    groups = []
+    views = []
     for group in range(int(which.max()) + 1):
         rows = np.flatnonzero(which.ravel() == group)
         # A late output sees the whole system late: the same as inputs that are later by as much.
@@ -308,8 +342,8 @@ def _groups(
             moves.B,
             delays_s=system.input_delays_s + system.output_delays_s[rows[0]],
             ddelays_s=slopes.input_delays_s + slopes.output_delays_s[:, rows[:1]],
-            step_s=step_s,
+            step_s=1.0 / sample_rate_hz,
             hold=hold,
         )
-        groups.append(_Group(rows, proper.seen_by(rows), moves.seen_by(rows), step, tangent, u, before, step_s))
-    return groups
+        views.append(_View(rows, proper.seen_by(rows), moves.seen_by(rows), step, tangent))
+    return Stepped(_views=tuple(views), _outputs=len(system.H0), _step_s=1.0 / sample_rate_hz)

@@ -73,7 +73,8 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     parameters = parts[0].slopes.shape[2]
     flat = np.concatenate([part.slopes.reshape(-1, parameters) for part in parts])
     size = np.linalg.norm(flat, axis=0)
-    if not (size > 0.0).all() or len(flat) <= parameters:
+    freedom = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
+    if not (size > 0.0).all() or freedom <= 0:
         raise InsufficientDataError("a parameter has no effect on the records", remedy="fix it or drop it")
     D = np.linalg.inv((flat / size).T @ (flat / size)) / np.outer(size, size)
     root = np.linalg.cholesky((D + D.T) / 2.0)
@@ -83,7 +84,6 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     for _ in range(_ROUNDS if _matters(taken, parameters) else 0):
         process = autoregression(residuals, missing=_Missing(taken, process, parameters))
     middle = sum((_middle(part.slopes, process) for part in parts), start=np.zeros_like(D))
-    freedom = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
     white = D * float(sum(np.sum(one**2) for one in residuals)) / freedom
     return ColoredCovariance(corrected=D @ middle @ D, white=white, memory=len(process.coefficients))
 

@@ -124,6 +124,21 @@ def test_records_must_be_those_of_the_structure() -> None:
         record.pieces(1e-3)
 
 
+def test_several_starts_are_tried_on_a_part_of_long_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rotorid.fit.output_error._SCOUTED", 300)
+    one = problem(flown(0), flown(1))
+    assert [record.samples for record in one.shortened(300).records] == [150, 150]
+    starts = [one.parameters.pack(), np.array([10.0, 1.0, 10.0, 0.0])]
+    fit = fit_output_error(one, starts=starts)
+    assert fit.parameters.values == pytest.approx(TRUTH, rel=1e-6)
+    assert fit.solution.residual.size == 2 * one.samples
+
+
+def test_pieces_too_short_for_their_unknowns_are_refused() -> None:
+    with pytest.raises(InsufficientDataError, match="determine"):
+        fit_output_error(problem(*flown(0).pieces(0.02)))
+
+
 def test_too_few_samples_are_refused() -> None:
     record = flown(0)
     short = TimeData(name="short", inputs=record.inputs[:, :2], outputs=record.outputs[:, :2], sample_rate_hz=RATE_HZ)
