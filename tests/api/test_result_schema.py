@@ -14,7 +14,7 @@ NAMES = {
         *("verification", "identifiability", "findings", "provenance"),
         *("fit", "reduction", "correlation", "constants", "delays", "covered"),
         *("method", "hold", "pieces_s", "records", "noise", "log_likelihood", "information", "residuals", "minima"),
-        *("frequency_fit", "cross_validation"),
+        *("frequency_fit", "cross_validation", "equations"),
     },
     "ParameterDocument": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
     "CostDocument": {"average", "pairs"},
@@ -26,6 +26,7 @@ NAMES = {
     "VerificationDocument": {"records", "frequency", "maneuvers", "sweeps"},
     "ScoreDocument": {"nrmse_fit_percent", "tic", "rms", "bias", "reference_shift"},
     "CombinationDocument": {"words", "vector"},
+    "EquationDocument": {"name", "r_squared", "press", "misfit"},
     "FindingDocument": {"kind", "severity", "where", "message", "numbers"},
 }
 

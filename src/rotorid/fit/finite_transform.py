@@ -10,9 +10,18 @@ what the straight line loses, :math:`\mathrm{sinc}^2(\omega h / 2)`, all channel
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from rotorid.typing import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.signal import CZT
+
+_REMEMBERED = 16
+"""Sizes of records and bands whose chirps are kept: making them costs ten times as much as using them."""
 
 
 def finite_transform(values: FloatArray, *, sample_rate_hz: float, omega_rad_s: FloatArray) -> ComplexArray:
@@ -41,13 +50,11 @@ def finite_transform(values: FloatArray, *, sample_rate_hz: float, omega_rad_s: 
     >>> bool(np.abs(found / exact - 1.0).max() < 1e-5)
     True
     """
-    from scipy.signal import CZT
-
     omega = np.asarray(omega_rad_s, dtype=np.float64)
     step, count = 1.0 / sample_rate_hz, values.shape[-1]
     if _evenly_spaced(omega):
-        turn = np.exp(-1j * (omega[1] - omega[0]) * step)
-        total = CZT(count, omega.size, turn, np.exp(1j * omega[0] * step))(values)
+        turn, begin = np.exp(-1j * (omega[1] - omega[0]) * step), np.exp(1j * omega[0] * step)
+        total = _chirp(count, omega.size, complex(turn), complex(begin))(values)
     else:
         total = values @ np.exp(-1j * step * np.outer(np.arange(count), omega))
     s = 1j * omega
@@ -99,6 +106,14 @@ def late_transform(
     moved = rest_s * np.sinc(0.5 * omega * rest_s / np.pi)
     edge = ends[0] * np.exp(0.5j * omega * rest_s) - ends[1] * np.exp(-1j * omega * (duration_s - 0.5 * rest_s))
     return np.asarray((inside + moved * edge) * np.exp(-1j * omega * rest_s))
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _chirp(count: int, lines: int, turn: complex, begin: complex) -> CZT:
+    """What a chirp transform needs that does not depend on the values; nothing changes it afterwards."""
+    from scipy.signal import CZT
+
+    return CZT(count, lines, turn, begin)
 
 
 def _evenly_spaced(omega: FloatArray) -> bool:

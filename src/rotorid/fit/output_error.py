@@ -105,16 +105,19 @@ def fit_output_error(
             remedy="give longer records or pieces",
         )
     solution = _searched(problem, starts or own_starts(problem), solver)
-    others = solution.others
+    others, evaluations = solution.others, solution.evaluations
     for _ in range(_ROUNDS):
         noise = _covariance(problem, solution.theta, correlated=correlated)
         moved = np.abs(noise - problem.noise).max() / np.abs(noise).max()
         problem = problem.with_noise(noise)
         solution = solver.minimize(problem.residuals, solution.theta, *problem.box)
+        evaluations += solution.evaluations
         if moved < _AT_REST:
             break
     return OutputErrorFit(
-        problem=problem, solution=replace(solution, others=others), log_likelihood=log_likelihood(problem)
+        problem=problem,
+        solution=replace(solution, others=others, evaluations=evaluations),
+        log_likelihood=log_likelihood(problem),
     )
 
 

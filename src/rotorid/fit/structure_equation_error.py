@@ -15,7 +15,7 @@ this is the domain to prefer. The values are starts for output error and predict
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -168,15 +168,13 @@ def fit_equation_error(
     theta = search.with_delays(search.start)
     weights = search.weights(theta)
     solution = search.solve(theta, weights)
-    trace = solution.trace
     for _ in range(_ROUNDS):
         before, weights = weights, search.weights(search.whole(solution.theta))
         if np.abs(weights / before - 1.0).max() < _AT_REST:
             break
         solution = search.solve(search.whole(solution.theta), weights)
-        trace += solution.trace
     theta = search.whole(solution.theta)
-    return _ended(search, theta, weights, replace(solution, trace=trace))
+    return _ended(search, theta, weights, solution)
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,9 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 class Domain(Protocol):
     """Where an equation is compared: rows of numbers for a channel, its derivative, and a constant."""
 
-    ordered: bool
+    @property
+    def ordered(self) -> bool:
+        """Whether rows follow each other in time."""
 
     def level(self, history: TimeHistory, name: str, delay_s: float) -> FloatArray:
         """The channel, late by a delay, shape ``(n,)``."""

@@ -121,9 +121,10 @@ class FitDocument(Document):
     """How the fit went.
 
     ``weights`` says what was minimized last: CIFER's cost, errors weighed by their measured covariance, or in time the
-    errors of the outputs by the covariance that they have (``likelihood``). ``trace`` is CIFER's cost, summed over the
-    responses, or the sum of squares in time, after each accepted step. ``inflation`` is the factor on standard
-    deviations because residuals were larger than the errors of the data, or in time because they remember their past.
+    errors of the outputs, or of the equations, by the covariance that they have (``likelihood``). ``trace`` is CIFER's
+    cost, summed over the responses, or the sum of squares in time, after each accepted step. ``inflation`` is the
+    factor on standard deviations because residuals were larger than the errors of the data, or in time because they
+    are not white.
     """
 
     weights: Literal["cifer", "covariance", "likelihood"]
@@ -161,6 +162,19 @@ class MinimumDocument(Document):
 
     cost: float
     parameters: dict[str, float]
+
+
+class EquationDocument(Document):
+    """How well an equation of motion holds: ``q'`` for the derivative of a state, an output by its name.
+
+    ``r_squared`` is the share of its left side that is explained, ``misfit`` the rms of its residual over that of its
+    left side, ``press`` the squared error of predicting each of its rows by all others.
+    """
+
+    name: str
+    r_squared: float
+    press: float
+    misfit: float
 
 
 class InformationDocument(Document):
@@ -245,6 +259,7 @@ class ResultDocument(Document):
     information: InformationDocument | None = None
     residuals: ResidualsDocument | None = None
     minima: list[MinimumDocument] = Field(default_factory=list)
+    equations: list[EquationDocument] = Field(default_factory=list)
     frequency_fit: dict[str, ComparedDocument] | None = None
     reduction: list[StepDocument] = Field(default_factory=list)
     correlation: CorrelationDocument | None = None

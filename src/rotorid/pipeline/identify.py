@@ -10,7 +10,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.description import to_toml
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import (
@@ -112,6 +112,7 @@ def identify(
         return identify_in_time(
             records, whole, method=method, settings=settings, verify=verify, command=command, progress=progress
         )
+    _refuse_choices_of_time(settings)
     axes, commands = axes_of(whole.inputs, whole.outputs), all(is_command(name) for name in whole.inputs)
     selection = select_maneuvers(records, axes, settings, whole=not commands)
     flown = selection.fitted
@@ -158,6 +159,17 @@ def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
     """Channels that every record holds."""
     names = [record.channel_names for record in records]
     return tuple(name for name in (names[0] if names else ()) if all(name in others for others in names))
+
+
+def _refuse_choices_of_time(settings: IdentifySettings) -> None:
+    """Refuse options that a fit of responses does not have."""
+    asked = {"--hold": settings.hold != "auto", "--starts": settings.starts != "default"}
+    asked["--pieces"] = settings.pieces_s is not None
+    if given := [name for name, chosen in asked.items() if chosen]:
+        raise UsageError(
+            f"{' and '.join(given)} came for a fit in the frequency domain",
+            needed="a method that simulates, such as --method output_error",
+        )
 
 
 def _document(

@@ -9,6 +9,7 @@ import numpy as np
 
 from rotorid.pipeline.document import (
     ComparedDocument,
+    EquationDocument,
     FitDocument,
     InformationDocument,
     MinimumDocument,
@@ -89,7 +90,7 @@ def noise_document(fitted: TimeFitted, outputs: Sequence[str]) -> dict[str, floa
 def information_document(fitted: TimeFitted) -> InformationDocument:
     r"""Criteria of Akaike and Schwarz, :math:`2 k - 2 \ln L` and :math:`k \ln N - 2 \ln L`, for white residuals."""
     outputs = len(fitted.problem.structure.outputs)
-    numbers = len(fitted.parameters.free) + fitted.unknowns + outputs * (outputs + 1) // 2
+    numbers = len(fitted.parameters.free) + fitted.unknowns + fitted.noise_numbers + outputs * (outputs + 1) // 2
     count = fitted.problem.samples * outputs
     twice = -2.0 * fitted.log_likelihood
     return InformationDocument(aic=2.0 * numbers + twice, bic=numbers * math.log(count) + twice, numbers=numbers)
@@ -129,6 +130,11 @@ def minima_documents(fitted: TimeFitted) -> list[MinimumDocument]:
         for minimum in fitted.solution.others
         if len(minimum.theta) == len(fitted.parameters.free)
     ]
+
+
+def equation_documents(fitted: TimeFitted) -> list[EquationDocument]:
+    """How well each equation of motion holds, where those were fitted."""
+    return [EquationDocument.model_validate(one._asdict()) for one in fitted.equations]
 
 
 def time_fit_document(fitted: TimeFitted) -> FitDocument:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
@@ -11,10 +10,12 @@ import numpy as np
 
 from rotorid.data.findings import Finding
 from rotorid.data.immutable import Immutable
-from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.output_error import OutputErrorFit, fit_output_error
+from rotorid.errors import UsageError
+from rotorid.fit.output_error import OutputErrorFit, fit_output_error, log_likelihood
 from rotorid.fit.solution import Solution
+from rotorid.fit.structure_equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fit.time_data import TimeData
+from rotorid.fit.time_equation_error import InBand, InTime
 from rotorid.fit.time_problem import Part, TimeProblem, Unknown
 from rotorid.fit.time_start import own_starts
 from rotorid.models.parameter import ParameterSet
@@ -23,10 +24,10 @@ from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.instruments import is_command
 from rotorid.pipeline.resolve import black_box_order, chosen_parameters
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.time_bounds import equation_bounds, time_bounds
 from rotorid.pipeline.time_records import TimeRecords
 from rotorid.pipeline.time_start import designed_starts
 from rotorid.uncertainty.bounds import Bounds
-from rotorid.uncertainty.colored import colored_covariance
 
 TimeMethod: TypeAlias = Literal["output_error", "prediction_error", "equation_error"]
 
@@ -34,6 +35,7 @@ _GROWTHS = 2.0
 """How many times a mode may grow e-fold within a piece: with more, its start decides all that follows."""
 
 _LEAST_PIECE = 20
+_LEAST_NOISE = 1e-10
 _ALIKE = 1.5
 _ROUNDS = 3
 
@@ -57,15 +59,19 @@ class TimeFitted(Immutable):
     bounds
         Their uncertainty, corrected for the color of the residuals.
     memory
-        Order of the autoregression that describes that color.
+        Order of the autoregression that describes that color; zero where none does.
     log_likelihood
         Of the residuals, were they white and Gaussian.
     unknowns
         How many numbers were estimated beside the parameters.
+    noise_numbers
+        How many more a noise model has than the covariance of the errors.
     pieces_s
         Length of the pieces, ``None`` for whole records.
     findings
         Remarks of the fit itself.
+    equations
+        How well each equation of motion holds, where those were fitted.
     """
 
     method: TimeMethod
@@ -77,8 +83,10 @@ class TimeFitted(Immutable):
     memory: int
     log_likelihood: float
     unknowns: int
+    noise_numbers: int
     pieces_s: float | None
     findings: tuple[Finding, ...] = ()
+    equations: tuple[EquationScore, ...] = ()
 
     @property
     def structure(self) -> LinearStructure:
@@ -95,6 +103,8 @@ class _Ended(NamedTuple):
     log_likelihood: float
     pieces_s: float | None = None
     findings: tuple[Finding, ...] = ()
+    by_equations: EquationErrorFit | None = None
+    noise_numbers: int = 0
 
 
 def fit_in_time(
@@ -145,9 +155,7 @@ def fit_in_time(
     elif method == "output_error":
         ended = _simulating(structure, parameters, records, settings, seeded=seeded)
     else:
-        raise UsageError(
-            "the method equation_error came", needed="output_error or prediction_error to identify a structure"
-        )
+        ended = _by_equations(structure, parameters, records, settings, frequency)
     return _bounded(ended, whole, method)
 
 
@@ -183,7 +191,8 @@ def _simulating(
     if length_s is None:
         length_s = _piece_s(structure, parameters, records.data)
     for _ in range(_ROUNDS):
-        problem = _posed(structure, parameters, records, length_s)
+        fitted_s = length_s
+        problem = _posed(structure, parameters, records, fitted_s)
         starts = [parameters.pack()] if seeded else []
         # The own starts of a large model lead nowhere that its responses have not shown.
         if not seeded or any(parameters[name].starts for name in parameters.free):
@@ -192,10 +201,10 @@ def _simulating(
         fit = fit_output_error(problem, starts=starts)
         parameters, seeded = fit.parameters, True
         needed = _piece_s(structure, parameters, records.data)
-        if settings.pieces_s is not None or _about_as_long(length_s, needed):
+        if settings.pieces_s is not None or _about_as_long(fitted_s, needed):
             break
         length_s = needed
-    return _ended(fit, length_s)
+    return _ended(fit, fitted_s)
 
 
 def _about_as_long(length_s: float | None, needed_s: float | None) -> bool:
@@ -243,7 +252,41 @@ def _predicting(
     parts = [part._replace(slopes=part.slopes[:, :, kept]) for part in problem.parts(theta)]
     length_s = settings.pieces_s or _piece_s(structure, fit.parameters, records.data)
     shown = _posed(structure, fit.parameters, records, length_s).with_noise(fit.noise_covariance)
-    return _Ended(shown, fit.solution, parts, fit.log_likelihood, length_s)
+    noise_numbers = int(kept.sum()) - len(parameters.free)
+    return _Ended(shown, fit.solution, parts, fit.log_likelihood, length_s, noise_numbers=noise_numbers)
+
+
+def _by_equations(
+    structure: LinearStructure,
+    parameters: ParameterSet,
+    records: TimeRecords,
+    settings: IdentifySettings,
+    frequency: Fitted | None,
+) -> _Ended:
+    """Equation error, over the band of the responses where there are any; the records are simulated to show it."""
+    if black_box_order(structure) is not None:
+        raise UsageError(
+            f"the method equation_error came with {structure.name}",
+            needed="output_error or prediction_error for a black box, whose states nothing measures",
+        )
+    band_rad_s = settings.band_rad_s or (frequency.band_rad_s if frequency is not None else None)
+    domain = InTime() if band_rad_s is None else InBand(band_rad_s=band_rad_s)
+    fit = fit_equation_error(structure, parameters, records.data, domain=domain, hold=records.hold)
+    found = _without(fit.parameters, fit.left)
+    length_s = settings.pieces_s or _piece_s(structure, found, records.data)
+    problem = _posed(structure, found, records, length_s)
+    errors = np.hstack([one.record.outputs - one.predicted for one in problem.predicted(found.pack())])
+    noise = errors @ errors.T / errors.shape[1] + _LEAST_NOISE * problem.noise
+    problem = problem.with_noise(noise)
+    parts = problem.parts(found.pack())
+    return _Ended(problem, fit.solution, parts, log_likelihood(problem), length_s, fit.findings, fit)
+
+
+def _without(parameters: ParameterSet, left: Sequence[str]) -> ParameterSet:
+    """A set in which what was not estimated is no longer free."""
+    for name in set(left) & set(parameters.free):
+        parameters = parameters.fix(name, parameters[name].value)
+    return parameters
 
 
 def _ended(fit: OutputErrorFit, length_s: float | None = None, findings: tuple[Finding, ...] = ()) -> _Ended:
@@ -261,17 +304,24 @@ def _black_box(
 ) -> _Ended:
     """A black box without values: its starts come from subspaces."""
     from rotorid.fit.black_box import fit_black_box, fit_black_box_pairs
+    from rotorid.fit.black_box_starts import StartPlan
 
     if settings.fix or settings.ties or settings.free:
         raise UsageError(
             f"--fix, --tie or --free came with {structure.name}",
             needed="a black box with values, as a model.toml holds one",
         )
+    if settings.starts != "default" or settings.pieces_s is not None:
+        raise UsageError(
+            f"--starts or --pieces came with {structure.name}",
+            needed="neither: a black box begins at subspaces, and is fitted to whole records",
+        )
+    plan = StartPlan(seed=settings.seed)
     delays = any(name.startswith("tau") for name in structure.parameters.names)
     if len(structure.states) > order:
         pairs = tuple(zip(structure.inputs, structure.outputs, strict=True))
         found = fit_black_box_pairs(
-            records.data, order, pairs=pairs, delays=delays, hold=records.hold, unknowns=unknowns
+            records.data, order, pairs=pairs, delays=delays, hold=records.hold, unknowns=unknowns, plan=plan
         )
     else:
         found = fit_black_box(
@@ -282,6 +332,7 @@ def _black_box(
             delays=delays,
             hold=records.hold,
             unknowns=unknowns,
+            plan=plan,
         )
     return _ended(found.fit, findings=found.findings)
 
@@ -310,7 +361,9 @@ def growth(structure: LinearStructure, parameters: ParameterSet) -> float:
 
 def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFitted:
     parameters = ended.problem.parameters
-    bounds, memory = time_bounds(ended.parts, parameters)
+    by = ended.by_equations
+    bounds, memory = time_bounds(ended.parts, parameters) if by is None else (equation_bounds(by), 0)
+    whole = whole if by is None else _without(whole, by.left)
     same = whole.free == parameters.free
     return TimeFitted(
         method=method,
@@ -322,54 +375,8 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFitt
         memory=memory,
         log_likelihood=ended.log_likelihood,
         unknowns=sum(part.unknown.shape[2] for part in ended.parts),
+        noise_numbers=ended.noise_numbers,
         pieces_s=ended.pieces_s,
         findings=ended.findings,
-    )
-
-
-def time_bounds(parts: Sequence[Part], parameters: ParameterSet) -> tuple[Bounds, int]:
-    r"""Bounds from the Fisher matrix :math:`F = \sum_i S_i^T S_i`, and the memory of the residuals.
-
-    Cramér–Rao and insensitivity are CIFER's, :math:`2 \sqrt{(F^{-1})_{ii}}` and :math:`1 / \sqrt{F_{ii}}`, so that the
-    same guidelines apply. Columns of the slopes beyond the free parameters are those of a noise model, which is
-    estimated with them. The covariance is corrected for the color of the residuals; ``inflation`` is how much
-    larger than for white ones the standard deviations are, in the geometric mean.
-
-    Raises
-    ------
-    InsufficientDataError
-        A parameter has no effect, or several cannot be told apart at all.
-    """
-    free = parameters.free
-    count = len(free)
-    slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
-    fisher = slopes.T @ slopes
-    silent = [name for name, size in zip(free, fisher.diagonal()[:count], strict=True) if size == 0.0]
-    if silent:
-        raise _unseen(silent)
-    try:
-        colored = colored_covariance(parts)
-    except np.linalg.LinAlgError as error:
-        raise _unseen(free) from error
-    length = np.sqrt(fisher.diagonal())
-    inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / fisher.diagonal()
-    corrected, white = colored.corrected[:count, :count], colored.white[:count, :count]
-    ratio = np.log(corrected.diagonal() / white.diagonal())
-    bounds = Bounds(
-        names=free,
-        cramer_rao=2.0 * np.sqrt(inverse[:count]),
-        insensitivity=1.0 / length[:count],
-        covariance=corrected,
-        inflation=math.exp(0.5 * float(np.mean(ratio))),
-    )
-    return bounds, colored.memory
-
-
-def _unseen(names: Sequence[str]) -> InsufficientDataError:
-    message = f"The records do not determine {', '.join(names)}."
-    return InsufficientDataError(
-        message,
-        needed="parameters that the data can see",
-        remedy="fix some with --fix NAME=VALUE, or take a smaller model",
-        findings=[Finding(kind="not_identifiable", severity="error", where=name, message=message) for name in names],
+        equations=() if by is None else by.equations,
     )

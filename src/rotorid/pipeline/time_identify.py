@@ -40,6 +40,7 @@ from rotorid.pipeline.scope import scoped
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_document import (
     compared_documents,
+    equation_documents,
     fit_percents,
     information_document,
     minima_documents,
@@ -233,6 +234,7 @@ def _document(made: _Made) -> ResultDocument:
         information=information_document(fitted),
         residuals=residuals_document(fitted, made.simulated, made.records),
         minima=minima_documents(fitted),
+        equations=equation_documents(fitted),
         frequency_fit=compared_documents(made.compared) if side.fitted else None,
         reduction=step_documents(side.fitted.steps if side.fitted else ()),
         correlation=correlation_document(bounds),

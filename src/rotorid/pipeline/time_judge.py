@@ -39,7 +39,7 @@ def judge_time_fit(fitted: TimeFitted, records: TimeRecords, fit_percent: Mappin
     return (
         *fitted.findings,
         *_pieces(fitted),
-        *_poor(fit_percent),
+        *_poor(fit_percent, fitted),
         *_colored(fitted, records),
         *_solver(fitted),
         *(() if black_box else judge_parameters(fitted.parameters, fitted.bounds)),
@@ -55,18 +55,20 @@ def _pieces(fitted: TimeFitted) -> list[Finding]:
         if rate > 0.0
         else "Pieces were asked for."
     )
+    count = len(fitted.problem.records)
+    cut = f"in {count} pieces of about {fitted.pieces_s:.2g} s, each with an initial state of its own"
     return [
         Finding(
             kind="fitted_in_pieces",
             severity="info",
             where=fitted.problem.structure.name,
             message=(
-                f"{why} The records were fitted in {len(fitted.problem.records)} pieces of about "
-                f"{fitted.pieces_s:.2g} s, each with an initial state of its own; fits in percent are those of the "
-                "pieces."
+                f"{why} The records were fitted {cut}; fits in percent are those of the pieces."
+                if fitted.method == "output_error"
+                else f"{why} The fit takes the records whole; to show it they were simulated {cut}."
             ),
             numbers={
-                "pieces": float(len(fitted.problem.records)),
+                "pieces": float(count),
                 "length_s": fitted.pieces_s,
                 "growth_1_s": rate,
             },
@@ -74,15 +76,21 @@ def _pieces(fitted: TimeFitted) -> list[Finding]:
     ]
 
 
-def _poor(fit_percent: Mapping[str, float]) -> list[Finding]:
+def _poor(fit_percent: Mapping[str, float], fitted: TimeFitted) -> list[Finding]:
+    simulated = fitted.method == "output_error"
+    why = (
+        "Dynamics are missing, or other things than the inputs move it."
+        if simulated
+        else "The fit looks at each sample by itself; in a simulation gusts add up, and so does what is missing."
+    )
     return [
         Finding(
             kind="poor_fit",
-            severity="warning",
+            severity="warning" if simulated else "info",
             where=name,
             message=(
-                f"The model explains {percent:.0f} % of {name} in the records it was fitted to (good: "
-                f"{GOOD_FIT_PERCENT:g} % and more). Dynamics are missing, or other things than the inputs move it."
+                f"Simulated, the model explains {percent:.0f} % of {name} in the records it was fitted to (good: "
+                f"{GOOD_FIT_PERCENT:g} % and more). {why}"
             ),
             numbers={"fit_percent": percent},
         )
@@ -96,14 +104,18 @@ def _colored(fitted: TimeFitted, records: TimeRecords) -> list[Finding]:
     if factor < _COLORED:
         return []
     memory_s = fitted.memory / records.data[0].sample_rate_hz
+    color = (
+        f"Residuals remember their past over some {fitted.memory} samples ({memory_s:.2g} s), as in every real flight."
+        if fitted.memory
+        else "Errors of the equations are not white, as in every real flight."
+    )
     return [
         Finding(
             kind="colored_residuals",
             severity="info",
             where=fitted.problem.structure.name,
             message=(
-                f"Residuals remember their past over some {fitted.memory} samples ({memory_s:.2g} s), as in every real "
-                f"flight. Standard deviations count that: they are {factor:.2g} times as large as for white residuals."
+                f"{color} Standard deviations count that: they are {factor:.2g} times as large as for white residuals."
             ),
             numbers={"factor": factor, "memory": float(fitted.memory)},
         )

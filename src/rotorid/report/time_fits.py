@@ -45,6 +45,16 @@ class BesideRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class EquationRow:
+    """An equation of motion: how much of its left side is explained, and how well unseen rows are predicted."""
+
+    name: str
+    explained: str
+    misfit: str
+    press: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class MinimumRow:
     """Another minimum that the search met."""
 
@@ -63,6 +73,7 @@ class TimeFits:
     beside: tuple[BesideRow, ...]
     held: bool
     minima: tuple[MinimumRow, ...]
+    equations: tuple[EquationRow, ...]
     free: tuple[str, ...]
     noise: str
     information: str
@@ -98,6 +109,7 @@ def time_fits(identified: Identification, *, key: str) -> TimeFits | None:
             MinimumRow(cost=significant(one.cost), values=tuple(significant(one.parameters.get(name)) for name in free))
             for one in document.minima
         ),
+        equations=_equations(document),
         free=free,
         noise=_noise(document),
         information=_information(document),
@@ -179,6 +191,18 @@ def _beside(document: ResultDocument) -> tuple[BesideRow, ...]:
             )
         )
     return tuple(rows)
+
+
+def _equations(document: ResultDocument) -> tuple[EquationRow, ...]:
+    return tuple(
+        EquationRow(
+            name=one.name.replace("'", "′"),
+            explained=f"{100.0 * one.r_squared:.2f} %",
+            misfit=f"{100.0 * one.misfit:.2g} %",
+            press=significant(one.press),
+        )
+        for one in document.equations
+    )
 
 
 def _noise(document: ResultDocument) -> str:

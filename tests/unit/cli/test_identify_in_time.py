@@ -77,7 +77,8 @@ def test_a_log_without_set_points_ends_with_one_and_the_finding(logs: tuple[Path
         ("--starts", "many"),
         ("--pieces", "0"),
         ("--cross-validate", "all"),
-        ("--method", "equation_error"),
+        ("--method", "frequency", "--hold", "zero"),
+        ("--method", "frequency", "--starts", "sobol:4"),
     ],
 )
 def test_wrong_use_ends_with_two(wrong: tuple[str, str], logs: tuple[Path, Path], tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_feedback import following, judge_following
 from rotorid.pipeline.time_fit import fit_in_time
 from rotorid.pipeline.time_identify import chosen_method
-from rotorid.pipeline.time_judge import Compared, judge_agreement
+from rotorid.pipeline.time_judge import Compared, judge_agreement, judge_time_fit
 from rotorid.pipeline.time_records import TimeRecords, evenly_stamped, time_records
 from rotorid.pipeline.time_start import designed_starts
 from rotorid.simulate.linear import simulate_linear
@@ -115,8 +115,88 @@ def test_the_method_follows_the_model_unless_it_is_named() -> None:
 
 
 def test_what_cannot_be_done_in_time_is_refused() -> None:
-    with pytest.raises(UsageError, match="equation_error"):
-        identify([flight(samples=400)], "response.first_order", settings=IdentifySettings(method="equation_error"))
+    box = named_model("black_box:1", inputs=["u"], outputs=["y"])
+    with pytest.raises(UsageError, match="prediction_error for a black box"):
+        fit_in_time(box, of_rate(-1.0)[0], IdentifySettings(), method="equation_error")
+
+
+def test_equations_are_fitted_over_the_band_of_the_responses(result: Identification) -> None:
+    found = identify([flight()], "response.second_order_delay", settings=IdentifySettings(method="equation_error"))
+    document = found.document
+    assert document.method == "equation_error"
+    (equation,) = document.equations
+    assert equation.name == "v_phi'"
+    assert 0.0 < equation.r_squared < 1.0
+    assert equation.press > 0.0
+    # The bars of the frequency domain.
+    for name, value in TRUTH.items():
+        assert document.parameters[name].status == "free"
+        near = {"abs": 1e-3} if name == "tau_phi" else {"rel": 0.08}
+        assert document.parameters[name].value == pytest.approx(value, **near), name
+    # The values are shown by a simulation, which fits no better than the fit that makes it fit best.
+    assert found.simulated[0].simulated.shape == (1, 1500)
+    assert document.fit_percent is not None
+    assert 90.0 < document.fit_percent["phi"] <= (result.document.fit_percent or {})["phi"]
+    assert document.log_likelihood is not None
+    assert document.log_likelihood <= (result.document.log_likelihood or 0.0)
+    assert document.residuals is not None
+    assert document.residuals.memory == 0
+    assert result.document.equations == []
+
+
+def test_a_band_that_was_asked_for_is_the_one_of_the_equations() -> None:
+    records, problem = of_rate(-1.0)
+    wide, narrow = (
+        fit_in_time(
+            problem.structure, records, IdentifySettings(band_rad_s=(0.5, high)), method="equation_error"
+        ).equations[0]
+        for high in (20.0, 5.0)
+    )
+    # Of a sum of squares over a band less is left over a part of it.
+    assert narrow.press < wide.press
+
+
+def test_without_responses_equations_are_fitted_sample_by_sample() -> None:
+    records, problem = of_rate(-1.0)
+    fitted = fit_in_time(problem.structure, records, IdentifySettings(), method="equation_error")
+    assert fitted.bounds.names == ("a", "b")
+    assert [one.name for one in fitted.equations] == ["y'"]
+    assert fitted.pieces_s is None
+    white = fitted.bounds.cramer_rao / 2.0
+    assert fitted.bounds.inflation == pytest.approx(np.sqrt(np.prod(fitted.bounds.std / white)))
+    assert (fitted.bounds.insensitivity <= white * (1.0 + 1e-9)).all()
+
+
+def test_a_growing_model_is_simulated_in_pieces_to_show_its_equations() -> None:
+    records, problem = of_rate(1.0)
+    fitted = fit_in_time(problem.structure, records, IdentifySettings(), method="equation_error")
+    assert fitted.pieces_s is not None
+    (finding,) = (one for one in judge_time_fit(fitted, records, {}) if one.kind == "fitted_in_pieces")
+    assert "simulated in" in finding.message
+
+
+def test_what_no_measured_equation_holds_stays_where_it_was() -> None:
+    record = flight(samples=400)
+    maneuver = Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s)
+    lagged = structure_from_equations(
+        name="lagged",
+        inputs=["phi_setpoint"],
+        states=["phi", "m"],
+        equations=["phi' = a*phi + b*m", "m' = (phi_setpoint - m)/T"],
+        outputs=["phi"],
+        parameters=ParameterSet(
+            [
+                Parameter(name="a", value=-1.0, unit="1/s"),
+                Parameter(name="b", value=1.0, unit="1/s"),
+                Parameter(name="T", value=0.1, unit="s", lower=0.01),
+            ]
+        ),
+    )
+    records = time_records(lagged, [(record, maneuver)], IdentifySettings())
+    fitted = fit_in_time(lagged, records, IdentifySettings(), method="equation_error")
+    assert fitted.bounds.names == ("a", "b")
+    assert (fitted.listed["T"].status, fitted.listed["T"].value) == ("fixed", 0.1)
+    assert ("not_in_measured_equations", "T") in {(one.kind, one.where) for one in fitted.findings}
 
 
 def of_rate(growth_1_s: float, *, samples: int = 800, seed: int = 0) -> tuple[TimeRecords, TimeProblem]:
