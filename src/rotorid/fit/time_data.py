@@ -10,7 +10,20 @@ import numpy as np
 from rotorid.data.history import TimeHistory
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray
+
+_ROUNDING = 1e-9
+
+
+def moving(rows: FloatArray) -> BoolArray:
+    """Which rows ``(c, n)`` spread by more than the rounding of numbers of their size, shape ``(c,)``.
+
+    Examples
+    --------
+    >>> moving(np.array([[0.1, 0.1, 0.1 + 1e-17], [0.1, 0.1, 0.2], [0.0, 0.0, 0.0]])).tolist()
+    [False, True, False]
+    """
+    return np.asarray(np.ptp(rows, axis=1) > _ROUNDING * np.abs(rows).max(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,10 +61,11 @@ class TimeData(Immutable):
 
     @classmethod
     def of(cls, history: TimeHistory, *, inputs: tuple[str, ...], outputs: tuple[str, ...], name: str) -> TimeData:
-        """Channels of a history; inputs as differences from their mean."""
+        """Channels of a history; inputs as differences from their mean, exactly zero where one stands still."""
         u = np.stack([history[channel] for channel in inputs])
         y = np.stack([history[channel] for channel in outputs])
-        u = u - u.mean(axis=1, keepdims=True)
+        # The mean of a constant is rounded: without this what is left of it would count as motion.
+        u = np.where(moving(u)[:, None], u - u.mean(axis=1, keepdims=True), 0.0)
         return cls(name=name, inputs=u, outputs=y, sample_rate_hz=history.sample_rate_hz)
 
     @property

@@ -183,6 +183,7 @@ def _model(entry: Entry, summary: OnLogsDocument | None) -> ComparedModelDocumen
 
 def _parameters(entries: Sequence[Entry]) -> dict[str, ComparedParameterDocument]:
     """Every parameter by its name; where units differ it is another one, and is called so."""
+    logs = {entry.label: entry.fitted_logs for entry in entries}
     found: dict[str, tuple[str, dict[str, ParameterDocument]]] = {}
     for entry in entries:
         for name, parameter in entry.document.parameters.items():
@@ -190,14 +191,23 @@ def _parameters(entries: Sequence[Entry]) -> dict[str, ComparedParameterDocument
             own = name if unit == parameter.unit else f"{name} [{parameter.unit}]"
             found.setdefault(own, (parameter.unit, {}))[1][entry.label] = parameter
     return {
-        name: ComparedParameterDocument(unit=unit, values=_values(values)) for name, (unit, values) in found.items()
+        name: ComparedParameterDocument(unit=unit, values=_values(values, logs))
+        for name, (unit, values) in found.items()
     }
 
 
-def _values(values: Mapping[str, ParameterDocument]) -> dict[str, ComparedValueDocument]:
-    first = next((one for one in values.values() if one.std is not None), None)
+def _values(
+    values: Mapping[str, ParameterDocument], logs: Mapping[str, frozenset[str]]
+) -> dict[str, ComparedValueDocument]:
+    """Values with their distance from the first, where no log stands behind both."""
+    first = next((label for label, one in values.items() if one.std is not None), None)
     return {
-        label: ComparedValueDocument(value=one.value, std=one.std, status=one.status, z=z_score(one, first))
+        label: ComparedValueDocument(
+            value=one.value,
+            std=one.std,
+            status=one.status,
+            z=None if first is None or logs[label] & logs[first] else z_score(one, values[first]),
+        )
         for label, one in values.items()
     }
 

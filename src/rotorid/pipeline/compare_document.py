@@ -58,7 +58,7 @@ class ComparedValueDocument(Document):
     """A parameter of one result.
 
     ``z`` is its difference from that of the first result that has it, over the standard deviation of a difference of
-    independent estimates. Results from the same data are not independent: then ``z`` comes out too small or too large.
+    independent estimates. Results that were fitted to a log in common are not independent: between them it is ``null``.
     """
 
     value: float
@@ -99,6 +99,8 @@ class CompareDocument(Document):
     ``common_outputs`` are those over which means on logs are taken. ``horizon_s`` is ``null`` where the maneuvers were
     simulated whole; with an unstable model among them, all were predicted so far ahead, from every sample.
     ``band_rad_s`` is what was looked at: that in which all models of frequency responses were fitted, ``null`` for all.
+    With both, records passed a filter without phase before they were predicted, which shows a prediction a little of
+    what comes: such scores compare models, and are higher than those of a prediction in flight.
     """
 
     schema_name: Annotated[Literal["rotorid.compare/1"], Field(alias="schema")] = "rotorid.compare/1"

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from rotorid.data.immutable import Immutable
@@ -15,6 +16,7 @@ from rotorid.errors import UsageError
 from rotorid.models.description import from_toml
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.seen_data import fitted_logs, has_seen
 
 RESULT, MODEL, SCHEMA = "result.json", "model.toml", "rotorid.result/1"
 
@@ -43,22 +45,13 @@ class Entry(Immutable):
     sha256: str
 
     def has_seen(self, record: FlightRecord, maneuver: Maneuver) -> bool:
-        """Whether any part of a maneuver was fitted, by the hash of its log.
+        """Whether any part of a maneuver was fitted, see :func:`rotorid.pipeline.seen_data.has_seen`."""
+        return has_seen(self.document.provenance, record, maneuver)
 
-        A result that does not list its maneuvers has seen its logs as a whole.
-        """
-        provenance = self.document.provenance
-        # Logs of one name are told apart by a number behind it.
-        names = {name.partition(" (")[0] for name, sha in provenance.inputs.items() if sha == record.source.sha256}
-        return bool(names) and (
-            not provenance.maneuvers
-            or any(
-                one.record.partition(" (")[0] in names
-                and one.start_s < maneuver.stop_s
-                and maneuver.start_s < one.stop_s
-                for one in provenance.maneuvers
-            )
-        )
+    @cached_property
+    def fitted_logs(self) -> frozenset[str]:
+        """Hashes of the logs that it was fitted to."""
+        return fitted_logs(self.document.provenance)
 
 
 def read_results(paths: Sequence[Path]) -> tuple[Entry, ...]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 from rotorid.data.findings import Finding
 from rotorid.data.immutable import Immutable
+from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.description import from_toml
@@ -26,7 +28,7 @@ from rotorid.pipeline.selection import each_once
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_selection import select_records
 from rotorid.verify import cross_validation as engine
-from rotorid.verify.cross_validation import CrossValidation, Kind
+from rotorid.verify.cross_validation import CrossValidation, Fold, Kind
 from rotorid.verify.frozen import FrozenScores
 
 Identify = Callable[[Sequence[FlightRecord], IdentifySettings], Identification]
@@ -95,7 +97,7 @@ def cross_validate(
     InsufficientDataError
         No fold has a model that could be scored.
     UsageError
-        There is one record only, or the same one twice.
+        There is one record only, or the same one twice, or maneuvers of one log overlap.
     """
     each_once(records)
     structure = resolve_model(model)
@@ -149,6 +151,7 @@ def _groups(
                 needed="at least two maneuvers or two logs",
                 remedy="give more logs, or parts of this one with --segment",
             )
+        _require_apart([m for _, m in fitted])
         return [_Group(name=f"{m.axis} {m.kind} at {m.start_s:.1f} s", flown=((r, m),)) for r, m in fitted], []
     groups, findings = [], []
     for name, record in zip(_names(records), records, strict=True):
@@ -157,6 +160,19 @@ def _groups(
         except InsufficientDataError as error:
             findings.append(_left_out(name, f"{name} takes no part in the cross-validation: {error.came}"))
     return groups, findings
+
+
+def _require_apart(maneuvers: Sequence[Maneuver]) -> None:
+    """What two maneuvers share would be fitted in one fold and count as unseen in it."""
+    ordered = sorted(maneuvers, key=lambda m: m.start_s)
+    for one, other in combinations(ordered, 2):
+        if other.start_s < one.stop_s:
+            spans = [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in (one, other)]
+            raise UsageError(
+                f"{spans[0]} and {spans[1]} overlap",
+                needed="maneuvers apart from each other, of which each can be unseen by the others",
+                remedy="name parts that do not overlap with --segment",
+            )
 
 
 def _names(records: Sequence[FlightRecord]) -> list[str]:
@@ -180,10 +196,14 @@ def _parameters(model: Identification | None) -> dict[str, FoldParameterDocument
 
 def _empty_folds(found: CrossValidation[Identification]) -> list[Finding]:
     return [
-        _left_out(name, f"The fold of {name} in the cross-validation is empty: {fold.cause}")
+        _left_out(name, f"The fold of {name} in the cross-validation {_lacks(fold)}: {fold.cause}")
         for name, fold in zip(found.records, found.folds, strict=True)
         if fold.cause
     ]
+
+
+def _lacks(fold: Fold[Identification]) -> str:
+    return "is empty" if fold.model is None else "lacks scores"
 
 
 def _left_out(name: str, message: str) -> Finding:

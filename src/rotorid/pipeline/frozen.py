@@ -34,6 +34,10 @@ def score_flown(
     pass the same zero-phase filter first, as in a verification: a model of frequency responses is judged where it was
     identified, and what it leaves out below its band, such as speed modes, is no fault of it.
 
+    With a band and a finite horizon a filter without phase goes before the prediction: at every sample it has mixed in
+    what comes after, over about one period of the edges of the band. Such a prediction is no longer made of the past
+    alone. Its scores compare models, and are higher than those of a prediction in flight.
+
     Parameters
     ----------
     structure
@@ -52,11 +56,13 @@ def score_flown(
     Raises
     ------
     InsufficientDataError
-        A log lacks an input or all outputs, or is too short.
+        A log lacks an input or all outputs, is too short, or moves no input.
     """
     there = held_outputs(structure, flown)
     kept = structure if there == structure.outputs else structure.select(outputs=there)
-    records = time_records(kept, flown, settings, progress)
+    records = time_records(kept, flown, settings, progress, every_input=False)
+    # A record in which nothing moves says nothing of the model, and would be scored on its noise.
+    moved = [one for one in zip(records.segments, records.data, strict=True) if one[1].inputs.any()]
     scores = (
         score_frozen(
             kept,
@@ -67,11 +73,11 @@ def score_flown(
             hold=records.hold if band_rad_s is None else "first",
             unknowns=unknowns_of(kept),
         )
-        for data in records.data
+        for _, data in moved
     )
     return tuple(
         replace(one, record=segment.record, time_s=one.time_s + segment.history.start_s)
-        for one, segment in zip(scores, records.segments, strict=True)
+        for one, (segment, _) in zip(scores, moved, strict=True)
     )
 
 

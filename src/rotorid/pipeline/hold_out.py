@@ -43,7 +43,7 @@ def hold_out(
     axes = [maneuver.axis for _, maneuver in flown]
     again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]
     if not again:
-        return Judged(findings=(_nothing_left(),))
+        return Judged(findings=(nothing_left(),))
     rest, held = [*flown[: again[-1]], *flown[again[-1] + 1 :]], flown[again[-1]]
     name = f"{held[0].source.name} at {held[1].start_s:.1f} s"
     progress(f"holding out {name}")
@@ -61,7 +61,8 @@ def hold_out(
     return replace(judged, findings=findings)
 
 
-def _nothing_left() -> Finding:
+def nothing_left() -> Finding:
+    """What to say where a model was judged on nothing that it had not seen, and nothing can be held out."""
     return Finding(
         kind="not_verified",
         severity="warning",

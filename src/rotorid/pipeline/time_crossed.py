@@ -12,10 +12,12 @@ from rotorid.errors import UsageError
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import finding_documents
 from rotorid.pipeline.cross_validation import cross_validate
+from rotorid.pipeline.hold_out import nothing_left
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.identify import identify, logged_by_all
 from rotorid.pipeline.resolve import resolve_model
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.time_judge import nothing_unseen
 from rotorid.verify.cross_validation import Kind
 
 
@@ -72,7 +74,9 @@ def cross_validated(
     )
     document = identified.document
     own = [finding for finding in finding_documents(crossed.findings) if finding not in document.findings]
-    # A model that was judged on unseen records is verified.
-    kept = [finding for finding in document.findings if finding.kind != "not_verified"]
+    # A model that was judged on unseen records is verified; why another log failed to verify it stays of interest.
+    names = [one.record for one in identified.segments]
+    answered = finding_documents([nothing_unseen(names), nothing_left()])
+    kept = [finding for finding in document.findings if finding not in answered]
     update = {"cross_validation": crossed.document, "findings": [*kept, *own]}
     return replace(identified, document=document.model_copy(update=update))

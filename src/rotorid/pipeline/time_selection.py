@@ -38,11 +38,13 @@ def select_records(
     Raises
     ------
     InsufficientDataError
-        Nothing was flown that shows the model.
+        Nothing was flown that shows the model, or a record holds one sample.
     UsageError
         No record came, or the same one twice.
     """
     axes = axes_of(structure.inputs, structure.outputs)
+    for record in records:
+        _require_duration(record)
     if all(is_command(name) for name in structure.inputs):
         return TimeSelection(select_maneuvers(records, axes, settings))
     each_once(records)
@@ -54,6 +56,19 @@ def select_records(
         return TimeSelection(Selection(fitted=tuple(found), unseen=()))
     whole = [_whole(record, axes) for record in records]
     return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_read_whole(*item) for item in whole))
+
+
+def _require_duration(record: FlightRecord) -> None:
+    if record.start_s < record.stop_s:
+        return
+    name = record.source.name
+    message = f"{name} holds one sample"
+    raise InsufficientDataError(
+        message,
+        needed="a flight of some seconds",
+        remedy="give another log",
+        findings=[Finding(kind="record_too_short", severity="error", where=name, message=f"{message}.")],
+    )
 
 
 def _given(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flown, ...]:

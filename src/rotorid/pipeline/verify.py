@@ -16,6 +16,7 @@ from rotorid.pipeline.coverage import Trim, covered_by, trim_of
 from rotorid.pipeline.cutting import cut
 from rotorid.pipeline.instruments import Flown, axes_of
 from rotorid.pipeline.judged import Judged
+from rotorid.pipeline.seen_data import has_seen, seen_data
 from rotorid.pipeline.selection import each_once
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.pipeline.verification import Checked, UnseenLog, check_logs, unseen_logs
@@ -104,8 +105,9 @@ def verify(
     """Judge an identified model on other data.
 
     Short maneuvers are predicted in the time domain, in open loop and a little ahead from every sample; sweeps and
-    random signals are compared in the frequency domain. Nothing of the model is adjusted. That a log was not fitted is
-    for the caller to know: a log that was fitted flatters.
+    random signals are compared in the frequency domain. Nothing of the model is adjusted. What was fitted flatters:
+    where the result says what that was, such a maneuver is shown with the finding ``seen_data``; else it is for the
+    caller to know.
 
     Parameters
     ----------
@@ -133,7 +135,7 @@ def verify(
     axes = axes_of(candidate.structure.inputs, candidate.structure.outputs)
     logs = unseen_logs(candidate, records, axes, segments=settings.segments)
     checked = check_logs(candidate, logs, settings, progress, vibration_filter=settings.vibration_filter)
-    findings = (*(f for record in records for f in record.findings), *checked.findings)
+    findings = (*(f for record in records for f in record.findings), *_seen(candidate, logs), *checked.findings)
     if not checked.verifications and not checked.judged:
         causes = "; ".join(f.message.rstrip(".") for f in checked.findings if f.kind == "not_verified")
         raise InsufficientDataError(
@@ -144,6 +146,13 @@ def verify(
         )
     document = _document(candidate, records, logs, checked, findings, settings, command)
     return Verified(document=document, verifications=checked.verifications, judged=checked.judged)
+
+
+def _seen(candidate: Candidate, logs: Sequence[UnseenLog]) -> list[Finding]:
+    """Maneuvers that the model was fitted to."""
+    known = candidate.provenance
+    flown = [item for log in logs for item in (*log.short, *log.sweeps)]
+    return [] if known is None else [seen_data(*item) for item in flown if has_seen(known, *item)]
 
 
 def chosen(model: str | Path | Candidate, settings: VerifySettings) -> Candidate:

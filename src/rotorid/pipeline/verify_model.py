@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from rotorid.data.immutable import Immutable
 from rotorid.errors import UsageError
@@ -14,6 +15,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.cutting import source_of
+from rotorid.pipeline.document import ProvenanceDocument
 from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.verify_controller import GivenController
@@ -36,6 +38,8 @@ class Candidate(Immutable):
         Output to where it stood in the logs that were fitted; empty when that is not known.
     controllers
         Controllers that a person gave, to fly the model in closed loop; they go before the gains in a log.
+    provenance
+        Which data it was fitted to, or ``None`` when that is not known.
     """
 
     structure: LinearStructure
@@ -43,6 +47,7 @@ class Candidate(Immutable):
     band_rad_s: tuple[float, float] | None = None
     sources: Mapping[str, str] | None = None
     controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
+    provenance: ProvenanceDocument | None = None
 
     @property
     def system(self) -> StateSpace:
@@ -115,7 +120,18 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
         parameters=structure.parameters,
         band_rad_s=(min(low for low, _ in bands), max(high for _, high in bands)) if bands else None,
         sources=sources,
+        provenance=_provenance(table),
     )
+
+
+def _provenance(table: Mapping[str, Any]) -> ProvenanceDocument | None:
+    """Where a result came from; of one that was shortened by hand nothing is known."""
+    from pydantic import ValidationError
+
+    try:
+        return ProvenanceDocument.model_validate(table.get("provenance"))
+    except ValidationError:
+        return None
 
 
 def _text(path: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rotorid.pipeline.cross_validation_document import CrossValidationDocument, FoldDocument
-from rotorid.report.numbers import MISSING
+from rotorid.report.numbers import MISSING, significant
 from rotorid.report.wording import Verdict, fit_verdict
 
 
@@ -81,6 +81,17 @@ def _words(document: CrossValidationDocument) -> str:
         if document.horizon_s is None
         else f" The models are unstable: they predicted {document.horizon_s:.2g} s ahead, again and again."
     )
+    within = (
+        ""
+        if document.band_rad_s is None
+        else f" Only what lies within {' to '.join(significant(edge) for edge in document.band_rad_s)} rad/s counts."
+    )
+    looks = (
+        ""
+        if document.band_rad_s is None or document.horizon_s is None
+        else " That filter has no phase and shows a prediction a little of what comes, so these scores are higher than "
+        "those of a prediction in flight."
+    )
     mean = f" Unseen records: {_with_spread(document.mean_percent, document.spread_percent)} on average."
     best = document.best
     chosen = (
@@ -89,4 +100,4 @@ def _words(document: CrossValidationDocument) -> str:
         else f" Best to identify on is {best.record} with {best.mean_percent:.1f} %, which is optimistic: it was "
         "chosen by these very scores."
     )
-    return f"{how}{ahead}{mean}{chosen}"
+    return f"{how}{ahead}{within}{looks}{mean}{chosen}"

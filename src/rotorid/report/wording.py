@@ -83,6 +83,7 @@ _HEADINGS = {
     "order_too_high": "More order than the data show",
     "not_identifiable": "Parameters that cannot be told apart",
     "not_verified": "Not verified",
+    "seen_data": "Data that the model has seen",
     "off_axis_input": "Another axis moved too",
     "no_controller": "Not flown in closed loop",
     "open_loop_diverges": "An unstable airframe, not a bad model",

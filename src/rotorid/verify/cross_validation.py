@@ -10,7 +10,7 @@ from typing import Generic, Literal, TypeAlias, TypeVar, get_args
 import numpy as np
 
 from rotorid.data.immutable import Immutable
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.verify.frozen import FrozenScores
 
@@ -36,7 +36,7 @@ class Fold(Immutable, Generic[Model]):
         For each group in the order of all, seen ones included: one for each record of it, none where the model could
         not be scored.
     cause
-        Why there is no model.
+        Why there is no model, or no score of a record.
     """
 
     identified: tuple[str, ...]
@@ -157,7 +157,8 @@ def cross_validate(
     fit
         Identifies a model on groups. Where it raises :class:`InsufficientDataError`, the fold stays empty and says so.
     score
-        Scores a model on the records of a group; where it raises the same, that place in the table stays empty.
+        Scores a model on the records of a group; where it raises the same, that place in the table stays empty, and
+        the fold says so.
     progress
         Told what is being done.
 
@@ -187,11 +188,12 @@ def cross_validate(
     """
     _require(groups, names, kind)
     folds: list[Fold[Model]] = []
+    named = tuple(zip(names, groups, strict=True))
     for number, name in enumerate(names):
         others = kind == "leave_one_out"
         used = [index for index in range(len(groups)) if (index == number) != others]
         progress(f"identifying {'without' if others else 'on'} {name}")
-        folds.append(_fold(groups, [names[index] for index in used], used, fit, score))
+        folds.append(_fold(named, used, fit, score))
     found = CrossValidation(kind=kind, records=tuple(names), folds=tuple(folds))
     if np.isnan(found.fold_means).all():
         causes = "; ".join(dict.fromkeys(fold.cause.rstrip(".") for fold in folds if fold.cause))
@@ -204,17 +206,17 @@ def cross_validate(
 
 
 def _fold(
-    groups: Sequence[Group],
-    identified: Sequence[str],
+    named: Sequence[tuple[str, Group]],
     used: Sequence[int],
     fit: Callable[[tuple[Group, ...]], Model],
     score: Callable[[Model, Group], Sequence[FrozenScores]],
 ) -> Fold[Model]:
+    identified = tuple(named[index][0] for index in used)
     try:
-        model = fit(tuple(groups[index] for index in used))
+        model = fit(tuple(named[index][1] for index in used))
     except InsufficientDataError as error:
-        return Fold(identified=tuple(identified), model=None, scores=((),) * len(groups), cause=error.came)
-    return Fold(identified=tuple(identified), model=model, scores=tuple(_scored(score, model, one) for one in groups))
+        return Fold(identified=identified, model=None, scores=((),) * len(named), cause=error.came)
+    return _scored(Fold(identified=identified, model=model, scores=()), model, named, score)
 
 
 def rescored(
@@ -231,11 +233,10 @@ def rescored(
     score
         As for :func:`cross_validate`.
     """
+    named = tuple(zip(found.records, groups, strict=True))
 
     def anew(fold: Fold[Model]) -> Fold[Model]:
-        if fold.model is None:
-            return fold
-        return replace(fold, scores=tuple(_scored(score, fold.model, one) for one in groups))
+        return fold if fold.model is None else _scored(fold, fold.model, named, score)
 
     return replace(found, folds=tuple(anew(fold) for fold in found.folds))
 
@@ -248,12 +249,21 @@ def fit_percent(group: Sequence[FrozenScores], output: str) -> float:
 
 
 def _scored(
-    score: Callable[[Model, Group], Sequence[FrozenScores]], model: Model, group: Group
-) -> tuple[FrozenScores, ...]:
-    try:
-        return tuple(score(model, group))
-    except InsufficientDataError:
-        return ()
+    fold: Fold[Model],
+    model: Model,
+    named: Sequence[tuple[str, Group]],
+    score: Callable[[Model, Group], Sequence[FrozenScores]],
+) -> Fold[Model]:
+    """A fold with scores on all groups, and the causes why some have none."""
+    scores: list[tuple[FrozenScores, ...]] = []
+    causes = []
+    for name, group in named:
+        try:
+            scores.append(tuple(score(model, group)))
+        except (InsufficientDataError, ModelError) as error:
+            scores.append(())
+            causes.append(f"{name} gives no score: {error.came.rstrip('.')}")
+    return replace(fold, scores=tuple(scores), cause="; ".join(causes))
 
 
 def _require(groups: Sequence[Group], names: Sequence[str], kind: Kind) -> None:

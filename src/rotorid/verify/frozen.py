@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
-from rotorid.fit.time_data import TimeData
+from rotorid.fit.time_data import TimeData, moving
 from rotorid.fit.time_problem import TimeProblem, Unknown
 from rotorid.models.structure import LinearStructure
 from rotorid.simulate.hold import Hold
@@ -176,7 +176,8 @@ def _scores(structure: LinearStructure, record: TimeData, predicted: FloatArray)
 def _score(measured: FloatArray, predicted: FloatArray) -> OutputScore:
     mean = measured.mean()
     return OutputScore(
-        nrmse_fit_percent=nrmse_fit_percent(measured, predicted),
+        # What stands still but for rounding has no motion to explain.
+        nrmse_fit_percent=nrmse_fit_percent(measured, predicted) if moving(measured[None])[0] else -math.inf,
         tic=theil_inequality(measured - mean, predicted - mean),
         rms=rms(measured - predicted),
     )

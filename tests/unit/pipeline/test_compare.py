@@ -109,6 +109,27 @@ def test_shared_parameters_have_a_distance_in_standard_deviations(results: list[
     assert abs(second.z) < 4.0
 
 
+def test_results_of_one_log_have_no_distance(results: list[Path]) -> None:
+    values = compare(results).document.parameters["K_phi"].values
+    assert {label: one.z is not None for label, one in values.items()} == {
+        "first": False,
+        "second": False,
+        "other": True,
+    }
+
+
+def test_a_log_that_only_verified_a_result_stands_behind_none_of_its_values(
+    results: list[Path], tmp_path: Path
+) -> None:
+    table = json.loads((results[1] / "result.json").read_text())
+    table["provenance"]["inputs"] |= {"flight_2.csv": flight(2).source.sha256}
+    verified = tmp_path / "verified"
+    verified.mkdir()
+    (verified / "result.json").write_text(json.dumps(table))
+    values = compare([verified, results[2]]).document.parameters["omega_phi"].values
+    assert values["other"].z is not None
+
+
 def test_models_without_a_common_output_do_not_compare(results: list[Path], tmp_path: Path) -> None:
     table = json.loads((results[1] / "result.json").read_text().replace('"phi"', '"theta"'))
     other = tmp_path / "pitch"
@@ -138,6 +159,16 @@ def test_a_log_without_the_channels_scores_nothing(results: list[Path]) -> None:
     document = refused_comparison(refused.value, results, [bare], settings=IdentifySettings())
     assert {finding.kind for finding in document.findings} == {"not_verified"}
     assert len(document.models) == 3
+
+
+def test_a_log_without_motion_scores_nothing(results: list[Path]) -> None:
+    (topic,) = (one := flight(3)).topics
+    still = replace(one, topics=(replace(topic, values=[[0.1] * topic.time_s.size, topic.values[1].tolist()]),))
+    with pytest.raises(InsufficientDataError, match="phi_setpoint does not move"):
+        compare(results, [still])
+    document = compare(results, [still, flight(4)]).document
+    assert [one.record for one in document.maneuvers] == ["flight_4.csv"]
+    assert {finding.kind for finding in document.findings} == {"not_verified"}
 
 
 def test_a_result_without_its_model_is_compared_but_not_scored(results: list[Path], tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from rotorid.pipeline.cross_validation_document import CrossValidationDocument
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.identify import identify
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.pipeline.time_crossed import cross_validated
 from rotorid.verify.cross_validation import Kind
 
 SEEDS = (1, 2, 3)
@@ -94,6 +95,50 @@ def test_maneuvers_of_one_log_stand_for_themselves() -> None:
     assert document.records[0] != document.records[1]
     assert document.mean_percent is not None
     assert document.mean_percent > 90.0
+
+
+def test_maneuvers_that_overlap_would_be_seen_and_unseen_at_once() -> None:
+    overlapping = IdentifySettings(segments=(parse_segment("roll:0:9"), parse_segment("roll:7.5:14.9")))
+    with pytest.raises(UsageError, match=r"roll:0:9 and roll:7\.5:14\.9 overlap"):
+        run("each", records=[flight(4)], settings=overlapping)
+
+
+def test_a_record_without_motion_is_named_instead_of_scored() -> None:
+    still = at_rest(flight(3))
+    document = (found := run("each", records=[flight(1), flight(2), still])).document
+    assert [one.cause.partition(":")[0] for one in document.folds] == [
+        "flight_3.csv gives no score",
+        "flight_3.csv gives no score",
+        "phi_setpoint does not move in flight_3.csv",
+    ]
+    assert all("flight_3.csv" not in fold.scores for fold in document.folds)
+    assert document.mean_percent is not None
+    assert document.mean_percent > 90.0
+    assert [("lacks scores" in one.message, "is empty" in one.message) for one in found.findings] == [
+        (True, False),
+        (True, False),
+        (False, True),
+    ]
+
+
+def at_rest(record: FlightRecord) -> FlightRecord:
+    """The same flight with a set-point that stands at 0.1 rad, whose mean is rounded."""
+    (topic,) = record.topics
+    values = np.stack([np.full(topic.time_s.size, 0.1), topic.values[1]])
+    return replace(record, topics=(replace(topic, values=values),))
+
+
+def test_only_that_nothing_is_unseen_is_answered_by_a_cross_validation() -> None:
+    records = [flight(1), flight(2)]
+    for verify, before, after in (
+        ((), "Everything that was flown was fitted", []),
+        ((at_rest(flight(3)),), "flight_3.csv did not verify the model", ["flight_3.csv"]),
+    ):
+        identified = identify(records, SECOND, verify=verify)
+        (finding,) = [one for one in identified.document.findings if one.kind == "not_verified"]
+        assert finding.message.startswith(before)
+        crossed = cross_validated(identified, records, SECOND, kind="each", settings=IdentifySettings())
+        assert [one.where for one in crossed.document.findings if one.kind == "not_verified"] == after
 
 
 def test_a_document_can_be_read_back(each: CrossValidated) -> None:

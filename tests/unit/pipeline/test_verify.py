@@ -16,6 +16,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.excitation.doublet import doublet
 from rotorid.models.description import from_toml
 from rotorid.models.rate import rate_model
+from rotorid.pipeline.document import ManeuverDocument, ProvenanceDocument
 from rotorid.pipeline.settings import parse_segment
 from rotorid.pipeline.verify import VerifySettings, verify
 from rotorid.pipeline.verify_filters import with_known_delays
@@ -107,6 +108,25 @@ def test_the_right_model_is_not_called_poor(doublets: FlightRecord) -> None:
 @pytest.mark.parametrize("wrong", [{"L_roll": 1.3 * 153.4}, {"L_v": 6.7}, {"tau_roll": 0.091}])
 def test_a_wrong_model_is(wrong: dict[str, float], doublets: FlightRecord) -> None:
     assert "poor_verification" in kinds(verify(candidate(**wrong), [doublets]))
+
+
+def test_what_was_fitted_is_shown_as_seen(doublets: FlightRecord) -> None:
+    fitted = ProvenanceDocument(
+        version="1",
+        command=[],
+        inputs={"flight.csv": doublets.source.sha256},
+        settings={},
+        seed=0,
+        maneuvers=[
+            ManeuverDocument(
+                record="flight.csv", axis="roll", kind="sweep", start_s=5.3, stop_s=6.0, origin="given", signal=""
+            )
+        ],
+    )
+    verified = verify(replace(candidate(), provenance=fitted), [doublets])
+    seen = [finding for finding in verified.document.findings if finding.kind == "seen_data"]
+    assert [(one.severity, one.numbers["start_s"]) for one in seen] == [("warning", 5.0)]
+    assert "seen_data" not in kinds(verify(candidate(), [doublets]))
 
 
 def test_a_segment_is_judged_alone(doublets: FlightRecord) -> None:

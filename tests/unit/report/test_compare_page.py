@@ -115,3 +115,22 @@ def test_a_hostile_label_can_only_be_read(results: list[Path]) -> None:
     html = render_comparison(compare([replace(first, label=HOSTILE), *others], [flight(3)]), title=HOSTILE)
     assert HOSTILE not in html
     assert HOSTILE in "".join(Page(html).text)
+
+
+def test_a_filter_before_a_prediction_is_named(unseen: Compared) -> None:
+    looks_ahead = "shows a prediction a little of what comes"
+
+    def shown(band_rad_s: tuple[float, float] | None, horizon_s: float | None) -> bool:
+        update = {"band_rad_s": band_rad_s, "horizon_s": horizon_s}
+        document = unseen.document.model_copy(update=update)
+        return looks_ahead in render_comparison(replace(unseen, document=document), title="t")
+
+    assert shown((1.0, 20.0), 0.5)
+    assert not shown(None, 0.5)
+    assert not shown((1.0, 20.0), None)
+
+
+def test_a_page_says_which_distances_are_left_out(page: Page, unseen: Compared) -> None:
+    assert "fitted to a log in common are not independent" in "".join(page.text)
+    gain = next(row for row in shared_rows(unseen.document) if row.name == "K_phi")
+    assert [bool(cell.text) for cell in gain.distances] == [False, False, True]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.verify.cross_validation import CrossValidation, Kind, cross_validate, rescored
 from rotorid.verify.frozen import FrozenScores, OutputScore
 
@@ -99,6 +99,19 @@ def test_a_record_that_cannot_be_scored_leaves_a_gap() -> None:
     found = cross_validate(GROUPS, names=NAMES, kind="each", fit=mean, score=score)
     assert np.isnan(found.table[:, 0]).all()
     assert found.fold_means[0] == pytest.approx(97.0)
+    assert {fold.cause for fold in found.folds} == {f"{NAMES[0]} gives no score: too short"}
+    # Scored in another way, the cause is gone.
+    assert {fold.cause for fold in rescored(found, GROUPS, near).folds} == {""}
+
+
+def test_a_model_that_diverges_on_a_record_leaves_the_others() -> None:
+    def score(model: float, group: float) -> list[FrozenScores]:
+        if group == 1.0:
+            raise ModelError("the model diverges over a record")
+        return near(model, group)
+
+    found = cross_validate(GROUPS, names=NAMES, kind="each", fit=mean, score=score)
+    assert found.folds[1].cause == f"{NAMES[0]} gives no score: the model diverges over a record"
 
 
 def test_a_group_counts_by_the_mean_of_its_records() -> None:
