@@ -12,7 +12,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.immutable import Immutable
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.compare_results import Entry
 from rotorid.pipeline.frozen import common_horizon_s, fitted_band, score_flown
@@ -170,7 +170,7 @@ def _scores(
                 group = score_flown(
                     structure, [(record, maneuver)], settings, horizon_s=horizon_s, band_rad_s=band_rad_s
                 )
-            except InsufficientDataError as error:
+            except (InsufficientDataError, ModelError) as error:
                 findings.append(_not_scored(by_label[label], record, error))
                 continue
             places.setdefault(place, (record, maneuver))
@@ -199,7 +199,7 @@ def common_outputs(entries: Sequence[Entry], maneuvers: Sequence[ComparedManeuve
     return tuple(name for name in every if name in shared)
 
 
-def _not_scored(entry: Entry, record: FlightRecord, error: InsufficientDataError) -> Finding:
+def _not_scored(entry: Entry, record: FlightRecord, error: InsufficientDataError | ModelError) -> Finding:
     return Finding(
         kind="not_verified",
         severity="warning",
