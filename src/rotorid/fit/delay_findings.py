@@ -14,6 +14,23 @@ _CLEARLY_BETTER = 0.05
 _WORDS = {"records": "the records", "response": "the frequency response"}
 
 
+def unseen_finding(input: str, output: str, why: str) -> list[Finding]:
+    """An estimate that tells no delay, and why."""
+    if not why:
+        return []
+    return [
+        Finding(
+            kind="no_delay",
+            severity="warning",
+            where=f"{output}/{input}",
+            message=(
+                f"No delay of {output} behind {input} can be seen: {why}. Use an input that moves {output} more, or a "
+                "longer record."
+            ),
+        )
+    ]
+
+
 def acausal_finding(
     filtered: Acausal | None, input: str, output: str, delay_s: float, as_filtered_s: float | None
 ) -> list[Finding]:

@@ -22,7 +22,8 @@ _SCOUT, _POLISH = LevenbergMarquardt(iterations=60, tolerance=1e-6), LevenbergMa
 _CHI_SQUARED_95 = 3.841
 _PROFILE_STEPS = 12
 _PROFILE_ACCURACY = 0.02
-_NEGLIGIBLE, _NO_EVIDENCE = 0.02, 6.0
+NORMAL_95 = 1.96
+_NEGLIGIBLE, NO_EVIDENCE = 0.02, 6.0
 """An order is worth its parameters only where it lowers the misfit by more than this share of it, and the criterion by
 more than what counts as strong evidence (Kass and Raftery, *Bayes Factors*, 1995)."""
 
@@ -71,6 +72,8 @@ class OrderFit(Immutable):
     ----------
     order
         Zeros and poles.
+    count
+        Real numbers that were fitted.
     solution
         Where the search ended; the delay is the last parameter.
     criterion
@@ -80,6 +83,7 @@ class OrderFit(Immutable):
     """
 
     order: Order
+    count: int
     solution: Solution
     criterion: float
     poles_rad_s: ComplexArray
@@ -101,8 +105,8 @@ class OrderFit(Immutable):
     @property
     def misfit(self) -> float:
         """Standard deviation of the residuals in units of what was expected of them."""
-        rows, columns = self.solution.jacobian.shape
-        return float(np.sqrt(self.solution.cost / max(rows - columns, 1)))
+        free = max(self.count - self.solution.theta.size, 1)
+        return float(np.sqrt(self.solution.cost / free))
 
 
 def fit_order(problem: DelayProblem, limits: Limits, *, start: FloatArray | None = None) -> OrderFit:
@@ -126,6 +130,7 @@ def fit_order(problem: DelayProblem, limits: Limits, *, start: FloatArray | None
     best = min(ends, key=lambda end: end.cost)
     return OrderFit(
         order=problem.model.order,
+        count=problem.count,
         solution=best,
         criterion=best.cost + (problem.model.order.coefficients + 1) * float(np.log(problem.count)),
         poles_rad_s=problem.model.poles_rad_s(best.theta),
@@ -147,7 +152,7 @@ def _starts(problem: DelayProblem, limits: Limits, lower: FloatArray, upper: Flo
 def simplest(fits: Sequence[OrderFit]) -> OrderFit:
     """The fit with the fewest parameters whose criterion is no worse than the best by more than what is negligible."""
     best = min(fits, key=lambda fit: fit.criterion)
-    limit = best.criterion + max(_NEGLIGIBLE * best.solution.cost, _NO_EVIDENCE)
+    limit = best.criterion + max(_NEGLIGIBLE * best.solution.cost, NO_EVIDENCE)
     good = [fit for fit in fits if fit.criterion <= limit]
     return min(good, key=lambda fit: (fit.order.coefficients, fit.criterion))
 
@@ -178,7 +183,7 @@ def _crossing(problem: DelayProblem, fit: OrderFit, limits: Limits, side: float)
 
     # The square root of the excess grows in proportion to the distance where the cost is a parabola.
     inner, theta = 0.0, np.array(fit.solution.theta)
-    trial, outer = min(1.96 * fit.std_s, reach), reach
+    trial, outer = min(NORMAL_95 * fit.std_s, reach), reach
     for _ in range(_PROFILE_STEPS):
         value, found = excess(trial, theta)
         ratio = float(np.sqrt(max(value, 0.0) / allowed))

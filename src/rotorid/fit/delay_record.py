@@ -12,109 +12,68 @@ projection. The spectrum :math:`S` is that of the residuals, so that colored noi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from rotorid.data.history import TimeHistory
 from rotorid.data.immutable import Immutable
-from rotorid.fit.delay_model import LateLag, held_spectrum
+from rotorid.fit.delay_lines import MOST_LINES, UNKNOWNS, Equations, RecordPart, merging
+from rotorid.fit.delay_model import InputHold, LateLag, held_spectrum
 from rotorid.typing import ComplexArray, FloatArray
 
 _POWER_SHARE = 0.9999
 _HIGHEST_SHARE = 0.9
 _THINNED = 400
+_LONG = 20_000
 _SMOOTHING_RATIO, _SMOOTHING_BINS = 1.3, 8
 _RANK = 1e-11
 _ROUNDS = 4
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordPart(Immutable):
-    """Finite Fourier transforms of one record, ready for any shift of the input by whole samples.
-
-    Parameters
-    ----------
-    omega_rad_s
-        Shape ``(f,)``.
-    output
-        Transform of the output, shape ``(f,)``.
-    input
-        Samples of the input, with a margin for the shifts on either side.
-    first
-        Sample of ``input`` with which the window of the output begins.
-    count
-        Samples in the window.
-    bins
-        Lines of the transform that are used, shape ``(f,)``.
-    noise
-        Power of the noise at each line, shape ``(f,)``.
-    """
-
-    omega_rad_s: FloatArray
-    output: ComplexArray
-    input: FloatArray
-    first: int
-    count: int
-    bins: np.ndarray
-    noise: FloatArray
-
-    def shifted(self, samples: int) -> ComplexArray:
-        """Transform of the input that came ``samples`` earlier than the output, shape ``(f,)``."""
-        begin = self.first - samples
-        window = self.input[begin : begin + self.count]
-        return np.asarray(np.fft.rfft(window)[self.bins], dtype=np.complex128)
-
-    def thinned(self, lines: int) -> RecordPart:
-        """Some of the lines, evenly spread."""
-        kept = slice(None, None, 1 + (self.omega_rad_s.size - 1) // lines)
-        return replace(
-            self,
-            omega_rad_s=self.omega_rad_s[kept],
-            output=self.output[kept],
-            bins=self.bins[kept],
-            noise=self.noise[kept],
-        )
+_SETTLED = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordSpectra(Immutable):
-    """Records as the fit of a delay sees them.
+    """Records as the fit of a delay sees them, each with its own rate and hold.
 
     Parameters
     ----------
     parts
         One for each record.
-    sample_s
-        Their sample interval.
     delays_s
         Least and largest delay that the margins allow.
     """
 
     parts: tuple[RecordPart, ...]
-    sample_s: float
     delays_s: tuple[float, float]
-    _shifts: dict[tuple[int, int], ComplexArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def count(self) -> int:
         """Real numbers that are fitted."""
-        return 2 * sum(part.omega_rad_s.size for part in self.parts)
+        return 2 * sum(part.lines for part in self.parts)
 
-    def shifted(self, index: int, samples: int) -> ComplexArray:
-        """Transform of the input of a record, ``samples`` earlier; computed once."""
-        key = (index, samples)
-        if key not in self._shifts:
-            self._shifts[key] = self.parts[index].shifted(samples)
-        return self._shifts[key]
+    @property
+    def band_rad_s(self) -> tuple[float, float]:
+        """From the lowest line of any record to the highest."""
+        omega = np.concatenate([part.omega_rad_s for part in self.parts])
+        return float(omega.min()), float(omega.max())
 
-    def with_parts(self, parts: Sequence[RecordPart]) -> RecordSpectra:
-        """The same records with other lines or noise."""
-        return RecordSpectra(parts=tuple(parts), sample_s=self.sample_s, delays_s=self.delays_s)
+    @property
+    def white(self) -> tuple[FloatArray, ...]:
+        """Noise of power one at every line."""
+        return tuple(np.ones(part.lines) for part in self.parts)
 
-    def thinned(self) -> RecordSpectra:
+    @cached_property
+    def steps(self) -> tuple[int, ...]:
+        """One in so many lines of each record is enough for the search."""
+        enough = 1 + _THINNED // len(self.parts)
+        return tuple(1 + (part.lines - 1) // enough for part in self.parts)
+
+    @cached_property
+    def thin(self) -> RecordSpectra:
         """Some of the lines of every record."""
-        return self.with_parts([part.thinned(1 + _THINNED // len(self.parts)) for part in self.parts])
+        return replace(self, parts=tuple(p.thinned(step) for p, step in zip(self.parts, self.steps, strict=True)))
 
 
 def record_spectra(
@@ -122,49 +81,88 @@ def record_spectra(
     *,
     input: str,
     output: str,
+    holds: Sequence[InputHold],
     delays_s: tuple[float, float],
     highest_rad_s: float = np.inf,
 ) -> RecordSpectra:
-    """Transforms of one input and one output of records of one rate.
+    """Transforms of one input and one output of records.
 
     The windows leave room for shifting the input. Lines go as far as the input has power, and no further than nine
-    tenths of the Nyquist frequency; the one at zero is left out, and with it any constant.
+    tenths of the Nyquist frequency; the one at zero is left out, and with it any constant. Where all records together
+    have more lines than are needed, neighboring ones are merged.
     """
-    sample_s = 1.0 / histories[0].sample_rate_hz
-    ahead, behind = (int(np.ceil(max(limit, 0.0) / sample_s)) + 1 for limit in (delays_s[1], -delays_s[0]))
-    parts = tuple(
-        _part(history[input], history[output], ahead, behind, sample_s, highest_rad_s)
-        for history in histories
-        if history.values.shape[1] > 3 * (ahead + behind)
+    parts = [
+        part
+        for history, hold in zip(histories, holds, strict=True)
+        if (part := _part(history, input, output, hold, delays_s, highest_rad_s)) is not None
+    ]
+    much = sum(part.lines for part in parts) > MOST_LINES
+    return RecordSpectra(
+        parts=tuple(replace(part, edges=merging(part.lines, much=much)) for part in parts), delays_s=delays_s
     )
-    return RecordSpectra(parts=parts, sample_s=sample_s, delays_s=delays_s)
 
 
-def _part(u: FloatArray, y: FloatArray, ahead: int, behind: int, sample_s: float, highest_rad_s: float) -> RecordPart:
-    count = y.size - ahead - behind
+def _part(
+    history: TimeHistory,
+    input: str,
+    output: str,
+    hold: InputHold,
+    delays_s: tuple[float, float],
+    highest_rad_s: float,
+) -> RecordPart | None:
+    """One record, or ``None`` where it is too short for the delays."""
+    sample_s, u, y = 1.0 / history.sample_rate_hz, history[input], history[output]
+    ahead, behind = (int(np.ceil(max(limit, 0.0) / sample_s)) + 1 for limit in (delays_s[1], -delays_s[0]))
+    if y.size <= 3 * (ahead + behind):
+        return None
+    count = _quick(y.size - ahead - behind)
     window = y[ahead : ahead + count]
     transform = np.fft.rfft(window - window.mean())
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, sample_s), dtype=np.float64)
-    power = np.abs(np.fft.rfft(u[ahead : ahead + count]))[1:] ** 2
+    drive = np.fft.rfft(u[ahead : ahead + count])
+    power = np.abs(drive[1:]) ** 2
     reach = np.searchsorted(np.cumsum(power), _POWER_SHARE * power.sum()) + 1
     top = min(omega[min(reach, omega.size - 1)], _HIGHEST_SHARE * np.pi / sample_s, highest_rad_s)
     bins = np.flatnonzero((omega > 0.0) & (omega <= top))
     return RecordPart(
+        sample_s=sample_s,
+        hold=hold,
         omega_rad_s=omega[bins],
+        bins=bins,
         output=transform[bins],
+        drive=drive[bins],
         input=u,
         first=ahead,
         count=count,
-        bins=bins,
-        noise=np.ones(bins.size),
+        edges=np.array([bins.size]),
     )
+
+
+def _quick(samples: int) -> int:
+    """The length of a window; long ones are cut to one whose transform takes no longer than it must."""
+    from scipy.fft import next_fast_len
+
+    if samples <= _LONG:
+        return samples
+    return next(size for size in range(samples, 0, -1) if next_fast_len(size, real=True) == size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordFit:
-    """Residuals of a late lag on records; ``theta`` is that of :meth:`LateLag.response`."""
+    """Residuals of a late lag on records; ``theta`` is that of :meth:`LateLag.response`.
+
+    Parameters
+    ----------
+    data
+        The records.
+    noise
+        Power of the noise at each line of each record.
+    model
+        The lag; its hold and its sample interval are those of each record instead.
+    """
 
     data: RecordSpectra
+    noise: tuple[FloatArray, ...]
     model: LateLag
 
     @property
@@ -174,7 +172,8 @@ class RecordFit:
 
     def thinned(self) -> RecordFit:
         """The fit of some of the lines."""
-        return replace(self, data=self.data.thinned())
+        noise = tuple(one[::step] for one, step in zip(self.noise, self.data.steps, strict=True))
+        return replace(self, data=self.data.thin, noise=noise)
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals in standard deviations and their derivatives, shapes ``(n,)`` and ``(n, p)``.
@@ -182,21 +181,37 @@ class RecordFit:
         The derivatives leave out that the ends of the record depend on the poles (Kaufman's approximation), which
         changes the path to the minimum and not the minimum.
         """
-        whole = round(float(theta[-1]) / self.data.sample_s)
+        both = [self._of_part(part, noise, theta) for part, noise in zip(self.data.parts, self.noise, strict=True)]
+        return np.concatenate([one for one, _ in both]), np.concatenate([one for _, one in both])
+
+    def evidence(self) -> float:
+        r"""Twice the logarithm of how much likelier the outputs are with the response than with none.
+
+        With the spectrum of the noise estimated both times it is :math:`2 \sum \ln (S_0 / S)` over the lines.
+        """
+        still = np.concatenate([np.zeros(self.model.order.zeros + 1), np.ones(self.model.order.poles), [0.0]])
+        none = self
+        for _ in range(_SETTLED):
+            none = none.reweighted(still)
+        return float(2.0 * sum(np.log(s0 / s).sum() for s0, s in zip(none.noise, self.noise, strict=True)))
+
+    def _of_part(self, part: RecordPart, noise: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        whole = _whole(theta, part)
         rest = theta.copy()
-        rest[-1] -= whole * self.data.sample_s
-        poles = self.model.poles_rad_s(theta)
-        residuals, slopes = [], []
-        for index, part in enumerate(self.data.parts):
-            values, derivatives = self.model.response(rest, part.omega_rad_s)
-            late = self.data.shifted(index, whole)
-            weight = np.sqrt(2.0 / part.noise)
-            basis = _basis(part.omega_rad_s, poles, self.data.sample_s, weight)
-            error = _real(weight * (part.output - values * late))
-            slope = np.stack([_real(-weight * row * late) for row in derivatives], axis=1)
-            residuals.append(error - basis @ (basis.T @ error))
-            slopes.append(slope - basis @ (basis.T @ slope))
-        return np.concatenate(residuals), np.concatenate(slopes)
+        rest[-1] -= whole * part.sample_s
+        model = replace(self.model, hold=part.hold, sample_s=part.sample_s)
+        values, derivatives = model.response(rest, part.nodes_rad_s)
+        rows, weight = part.equations(whole), np.sqrt(2.0 / noise[part.line_of])
+        basis = _basis(part, rows, self.model.poles_rad_s(theta), weight)
+        error = _real(weight * (rows.output - part.at_rows(rows.drive, values)))
+        moves = -weight * part.at_rows(rows.drive, derivatives)
+        slope = np.concatenate([moves.real, moves.imag], axis=1).T
+        error, slope = error - basis @ (basis.T @ error), slope - basis @ (basis.T @ slope)
+        if part.groups == 0:
+            return error, slope
+        # What merging leaves out is misfit all the same.
+        left = np.sqrt(np.sum(2.0 * rows.left / noise[part.edges[:-1]]))
+        return np.append(error, left), np.vstack([slope, np.zeros(theta.size)])
 
     def linear(self, delay_s: float, fastest_rad_s: float) -> tuple[FloatArray, float]:
         """Parameters at a given delay without a start, and their cost.
@@ -219,68 +234,76 @@ class RecordFit:
 
     def _iterated(self, delay_s: float) -> FloatArray:
         """Coefficients of the denominator, lowest power first, that of the highest being one."""
-        order, whole = self.model.order, round(delay_s / self.data.sample_s)
-        rest_s = delay_s - whole * self.data.sample_s
-        scales = [np.sqrt(2.0 / part.noise) for part in self.data.parts]
+        order = self.model.order
+        scales = [np.sqrt(2.0 / noise) for noise in self.noise]
         found = np.zeros(order.coefficients)
         for _ in range(_ROUNDS):
-            blocks = [self._equation(index, whole, rest_s, scale) for index, scale in enumerate(scales)]
+            blocks = [self._equation(p, delay_s, one) for p, one in zip(self.data.parts, scales, strict=True)]
             matrix, right = np.concatenate([block for block, _ in blocks]), np.concatenate([one for _, one in blocks])
             length = np.sqrt(np.sum(matrix**2, axis=0))
             length = np.where(length > 0.0, length, 1.0)
             found = np.linalg.lstsq(matrix / length, right, rcond=_RANK)[0] / length
             for index, part in enumerate(self.data.parts):
                 below = np.abs(np.append(found[order.zeros + 1 :], 1.0) @ self._powers(part))
-                scales[index] = np.sqrt(2.0 / part.noise) / np.maximum(below, 1e-9 * below.max())
+                scales[index] = np.sqrt(2.0 / self.noise[index]) / np.maximum(below, 1e-9 * below.max())
         return found[order.zeros + 1 :]
 
     def _powers(self, part: RecordPart) -> ComplexArray:
         exponents = np.arange(self.model.order.poles + 1)[:, None]
         return np.asarray((1j * part.omega_rad_s / self.model.scale_rad_s) ** exponents, dtype=np.complex128)
 
-    def _equation(self, index: int, whole: int, rest_s: float, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _equation(self, part: RecordPart, delay_s: float, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of the equation multiplied by its denominator, without what the ends of the record add."""
-        part, order, powers = self.data.parts[index], self.model.order, self._powers(self.data.parts[index])
-        late = self.data.shifted(index, whole) * np.exp(-1j * part.omega_rad_s * rest_s)
-        if self.model.hold == "held":
-            late = late * held_spectrum(part.omega_rad_s, self.data.sample_s)
+        order, powers, whole = self.model.order, self._powers(part), round(delay_s / part.sample_s)
+        drive = part.equations(whole).drive[0]
+        late = drive * np.exp(-1j * part.omega_rad_s * (delay_s - whole * part.sample_s))
+        if part.hold == "held":
+            late = late * held_spectrum(part.omega_rad_s, part.sample_s)
         columns = [power * late for power in powers[: order.zeros + 1]]
         columns += [-power * part.output for power in powers[:-1]]
         rows, right = np.stack([_real(weight * c) for c in columns], axis=1), _real(weight * powers[-1] * part.output)
-        basis = _ends(part.omega_rad_s, order.poles + 1, self.data.sample_s, weight)
+        turn = np.exp(-1j * part.omega_rad_s * part.sample_s)
+        basis = _orthonormal(np.stack([weight * turn**k for k in range(order.poles + 1)]))
         return rows - basis @ (basis.T @ rows), right - basis @ (basis.T @ right)
 
     def reweighted(self, theta: FloatArray) -> RecordFit:
         """The fit with the spectrum of the noise that the residuals at ``theta`` have."""
-        residual, _ = self.residuals(theta)
-        parts, start = [], 0
-        for part in self.data.parts:
-            size = part.omega_rad_s.size
-            both = residual[start : start + 2 * size]
-            start += 2 * size
+        lost = 1.0 - (theta.size + (self.model.order.poles + 1) * len(self.data.parts)) / self.data.count
+        noise = []
+        for part, old in zip(self.data.parts, self.noise, strict=True):
+            residual, _ = self._of_part(part, old, theta)
+            size = part.line_of.size
             # The projection has taken the ends of the record and leaves complex residuals in units of the old noise.
-            power = (both[:size] ** 2 + both[size:] ** 2) * part.noise / 2.0
-            parts.append(replace(part, noise=_smooth(power)))
-        lost = 1.0 - (theta.size + (self.model.order.poles + 1) * len(parts)) / self.data.count
-        parts = [replace(part, noise=part.noise / max(lost, 0.1)) for part in parts]
-        return replace(self, data=self.data.with_parts(parts))
+            power = (residual[:size] ** 2 + residual[size : 2 * size] ** 2) * old[part.line_of] / 2.0
+            merged = (
+                power[part.alone :].reshape(part.groups, UNKNOWNS).sum(axis=1)
+                + part.equations(_whole(theta, part)).left
+            )
+            widths = np.diff(part.edges)
+            noise.append(_smooth(np.append(power[: part.alone], np.repeat(merged / widths, widths))) / max(lost, 0.1))
+        return replace(self, noise=tuple(noise))
+
+
+def _whole(theta: FloatArray, part: RecordPart) -> int:
+    """Whole samples of a record in the delay."""
+    return round(float(theta[-1]) / part.sample_s)
 
 
 def _real(values: ComplexArray) -> FloatArray:
     return np.concatenate([values.real, values.imag])
 
 
-def _basis(omega: FloatArray, poles: ComplexArray, sample_s: float, weight: FloatArray) -> FloatArray:
-    """Orthonormal columns of what the ends of a record add through these poles, shape ``(2 f, n + 1)``."""
-    turn = np.exp(-1j * omega * sample_s)
-    below = np.prod(1.0 - np.exp(poles * sample_s)[:, None] * turn, axis=0)
-    return _ends(omega, poles.size + 1, sample_s, weight / below)
+def _basis(part: RecordPart, rows: Equations, poles: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Orthonormal columns of what the ends of a record add through these poles, shape ``(2 r, n + 1)``."""
+    turn = np.exp(-1j * part.nodes_rad_s * part.sample_s)
+    below = np.prod(1.0 - np.exp(poles * part.sample_s)[:, None] * turn, axis=0)
+    nodes = np.stack([turn**k / below for k in range(poles.size + 1)])
+    return _orthonormal(weight * part.at_rows(rows.ends, nodes))
 
 
-def _ends(omega: FloatArray, count: int, sample_s: float, weight: FloatArray | ComplexArray) -> FloatArray:
-    turn = np.exp(-1j * omega * sample_s)
-    columns = np.stack([_real(np.asarray(weight * turn**k, dtype=np.complex128)) for k in range(count)], axis=1)
-    return np.asarray(np.linalg.qr(columns)[0])
+def _orthonormal(rows: ComplexArray) -> FloatArray:
+    """Orthonormal real columns that span complex rows, shapes ``(n, r)`` and ``(2 r, n)``."""
+    return np.asarray(np.linalg.qr(np.concatenate([rows.real, rows.imag], axis=1).T)[0])
 
 
 def _smooth(power: FloatArray) -> FloatArray:

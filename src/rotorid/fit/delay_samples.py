@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.regression import regress
 from rotorid.typing import FloatArray
 
 _ORDER = 2
 _NEGLIGIBLE = 4.0
 _ROUNDING = 1e-20
+_NOTHING = 1e-300
+_ENOUGH = 20_000
+"""Predictions that are compared; of longer records some are left out, evenly spread."""
 
 
 def delay_in_samples(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], *, least: int, most: int) -> int:
@@ -48,30 +50,42 @@ def delay_in_samples(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]
     3
     """
     tried = range(least, most + 1)
-    losses = [_loss(inputs, outputs, delay + 1, least + 1, most + 1) for delay in tried]
-    if not losses or not np.isfinite(losses).any():
+    losses = _losses(inputs, outputs, tried)
+    if losses.size == 0 or not np.isfinite(losses).any():
         raise InsufficientDataError(
             "the records are shorter than the delays to try", needed=f"more than {most + 3 * _ORDER + 8} samples"
         )
-    samples = sum(y.size for y in outputs)
+    samples = min(sum(y.size for y in outputs), _ENOUGH)
     # A model whose first coefficient of the input is zero predicts as well with a delay of one sample less.
-    alike = np.flatnonzero(np.asarray(losses) <= min(losses) * (1.0 + _NEGLIGIBLE / samples) + _ROUNDING)
+    alike = np.flatnonzero(losses <= losses.min() * (1.0 + _NEGLIGIBLE / samples) + _ROUNDING)
     return list(tried)[int(alike[-1])]
 
 
-def _loss(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], d: int, least: int, most: int) -> float:
-    """Sum of squared one-step errors over the samples that all delays can predict."""
-    rows, targets = [], []
-    for u, y in zip(inputs, outputs, strict=True):
-        first, last = max(most, 0) + _ORDER, y.size + min(least, 0)
-        k = np.arange(first, last)
-        if k.size:
-            rows.append(np.stack([-y[k - 1], -y[k - 2], u[k - d], u[k - d - 1]], axis=1))
-            targets.append(y[k])
-    if not rows:
-        return np.inf
-    try:
-        fit = regress(np.concatenate(rows), np.concatenate(targets), ("a1", "a2", "b1", "b2"), ordered=False)
-    except InsufficientDataError:
-        return np.inf
-    return float(fit.residual @ fit.residual)
+def _losses(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], tried: range) -> FloatArray:
+    """Sum of squared one-step errors for each delay, over the samples that all delays can predict."""
+    least, most = tried.start + 1, tried.stop
+    step = 1 + sum(y.size for y in outputs) // _ENOUGH
+    spans = [np.arange(max(most, 0) + _ORDER, y.size + min(least, 0), step) for y in outputs]
+    if sum(k.size for k in spans) <= 2 * _ORDER:
+        return np.full(len(tried), np.inf)
+    past = np.concatenate([np.stack([y[k - 1], y[k - 2]], axis=1) for y, k in zip(outputs, spans, strict=True)])
+    own = np.linalg.qr(past)[0]
+
+    def beyond(signals: Sequence[FloatArray], lag: int) -> FloatArray:
+        """What the past of the output does not tell of a late signal."""
+        late = np.concatenate([signal[k - lag] for signal, k in zip(signals, spans, strict=True)])
+        return np.asarray(late - own @ (own.T @ late))
+
+    target, losses, here = beyond(outputs, 0), [], beyond(inputs, least)
+    for delay in tried:
+        before, here = here, beyond(inputs, delay + 2)
+        left = _without(target, before)
+        left = _without(left, _without(here, before))
+        losses.append(float(left @ left))
+    return np.array(losses)
+
+
+def _without(values: FloatArray, other: FloatArray) -> FloatArray:
+    """What is left of ``values`` beside ``other``; all of them where the other is nothing but rounding."""
+    power = float(other @ other)
+    return values - other * (float(other @ values) / power) if power > _NOTHING else values

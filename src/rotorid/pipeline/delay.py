@@ -13,15 +13,17 @@ from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.delay import DelayAnalysis, estimate_delay
+from rotorid.fit.delay import DelayAnalysis, estimate_delay, same_rate
 from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
-from rotorid.pipeline.cutting import cut, histories
+from rotorid.pipeline.cutting import cut, histories, other_sources
 from rotorid.pipeline.delay_document import DelayDocument, DelayPairDocument, delay_pair_document
 from rotorid.pipeline.delay_selection import chosen_maneuvers, default_pairs
+from rotorid.pipeline.identification import Segment
 from rotorid.pipeline.instruments import Flown, axes_of, find_instrument, is_command
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.selection import each_once
 from rotorid.pipeline.settings import MeasureSettings
+from rotorid.signal.clock import missing_channel
 from rotorid.signal.segment import excitation_signals
 from rotorid.typing import BoolArray
 
@@ -96,6 +98,7 @@ def delays(
     """
     settings = settings or MeasureSettings()
     each_once(records)
+    _require_known(settings.instruments, records)
     pairs = _pairs(records, input, output)
     found: dict[str, _Pair] = {}
     refusals: list[Finding] = []
@@ -106,11 +109,13 @@ def delays(
             if input is not None:
                 raise
             refusals.append(_refusal(error, source, answer))
-    if not found:
+    unseen = [finding for pair in found.values() for finding in pair.findings if finding.kind == "no_delay"]
+    if len(unseen) == len(found):
+        refusals += unseen
         raise InsufficientDataError(
             "no pair of channels shows a delay",
             needed="a set-point that moves and its response",
-            remedy="name a pair with --input and --output",
+            remedy="name another pair with --input and --output" if input else "name a pair with --input and --output",
             findings=refusals,
         )
     remarks = (
@@ -161,8 +166,13 @@ def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | Non
         return default_pairs(records)
     if input == output:
         raise UsageError(f"{input} came as input and as output", needed="different channels")
+    _require_known((input, output), records)
+    return ((input, output),)
+
+
+def _require_known(names: Sequence[str], records: Sequence[FlightRecord]) -> None:
     known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
-    for name in (input, output):
+    for name in names:
         if name not in known:
             close = ", ".join(get_close_matches(name, sorted(known), n=3))
             raise UsageError(
@@ -170,7 +180,6 @@ def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | Non
                 needed="names such as roll_command, p, az, or those of the mapping",
                 remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
             )
-    return ((input, output),)
 
 
 def _pair(
@@ -180,8 +189,14 @@ def _pair(
     flown, remarks = chosen_maneuvers(records, input, output, settings)
     instrument = _instrument(flown, input, output, settings)
     feedback = instrument != input
-    segments, cutting = cut(flown, channels=(input, output), shifts=settings.shifts)
-    response, measuring = _response(flown, input, output, instrument, settings)
+    segments, cutting = _cut_apart(flown, input, output, settings)
+    joint = settings.estimate != "direct" and feedback and instrument is not None
+    one_rate = same_rate(histories(segments))
+    if joint and not one_rate:
+        raise _needs_one_rate(segments, input)
+    response, cause = (
+        _response(flown, input, output, instrument if joint else None, settings) if one_rate else (None, "")
+    )
     analysis = estimate_delay(
         histories(segments),
         input=input,
@@ -191,6 +206,8 @@ def _pair(
         response=response,
         highest_rad_s=settings.band_rad_s[1] if settings.band_rad_s else np.inf,
     )
+    by_joint = joint and analysis.recommended.method == "response"
+    biased = [_biased(input, output, joint=joint, cause=cause)] if feedback and not by_joint else []
     return _Pair(
         analysis=analysis,
         document=delay_pair_document(
@@ -199,15 +216,39 @@ def _pair(
             instrument=instrument if feedback else None,
             maneuvers=[maneuver_document(record, maneuver) for record, maneuver in flown],
         ),
-        findings=(*remarks, *cutting, *measuring, *analysis.findings),
+        findings=(*remarks, *cutting, *biased, *analysis.findings),
         flown=tuple(flown),
+    )
+
+
+def _cut_apart(
+    flown: Sequence[Flown], input: str, output: str, settings: MeasureSettings
+) -> tuple[tuple[Segment, ...], tuple[Finding, ...]]:
+    """Maneuvers of each record by itself, at its own rate: resampling would move the delay."""
+    segments: list[Segment] = []
+    findings: list[Finding] = []
+    for record in {id(record): record for record, _ in flown}.values():
+        own = [item for item in flown if item[0] is record]
+        found, remarks = cut(own, channels=(input, output), shifts=settings.shifts)
+        segments += found
+        findings += remarks
+    findings += [one for one in other_sources(segments, segments, (input, output)) if one not in findings]
+    return tuple(segments), tuple(findings)
+
+
+def _needs_one_rate(segments: Sequence[Segment], input: str) -> UsageError:
+    rates = [segment.history.sample_rate_hz for segment in segments]
+    return UsageError(
+        f"records of {min(rates):.4g} to {max(rates):.4g} Hz came for {input}, which contains feedback",
+        needed="records of one rate, because it takes their joint frequency response",
+        remedy="give the logs of each rate by themselves, or use --estimate direct",
     )
 
 
 def _instrument(flown: Sequence[Flown], input: str, output: str, settings: MeasureSettings) -> str | None:
     """The channel that holds no feedback: the input itself, one that excites it, or ``None`` where none is known."""
     if settings.instruments:
-        return settings.instruments[0]
+        return _given_instrument(flown, output, settings.instruments)
     axis = axes_of((input,), (output,))[0]
     found = find_instrument(flown, axis)
     if found is not None:
@@ -217,25 +258,55 @@ def _instrument(flown: Sequence[Flown], input: str, output: str, settings: Measu
     return input if not is_command(input) and outside and outside[0] == input else None
 
 
+def _given_instrument(flown: Sequence[Flown], output: str, names: Sequence[str]) -> str:
+    if len(names) != 1:
+        raise UsageError(f"{len(names)} instruments for one input came", needed="one")
+    (name,) = names
+    if name == output:
+        raise UsageError(
+            f"{name} is the output itself",
+            needed="an instrument: a channel that excites the input and contains no feedback",
+            remedy="name another one, or use --estimate direct",
+        )
+    for record, _ in flown:
+        if name not in record.channel_names:
+            raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
+    return name
+
+
 def _response(
     flown: Sequence[Flown], input: str, output: str, instrument: str | None, settings: MeasureSettings
-) -> tuple[tuple[FrequencyResponse, BoolArray] | None, tuple[Finding, ...]]:
-    """The frequency response of the pair, joint where the input contains feedback, and its usable points."""
-    joint = settings.estimate != "direct" and instrument not in (None, input, output)
+) -> tuple[tuple[FrequencyResponse, BoolArray] | None, str]:
+    """The frequency response of the pair, joint where there is an instrument, and its usable points; or why not."""
     chosen = replace(
         settings,
-        instruments=(instrument,) if joint and instrument else (),
-        estimate="joint" if joint else "direct",
+        instruments=(instrument,) if instrument else (),
+        estimate="joint" if instrument else "direct",
     )
     try:
         measured = measure(flown, inputs=(input,), outputs=(output,), settings=chosen)
-    except InsufficientDataError:
+    except InsufficientDataError as error:
         # Too short for a window: the records themselves may still answer.
-        return None, ()
-    limit = settings.least_coherence(joint=joint)
-    used = measured.trusted_points(measured.response, limit)
-    biased = tuple(finding for finding in measured.findings if finding.kind == "closed_loop_bias")
-    return ((measured.response, used) if np.any(used) else None), biased
+        return None, str(error).rstrip(".")
+    used = measured.trusted_points(measured.response, settings.least_coherence(joint=instrument is not None))
+    return ((measured.response, used), "") if np.any(used) else (None, "no point of it is coherent")
+
+
+def _biased(input: str, output: str, *, joint: bool, cause: str) -> Finding:
+    """What to say of records alone where the input contains feedback."""
+    if joint:
+        why = f"no joint frequency response could be used ({cause or 'too few of its points are coherent'})"
+    else:
+        why = "no excitation free of feedback is logged or asked for"
+    return Finding(
+        kind="closed_loop_bias",
+        severity="warning",
+        where=f"{output}/{input}",
+        message=(
+            f"{input} may contain feedback of {output} and {why}, so its delay is that of the records alone. In closed "
+            "loop gusts and noise come back through the controller, which pulls the delay toward less than none."
+        ),
+    )
 
 
 def _refusal(error: InsufficientDataError, input: str, output: str) -> Finding:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.fit.delay import DelayAnalysis, DelayEstimate
+from rotorid.fit.delay import EARLIEST_S, LONGEST_S, DelayAnalysis
+from rotorid.fit.delay_estimate import DelayEstimate
 from rotorid.fit.delay_fit import OrderFit
 from rotorid.pipeline.document import FindingDocument, ManeuverDocument, ProvenanceDocument
 from rotorid.pipeline.document_base import Document
@@ -28,7 +28,7 @@ class DelayEstimateDocument(Document):
     """A delay by one method: ``records``, ``response`` or ``samples``.
 
     ``std_s`` and ``interval_s`` (95 %) tell what noise does within the model of ``order``; they are ``null`` for whole
-    samples. ``orders`` holds the delays beside other lags.
+    samples, and ``std_s`` also where the interval is not of its width. ``orders`` holds the delays beside other lags.
     """
 
     method: Literal["records", "response", "samples"]
@@ -47,11 +47,12 @@ class DelayPairDocument(Document):
 
     ``recommended`` is the estimate to use, ``others`` stand beside it for comparison. ``whole_band`` is there where the
     outputs had been filtered without phase: what a fit of all of the band would have said. ``feedback`` tells whether
-    the input contains feedback of the output, ``instrument`` the channel that removes its bias.
+    the input contains feedback of the output, ``instrument`` the channel that removes its bias. Where records differ,
+    ``sample_s`` is the longest sample interval among them and ``hold`` is ``mixed``.
     """
 
     sample_s: float
-    hold: Literal["held", "smooth"]
+    hold: Literal["held", "smooth", "mixed"]
     feedback: bool
     instrument: str | None = None
     recommended: DelayEstimateDocument
@@ -91,7 +92,7 @@ def _estimate(estimate: DelayEstimate, sample_s: float) -> DelayEstimateDocument
         method=estimate.method,
         delay_s=estimate.delay_s,
         delay_samples=estimate.delay_s / sample_s,
-        std_s=_finite(estimate.std_s),
+        std_s=_telling(estimate.std_s),
         interval_s=estimate.interval_s,
         order=estimate.order.words if estimate.order else None,
         meaning=estimate.meaning,
@@ -106,10 +107,11 @@ def _order(fit: OrderFit) -> OrderDelayDocument:
         zeros=fit.order.zeros,
         poles=fit.order.poles,
         delay_s=fit.delay_s,
-        std_s=_finite(fit.std_s),
+        std_s=_telling(fit.std_s),
         criterion=fit.criterion,
     )
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
+def _telling(value: float | None) -> float | None:
+    """A standard deviation, unless it is wider than all that was looked at and so tells nothing."""
+    return value if value is not None and value < LONGEST_S - EARLIEST_S else None

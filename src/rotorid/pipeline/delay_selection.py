@@ -98,7 +98,19 @@ def _whole(record: FlightRecord, axes: Sequence[Axis]) -> list[Flown]:
     except InsufficientDataError:
         # Nothing in the log tells take-off and landing.
         start_s, stop_s = record.start_s, record.stop_s
+        if stop_s <= start_s:
+            raise _one_sample(record) from None
         return [(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))]
+
+
+def _one_sample(record: FlightRecord) -> InsufficientDataError:
+    message = f"{record.source.name} holds samples of one moment only"
+    return InsufficientDataError(
+        message,
+        needed="a record of some seconds",
+        remedy="check how it was written",
+        findings=[Finding(kind="no_delay", severity="error", where=record.source.name, message=f"{message}.")],
+    )
 
 
 def _read_whole(record: FlightRecord, maneuver: Maneuver, input: str) -> Finding:

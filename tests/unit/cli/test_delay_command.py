@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.unit.cli.commands import Ran, rotorid
+from tests.unit.fit.late_lags import INPUT, RATE_HZ, late_lag
 
 from rotorid.pipeline.delay_document import DelayDocument
 
@@ -48,11 +50,12 @@ def test_quiet_says_nothing(flight: Path, tmp_path: Path) -> None:
     [
         (("--input", "roll_command"), 2, "came alone"),
         (("--input", "roll_comand", "--output", "p"), 2, "did you mean roll_command"),
+        ((*PAIR, "--instrument", "roll_excitatoin"), 2, "did you mean roll_excitation"),
         ((*PAIR, "--segment", "roll:9:5"), 2, "AXIS:START:STOP"),
         ((*PAIR, "--segment", "roll:900:990"), 1, "no given segment"),
         (("--input", "roll_command", "--output", "motor_1"), 1, "motor_1"),
     ],
-    ids=["alone", "slip", "backward", "outside", "no channel"],
+    ids=["alone", "slip", "instrument", "backward", "outside", "no channel"],
 )
 def test_trouble_is_a_sentence_and_a_code(
     options: tuple[str, ...], code: int, words: str, flight: Path, tmp_path: Path
@@ -61,4 +64,16 @@ def test_trouble_is_a_sentence_and_a_code(
     assert ran.code == code
     assert words in ran.err
     assert "Traceback" not in ran.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_noise_ends_with_one_and_says_why(tmp_path: Path) -> None:
+    history, rng = late_lag(1, 2.7), np.random.default_rng(77)
+    noise, time_s = rng.normal(size=history.values.shape[1]), np.arange(history.values.shape[1]) / RATE_HZ
+    log = tmp_path / "noise.csv"
+    columns = np.stack([time_s, history[INPUT], noise], axis=1)
+    np.savetxt(log, columns, delimiter=",", header="time [s],phi_setpoint [rad],phi [rad]", comments="")
+    ran = rotorid("delay", log, "--out", tmp_path / "out")
+    assert ran.code == 1
+    assert "no_delay" in ran.err
     assert not (tmp_path / "out").exists()

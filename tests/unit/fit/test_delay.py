@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, freqz, sosfiltfilt
-from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, record_of
+from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, record_of, slower
 
+from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.delay import AIRFRAME_ORDERS, estimate_delay, input_hold
+from rotorid.fit import delay_record
+from rotorid.fit.delay import AIRFRAME_ORDERS, LONGEST_S, estimate_delay, input_hold
+from rotorid.fit.delay_estimate import _consistent
 from rotorid.fit.delay_model import LateLag, Order
 from rotorid.fit.delay_record import RecordFit, record_spectra
 from rotorid.typing import FloatArray
@@ -77,10 +80,10 @@ def test_several_records_tell_more_than_one() -> None:
 def test_residuals_do_not_see_where_a_record_begins() -> None:
     whole = late_lag(3, 1.4, samples=900, noise=0.0)
     part = record_of(whole[INPUT][217:], whole[OUTPUT][217:])
-    data = record_spectra([part], input=INPUT, output=OUTPUT, delays_s=(-0.1, 0.3), highest_rad_s=40.0)
+    data = record_spectra([part], input=INPUT, output=OUTPUT, holds=["held"], delays_s=(-0.1, 0.3), highest_rad_s=40.0)
     model = LateLag(order=Order(0, 2), scale_rad_s=9.0, hold="held", sample_s=1.0 / RATE_HZ)
     theta = np.array([1.0, 2.0 * 0.8, 1.0, 1.4 / RATE_HZ])
-    residual, _ = RecordFit(data=data, model=model).residuals(theta)
+    residual, _ = RecordFit(data=data, noise=data.white, model=model).residuals(theta)
     level = np.sqrt(2.0) * np.linalg.norm(data.parts[0].output)
     assert np.linalg.norm(residual) < 5e-3 * level
 
@@ -130,12 +133,111 @@ def test_hold_is_read_from_the_input() -> None:
 def test_wrong_records_are_refused() -> None:
     short = late_lag(0, 0.0, samples=30)
     still = record_of(np.zeros(300), np.random.default_rng(0).normal(size=300))
-    slower = record_of(*late_lag(0, 0.0).values, rate_hz=25.0)
     with pytest.raises(InsufficientDataError, match="no record"):
         estimate_delay([], input=INPUT, output=OUTPUT)
     with pytest.raises(InsufficientDataError, match="does not move"):
         estimate_delay([still], input=INPUT, output=OUTPUT)
     with pytest.raises(InsufficientDataError, match="lines"):
         estimate_delay([short], input=INPUT, output=OUTPUT)
-    with pytest.raises(UsageError, match="one rate"):
-        estimate_delay([late_lag(0, 0.0), slower], input=INPUT, output=OUTPUT)
+
+
+def test_records_of_different_rates_keep_their_own() -> None:
+    fast = late_lag(0, 2.7, samples=1200, hold_samples=6)
+    slow = slower(late_lag(1, 2.7, samples=1200, hold_samples=6))
+    both, *alone = (
+        estimate_delay(records, input=INPUT, output=OUTPUT, orders=SECOND) for records in ([fast, slow], [fast], [slow])
+    )
+    assert both.hold == "held"
+    assert both.sample_s == pytest.approx(2.0 / RATE_HZ)
+    # Whole samples of different length are no common measure.
+    assert {estimate.method for estimate in both.others} == set()
+    assert both.recommended.std_s is not None
+    assert all(one.recommended.std_s is not None for one in alone)
+    stds = [one.recommended.std_s or np.inf for one in alone]
+    # Both together tell as much as two independent measurements do.
+    assert both.recommended.std_s == pytest.approx(float(np.sum([std**-2.0 for std in stds])) ** -0.5, rel=0.1)
+    assert abs(both.recommended.delay_s - 2.7 / RATE_HZ) < 4.0 * both.recommended.std_s
+
+
+def test_each_record_has_its_own_hold() -> None:
+    held = late_lag(0, 2.7)
+    # Forty samples to a period and more: between them the input is as smooth as its samples.
+    smooth = np.sin(2.0 * np.pi * np.cumsum(np.linspace(0.1, 1.25, 600)) / RATE_HZ)
+    other = record_of(smooth, late_lag(1, 0.0)[OUTPUT])
+    assert estimate_delay([held, other], input=INPUT, output=OUTPUT, orders=SECOND).hold == "mixed"
+
+
+def test_a_frequency_response_of_different_rates_is_refused() -> None:
+    fast = late_lag(0, 2.7, samples=900)
+    omega = np.linspace(1.0, 30.0, 20)
+    response = FrequencyResponse(
+        inputs=(INPUT,),
+        outputs=(OUTPUT,),
+        omega_rad_s=omega,
+        values=np.exp(-0.05j * omega)[None, None],
+        coherence=np.ones((1, 1, 20)),
+        random_error=np.full((1, 1, 20), 0.01),
+        covariance=1e-4 * np.eye(20, dtype=np.complex128)[None, None],
+        estimate="direct",
+        windows_s=(5.0,),
+    )
+    with pytest.raises(UsageError, match="each rate by themselves"):
+        estimate_delay(
+            [fast, slower(fast)],
+            input=INPUT,
+            output=OUTPUT,
+            response=(response, np.ones((1, 1, 20), dtype=np.bool_)),
+        )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_shows_no_delay(seed: int) -> None:
+    u, noise = late_lag(seed, 2.7)[INPUT], np.random.default_rng(100 + seed).normal(size=600)
+    found = estimate_delay([record_of(u, noise)], input=INPUT, output=OUTPUT)
+    assert [finding.kind for finding in found.findings if finding.severity == "warning"] == ["no_delay"]
+    assert found.recommended.unseen
+
+
+def test_a_delay_beyond_the_limits_is_not_seen() -> None:
+    found = estimate_delay([late_lag(0, 25.0, samples=900)], input=INPUT, output=OUTPUT)
+    assert 25.0 / RATE_HZ > LONGEST_S
+    assert "no_delay" in {finding.kind for finding in found.findings}
+    assert "300 ms" in found.recommended.unseen
+
+
+def test_a_standard_deviation_is_given_only_where_the_interval_is_of_its_width() -> None:
+    """Where the poles of a second order merge, the curvature of the cost says nothing about its width."""
+    assert _consistent(2.9, (0.08, 0.095)) is None
+    assert _consistent(0.004, (0.08, 0.095)) == 0.004
+
+
+def test_merged_lines_say_what_all_of_them_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    record = late_lag(2, 2.7, samples=12_000, hold_samples=1)
+    merged = estimate_delay([record], input=INPUT, output=OUTPUT, orders=SECOND).recommended
+    monkeypatch.setattr(delay_record, "MOST_LINES", 100_000)
+    every = estimate_delay([record], input=INPUT, output=OUTPUT, orders=SECOND).recommended
+    assert merged.std_s is not None
+    assert every.std_s is not None
+    assert merged.std_s == pytest.approx(every.std_s, rel=0.02)
+    # What merging changes is small beside what noise does.
+    assert abs(merged.delay_s - every.delay_s) < 0.1 * every.std_s
+    assert abs(merged.delay_s - 2.7 / RATE_HZ) < 4.0 * every.std_s
+
+
+@pytest.mark.parametrize("samples", [-7, -1, 0, 1, 14])
+def test_a_moved_window_has_the_transform_of_its_samples(samples: int) -> None:
+    record = late_lag(0, 2.7)
+    data = record_spectra([record], input=INPUT, output=OUTPUT, holds=["held"], delays_s=(-0.15, 0.3))
+    part = data.thin.parts[0].thinned(9)
+    begin = part.first - samples
+    direct = np.fft.rfft(record[INPUT][begin : begin + part.count])[part.bins]
+    np.testing.assert_allclose(part.input_lines(samples), direct, atol=1e-11)
+
+
+def test_spectra_are_values() -> None:
+    record = late_lag(0, 2.7)
+    part = record_spectra([record], input=INPUT, output=OUTPUT, holds=["held"], delays_s=(-0.15, 0.3)).parts[0]
+    assert part.equations(1) is part.equations(1)
+    for name in ("omega_rad_s", "output", "input", "bins", "drive", "edges"):
+        assert not getattr(part, name).flags.writeable, name
+    assert not np.shares_memory(part.input, record.values)

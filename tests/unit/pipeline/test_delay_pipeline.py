@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag
+from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slower
 
 from rotorid.data.channel import STANDARD_UNITS, Channel
 from rotorid.data.record import FlightRecord, Source, Topic
@@ -18,10 +18,10 @@ from rotorid.typing import FloatArray
 DELAY_SAMPLES = 2.7
 
 
-def log(columns: dict[str, FloatArray], name: str = "log") -> FlightRecord:
+def log(columns: dict[str, FloatArray], name: str = "log", rate_hz: float = RATE_HZ) -> FlightRecord:
     channels = tuple(Channel(name=column, unit=STANDARD_UNITS[column]) for column in columns)
     values = np.stack(list(columns.values()))
-    topic = Topic(name="log", time_s=np.arange(values.shape[1]) / RATE_HZ, channels=channels, values=values)
+    topic = Topic(name="log", time_s=np.arange(values.shape[1]) / rate_hz, channels=channels, values=values)
     return FlightRecord(source=Source(name=name, format="twin", sha256=name), topics=(topic,))
 
 
@@ -93,3 +93,84 @@ def test_segments_outside_of_the_log_are_refused(record: FlightRecord) -> None:
     document = refused_delay(refused.value, [record], settings=settings)
     assert document.pairs == {}
     assert [finding.kind for finding in document.findings] == ["no_excitation"]
+
+
+def test_logs_of_different_rates_keep_their_own() -> None:
+    fast, slow = (late_lag(seed, DELAY_SAMPLES, samples=1200, hold_samples=6) for seed in (1, 2))
+    slow = slower(slow)
+    logs = [
+        log({INPUT: one[INPUT], OUTPUT: one[OUTPUT]}, name, one.sample_rate_hz)
+        for one, name in ((fast, "fast"), (slow, "slow"))
+    ]
+    result = delays(logs, input=INPUT, output=OUTPUT)
+    pair = result.document.pairs[f"{OUTPUT}/{INPUT}"]
+    assert pair.hold == "held"
+    assert pair.recommended.std_s is not None
+    assert abs(pair.recommended.delay_s - DELAY_SAMPLES / RATE_HZ) < 4.0 * pair.recommended.std_s
+    assert not any("were brought to" in finding.message for finding in result.document.findings)
+
+
+def test_feedback_in_logs_of_different_rates_is_refused() -> None:
+    fast = late_lag(1, DELAY_SAMPLES, samples=1200, hold_samples=6)
+    logs = [
+        log({INPUT: one[INPUT], "phi": one[OUTPUT], "p": one[OUTPUT]}, name, one.sample_rate_hz)
+        for one, name in ((fast, "fast"), (slower(fast), "slow"))
+    ]
+    settings = MeasureSettings(instruments=("p",))
+    with pytest.raises(UsageError, match="each rate by themselves"):
+        delays(logs, input=INPUT, output=OUTPUT, settings=settings)
+
+
+def test_feedback_without_an_instrument_is_warned_of() -> None:
+    history = late_lag(1, DELAY_SAMPLES)
+    found = delays([log({"roll_command": history[INPUT], "p": history[OUTPUT]})]).document
+    assert found.pairs["p/roll_command"].feedback
+    (finding,) = [finding for finding in found.findings if finding.kind == "closed_loop_bias"]
+    assert finding.where == "p/roll_command"
+
+
+@pytest.mark.parametrize(
+    ("instruments", "words"),
+    [
+        (("phi_setpiont",), "did you mean phi_setpoint"),
+        ((OUTPUT,), "the output itself"),
+        ((INPUT, "theta"), "needed: one"),
+    ],
+)
+def test_wrong_instruments_are_named(instruments: tuple[str, ...], words: str, record: FlightRecord) -> None:
+    settings = MeasureSettings(instruments=instruments)
+    with pytest.raises(UsageError, match=words):
+        delays([record], input=INPUT, output=OUTPUT, settings=settings)
+
+
+def test_an_instrument_that_is_not_logged_is_missed(record: FlightRecord) -> None:
+    with pytest.raises(InsufficientDataError, match="holds no roll_excitation"):
+        delays([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(instruments=("roll_excitation",)))
+
+
+def test_why_there_is_no_joint_response_is_said(record: FlightRecord) -> None:
+    # The other set-point rests: nothing of the input is coherent with it.
+    settings = MeasureSettings(instruments=("theta_setpoint",))
+    found = delays([record], input=INPUT, output=OUTPUT, settings=settings).document
+    (finding,) = [finding for finding in found.findings if finding.kind == "closed_loop_bias"]
+    assert found.pairs[f"{OUTPUT}/{INPUT}"].recommended.method == "records"
+    assert "no joint frequency response could be used (" in finding.message
+
+
+def test_noise_shows_no_delay() -> None:
+    history = late_lag(1, DELAY_SAMPLES)
+    noise = np.random.default_rng(77).normal(size=history.values.shape[1])
+    with pytest.raises(InsufficientDataError, match="no pair of channels shows a delay") as refused:
+        delays([log({INPUT: history[INPUT], OUTPUT: noise})])
+    assert [finding.kind for finding in refused.value.findings] == ["no_delay"]
+    seen = delays(
+        [log({INPUT: history[INPUT], OUTPUT: history[OUTPUT], "theta_setpoint": history[INPUT], "theta": noise})]
+    )
+    (finding,) = [finding for finding in seen.document.findings if finding.kind == "no_delay"]
+    assert finding.where == "theta/theta_setpoint"
+
+
+def test_one_sample_is_refused() -> None:
+    one = np.ones(1)
+    with pytest.raises(InsufficientDataError, match="one moment"):
+        delays([log({INPUT: one, OUTPUT: one})], input=INPUT, output=OUTPUT)
