@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
 from rotorid.data.findings import Finding
 from rotorid.data.immutable import Immutable, read_only
-from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fit.black_box_starts import Start, StartPlan, black_box_starts
 from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
 from rotorid.fit.output_error import OutputErrorFit, fit_output_error
-from rotorid.fit.time_data import TimeData
+from rotorid.fit.time_data import TimeData, require_records
 from rotorid.fit.time_problem import TimeProblem, Unknown
 from rotorid.models.black_box import best_references, black_box, black_box_pairs, from_state_space
 from rotorid.models.parameter import ParameterSet
@@ -104,7 +105,7 @@ def fit_black_box(
     UsageError
         The records do not go with the names or with each other.
     """
-    _check(records, inputs, outputs)
+    require_records(records, inputs=inputs, outputs=outputs, unknowns=unknowns, known=get_args(Unknown))
     plan = replace(plan or StartPlan(), stable=stable)
     starts = _starts(records, order, delays=delays, hold=hold, unknowns=unknowns, plan=plan)
     size = np.hstack([record.outputs for record in records]).std(axis=1)
@@ -159,7 +160,9 @@ def fit_black_box_pairs(
         As for :func:`fit_black_box`.
     """
     structure = black_box_pairs(order, pairs, delays=delays, stable=stable)
-    _check(records, structure.inputs, structure.outputs)
+    require_records(
+        records, inputs=structure.inputs, outputs=structure.outputs, unknowns=unknowns, known=get_args(Unknown)
+    )
     alone = [
         fit_black_box(
             [_row(record, number) for record in records],
@@ -193,17 +196,6 @@ def fit_black_box_pairs(
         singular_values=np.sort(np.concatenate([one.singular_values for one in alone]))[::-1],
         findings=tuple(finding for one in alone for finding in one.findings),
     )
-
-
-def _check(records: Sequence[TimeData], inputs: Sequence[str], outputs: Sequence[str]) -> None:
-    if not records:
-        raise UsageError("no record came", needed="at least one")
-    for record in records:
-        if (len(record.inputs), len(record.outputs)) != (len(inputs), len(outputs)):
-            raise UsageError(
-                f"{record.name} has {len(record.inputs)} inputs and {len(record.outputs)} outputs",
-                needed=f"the inputs {', '.join(inputs)} and the outputs {', '.join(outputs)}",
-            )
 
 
 def _row(record: TimeData, number: int) -> TimeData:

@@ -16,11 +16,11 @@ from typing import NamedTuple, get_args
 import numpy as np
 
 from rotorid.data.immutable import Immutable
-from rotorid.errors import ModelError, UsageError
+from rotorid.errors import ModelError
 from rotorid.fit.innovations_gram import Gram
 from rotorid.fit.innovations_system import Followed, follow
 from rotorid.fit.noise_model import NoiseModel, noise_model
-from rotorid.fit.time_data import TimeData
+from rotorid.fit.time_data import TimeData, require_records
 from rotorid.fit.time_problem import Part, Unknown
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
@@ -128,18 +128,13 @@ class InnovationsProblem(Immutable):
     unknowns: tuple[Unknown, ...] = ("initial_state", "output_shift", "state_bias")
 
     def __post_init__(self) -> None:
-        shape = (len(self.structure.inputs), len(self.structure.outputs))
-        if not self.records:
-            raise UsageError("no record came", needed="at least one")
-        for record in self.records:
-            if (len(record.inputs), len(record.outputs)) != shape:
-                raise UsageError(
-                    f"{record.name} has {len(record.inputs)} inputs and {len(record.outputs)} outputs",
-                    needed=f"the {shape[0]} inputs and {shape[1]} outputs of {self.structure.name}",
-                )
-        for unknown in self.unknowns:
-            if unknown not in get_args(Unknown):
-                raise UsageError(f"the unknown {unknown!r} came", needed=f"of {', '.join(get_args(Unknown))}")
+        require_records(
+            self.records,
+            inputs=self.structure.inputs,
+            outputs=self.structure.outputs,
+            unknowns=self.unknowns,
+            known=get_args(Unknown),
+        )
         noise = self.noise or noise_model(self.structure, self.parameters, self.records)
         self._set(records=tuple(self.records), noise=noise, unknowns=tuple(self.unknowns))
 

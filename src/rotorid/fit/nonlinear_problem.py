@@ -11,7 +11,7 @@ import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import ModelError, UsageError
-from rotorid.fit.time_data import TimeData
+from rotorid.fit.time_data import TimeData, require_records
 from rotorid.fit.time_problem import Fitted, Part
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
@@ -83,23 +83,19 @@ class NonlinearProblem(Immutable):
     noise: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        shape = (len(self.structure.inputs), len(self.structure.outputs))
-        if not self.records:
-            raise UsageError("no record came", needed="at least one")
-        for record in self.records:
-            if (len(record.inputs), len(record.outputs)) != shape:
-                raise UsageError(
-                    f"{record.name} has {len(record.inputs)} inputs and {len(record.outputs)} outputs",
-                    needed=f"the {shape[0]} inputs and {shape[1]} outputs of {self.structure.name}",
-                )
+        outputs = len(self.structure.outputs)
+        require_records(
+            self.records,
+            inputs=self.structure.inputs,
+            outputs=self.structure.outputs,
+            unknowns=self.unknowns,
+            known=get_args(NonlinearUnknown),
+        )
         if missing := [name for name in self.structure.parameters.names if name not in self.parameters.names]:
             raise UsageError(f"{self.structure.name} has {', '.join(missing)}, which the parameters lack")
-        for unknown in self.unknowns:
-            if unknown not in get_args(NonlinearUnknown):
-                raise UsageError(f"the unknown {unknown!r} came", needed=f"of {', '.join(get_args(NonlinearUnknown))}")
         noise = read_only(self.noise if self.noise.size else self._variances(), np.float64, ndim=2)
-        if noise.shape != (shape[1], shape[1]):
-            raise UsageError(f"a noise of shape {noise.shape} came", needed=f"shape ({shape[1]}, {shape[1]})")
+        if noise.shape != (outputs, outputs):
+            raise UsageError(f"a noise of shape {noise.shape} came", needed=f"shape ({outputs}, {outputs})")
         self._set(records=tuple(self.records), noise=noise)
 
     def _variances(self) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -97,3 +98,40 @@ class TimeData(Immutable):
             )
             for start, stop in pairwise(edges)
         )
+
+
+def require_records(
+    records: Sequence[TimeData],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    unknowns: Sequence[str],
+    known: Sequence[str],
+) -> None:
+    """Refuse records that have other rows than a model has channels, and unknowns that there are not.
+
+    Parameters
+    ----------
+    records
+        What will be fitted.
+    inputs, outputs
+        Channels of the model.
+    unknowns, known
+        What is to be estimated beside the parameters, and what can be.
+
+    Raises
+    ------
+    UsageError
+        There is no record, one has other rows, or an unknown is none.
+    """
+    if not records:
+        raise UsageError("no record came", needed="at least one")
+    for record in records:
+        if (len(record.inputs), len(record.outputs)) != (len(inputs), len(outputs)):
+            raise UsageError(
+                f"{record.name} has {len(record.inputs)} inputs and {len(record.outputs)} outputs",
+                needed=f"the inputs {', '.join(inputs)} and the outputs {', '.join(outputs)}",
+            )
+    for unknown in unknowns:
+        if unknown not in known:
+            raise UsageError(f"the unknown {unknown!r} came", needed=f"of {', '.join(known)}")

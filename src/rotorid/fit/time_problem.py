@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
-from rotorid.errors import ModelError, UsageError
-from rotorid.fit.time_data import TimeData
+from rotorid.errors import ModelError
+from rotorid.fit.time_data import TimeData, require_records
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.simulate.hold import Hold
@@ -89,18 +89,13 @@ class TimeProblem(Immutable):
     noise: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        shape = (len(self.structure.inputs), len(self.structure.outputs))
-        if not self.records:
-            raise UsageError("no record came", needed="at least one")
-        for record in self.records:
-            if (len(record.inputs), len(record.outputs)) != shape:
-                raise UsageError(
-                    f"{record.name} has {len(record.inputs)} inputs and {len(record.outputs)} outputs",
-                    needed=f"the {shape[0]} inputs and {shape[1]} outputs of {self.structure.name}",
-                )
-        for unknown in self.unknowns:
-            if unknown not in get_args(Unknown):
-                raise UsageError(f"the unknown {unknown!r} came", needed=f"of {', '.join(get_args(Unknown))}")
+        require_records(
+            self.records,
+            inputs=self.structure.inputs,
+            outputs=self.structure.outputs,
+            unknowns=self.unknowns,
+            known=get_args(Unknown),
+        )
         noise = self.noise if self.noise.size else self._variances()
         self._set(records=tuple(self.records), noise=read_only(noise, np.float64, ndim=2))
 
