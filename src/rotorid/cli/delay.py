@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.console import progress, say_refused
+from rotorid.cli.measure_options import measure_choices
 from rotorid.cli.names import default_folder
 from rotorid.cli.options import (
     Band,
@@ -57,18 +58,20 @@ def delay_command(
     from rotorid.io.registry import read
     from rotorid.io.store import write_atomically
     from rotorid.pipeline.delay import delays, refused_delay
-    from rotorid.pipeline.settings import MeasureSettings, parse_band, parse_numbers, parse_segment, parse_shifts
+    from rotorid.pipeline.settings import MeasureSettings
     from rotorid.report.output import to_json, write_together
 
     settings = MeasureSettings(
-        band_rad_s=parse_band(band) if band else None,
-        windows_s=parse_numbers(windows) if windows else (),
-        coherence=coherence,
-        estimate=estimate,  # type: ignore[arg-type]
-        instruments=tuple(name.strip() for name in instrument.split(",")) if instrument else (),
-        segments=tuple(parse_segment(text) for text in segment or ()),
-        shifts=parse_shifts(tuple(shift or ())),
-        seed=seed,
+        **measure_choices(
+            band=band,
+            windows=windows,
+            coherence=coherence,
+            estimate=estimate,
+            instrument=instrument,
+            segment=segment,
+            shift=shift,
+            seed=seed,
+        ),
     )
     folder = out or default_folder(logs[0], "delay")
     command = ["rotorid", *sys.argv[1:]]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.console import progress, say_refused
+from rotorid.cli.measure_options import channel_names, measure_choices
 from rotorid.cli.names import default_folder
 from rotorid.cli.options import (
     Band,
@@ -99,26 +100,24 @@ def identify_command(
     from rotorid.pipeline.resolve import finds_its_channels, require_known, resolve_model
     from rotorid.pipeline.settings import (
         IdentifySettings,
-        parse_band,
         parse_fix,
-        parse_numbers,
         parse_pairs,
-        parse_segment,
-        parse_shifts,
         parse_ties,
     )
     from rotorid.pipeline.time_crossed import cross_validated, parse_kind
     from rotorid.report.output import to_json, write_results
 
     settings = IdentifySettings(
-        band_rad_s=parse_band(band) if band else None,
-        windows_s=parse_numbers(windows) if windows else (),
-        coherence=coherence,
-        estimate=estimate,  # type: ignore[arg-type]
-        instruments=channel_names(instrument),
-        segments=tuple(parse_segment(text) for text in segment or ()),
-        shifts=parse_shifts(tuple(shift or ())),
-        seed=seed,
+        **measure_choices(
+            band=band,
+            windows=windows,
+            coherence=coherence,
+            estimate=estimate,
+            instrument=instrument,
+            segment=segment,
+            shift=shift,
+            seed=seed,
+        ),
         fix=parse_fix(tuple(fix or ())),
         ties=parse_ties(tuple(tie or ())),
         free=tuple(free or ()),
@@ -165,11 +164,6 @@ def identify_command(
         sys.stdout.write(to_json(result.document))
     elif not quiet:
         print_result(result.document, folder)
-
-
-def channel_names(text: str | None) -> tuple[str, ...]:
-    """``CHANNEL,...`` as names."""
-    return tuple(name.strip() for name in text.split(",")) if text else ()
 
 
 def print_result(document: ResultDocument, folder: Path) -> None:

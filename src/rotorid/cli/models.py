@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from rotorid.cli.identify import channel_names
+from rotorid.cli.measure_options import channel_names
 
 if TYPE_CHECKING:
     from rotorid.models.structure import LinearStructure

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.console import progress, say_refused
+from rotorid.cli.measure_options import measure_choices
 from rotorid.cli.names import default_folder
 from rotorid.cli.options import (
     Band,
@@ -109,18 +110,20 @@ def _settings(
     shift: Sequence[str] | None,
     seed: int,
 ) -> ResponseSettings:
-    from rotorid.pipeline.settings import ResponseSettings, parse_band, parse_numbers, parse_segment, parse_shifts
+    from rotorid.pipeline.settings import ResponseSettings
 
     return ResponseSettings(
-        band_rad_s=parse_band(band) if band else None,
-        windows_s=parse_numbers(windows) if windows else (),
-        coherence=coherence,
-        estimate=estimate,  # type: ignore[arg-type]
-        instruments=tuple(name.strip() for name in instrument.split(",")) if instrument else (),
         correct_filters=correct_filters,
-        segments=tuple(parse_segment(text) for text in segment or ()),
-        shifts=parse_shifts(tuple(shift or ())),
-        seed=seed,
+        **measure_choices(
+            band=band,
+            windows=windows,
+            coherence=coherence,
+            estimate=estimate,
+            instrument=instrument,
+            segment=segment,
+            shift=shift,
+            seed=seed,
+        ),
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.console import progress, say_refused
+from rotorid.cli.measure_options import measure_choices
 from rotorid.cli.names import default_folder
 from rotorid.cli.options import (
     Band,
@@ -113,18 +114,19 @@ def _settings(
     scale: float | None,
     controller: Path | None,
 ) -> VerifySettings:
-    from rotorid.pipeline.settings import parse_band, parse_numbers, parse_segment, parse_shifts
     from rotorid.pipeline.verify import VerifySettings
     from rotorid.pipeline.verify_controller import read_controllers
 
     return VerifySettings(
-        band_rad_s=parse_band(band) if band else None,
-        windows_s=parse_numbers(windows) if windows else (),
-        coherence=coherence,
-        estimate=estimate,  # type: ignore[arg-type]
-        instruments=tuple(name.strip() for name in instrument.split(",")) if instrument else (),
-        segments=tuple(parse_segment(text) for text in segment or ()),
-        shifts=parse_shifts(tuple(shift or ())),
+        **measure_choices(
+            band=band,
+            windows=windows,
+            coherence=coherence,
+            estimate=estimate,
+            instrument=instrument,
+            segment=segment,
+            shift=shift,
+        ),
         scale=scale,
         vibration_filter=_low_pass(low_pass),
         controllers=read_controllers(controller) if controller else {},

@@ -130,13 +130,10 @@ def _searched(problem: TimeProblem, starts: Sequence[FloatArray], solver: Levenb
     if brief is problem:
         return best
     places = [best.theta, *(one.theta for one in best.others)]
-    ranked = sorted((Minimum(float(np.sum(problem.residuals(one)[0] ** 2)), one) for one in places), key=_cost)
-    lowest, *others = (one for one in ranked if np.isfinite(one.cost))
-    return replace(solver.minimize(problem.residuals, lowest.theta, *problem.box), others=tuple(others))
-
-
-def _cost(minimum: Minimum) -> float:
-    return minimum.cost if np.isfinite(minimum.cost) else np.inf
+    whole = [Minimum(float(np.sum(problem.residuals(theta)[0] ** 2)), theta) for theta in places]
+    ranked = sorted((one for one in whole if np.isfinite(one.cost)), key=lambda one: one.cost) or whole[:1]
+    solution = solver.minimize(problem.residuals, ranked[0].theta, *problem.box)
+    return replace(best_of([solution], name=problem.structure.name), others=tuple(ranked[1:]))
 
 
 def _covariance(problem: TimeProblem, theta: FloatArray, *, correlated: bool) -> FloatArray:

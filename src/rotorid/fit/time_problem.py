@@ -171,10 +171,12 @@ class TimeProblem(Immutable):
 
     def predicted(self, theta: FloatArray) -> tuple[Fitted, ...]:
         """Every record with what the model predicts, unknowns estimated."""
-        return tuple(
-            Fitted(record, (moved.outputs + self._unknown(moved) @ self._coefficients(record, moved)).T)
-            for record, moved in self._motions(theta)
-        )
+        found = []
+        for record, moved in self._motions(theta):
+            unknown = self._unknown(moved)
+            _, coefficients = self._explained(record, moved, unknown)
+            found.append(Fitted(record, (moved.outputs + unknown @ coefficients).T))
+        return tuple(found)
 
     def _motions(self, theta: FloatArray) -> Iterator[tuple[TimeData, Motion]]:
         parameters = self.parameters.unpack(theta)
@@ -197,20 +199,17 @@ class TimeProblem(Immutable):
         samples, outputs = moved.outputs.shape
         return np.concatenate([moved.free, np.broadcast_to(np.eye(outputs), (samples, outputs, outputs))], axis=2)
 
-    def _coefficients(self, record: TimeData, moved: Motion) -> FloatArray:
-        """The unknowns that explain a record best, shape ``(k,)``."""
-        return self._explained(record, moved)[1]
-
-    def _explained(self, record: TimeData, moved: Motion) -> tuple[FloatArray, FloatArray]:
+    def _explained(self, record: TimeData, moved: Motion, unknown: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Orthonormal basis of what the unknowns can explain, whitened, and their best values."""
         target = (record.outputs.T - moved.outputs) @ self.whitening.T
-        columns = _mixed(self.whitening, self._unknown(moved))
+        columns = _mixed(self.whitening, unknown)
         return _projection(columns.reshape(target.size, -1), target.ravel())
 
     def _part(self, record: TimeData, moved: Motion) -> Part:
-        basis, coefficients = self._explained(record, moved)
+        unknown = self._unknown(moved)
+        basis, coefficients = self._explained(record, moved, unknown)
         shape = moved.outputs.shape
-        error = record.outputs.T - moved.outputs - self._unknown(moved) @ coefficients
+        error = record.outputs.T - moved.outputs - unknown @ coefficients
         # Minus: the residual falls as the prediction rises.
         slopes = moved.slopes(coefficients[: moved.free.shape[2]], -self.whitening)
         slopes = slopes.reshape(error.size, len(self.parameters.free))
