@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from tests.reference.s500_records import record_of
 
-import rotorid
 from rotorid.fit.regression import CONSTANT
 from rotorid.fit.structure_equation_error import EquationErrorFit, fit_equation_error
 from rotorid.fit.structure_equation_stepwise import stepwise_equation
@@ -19,9 +19,7 @@ from rotorid.fit.time_data import TimeData
 from rotorid.fit.time_equation_error import InBand, InTime
 from rotorid.models.catalog import library_model
 from rotorid.models.structure import LinearStructure
-from rotorid.units import STANDARD_GRAVITY_M_S2
 
-RATE_HZ = 200.0
 BAND = InBand(band_rad_s=(0.6, 20.0))
 MANY = 5000
 """Samples of each record that are enough to compare domains: twenty-five seconds."""
@@ -42,19 +40,6 @@ class Flight(NamedTuple):
     truth: Mapping[str, float]
 
 
-def data(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> TimeData:
-    (topic,) = rotorid.read(path).topics
-    rows = {name: topic.values[topic.row(name)] for name in (*inputs, *outputs)}
-    if "az" in rows:
-        rows["az"] = rows["az"] + STANDARD_GRAVITY_M_S2
-    return TimeData(
-        name=path.stem,
-        inputs=np.stack([rows[name] for name in inputs]),
-        outputs=np.stack([rows[name] for name in outputs]),
-        sample_rate_hz=RATE_HZ,
-    )
-
-
 @pytest.fixture(scope="module", params=MOTIONS)
 def flight(request: pytest.FixtureRequest, shared_data: Path) -> Flight:
     folder = shared_data / "s500"
@@ -66,7 +51,9 @@ def flight(request: pytest.FixtureRequest, shared_data: Path) -> Flight:
         # What the simulator has not, and the library's lag.
         parameters = parameters if name in truth else parameters.drop(name)
     structure = whole.condensed(parameters)
-    return Flight(structure, tuple(data(folder / f"{name}.csv", structure.inputs, outputs) for name in files), truth)
+    return Flight(
+        structure, tuple(record_of(folder / f"{name}.csv", structure.inputs, outputs) for name in files), truth
+    )
 
 
 @pytest.fixture(scope="module")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from tests.reference.s500_records import record_of
 
-import rotorid
 from rotorid.fit.innovations import InnovationsProblem
 from rotorid.fit.innovations_fit import fit_prediction_error
 from rotorid.fit.innovations_solution import PredictionErrorFit
@@ -23,11 +23,9 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_covariance
-from rotorid.units import STANDARD_GRAVITY_M_S2
 
 WITHIN, WEAK_WITHIN, WEAK = 0.015, 0.04, ("X_q", "Y_p")
 DELAY_WITHIN_S = 0.5e-3
-RATE_HZ = 200.0
 MOTIONS = {
     "longitudinal": (("pitch_sweeps", "thrust_sweeps"), ("q", "u", "w", "theta", "ax", "az")),
     "lateral": (("roll_sweeps", "yaw_sweeps"), ("p", "r", "v", "phi", "ay")),
@@ -50,19 +48,6 @@ class Flight(NamedTuple):
         return np.array([values[name] - self.truth[name] for name in self.start.free])
 
 
-def data(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> TimeData:
-    (topic,) = rotorid.read(path).topics
-    rows = {name: topic.values[topic.row(name)] for name in (*inputs, *outputs)}
-    if "az" in rows:
-        rows["az"] = rows["az"] + STANDARD_GRAVITY_M_S2
-    return TimeData(
-        name=path.stem,
-        inputs=np.stack([rows[name] for name in inputs]),
-        outputs=np.stack([rows[name] for name in outputs]),
-        sample_rate_hz=RATE_HZ,
-    )
-
-
 @pytest.fixture(scope="module", params=MOTIONS)
 def flight(request: pytest.FixtureRequest, shared_data: Path) -> Flight:
     folder = shared_data / "s500"
@@ -74,7 +59,7 @@ def flight(request: pytest.FixtureRequest, shared_data: Path) -> Flight:
         # What the simulator has not, and the library's lag.
         parameters = parameters if name in truth else parameters.drop(name)
     structure = whole.condensed(parameters)
-    records = tuple(data(folder / f"{name}.csv", structure.inputs, outputs) for name in files)
+    records = tuple(record_of(folder / f"{name}.csv", structure.inputs, outputs) for name in files)
     return Flight(structure, structure.parameters, records, truth)
 
 
