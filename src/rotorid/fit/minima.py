@@ -49,7 +49,7 @@ def same_cost(one: float, other: float) -> bool:
     return abs(one - other) <= _SAME_COST * (1.0 + min(one, other))
 
 
-def _same_place(one: Solution, other: Solution) -> bool:
+def same_place(one: Solution, other: Solution) -> bool:
     """Whether two searches ended in one place, as far as the residuals can tell."""
     moved = float(np.sum((one.jacobian @ (one.theta - other.theta)) ** 2))
     return same_cost(one.cost, other.cost) and moved <= _SAME_PLACE**2 * (1.0 + one.cost)
@@ -59,6 +59,6 @@ def _others(best: Solution, found: Sequence[Solution]) -> tuple[Minimum, ...]:
     """Minima other than the best, each once, best first."""
     kept = [best]
     for solution in sorted(found, key=lambda one: one.cost):
-        if solution.outcome is Outcome.CONVERGED and not any(_same_place(one, solution) for one in kept):
+        if solution.outcome is Outcome.CONVERGED and not any(same_place(one, solution) for one in kept):
             kept.append(solution)
     return tuple(Minimum(one.cost, one.theta) for one in kept[1:])

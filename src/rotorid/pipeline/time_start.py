@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,12 +17,6 @@ from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_records import TimeRecords
 from rotorid.typing import ComplexArray, FloatArray
-
-if TYPE_CHECKING:
-    from rotorid.fit.design_of_starts import Scale, StartBox
-
-_WIDER = 3.0
-_LEAST_SIZE = 1e-3
 
 
 class FrequencySide(NamedTuple):
@@ -85,38 +79,17 @@ def designed_starts(problem: TimeProblem, starts: str, *, seed: int) -> list[Flo
     UsageError
         There are too many parameters for a central composite design.
     """
-    from rotorid.fit.design_of_starts import at_random, central_composite, sobol
+    from rotorid.search.box import search_box
+    from rotorid.search.design_of_starts import at_random, central_composite, sobol
 
     kind, _, count = starts.partition(":")
     if kind == "default":
         return []
-    box = _box(problem)
+    box = search_box(problem.parameters)
     if kind == "central":
         return list(central_composite(box))
     rng = np.random.default_rng(seed)
     return list((sobol if kind == "sobol" else at_random)(box, int(count), rng=rng))
-
-
-def _box(problem: TimeProblem) -> StartBox:
-    from rotorid.fit.design_of_starts import StartBox
-
-    sides: list[tuple[float, float]] = []
-    scales: list[Scale] = []
-    for name in problem.parameters.free:
-        one = problem.parameters[name]
-        values = one.starts or (one.value,)
-        low, high = min(values), max(values)
-        one_sign = low * high > 0.0
-        if one_sign:
-            low, high = (low / _WIDER, high * _WIDER) if low > 0.0 else (low * _WIDER, high / _WIDER)
-        else:
-            size = max(abs(low), abs(high), _LEAST_SIZE)
-            low, high = -_WIDER * size, _WIDER * size
-        low, high = max(low, one.lower), min(high, one.upper)
-        sides.append((low, high))
-        scales.append("logarithmic" if low * high > 0.0 else "linear")
-    lower, upper = (np.array(side) for side in zip(*sides, strict=True))
-    return StartBox(lower=lower, upper=upper, scales=tuple(scales))
 
 
 def held_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray:

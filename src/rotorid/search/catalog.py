@@ -1,0 +1,106 @@
+"""The searches that there are: one file each in ``rotorid.search.methods``, found by its name."""
+
+from __future__ import annotations
+
+import difflib
+import pkgutil
+from concurrent.futures import Executor
+from importlib import import_module
+from typing import Protocol
+
+from rotorid.errors import UsageError
+from rotorid.search import methods
+from rotorid.search.evaluate import Report
+from rotorid.search.objective import Objective
+from rotorid.search.result import SearchResult
+
+DEFAULT = "evolution"
+"""The search to take when nothing is known of the problem."""
+
+
+class Search(Protocol):
+    """A global search as a value: what it is and its options, without what it is used on.
+
+    Its file in ``rotorid.search.methods`` has a function ``from_text`` that makes it from the text of its options.
+    """
+
+    @property
+    def name(self) -> str:
+        """Its name in the catalog."""
+        ...
+
+    def run(
+        self,
+        objective: Objective,
+        *,
+        budget: int,
+        seed: int,
+        executor: Executor | None = None,
+        progress: Report | None = None,
+    ) -> SearchResult:
+        """Search for the lowest minimum.
+
+        Parameters
+        ----------
+        objective
+            What is minimized, and where.
+        budget
+            Evaluations that may be spent. A population spends them on costs, and ends in a few local searches beyond;
+            a search that is made of local searches spends them on these, and finishes the last.
+        seed
+            Of all that is random. The same seed gives the same result on any number of workers.
+        executor
+            Workers; none for the calling thread alone.
+        progress
+            Called after each generation, or each local search.
+
+        Raises
+        ------
+        UsageError
+            The budget does not pay the beginning.
+        InsufficientDataError
+            Nothing that was tried has a finite cost.
+        """
+        ...
+
+
+def searches() -> tuple[str, ...]:
+    """Names of all searches, sorted.
+
+    Examples
+    --------
+    >>> searches()
+    ('central', 'cma', 'evolution', 'genetic', 'kmeans', 'random', 'sobol')
+    """
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(methods.__path__)))
+
+
+def search(text: str) -> Search:
+    """A search by its name, with options after a colon: ``sobol``, ``sobol:64``, ``kmeans:5``, ``genetic:15x50``.
+
+    Parameters
+    ----------
+    text
+        One of :func:`searches`, with the options that its file tells of.
+
+    Raises
+    ------
+    UsageError
+        There is no such search, or it has no such options.
+
+    Examples
+    --------
+    >>> search("genetic:15x50")
+    Genetic(population=15, generations=50, crossover=0.8, mutation=1.0)
+    """
+    name, _, options = text.partition(":")
+    names = searches()
+    if name not in names:
+        near = difflib.get_close_matches(name, names, n=1)
+        raise UsageError(
+            f"there is no search {name!r}",
+            needed=f"one of {', '.join(names)}",
+            remedy=f"did you mean {near[0]}?" if near else "",
+        )
+    found: Search = import_module(f"{methods.__name__}.{name}").from_text(options)
+    return found

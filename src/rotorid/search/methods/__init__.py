@@ -1,0 +1,1 @@
+"""One search in each file, under its name; a new file is a new search."""
