@@ -1,9 +1,10 @@
-"""Local minima from many starts at once: the steps of Levenberg and Marquardt on arrays of parameter vectors."""
+"""Local minima of many searches at once: the steps of Levenberg and Marquardt on arrays of parameter vectors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -12,9 +13,30 @@ from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Minimum
 from rotorid.typing import BoolArray, FloatArray, IntArray
 
+ManyResiduals: TypeAlias = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
+"""From parameters ``(b, p)`` of the searches ``(b,)`` to residuals ``(b, n)`` and their derivatives ``(b, p, n)``."""
+
 _SOLVER = LevenbergMarquardt(iterations=100, tolerance=1e-8)
 _BLOCK_NUMBERS = 200_000
-"""Numbers in the Jacobians of one block: they stay in the cache, and memory does not grow with the starts."""
+"""Numbers in the Jacobians of one block: they stay in the cache, and memory does not grow with the searches."""
+
+
+class Minima(NamedTuple):
+    """Where many searches ended.
+
+    Parameters
+    ----------
+    cost
+        Sums of squared residuals, shape ``(b,)``; infinite where a start has none.
+    theta
+        Free parameters, shape ``(b, p)``.
+    settled
+        Which searches came to rest, shape ``(b,)``; the others ran out of iterations or never had a cost.
+    """
+
+    cost: FloatArray
+    theta: FloatArray
+    settled: BoolArray
 
 
 def fit_many(
@@ -22,9 +44,7 @@ def fit_many(
 ) -> tuple[Minimum, ...]:
     """Where a local search ends from each of many starts.
 
-    All starts take their steps together, so that the work is done by few calls on large arrays. The steps are those of
-    :class:`rotorid.fit.levenberg_marquardt.LevenbergMarquardt`; a start whose model has no response is given back
-    with an infinite cost.
+    A start whose model has no response is given back with an infinite cost.
 
     Parameters
     ----------
@@ -40,18 +60,67 @@ def fit_many(
     tuple of Minimum
         In the order of the starts.
     """
-    lower, upper = problem.box
-    thetas = np.clip(np.array(starts, dtype=np.float64).reshape(-1, len(problem.parameters.free)), lower, upper)
-    search = _Search.at(problem, thetas)
+    thetas = np.array(starts, dtype=np.float64).reshape(-1, len(problem.parameters.free))
+    size = 2 * problem.points.values.size
+
+    def residuals(at: FloatArray, _: IntArray) -> tuple[FloatArray, FloatArray]:
+        return problem.many_residuals(at)
+
+    found = minimize_many(residuals, thetas, *problem.box, size=size, solver=solver)
+    return tuple(Minimum(float(cost), theta) for cost, theta in zip(found.cost, found.theta, strict=True))
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a step too far gives a cost that is no number
+def minimize_many(
+    residuals: ManyResiduals,
+    starts: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    *,
+    size: int,
+    solver: LevenbergMarquardt = _SOLVER,
+) -> Minima:
+    """Minimize many sums of squares, each from its own start, with data of its own where ``residuals`` has them.
+
+    All searches take their steps together, so that the work is done by few calls on large arrays. The steps are those
+    of :class:`rotorid.fit.levenberg_marquardt.LevenbergMarquardt`.
+
+    Parameters
+    ----------
+    residuals
+        Residuals and derivatives of some of the searches; it is told which, as indices into ``starts``.
+    starts
+        Shape ``(b, p)``; they are brought into the box first.
+    lower, upper
+        The box, shape ``(p,)`` each.
+    size
+        Residuals of one search.
+    solver
+        Iterations and tolerance.
+
+    Examples
+    --------
+    >>> data = np.array([1.0, 4.0, 9.0])
+    >>> def roots(thetas, which):
+    ...     return thetas**2 - data[which, None], 2.0 * thetas[:, :, None]
+    >>> wide = np.array([np.inf])
+    >>> minimize_many(roots, np.ones((3, 1)), -wide, wide, size=1).theta[:, 0].round(6).tolist()
+    [1.0, 2.0, 3.0]
+    """
+    task = _Task(residuals, lower, upper, size)
+    thetas = np.clip(starts, lower, upper)
+    search = task.at(thetas, np.arange(len(thetas)))
     damping = np.full(len(thetas), 1e-3)
     running = np.isfinite(search.cost)
+    settled = np.zeros(len(thetas), dtype=np.bool_)
     for _ in range(solver.iterations):
         index = np.flatnonzero(running)
         if index.size == 0:
             break
-        done, search, damping = _advance(problem, search, damping, index, solver.tolerance)
+        done, search, damping = _advance(task, search, damping, index, solver.tolerance)
         running[index[done]] = False
-    return tuple(Minimum(float(cost), theta) for cost, theta in zip(search.cost, search.theta, strict=True))
+        settled[index[done]] = True
+    return Minima(search.cost, search.theta, settled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,20 +135,6 @@ class _Search:
     gradient: FloatArray
     normal: FloatArray
 
-    @classmethod
-    def at(cls, problem: FrequencyProblem, thetas: FloatArray) -> _Search:
-        count, size = thetas.shape
-        cost, gradient, normal = np.empty(count), np.empty((count, size)), np.empty((count, size, size))
-        numbers = 2 * problem.points.values.size * max(size, 1)
-        step = max(_BLOCK_NUMBERS // max(numbers, 1), 1)
-        for first in range(0, count, step):
-            block = slice(first, first + step)
-            residual, jacobian = problem.many_residuals(thetas[block])
-            cost[block] = np.einsum("bn,bn->b", residual, residual)
-            gradient[block] = (jacobian @ residual[..., None])[..., 0]
-            normal[block] = jacobian @ np.swapaxes(jacobian, -1, -2)
-        return cls(thetas, np.where(np.isfinite(cost), cost, np.inf), gradient, normal)
-
     def part(self, index: IntArray | BoolArray) -> _Search:
         return _Search(self.theta[index], self.cost[index], self.gradient[index], self.normal[index])
 
@@ -92,18 +147,45 @@ class _Search:
         return _Search(*arrays)
 
 
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is minimized, in which box, with how many residuals each."""
+
+    residuals: ManyResiduals
+    lower: FloatArray
+    upper: FloatArray
+    size: int
+
+    def at(self, thetas: FloatArray, which: IntArray) -> _Search:
+        count, width = thetas.shape
+        cost, gradient, normal = np.empty(count), np.empty((count, width)), np.empty((count, width, width))
+        step = max(_BLOCK_NUMBERS // max(self.size * max(width, 1), 1), 1)
+        for first in range(0, count, step):
+            block = slice(first, first + step)
+            residual, jacobian = self.residuals(thetas[block], which[block])
+            cost[block] = np.einsum("bn,bn->b", residual, residual)
+            gradient[block] = (jacobian @ residual[..., None])[..., 0]
+            normal[block] = jacobian @ np.swapaxes(jacobian, -1, -2)
+        return _Search(thetas, np.where(np.isfinite(cost), cost, np.inf), gradient, normal)
+
+
 def _advance(
-    problem: FrequencyProblem, search: _Search, damping: FloatArray, index: IntArray, tolerance: float
+    task: _Task, search: _Search, damping: FloatArray, index: IntArray, tolerance: float
 ) -> tuple[BoolArray, _Search, FloatArray]:
     """One step of the searches ``index``: which of them are done, and where all are then."""
-    lower, upper = problem.box
     now = search.part(index)
     scale = np.sqrt(np.maximum(np.einsum("bii->bi", now.normal), 1e-300))
-    held = ((now.theta <= lower) & (now.gradient > 0.0)) | ((now.theta >= upper) & (now.gradient < 0.0))
+    held = ((now.theta <= task.lower) & (now.gradient > 0.0)) | ((now.theta >= task.upper) & (now.gradient < 0.0))
     level = np.sqrt(1.0 + now.cost)
     flat = np.where(held, 0.0, np.abs(now.gradient / scale)).max(axis=-1, initial=0.0) <= 1e-14 * level
-    trial = np.clip(now.theta + _steps(now, damping[index], held), lower, upper)
-    new = _Search.at(problem, trial)
+    trial = np.clip(now.theta + _steps(now, damping[index], held), task.lower, task.upper)
+    promised = _promised(now, trial - now.theta)
+    # A step that would be the last is not worth the evaluation.
+    last = (damping[index] <= 1e-2) & (promised >= 0.0) & (promised <= tolerance * (1e-6 + now.cost))
+    done = flat | last
+    going = np.flatnonzero(~done)
+    now, trial, scale, level, index = now.part(going), trial[going], scale[going], level[going], index[going]
+    new = task.at(trial, index)
     length = np.abs((trial - now.theta) * scale).max(axis=-1, initial=0.0)
     better = new.cost < now.cost
     small = (length <= tolerance * level) | (
@@ -112,8 +194,14 @@ def _advance(
     stuck = (damping[index] > LARGEST_DAMPING) | (length <= 1e-13 * level)
     changed = damping.copy()
     changed[index] = np.where(better, np.maximum(damping[index] / 9.0, 1e-12), damping[index] * 6.0)
-    accepted = better & ~flat
-    return flat | np.where(better, small, stuck), search.updated(index[accepted], new.part(accepted)), changed
+    done[going] = np.where(better, small, stuck)
+    return done, search.updated(index[better], new.part(better)), changed
+
+
+def _promised(now: _Search, step: FloatArray) -> FloatArray:
+    """By how much the cost would fall along steps, were the residuals straight; shape ``(b,)``."""
+    curved = (now.normal @ step[..., None])[..., 0]
+    return -np.asarray(np.einsum("bp,bp->b", step, 2.0 * now.gradient + curved))
 
 
 def _steps(now: _Search, damping: FloatArray, held: BoolArray) -> FloatArray:

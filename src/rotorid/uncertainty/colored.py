@@ -70,22 +70,74 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     Morelli and Klein, *Accuracy of Aerodynamic Model Parameters Estimated from Flight Test Data*, Journal of Guidance,
     Control, and Dynamics 20(1), 1997, for the sum.
     """
+    D, freedom = _inverse_information(parts)
+    process = residual_process(parts)
+    middle = sum((_middle(part.slopes, process) for part in parts), start=np.zeros_like(D))
+    white = D * float(sum(np.sum(part.residual**2) for part in parts)) / freedom
+    return ColoredCovariance(corrected=D @ middle @ D, white=white, memory=len(process.coefficients))
+
+
+def residual_process(parts: Sequence[Part]) -> Process:
+    """The autoregression of the errors of a fit, with what the fit took from its residuals given back.
+
+    Parameters
+    ----------
+    parts
+        As in :func:`colored_covariance`.
+
+    Raises
+    ------
+    InsufficientDataError
+        The data do not determine all parameters.
+    """
     parameters = parts[0].slopes.shape[2]
-    flat = np.concatenate([part.slopes.reshape(-1, parameters) for part in parts])
-    size = np.linalg.norm(flat, axis=0)
-    freedom = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
-    if not (size > 0.0).all() or freedom <= 0:
-        raise InsufficientDataError("a parameter has no effect on the records", remedy="fix it or drop it")
-    D = np.linalg.inv((flat / size).T @ (flat / size)) / np.outer(size, size)
+    D, _ = _inverse_information(parts)
     root = np.linalg.cholesky((D + D.T) / 2.0)
     taken = [np.concatenate([part.unknown, part.slopes @ root], axis=2) for part in parts]
     residuals = [part.residual for part in parts]
     process = autoregression(residuals)
     for _ in range(_ROUNDS if _matters(taken, parameters) else 0):
         process = autoregression(residuals, missing=_Missing(taken, process, parameters))
-    middle = sum((_middle(part.slopes, process) for part in parts), start=np.zeros_like(D))
-    white = D * float(sum(np.sum(one**2) for one in residuals)) / freedom
-    return ColoredCovariance(corrected=D @ middle @ D, white=white, memory=len(process.coefficients))
+    return process
+
+
+def _inverse_information(parts: Sequence[Part]) -> tuple[FloatArray, int]:
+    r""":math:`D`, and by how many the residuals are more than the numbers fitted to them."""
+    parameters = parts[0].slopes.shape[2]
+    flat = np.concatenate([part.slopes.reshape(-1, parameters) for part in parts])
+    size = np.linalg.norm(flat, axis=0)
+    freedom = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
+    if not (size > 0.0).all() or freedom <= 0:
+        raise InsufficientDataError("a parameter has no effect on the records", remedy="fix it or drop it")
+    return np.linalg.inv((flat / size).T @ (flat / size)) / np.outer(size, size), freedom
+
+
+def colored_apart(parts: Sequence[Part]) -> ColoredCovariance:
+    """The same where each part has errors of a color of its own: equations of different kind, fitted together.
+
+    What the fit took from the residuals is not given back: parts should be long beside the number of parameters.
+    A part of a single row has the size that its whitening says.
+
+    Raises
+    ------
+    InsufficientDataError
+        The data do not determine all parameters.
+    """
+    D, freedom = _inverse_information(parts)
+    processes = [_alone(part.residual) for part in parts]
+    middle = sum(
+        (_middle(part.slopes, process) for part, process in zip(parts, processes, strict=True)),
+        start=np.zeros_like(D),
+    )
+    white = D * float(sum(np.sum(part.residual**2) for part in parts)) / freedom
+    memory = max(len(process.coefficients) for process in processes)
+    return ColoredCovariance(corrected=D @ middle @ D, white=white, memory=memory)
+
+
+def _alone(residual: FloatArray) -> Process:
+    if len(residual) == 1:
+        return Process(np.zeros((0, 1, 1)), np.eye(1))
+    return autoregression([residual])
 
 
 class Process(NamedTuple):

@@ -10,7 +10,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fit import many
 from rotorid.fit.identify import fit
 from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
-from rotorid.fit.many import fit_many
+from rotorid.fit.many import fit_many, minimize_many
 from rotorid.fit.problem import FrequencyProblem
 from rotorid.models.catalog import library_model
 from rotorid.models.description import from_toml
@@ -136,3 +136,19 @@ def test_a_minimum_found_twice_ends_the_search_and_others_are_kept() -> None:
     assert solution.others[0].theta[3] > 0.1
     assert not solution.others[0].theta.flags.writeable
     assert fit(problem, starts=[good]).others == ()
+
+
+def test_each_search_has_data_of_its_own_and_says_whether_it_settled() -> None:
+    """Square roots: of 1, where it begins, of 100, which is far off, and of what is no number."""
+    data = np.array([1.0, 100.0, np.nan])
+
+    def residuals(thetas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return thetas**2 - data[which, None], 2.0 * thetas[:, :, None]
+
+    wide = np.array([np.inf])
+    found = minimize_many(residuals, np.ones((3, 1)), -wide, wide, size=1)
+    assert found.settled.tolist() == [True, True, False]
+    np.testing.assert_allclose(found.theta[:2, 0], [1.0, 10.0], rtol=1e-6)
+    assert found.cost[2] == np.inf
+    brief = minimize_many(residuals, np.ones((3, 1)), -wide, wide, size=1, solver=LevenbergMarquardt(iterations=2))
+    assert brief.settled.tolist() == [True, False, False]

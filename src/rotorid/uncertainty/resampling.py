@@ -1,0 +1,280 @@
+r"""Many runs of one estimate on data drawn anew: one loop for every Monte Carlo study and every bootstrap.
+
+Run k draws from a generator of its own, child k of the seed. What a run draws therefore depends neither on the other
+runs nor on how they are shared out, and a study of 100 runs is the first part of one of 1000.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
+
+from rotorid.errors import RotoridError, UsageError
+from rotorid.typing import FloatArray, IntArray
+from rotorid.uncertainty.spread_table import FEWEST_RUNS, SpreadTable
+
+RunProgress: TypeAlias = Callable[[int, int], None]
+"""Called with the number of runs that are done, and of all."""
+
+Refit: TypeAlias = Callable[[np.random.Generator], FloatArray]
+"""From the generator of a run to its parameters ``(p,)``; a :class:`RotoridError` leaves the run out."""
+
+Estimator: TypeAlias = Callable[[IntArray], FloatArray]
+"""From the indices of records, with repeats, to parameters ``(p,)``."""
+
+_TOGETHER = 125
+"""Runs that are fitted in one sweep; it must not depend on the workers, or sums would be rounded otherwise."""
+
+FEWEST_RECORDS = 5
+"""Of fewer records there are too few different draws: of four only 20."""
+
+
+class LeftOut(NamedTuple):
+    """A run without an answer, and the sentence that says why."""
+
+    reason: str
+
+
+RefitMany: TypeAlias = Callable[[Sequence[np.random.Generator]], Sequence[FloatArray | LeftOut]]
+"""The same for several runs in one sweep."""
+
+Value = TypeVar("Value")
+
+
+def generator(seed: int, run: int) -> np.random.Generator:
+    """The generator of one run: child ``run`` of the seed, whatever other runs there are.
+
+    Examples
+    --------
+    >>> child = np.random.SeedSequence(7).spawn(3)[2]
+    >>> generator(7, 2).random() == np.random.default_rng(child).random()
+    True
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
+
+
+def resample(
+    refit: Refit,
+    *,
+    names: Sequence[str],
+    estimate: FloatArray,
+    runs: int,
+    seed: int,
+    units: Sequence[str] = (),
+    executor: Executor | None = None,
+    progress: RunProgress | None = None,
+) -> SpreadTable:
+    """Spread of an estimate over runs that draw their own data.
+
+    Parameters
+    ----------
+    refit
+        One run. For workers in other processes it must pickle: a function of a module, or a frozen value with
+        ``__call__``.
+    names, units
+        Of the parameters.
+    estimate
+        The values about which data are drawn, shape ``(p,)``.
+    runs
+        How many.
+    seed
+        The same seed gives the same table on any number of workers.
+    executor
+        Shares out the runs, for instance ``concurrent.futures.ProcessPoolExecutor()``; by default they follow one
+        another here.
+    progress
+        Told how far it is.
+
+    Raises
+    ------
+    UsageError
+        Fewer than two runs were asked for.
+    InsufficientDataError
+        Fewer than two runs came to rest.
+
+    Examples
+    --------
+    The mean of 25 numbers scatters by a fifth of what they do:
+
+    >>> def mean(rng):
+    ...     return np.array([rng.standard_normal(25).mean()])
+    >>> table = resample(mean, names=["mean"], estimate=np.zeros(1), runs=4000, seed=1)
+    >>> round(float(table.std[0]), 2)
+    0.2
+    """
+    done = each_run(refit, runs=runs, seed=seed, executor=executor, progress=progress)
+    return spread_of(done, names=names, units=units, estimate=estimate, seed=seed)
+
+
+def resample_together(
+    refit: RefitMany,
+    *,
+    names: Sequence[str],
+    estimate: FloatArray,
+    runs: int,
+    seed: int,
+    units: Sequence[str] = (),
+    executor: Executor | None = None,
+    progress: RunProgress | None = None,
+) -> SpreadTable:
+    """The same as :func:`resample` for a refit that takes many runs in one sweep."""
+    done = _gathered(_Chunk(refit, seed), _TOGETHER, runs, executor, progress)
+    return spread_of(done, names=names, units=units, estimate=estimate, seed=seed)
+
+
+def resample_records(
+    estimator: Estimator,
+    count: int,
+    *,
+    names: Sequence[str],
+    estimate: FloatArray,
+    runs: int,
+    seed: int,
+    units: Sequence[str] = (),
+    executor: Executor | None = None,
+    progress: RunProgress | None = None,
+) -> SpreadTable:
+    r"""Spread of an estimate over whole records drawn with replacement.
+
+    Nothing is assumed of noise, disturbances or the structure: what differs from flight to flight shows, the errors of
+    a wrong model included. Of R records R − 1 are drawn each time. Draws of R would have variances too small by
+    :math:`(R-1)/R`, which matters as flights are few (Rao and Wu 1988). Records count as independent and alike; a
+    maneuver that no other repeats makes draws without it hardly comparable. Few records do not know their own scatter
+    well: of a normal mean the interval of 95 % holds the truth in 86 % of all cases with five records, in 91 % with
+    eight and in 94 % with forty.
+
+    Parameters
+    ----------
+    estimator
+        From the indices of the records drawn, with repeats, to parameters. It may do anything, for instance estimate
+        frequency responses anew from these records and fit them.
+    count
+        How many records there are.
+    names, units, estimate, runs, seed, executor, progress
+        As in :func:`resample`.
+
+    Raises
+    ------
+    UsageError
+        There are fewer than five records.
+
+    References
+    ----------
+    J. N. K. Rao and C. F. J. Wu, *Resampling Inference with Complex Survey Data*, Journal of the American Statistical
+    Association 83(401), 1988.
+    """
+    if count < FEWEST_RECORDS:
+        raise UsageError(
+            f"{count} record{'' if count == 1 else 's'} to draw from came",
+            needed=f"{FEWEST_RECORDS} or more",
+            remedy="cut records into pieces, long against the slowest motion of the model, or draw new noise instead",
+        )
+    return resample(
+        _DrawnRecords(estimator, count),
+        names=names,
+        estimate=estimate,
+        runs=runs,
+        seed=seed,
+        units=units,
+        executor=executor,
+        progress=progress,
+    )
+
+
+@dataclass(frozen=True)
+class _DrawnRecords:
+    estimator: Estimator
+    count: int
+
+    def __call__(self, rng: np.random.Generator) -> FloatArray:
+        return self.estimator(rng.integers(0, self.count, self.count - 1))
+
+
+def each_run(
+    work: Callable[[np.random.Generator], Value],
+    *,
+    runs: int,
+    seed: int,
+    executor: Executor | None = None,
+    progress: RunProgress | None = None,
+) -> list[Value | LeftOut]:
+    """What every run gives, in order, where a run is any work that draws: the loop below all of this module.
+
+    Parameters
+    ----------
+    work
+        One run. A :class:`RotoridError` leaves it out.
+    runs, seed, executor, progress
+        As in :func:`resample`.
+
+    Raises
+    ------
+    UsageError
+        Fewer than two runs were asked for.
+    """
+    return _gathered(_Chunk(_OneByOne(work), seed), 1, runs, executor, progress)
+
+
+def spread_of(
+    done: Sequence[FloatArray | LeftOut],
+    *,
+    names: Sequence[str],
+    estimate: FloatArray,
+    seed: int,
+    units: Sequence[str] = (),
+) -> SpreadTable:
+    """The table of what runs gave."""
+    reasons = [one.reason for one in done if isinstance(one, LeftOut)]
+    draws = [one for one in done if not isinstance(one, LeftOut)]
+    return SpreadTable(
+        names=tuple(names),
+        units=tuple(units),
+        estimate=estimate,
+        draws=np.array(draws).reshape(-1, len(names)),
+        left_out=Counter(reasons),
+        seed=seed,
+    )
+
+
+@dataclass(frozen=True)
+class _OneByOne(Generic[Value]):
+    work: Callable[[np.random.Generator], Value]
+
+    def __call__(self, generators: Sequence[np.random.Generator]) -> list[Value | LeftOut]:
+        return [self._one(rng) for rng in generators]
+
+    def _one(self, rng: np.random.Generator) -> Value | LeftOut:
+        try:
+            return self.work(rng)
+        except RotoridError as error:
+            return LeftOut(str(error))
+
+
+@dataclass(frozen=True)
+class _Chunk(Generic[Value]):
+    """Consecutive runs, as one piece of work."""
+
+    work: Callable[[Sequence[np.random.Generator]], Sequence[Value | LeftOut]]
+    seed: int
+
+    def __call__(self, runs: range) -> Sequence[Value | LeftOut]:
+        return self.work([generator(self.seed, run) for run in runs])
+
+
+def _gathered(
+    chunk: _Chunk[Value], size: int, runs: int, executor: Executor | None, progress: RunProgress | None
+) -> list[Value | LeftOut]:
+    if runs < FEWEST_RUNS:
+        raise UsageError(f"{runs} runs came", needed="two or more, and some hundred for percentiles")
+    pieces = [range(first, min(first + size, runs)) for first in range(0, runs, size)]
+    done: list[Value | LeftOut] = []
+    for piece, found in zip(pieces, (map if executor is None else executor.map)(chunk, pieces), strict=True):
+        done.extend(found)
+        if progress is not None:
+            progress(piece.stop, runs)
+    return done
