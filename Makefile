@@ -14,10 +14,10 @@ test: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	$(BIN)/pytest
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope
 
 study: $(VENV)/.installed-dev
-	$(BIN)/pytest -m slow
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope -m slow
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from benchmarks import accuracy, dataflash, frequency_response, output_error, state_space, ulog
+from benchmarks import accuracy, dataflash, frequency_response, genetic, output_error, state_space, ulog
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +47,7 @@ def rows() -> Iterator[Row | str]:
     yield from _fits()
     yield from _output_error()
     yield from _accuracy()
+    yield from _searches()
     missing = [log.name for log in (dataflash.LOG, ulog.LOG) if not log.is_file()]
     if missing:
         yield f"logs skipped: there is no {' and no '.join(missing)}; set ROTORID_DATA to the folder of flight data"
@@ -108,6 +109,21 @@ def _output_error() -> Iterator[Row]:
         peer_s=result["lsim_fit_s"],
         bar=output_error.FIT_BAR,
     )
+
+
+def _searches() -> Iterator[Row | str]:
+    found = genetic.run()
+    for ours, peer, bar in genetic.MATCHES:
+        if peer in found:
+            yield Row(
+                job=f"search {ours}, {genetic.BUDGET} evaluations",
+                ours_s=found[ours].seconds,
+                peer=peer,
+                peer_s=found[peer].seconds,
+                bar=bar,
+            )
+    if genetic.MISSING:
+        yield genetic.SKIPPED
 
 
 def _accuracy() -> Iterator[str]:

@@ -19,7 +19,7 @@ Report: TypeAlias = Callable[[Progress], None]
 Task = TypeVar("Task")
 Answer = TypeVar("Answer")
 
-_FEWEST_AT_ONCE, _MOST_CHUNKS = 4, 8
+_MOST_CHUNKS = 8
 """How a batch is divided, whoever works: sums over vectors may depend on their number in the last digit."""
 
 _AHEAD = 32
@@ -53,13 +53,19 @@ class Evaluations:
 
     def costs(self, thetas: FloatArray) -> FloatArray:
         """Costs of vectors ``(b, p)``, shape ``(b,)``; infinite where there is no number."""
-        return self._remembered(thetas, np.concatenate(self._map(partial(_costs, self.objective), _chunks(thetas))))
+        return self._remembered(
+            thetas, np.concatenate(self._map(partial(_costs, self.objective), self._chunks(thetas)))
+        )
 
     def point_costs(self, thetas: FloatArray) -> FloatArray:
         """What every point adds to these costs, ``(b, p)`` to ``(b, n)``."""
-        costs = np.concatenate(self._map(partial(_point_costs, self.objective), _chunks(thetas)))
+        costs = np.concatenate(self._map(partial(_point_costs, self.objective), self._chunks(thetas)))
         self._remembered(thetas, costs.sum(axis=1))
         return costs
+
+    def _chunks(self, thetas: FloatArray) -> list[FloatArray]:
+        size = max(self.objective.at_once, -(-len(thetas) // _MOST_CHUNKS))
+        return [thetas[first : first + size] for first in range(0, len(thetas), size)]
 
     def _remembered(self, thetas: FloatArray, costs: FloatArray) -> FloatArray:
         self.count += len(thetas)
@@ -102,11 +108,6 @@ class Evaluations:
         self.trace.append(Progress(self.spent, self.best if best is None else best))
         if self._progress is not None:
             self._progress(self.trace[-1])
-
-
-def _chunks(thetas: FloatArray) -> list[FloatArray]:
-    size = max(_FEWEST_AT_ONCE, -(-len(thetas) // _MOST_CHUNKS))
-    return [thetas[first : first + size] for first in range(0, len(thetas), size)]
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a vector far off has a cost that is no number

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,6 +31,8 @@ class FrequencyObjective(Immutable):
     box
         Where to search for the free parameters.
     """
+
+    at_once: ClassVar[int] = 4
 
     problem: FrequencyProblem
     box: StartBox

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from rotorid.fit.solution import Solution
 from rotorid.search.design_of_starts import StartBox
@@ -16,6 +16,9 @@ class Objective(Protocol):
     An objective is a value: the cost of a vector depends on that vector only, and it pickles, so that workers in other
     processes can compute it.
     """
+
+    at_once: ClassVar[int]
+    """How many vectors a worker is given at least: hundreds where one costs microseconds."""
 
     @property
     def name(self) -> str:

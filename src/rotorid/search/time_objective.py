@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class TimeObjective(Immutable):
     box
         Where to search for a vector of the problem; for a nonlinear one it has sides for starts and shifts too.
     """
+
+    at_once: ClassVar[int] = 4
 
     problem: OutputErrorProblem
     box: StartBox

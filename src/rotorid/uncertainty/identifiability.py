@@ -38,6 +38,9 @@ _MEASUREMENTS: Mapping[str, str] = {
 }
 """How a parameter of a unit is measured on the ground, easiest first."""
 
+_NOT_LENGTHS: Mapping[str, str] = {"kappa": "N m"}
+"""Parameters whose unit misleads: torque over thrust has that of a length."""
+
 _NUMBERS = ("none", "one", "two", "three", "four", "five")
 
 
@@ -258,7 +261,7 @@ def _sum(names: tuple[str, ...], values: FloatArray, factors: IntArray) -> str:
 def _advice(parameters: ParameterSet, names: tuple[str, ...], null: FloatArray, *, flat: bool) -> str:
     """Which parameters to give so that the rest follow, and how they are measured."""
     count = null.shape[1]
-    units = [parameters[name].unit for name in names]
+    units = [_NOT_LENGTHS.get(name, parameters[name].unit) for name in names]
     easiest = list(_MEASUREMENTS)
     effort = [easiest.index(unit) if unit in easiest else len(easiest) for unit in units]
     subsets = list(itertools.combinations(range(len(names)), count))

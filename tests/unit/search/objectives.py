@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from tests.unit.fit.known_models import posed
@@ -40,6 +41,8 @@ RATE = rate_model("rate.roll")
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Valleys(Immutable):
     """Four minima near (1, 1), (1, -1), (-1, 1) and (-1, -1), the first the lowest; no value beyond a circle."""
+
+    at_once: ClassVar[int] = 4
 
     name: str = "valleys"
     box: StartBox = field(

@@ -110,14 +110,15 @@ class KMeans:
         require_budget(budget, 1)
         evaluations = Evaluations(objective, executor=executor, progress=progress)
         found: list[Solution] = []
+        lowest = np.inf
         for starts in self._rounds(objective, budget, seed):
-            thetas = self._settled(evaluations, starts, budget)
+            thetas = self._settled(evaluations, starts, budget, lowest)
             for solution in evaluations.polished(thetas):
                 found.append(solution)
-                evaluations.mark(min(one.cost for one in found))
+                lowest = min(lowest, solution.cost)
+                evaluations.mark(min(lowest, evaluations.best))
                 if evaluations.spent >= budget:
                     break
-            lowest = min(one.cost for one in found)
             if evaluations.spent >= budget or (self.acceptable is not None and lowest <= self.acceptable):
                 break
         return end(self.name, seed, evaluations, found)
@@ -128,9 +129,10 @@ class KMeans:
         points = sobol(objective.box, count, rng=np.random.default_rng(seed))
         return iter(points.reshape(-1, self.candidates, points.shape[1]))
 
-    def _settled(self, evaluations: Evaluations, thetas: FloatArray, budget: int) -> FloatArray:
+    def _settled(self, evaluations: Evaluations, thetas: FloatArray, budget: int, lowest: float) -> FloatArray:
         """The candidates after they have exchanged points until none moves, or the budget is spent; the best first."""
         distances = evaluations.point_costs(thetas)
+        evaluations.mark(min(lowest, evaluations.best))
         owner: IntArray | None = None
         for _ in range(_MOST_EXCHANGES):
             nearest = np.argmin(distances, axis=0)
@@ -142,6 +144,7 @@ class KMeans:
             weights[weights.sum(axis=1) < thetas.shape[1]] = 1.0
             thetas = np.array([one.theta for one in evaluations.polished_points(thetas, weights)])
             distances = evaluations.point_costs(thetas)
+            evaluations.mark(min(lowest, evaluations.best))
         return thetas[np.argsort(distances.sum(axis=1), kind="stable")]
 
 

@@ -1,0 +1,153 @@
+"""How a search came to its answer, and what the answer explains of measured accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rotorid.errors import UsageError
+from rotorid.plot.figure import MOST_POINTS, Figure, Trace, numbers, text
+from rotorid.plot.stack import Panel, stacked
+from rotorid.plot.theme import BESIDE, DASHES, MEASURED, MODEL, SERIES
+from rotorid.plot.time import TIME_AXIS, line
+from rotorid.search.result import Progress
+from rotorid.typing import FloatArray
+
+_DEGREES = 180.0 / np.pi
+_MOST_MARKERS = 150
+_FEW_DECADES = 3.0
+_FINE_TICKS, _COARSE_TICKS, _DECADES = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0), (1.0, 2.0, 5.0), (1.0,)
+
+ACCELERATIONS = (
+    ("vertical acceleration, upward [m/s²]", 1.0),
+    ("roll acceleration [°/s²]", _DEGREES),
+    ("pitch acceleration [°/s²]", _DEGREES),
+    ("yaw acceleration [°/s²]", _DEGREES),
+)
+"""Panels of :func:`accelerations`, and their units of paper over SI."""
+
+
+def convergence(traces: Mapping[str, Sequence[Progress]], *, levels: Mapping[str, float] | None = None) -> Figure:
+    """Lowest cost so far over the evaluations of one search or several; each generation is a point.
+
+    Parameters
+    ----------
+    traces
+        What to call a search, and ``SearchResult.trace``. Entries before any finite cost are left out.
+    levels
+        Costs to compare with, such as that at known parameters or after the local search, by their names.
+
+    Raises
+    ------
+    UsageError
+        There is no search.
+
+    Examples
+    --------
+    >>> figure = convergence({"genetic": [Progress(15, 0.9), Progress(30, 0.5)]}, levels={"at the truth": 0.4})
+    >>> [trace["name"] for trace in figure["data"]]
+    ['genetic', 'at the truth']
+    """
+    if not traces:
+        raise UsageError("no search came", needed="the trace of one search or more")
+    falls = [_fall(name, trace, number) for number, (name, trace) in enumerate(traces.items())]
+    last = max((x for one in falls for x in one["x"]), default=1.0)
+    drawn = [*falls, *(_level(name, cost, last) for name, cost in (levels or {}).items())]
+    costs = np.array([y for one in drawn for y in one["y"]])
+    panel = Panel(label="Lowest cost so far", traces=drawn, height_px=300, axis=_cost_axis(costs))
+    return stacked([panel], x_axis={"title": {"text": "Evaluations of the cost"}})
+
+
+def _fall(name: str, trace: Sequence[Progress], number: int) -> Trace:
+    found = [one for one in trace if np.isfinite(one.best)]
+    return {
+        "type": "scatter",
+        "mode": "lines+markers" if len(found) <= _MOST_MARKERS else "lines",
+        "x": [float(one.evaluations) for one in found],
+        "y": numbers(np.array([one.best for one in found])),
+        "line": {
+            "color": SERIES[number % len(SERIES)],
+            "width": 1.8,
+            "shape": "hv",
+            "dash": DASHES[number % len(DASHES)],
+        },
+        "marker": {"size": 3.5},
+        "hovertemplate": "%{x:d} evaluations<br>%{y:.5~g}",
+        "name": text(name),
+        "showlegend": True,
+    }
+
+
+def _level(name: str, cost: float, last: float) -> Trace:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": [0.0, last],
+        "y": numbers(np.array([cost, cost])),
+        "line": {"color": BESIDE, "width": 1.4, "dash": "2 3"},
+        "hovertemplate": "%{y:.5~g}",
+        "name": text(name),
+        "showlegend": True,
+    }
+
+
+def _cost_axis(costs: FloatArray) -> dict[str, Any]:
+    """Logarithmic, with plain numbers at it, where all costs are positive."""
+    if not costs.size or costs.min() <= 0.0:
+        return {}
+    low, high = np.log10(costs.min()), np.log10(costs.max())
+    room = 0.04 * max(high - low, 0.1)
+    decades = 10.0 ** np.arange(np.floor(low), np.ceil(high) + 1.0)
+    steps = _FINE_TICKS if high - low <= 1.0 else _COARSE_TICKS if high - low <= _FEW_DECADES else _DECADES
+    ticks = np.outer(decades, steps).ravel()
+    return {"type": "log", "range": [low - room, high + room], "tickvals": numbers(ticks)}
+
+
+def accelerations(time_s: FloatArray, measured: FloatArray, modeled: FloatArray, *, most: int = MOST_POINTS) -> Figure:
+    """Measured against modeled accelerations: vertical, roll, pitch, yaw.
+
+    Parameters
+    ----------
+    time_s
+        Shape ``(samples,)``.
+    measured, modeled
+        In the order of :data:`ACCELERATIONS`, SI units, shape ``(4, samples)``.
+    most
+        Points of a trace, from which it is thinned.
+
+    Raises
+    ------
+    UsageError
+        The shapes do not belong together.
+    """
+    shape = (len(ACCELERATIONS), time_s.size)
+    if not measured.shape == modeled.shape == shape:
+        raise UsageError(f"accelerations of shape {measured.shape} and {modeled.shape} came", needed=f"shape {shape}")
+    panels = [
+        Panel(
+            label=label,
+            traces=(
+                _against_time(time_s, measured[row] * factor, row, words="measured", most=most),
+                _against_time(time_s, modeled[row] * factor, row, words="modeled", most=most),
+            ),
+            height_px=150,
+        )
+        for row, (label, factor) in enumerate(ACCELERATIONS)
+    ]
+    return stacked(panels, x_axis=TIME_AXIS)
+
+
+def _against_time(time_s: FloatArray, values: FloatArray, row: int, *, words: str, most: int) -> Trace:
+    model = words == "modeled"
+    return line(
+        time_s,
+        values,
+        ACCELERATIONS[row][0],
+        words=words,
+        color=MODEL if model else MEASURED,
+        legend=row == 0,
+        width=1.8 if model else 1.0,
+        most=most,
+    )
