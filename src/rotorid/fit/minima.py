@@ -51,7 +51,8 @@ def same_cost(one: float, other: float) -> bool:
 
 def same_place(one: Solution, other: Solution) -> bool:
     """Whether two searches ended in one place, as far as the residuals can tell."""
-    moved = float(np.sum((one.jacobian @ (one.theta - other.theta)) ** 2))
+    with np.errstate(over="ignore", invalid="ignore"):  # places too far apart to measure are not the same
+        moved = float(np.sum((one.jacobian @ (one.theta - other.theta)) ** 2))
     return same_cost(one.cost, other.cost) and moved <= _SAME_PLACE**2 * (1.0 + one.cost)
 
 
