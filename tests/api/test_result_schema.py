@@ -14,7 +14,7 @@ NAMES = {
         *("verification", "identifiability", "findings", "provenance"),
         *("fit", "reduction", "correlation", "constants", "delays", "covered"),
         *("method", "hold", "pieces_s", "records", "noise", "log_likelihood", "information", "residuals", "minima"),
-        *("frequency_fit", "cross_validation", "equations"),
+        *("frequency_fit", "cross_validation", "equations", "search", "bootstrap", "motors"),
     },
     "ParameterDocument": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
     "CostDocument": {"average", "pairs"},
@@ -27,6 +27,10 @@ NAMES = {
     "ScoreDocument": {"nrmse_fit_percent", "tic", "rms", "bias", "reference_shift"},
     "CombinationDocument": {"words", "vector"},
     "EquationDocument": {"name", "r_squared", "press", "misfit"},
+    "SearchDocument": {"name", "objective", "evaluations", "polishing", "local_searches", "minima", "trace"},
+    "BasinDocument": {"cost", "share", "parameters"},
+    "BootstrapDocument": {"source", "runs", "seed", "left_out", "parameters", "correlation"},
+    "SpreadDocument": {"mean", "std", "relative_percent", "low", "median", "high"},
     "FindingDocument": {"kind", "severity", "where", "message", "numbers"},
 }
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from rotorid.cli.measure_options import channel_names
+from rotorid.cli.motor_options import MODEL
 
 if TYPE_CHECKING:
     from rotorid.models.structure import LinearStructure
@@ -18,6 +19,7 @@ SCHEMA = "rotorid.models/1"
 
 TRANSFER = "transfer:m/n"
 _ABOUT_TRANSFER = "Any transfer function, m zeros over n poles, between channels named with --inputs and --outputs."
+_ABOUT_MOTORS = "Inertia, thrust, motor lag and torque of the vehicle from its motor outputs, gyros and accelerometer."
 BLACK_BOX = "black_box:N"
 _ABOUT_BLACK_BOX = "Any state space of N states, between channels named with --inputs and --outputs; +delay for delays."
 _ABOUT_RESPONSE = {
@@ -85,6 +87,7 @@ def _library() -> list[_Listed]:
         *(_Listed(name, _ABOUT_RATE, rate_model(name)) for name in RATE_AXES),
         *(_Listed(name, _first_sentence(library_text(name)), library_model(name)) for name in model_names()),
         *(_Listed(name, _about_response(name)) for name in RESPONSE_MODELS),
+        _Listed(MODEL, _ABOUT_MOTORS),
         _Listed(TRANSFER, _ABOUT_TRANSFER),
         _Listed(BLACK_BOX, _ABOUT_BLACK_BOX),
     ]
@@ -112,6 +115,11 @@ def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple
     from rotorid.models.response import RESPONSE_MODELS
     from rotorid.pipeline.resolve import named_model
 
+    if name == MODEL:
+        raise UsageError(
+            f"{MODEL} came, which is no linear structure and has no text",
+            remedy=f"rotorid identify LOG --model {MODEL} writes the linear model about hover that follows from it",
+        )
     named = name.startswith(("transfer:", "black_box:", "response."))
     if (inputs or outputs) and not named:
         raise UsageError(

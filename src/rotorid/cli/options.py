@@ -56,6 +56,23 @@ Hold: TypeAlias = Annotated[
 Starts: TypeAlias = Annotated[
     str, typer.Option("--starts", help="Where searches in time begin: default, central, sobol:N or random:N.")
 ]
+Search: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--search",
+        metavar="NAME[:OPTIONS]",
+        help="A global search before the fit: evolution[:POPULATION] (when in doubt), cma[:POPULATION], "
+        "genetic[:POPULATIONxGENERATIONS], kmeans[:CANDIDATES], sobol[:STARTS], random[:STARTS] or central. "
+        "[default: none, the starts of the model]",
+    ),
+]
+Evaluations: TypeAlias = Annotated[
+    int | None, typer.Option("--evaluations", help="Costs that --search may compute. [default: 2000]")
+]
+Bootstrap: TypeAlias = Annotated[
+    int | None,
+    typer.Option("--bootstrap", help="Refits to noise drawn anew, for spreads and intervals: 200 and more."),
+]
 Pieces: TypeAlias = Annotated[
     float | None,
     typer.Option("--pieces", help="Seconds after which a fit in time begins anew. [default: as growing modes need]"),

@@ -31,6 +31,8 @@ class MotorRecord(Immutable):
         Velocity along the body's z axis in m/s, shape ``(n,)``; empty where it was not logged.
     strength
         Thrust at a given output relative to that at the reference voltage, shape ``(n,)``; one by default.
+    gyro_taps, accel_taps
+        Impulse responses, at this rate, of known filters that rates and specific force have passed; none by default.
     start_s
         Time of the first sample on the log's own clock.
 
@@ -47,6 +49,8 @@ class MotorRecord(Immutable):
     az: FloatArray
     w: FloatArray = field(default_factory=lambda: np.zeros(0))
     strength: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gyro_taps: FloatArray = field(default_factory=lambda: np.ones(1))
+    accel_taps: FloatArray = field(default_factory=lambda: np.ones(1))
     start_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -60,7 +64,8 @@ class MotorRecord(Immutable):
                 raise UsageError(f"{self.name} has {size} samples of {name} and {samples} of motor outputs")
         if not all(np.isfinite(values).all() for values in (outputs, rates, az, w, strength)):
             raise UsageError(f"{self.name} holds samples that are no numbers", needed="records without gaps")
-        self._set(outputs=outputs, rates=rates, az=az, w=w, strength=strength)
+        gyro, accel = (read_only(taps, np.float64, ndim=1) for taps in (self.gyro_taps, self.accel_taps))
+        self._set(outputs=outputs, rates=rates, az=az, w=w, strength=strength, gyro_taps=gyro, accel_taps=accel)
 
     @property
     def samples(self) -> int:

@@ -16,7 +16,7 @@ from rotorid.fit.solution import Solution
 from rotorid.fit.time_problem import Part
 from rotorid.fit.whitening import whitening_taps
 from rotorid.models.parameter import ParameterSet
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 WEIGHING = Filter(np.ones(1), 0.05)
@@ -26,6 +26,7 @@ _MEMORY_S = 0.12
 _LEAST_ORDER, _MOST_ORDER = 6, 60
 _SOLVER = LevenbergMarquardt(iterations=80, tolerance=1e-8)
 _AT_REST = 0.05
+_SHORT = 0.1
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
 
 
@@ -61,14 +62,26 @@ class MotorFit(Immutable):
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """Free parameters that did not end on a bound, and have an uncertainty."""
+        """Free parameters that did not end on a bound, and have an uncertainty.
+
+        A lag far shorter than the samples is not told from a delay, and has none.
+        """
         free = self.problem.parameters.free
-        return tuple(name for name, held in zip(free, self.solution.at_bound, strict=True) if not held)
+        return tuple(name for name, kept in zip(free, self._kept, strict=True) if kept)
+
+    @property
+    def _kept(self) -> BoolArray:
+        fastest_hz = max(record.sample_rate_hz for record in self.problem.records)
+        names = self.problem.parameters.free
+        short = [
+            name == "T_motor" and value * fastest_hz < _SHORT
+            for name, value in zip(names, self.solution.theta, strict=True)
+        ]
+        return ~(np.array(self.solution.at_bound, dtype=np.bool_) | np.array(short, dtype=np.bool_))
 
     def parts(self) -> list[Part]:
         """Whitened errors of each equation, with derivatives by what is :attr:`moving`."""
-        kept = ~np.array(self.solution.at_bound)
-        return [part._replace(slopes=part.slopes[..., kept]) for part in self.problem.parts(self.solution.theta)]
+        return [part._replace(slopes=part.slopes[..., self._kept]) for part in self.problem.parts(self.solution.theta)]
 
 
 def excited_axes(found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:
@@ -182,7 +195,7 @@ def _start(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) -> 
     parameters = problem.parameters
     free = set(parameters.free)
     lags = [one.lag_s for record in found for one in record.values() if one.correlation >= LEAST_CORRELATION]
-    if "T_motor" in free:
+    if "T_motor" in free and lags:
         parameters = parameters.with_values({"T_motor": float(np.median(lags))})
     parameters = parameters.with_values(_carrying(problem, parameters))
     units = {name: 1.0 for axis, name in _INERTIA.items() if axis in problem.axes and name in free}

@@ -45,7 +45,8 @@ def turning(outputs: FloatArray, *, lag_s: complex, delay_s: complex, step_s: fl
     outputs
         Held from each sample to the next, shape ``(motors, n)``; before the first they stood as there.
     lag_s, delay_s
-        Time constant, positive, and delay, zero or more; complex ones for a complex step.
+        Time constant, positive, and delay; complex ones for a complex step. A delay below zero, of stamps that do not
+        belong together, needs outputs after the last one, which are taken to stand.
     step_s
         Time between samples.
 
@@ -62,7 +63,8 @@ def turning(outputs: FloatArray, *, lag_s: complex, delay_s: complex, step_s: fl
     decay = np.exp(-step_s / lag_s)
     first = outputs[:, :1]
     # Before the record begins all motors turn as at its first sample.
-    held = np.concatenate([np.repeat(first, whole + 1, axis=1), outputs], axis=1)[:, : outputs.shape[1] + 1]
+    samples = outputs.shape[1]
+    held = outputs[:, np.clip(np.arange(samples + 1) - (whole + 1), 0, samples - 1)]
     reached = first + lfilter(np.array([0.0, 1.0 - decay]), np.array([1.0, -decay]), held - first, axis=1)
     # A sample of the late clock lies `rest` before one of the early clock.
     before, after = held[:, :-1], held[:, 1:]

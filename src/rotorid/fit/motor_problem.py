@@ -198,18 +198,20 @@ class MotorProblem(Immutable):
         lever = self.levers[place]
 
         def torque(terms: Mapping[str, Row]) -> dict[str, Row]:
-            return {name: strength * (lever @ term) for name, term in terms.items()}
+            return {name: _passed(strength * (lever @ term), record.gyro_taps) for name, term in terms.items()}
 
-        turned = 0.5 * step * (rate[1:] + rate[:-1])
-        slopes = {name: gain * term for name, term in torque(late.sums(values, step)).items()}
+        # Damping acts on the mean of both ends. The later one is predicted, since its noise is that of the error.
+        half = 0.5 * step * values[damping]
         moment = _combined(values, torque(late.integrals(step)))
-        slopes[inertia] = moment if axis == "r" else -moment * gain**2
-        slopes[damping] = turned
+        predicted = (gain * moment + 2.0 * half * rate[:-1]) / (1.0 - half)
+        slopes = {name: gain / (1.0 - half) * term for name, term in torque(late.sums(values, step)).items()}
+        slopes[inertia] = (moment if axis == "r" else -moment * gain**2) / (1.0 - half)
+        slopes[damping] = step * (rate[:-1] + 0.5 * predicted) / (1.0 - half)
         return Axis(
             name=axis,
             measured=np.diff(rate),
-            predicted=gain * moment + values[damping] * turned,
-            slopes=_rows(slopes, self.parameters.names, turned.size),
+            predicted=np.asarray(predicted),
+            slopes=_rows(slopes, self.parameters.names, rate.size - 1),
         )
 
 
@@ -267,7 +269,7 @@ def _force_axis(record: MotorRecord, values: Mapping[str, float], late: _Late, n
     strength = record.strength[1:]
 
     def summed(terms: Mapping[str, Row]) -> dict[str, Row]:
-        return {name: strength * term[:, 1:].sum(axis=0) for name, term in terms.items()}
+        return {name: _passed(strength * term[:, 1:].sum(axis=0), record.accel_taps) for name, term in terms.items()}
 
     thrust = _combined(values, summed(late.levels()))
     slopes = {name: -inverse * term for name, term in summed(late.level_slopes(values)).items()}
@@ -277,6 +279,14 @@ def _force_axis(record: MotorRecord, values: Mapping[str, float], late: _Late, n
         slopes["Z_w"] = record.w[1:]
         predicted = predicted + values["Z_w"] * record.w[1:]
     return Axis("az", record.az[1:], np.asarray(predicted), _rows(slopes, names, strength.size))
+
+
+def _passed(row: Row, taps: FloatArray) -> FloatArray:
+    """A row behind a filter that has long settled on its first value."""
+    real = np.asarray(row, dtype=np.float64)
+    if taps.size == 1:
+        return np.asarray(taps[0] * real)
+    return np.asarray(np.convolve(real - real[0], taps)[: real.size] + taps.sum() * real[0])
 
 
 def _mean(force: Axis) -> Axis:

@@ -88,6 +88,7 @@ def motor_parameters(
     axes: Sequence[str] = ("az", "p", "q", "r"),
     lag: bool = True,
     heave_damping: bool = True,
+    earliest_s: float = 0.0,
 ) -> ParameterSet:
     """Parameters of the motor chain, with what is known held.
 
@@ -105,6 +106,9 @@ def motor_parameters(
     heave_damping
         Whether the velocity along z was logged, for ``Z_w``.
 
+    earliest_s
+        Least delay; below zero where a delay is what is left of a known one, whose stamps may be off.
+
     Raises
     ------
     ModelError
@@ -121,16 +125,18 @@ def motor_parameters(
         held["m"] = 1.0
     names = ["m", *CURVE_TERMS[curve]]
     names += [name for axis in ("p", "q", "r", "az") if axis in axes for name in _OF_AXIS[axis]]
-    names += ["T_motor"] if lag else []
+    # Without a lag a delay to samples of the force moves whole samples or nothing.
+    names = [*names, "T_motor"] if lag else [name for name in names if name != "tau_accel"]
     names += ["tau_gyro"] if set(axes) & set(RATES) else []
     if not heave_damping:
         names = [name for name in names if name != "Z_w"]
-    parameters = [_parameter(name, held.get(name)) for name in names]
+    parameters = [_parameter(name, held.get(name), earliest_s) for name in names]
     return ParameterSet((*parameters, *_yaw(held, "r" in axes)))
 
 
-def _parameter(name: str, value: float | None) -> Parameter:
+def _parameter(name: str, value: float | None, earliest_s: float) -> Parameter:
     lower, upper = _BOUNDS.get(name, (-1e9, 1e9))
+    lower = earliest_s if name in ("tau_gyro", "tau_accel") else lower
     return Parameter(
         name=name,
         value=_STARTS.get(name, 0.0) if value is None else value,
@@ -156,6 +162,8 @@ def _yaw(held: Mapping[str, float], seen: bool) -> tuple[Parameter, ...]:
 
 
 def _require(held: Mapping[str, float], curve: Curve) -> None:
+    if curve not in get_args(Curve):
+        raise ModelError(f"there is no curve {curve!r}", needed=f"one of {', '.join(get_args(Curve))}")
     allowed = {*_UNITS, "kappa", "I_zz"}
     for name in held:
         if name not in allowed:
@@ -164,5 +172,3 @@ def _require(held: Mapping[str, float], curve: Curve) -> None:
             raise ModelError(f"{name} came, which a {curve} curve does not have", remedy="choose another curve")
     if {"kappa", "I_zz"} <= set(held):
         raise ModelError("both kappa and I_zz came as known", needed="one of them, which gives the other")
-    if curve not in get_args(Curve):
-        raise ModelError(f"there is no curve {curve!r}", needed=f"one of {', '.join(get_args(Curve))}")

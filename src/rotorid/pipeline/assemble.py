@@ -16,8 +16,11 @@ from rotorid.fit.problem import FrequencyProblem
 from rotorid.fit.solution import Solution
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.state_space import StateSpace
+from rotorid.pipeline.bootstrapping import Bootstrapped
 from rotorid.pipeline.coverage import Range
 from rotorid.pipeline.document import (
+    BasinDocument,
+    BootstrapDocument,
     CombinationDocument,
     CorrelationDocument,
     CostDocument,
@@ -26,14 +29,18 @@ from rotorid.pipeline.document import (
     FitDocument,
     ManeuverDocument,
     MatricesDocument,
+    MinimumDocument,
     ParameterDocument,
     PoleDocument,
     ProvenanceDocument,
+    SearchDocument,
+    SpreadDocument,
     StepDocument,
     VerificationDocument,
 )
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.score_document import PairCost, RangeDocument, ScoreDocument
+from rotorid.pipeline.searching import Searched
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.pipeline.verification import Checked
 from rotorid.pipeline.verify_document import maneuver_verification, sweep_verification
@@ -41,6 +48,7 @@ from rotorid.reduce.step import Step
 from rotorid.uncertainty.bounds import Bounds, Weights
 from rotorid.uncertainty.identifiability import Combination
 from rotorid.uncertainty.propagation import Pole, covariance_of_all
+from rotorid.uncertainty.spread_table import SpreadRow, SpreadTable
 
 _NEAR_ZERO = 1e-12
 _ORDER = {"error": 0, "warning": 1, "info": 2}
@@ -196,6 +204,63 @@ def verification_document(checked: Checked, states: Sequence[str]) -> Verificati
     )
 
 
+def search_document(found: Searched | None) -> SearchDocument | None:
+    """A search with all of its minima."""
+    if found is None:
+        return None
+    result = found.result
+    return SearchDocument(
+        name=found.name,
+        objective=found.cost,
+        evaluations=result.evaluations,
+        polishing=result.polishing,
+        local_searches=result.local_searches,
+        minima=[BasinDocument(cost=b.cost, share=b.share, parameters=found.values(b)) for b in found.minima],
+        trace=[(at.evaluations, at.best) for at in result.trace if math.isfinite(at.best)],
+    )
+
+
+def searched_minima(found: Searched | None) -> list[MinimumDocument]:
+    """Other minima than the one that the fit went on from."""
+    if found is None:
+        return []
+    return [MinimumDocument(cost=one.cost, parameters=found.values(one)) for one in found.minima[1:]]
+
+
+def bootstrap_document(found: Bootstrapped | None) -> BootstrapDocument | None:
+    """A bootstrap as its table and the correlation of its runs."""
+    if found is None:
+        return None
+    table = found.table
+    return BootstrapDocument(
+        source=found.source,
+        runs=table.runs,
+        seed=table.seed,
+        left_out=dict(table.left_out),
+        parameters={row.name: _spread(row) for row in table.rows()},
+        correlation=CorrelationDocument(names=list(table.names), matrix=_correlation(table)),
+    )
+
+
+def _spread(row: SpreadRow) -> SpreadDocument:
+    return SpreadDocument(
+        mean=row.mean,
+        std=row.std,
+        relative_percent=_finite(row.relative_percent),
+        low=row.low,
+        median=row.median,
+        high=row.high,
+    )
+
+
+def _correlation(table: SpreadTable) -> list[list[float]]:
+    """Correlation of the runs; zero beside what did not scatter."""
+    scale = np.where(table.std > 0.0, table.std, np.inf)
+    matrix = table.covariance / np.outer(scale, scale)
+    np.fill_diagonal(matrix, 1.0)
+    return [[float(value) for value in row] for row in matrix]
+
+
 def combination_documents(combinations: Sequence[Combination]) -> list[CombinationDocument]:
     """Unseen combinations in words and as vectors."""
     return [CombinationDocument(words=item.words(), vector=dict(item.vector)) for item in combinations]
@@ -214,7 +279,7 @@ def provenance_document(
     return ProvenanceDocument(
         version=__version__,
         command=list(command),
-        inputs=_hashes(records),
+        inputs=hashes(records),
         settings=settings.as_json(),
         seed=settings.seed,
         estimate=response.estimate if response else None,
@@ -224,7 +289,7 @@ def provenance_document(
     )
 
 
-def _hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
+def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
     """Hash of each log by its name; logs of one name are told apart by a number."""
     hashes: dict[str, str] = {}
     for record in records:

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from rotorid.pipeline.cross_validation_document import CrossValidationDocument
 from rotorid.pipeline.document_base import Document
+from rotorid.pipeline.motor_document import MotorsDocument
 from rotorid.pipeline.score_document import (
     ManeuverVerificationDocument,
     PairCost,
@@ -164,6 +165,57 @@ class MinimumDocument(Document):
     parameters: dict[str, float]
 
 
+class BasinDocument(Document):
+    """A minimum of a search: its cost, its parameters, and the share of the local searches that ended there."""
+
+    cost: float
+    share: float
+    parameters: dict[str, float]
+
+
+class SearchDocument(Document):
+    """A global search before the fit.
+
+    ``name`` is the search with its options, ``objective`` what it minimized: CIFER's cost, summed over the responses,
+    or the squared output errors, weighed by the size of the outputs. ``evaluations`` of the cost are its own,
+    ``polishing`` those of its ``local_searches``. ``minima`` begin with the one that the fit went on from, then lowest
+    first. ``trace`` is the lowest cost so far after so many evaluations.
+    """
+
+    name: str
+    objective: Literal["frequency", "output_error"]
+    evaluations: int
+    polishing: int
+    local_searches: int
+    minima: list[BasinDocument]
+    trace: list[tuple[int, float]]
+
+
+class SpreadDocument(Document):
+    """A parameter over the runs of a bootstrap; ``low``, ``median`` and ``high`` are percentiles 2.5, 50 and 97.5."""
+
+    mean: float
+    std: float
+    relative_percent: float | None
+    low: float
+    median: float
+    high: float
+
+
+class BootstrapDocument(Document):
+    """Refits to noise drawn anew: errors of the ``responses``, or noise of the ``outputs``.
+
+    ``left_out`` says why runs do not count, and how many. ``correlation`` is that of the runs.
+    """
+
+    source: Literal["responses", "outputs"]
+    runs: int
+    seed: int
+    left_out: dict[str, int]
+    parameters: dict[str, SpreadDocument]
+    correlation: CorrelationDocument
+
+
 class EquationDocument(Document):
     """How well an equation of motion holds: ``q'`` for the derivative of a state, an output by its name.
 
@@ -259,6 +311,8 @@ class ResultDocument(Document):
     information: InformationDocument | None = None
     residuals: ResidualsDocument | None = None
     minima: list[MinimumDocument] = Field(default_factory=list)
+    search: SearchDocument | None = None
+    bootstrap: BootstrapDocument | None = None
     equations: list[EquationDocument] = Field(default_factory=list)
     frequency_fit: dict[str, ComparedDocument] | None = None
     reduction: list[StepDocument] = Field(default_factory=list)
@@ -271,5 +325,6 @@ class ResultDocument(Document):
     verification: VerificationDocument = Field(default_factory=VerificationDocument)
     cross_validation: CrossValidationDocument | None = None
     identifiability: list[CombinationDocument] = Field(default_factory=list)
+    motors: MotorsDocument | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from rotorid.pipeline.feedback import feedback_bias
 from rotorid.pipeline.judge import judge_band, judge_fit, judge_parameters
 from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.resolve import chosen_parameters
+from rotorid.pipeline.searching import Searched, judge_minima, searched
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.support import require_known_gain, require_support
 from rotorid.reduce.elimination import fit_and_drop
@@ -39,6 +41,8 @@ class Fitted:
         What was fitted, without the parameters that were dropped.
     solution
         How the solver ended in CIFER's cost.
+    final
+        How it ended with the weights from which the values come.
     weights
         What the values come from: CIFER's cost, or weights of the measured covariance.
     costs
@@ -51,16 +55,20 @@ class Fitted:
         How the model was reduced.
     findings
         Remarks on data, fit and parameters.
+    search
+        The search that the fit began at, if any.
     """
 
     problem: FrequencyProblem
     solution: Solution
+    final: Solution
     weights: Weights
     costs: FloatArray
     parameters: ParameterSet
     bounds: Bounds
     steps: tuple[Step, ...]
     findings: tuple[Finding, ...]
+    search: Searched | None = None
 
     @property
     def structure(self) -> LinearStructure:
@@ -111,10 +119,16 @@ def pose(structure: LinearStructure, measured: Measured, settings: IdentifySetti
     return without_structural_zeros(problem)[0]
 
 
-def fit_with_bounds(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings | None = None) -> Fitted:
+def fit_with_bounds(
+    problem: FrequencyProblem,
+    measured: Measured,
+    settings: IdentifySettings | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Fitted:
     """Fit, drop what the data do not show, bound the rest, and remark on all of it.
 
-    The fit in CIFER's cost comes first, and the reduction judges by it. Of several outputs the errors go together; then
+    The fit in CIFER's cost comes first, from the best of a search where one was asked for, and the reduction judges by
+    it. Of several outputs the errors go together; then
     the fit goes on with weights made of their covariance, from which the values come.
 
     Raises
@@ -123,7 +137,8 @@ def fit_with_bounds(problem: FrequencyProblem, measured: Measured, settings: Ide
         Not even the sign of the gain is certain.
     """
     settings = settings or IdentifySettings()
-    reduced = fit_and_drop(problem)
+    search = searched(problem, settings, progress)
+    reduced = fit_and_drop(_begun(problem, search))
     problem, solution, findings = reduced.problem, reduced.solution, reduced.findings
     steps: tuple[Step, ...] = ()
     if settings.reduce:
@@ -143,17 +158,30 @@ def fit_with_bounds(problem: FrequencyProblem, measured: Measured, settings: Ide
         *findings,
         *judge_parameters(parameters, limits),
         *judge_fit(problem, replace(solution, at_bound=final.at_bound), mean_cost),
+        *judge_minima(search, parameters, limits),
     )
     return Fitted(
         problem=problem,
         solution=solution,
+        final=final,
         weights=weights,
         costs=costs,
         parameters=parameters,
         bounds=limits,
         steps=steps,
         findings=remarks,
+        search=search,
     )
+
+
+def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:
+    """The same problem at the best minimum of a search; its structure too, for later fits to parts of the data."""
+    if search is None:
+        return problem
+    own, values = problem.structure.parameters, search.values(search.minima[0])
+    known = {name: value for name, value in values.items() if own[name].status != "tied"}
+    structure = replace(problem.structure, parameters=own.with_values(known))
+    return replace(problem, structure=structure, parameters=problem.parameters.with_values(values))
 
 
 def _distances(problem: FrequencyProblem, solution: Solution, settings: IdentifySettings) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.description import to_toml
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import (
+    bootstrap_document,
     combination_documents,
     correlation_document,
     cost_document,
@@ -24,10 +26,13 @@ from rotorid.pipeline.assemble import (
     pole_documents,
     provenance_document,
     range_documents,
+    search_document,
+    searched_minima,
     standard_deviations,
     step_documents,
     verification_document,
 )
+from rotorid.pipeline.bootstrapping import Bootstrapped, bootstrap
 from rotorid.pipeline.coverage import covered_by
 from rotorid.pipeline.delay_budget import delay_budget
 from rotorid.pipeline.document import ProvenanceDocument, ResultDocument
@@ -38,6 +43,7 @@ from rotorid.pipeline.instruments import Flown, axes_of, is_command
 from rotorid.pipeline.inverse import pose_screened
 from rotorid.pipeline.judge import judge_combinations
 from rotorid.pipeline.measure import Measured, measure
+from rotorid.pipeline.motor_choices import MODEL
 from rotorid.pipeline.resolve import resolve_model
 from rotorid.pipeline.scope import scoped
 from rotorid.pipeline.selection import select_maneuvers
@@ -128,11 +134,12 @@ def identify(
     measured = measure(flown, inputs=structure.inputs, outputs=structure.outputs, settings=settings, progress=progress)
     progress(f"fitting {structure.name}")
     screened = pose_screened(structure, measured, settings, flown)
-    fitted = fit_with_bounds(screened.problem, measured, settings)
+    fitted = fit_with_bounds(screened.problem, measured, settings, progress)
+    refitted = bootstrap(fitted, settings, progress)
     checked = check(fitted, measured, selection, verify, settings, progress)
     unseen = unseen_combinations(fitted.parameters, fitted.bounds)
     findings += [*measured.findings, *screened.findings, *fitted.findings, *judge_combinations(unseen)]
-    findings += checked.findings
+    findings += [*(refitted.findings if refitted else ()), *checked.findings]
     provenance = provenance_document(
         (*records, *verify),
         asked,
@@ -142,7 +149,7 @@ def identify(
         sources=output_sources(measured),
     )
     return Identification(
-        document=_document(fitted, checked, findings, provenance, measured, flown, unseen),
+        document=_document(fitted, refitted, checked, findings, provenance, measured, flown, unseen),
         model_toml=to_toml(fitted.structure, fitted.structure.parameters, standard_deviations(fitted.bounds)),
         response=measured.response,
         beside=measured.beside,
@@ -169,11 +176,13 @@ def _refuse_choices_of_time(settings: IdentifySettings) -> None:
         raise UsageError(
             f"{' and '.join(given)} came for a fit in the frequency domain",
             needed="a method that simulates, such as --method output_error",
+            remedy="responses are searched with --search" if settings.starts != "default" else "",
         )
 
 
 def _document(
     fitted: Fitted,
+    refitted: Bootstrapped | None,
     checked: Checked,
     findings: Sequence[Finding],
     provenance: ProvenanceDocument,
@@ -191,6 +200,9 @@ def _document(
         parameters=parameter_documents(fitted.parameters, fitted.bounds),
         cost=cost_document(fitted.problem, fitted.costs),
         fit=fit_document(fitted.solution, fitted.weights, fitted.bounds.inflation),
+        minima=searched_minima(fitted.search),
+        search=search_document(fitted.search),
+        bootstrap=bootstrap_document(refitted),
         reduction=step_documents(fitted.steps),
         correlation=correlation_document(fitted.bounds),
         constants=dict(structure.constants),
@@ -215,10 +227,11 @@ def refused(
 ) -> ResultDocument:
     """The document for data that cannot support a model: its findings say why, and no number is given."""
     findings = [*(f for record in records for f in record.findings), *error.findings]
-    try:
-        structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
-    except InsufficientDataError:
-        structure = None
+    structure = None
+    # Motors are no linear structure, and their channels stand in the log.
+    if model != MODEL:
+        with contextlib.suppress(InsufficientDataError):
+            structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
     name = structure.name if structure else str(model)
     if not error.findings:
         findings.append(Finding(kind="not_identifiable", severity="error", where=name, message=str(error)))

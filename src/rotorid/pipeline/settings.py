@@ -12,6 +12,7 @@ from rotorid.data.channel import AXES
 from rotorid.data.immutable import Immutable
 from rotorid.data.maneuver import Maneuver
 from rotorid.errors import UsageError
+from rotorid.pipeline.search_choices import require_runs, require_search
 
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
 
@@ -169,6 +170,12 @@ class IdentifySettings(MeasureSettings):
         Length of the pieces in which a time-domain fit begins anew; by default whole records for stable models.
     starts
         Where time-domain searches begin: ``default``, ``central`` (composite design), ``sobol:N`` or ``random:N``.
+    search
+        A global search before the fit, by its name in :func:`rotorid.search.catalog.searches` with its options.
+    evaluations
+        Its budget; by default 2000.
+    bootstrap
+        Refits to noise drawn anew, beside the stated standard deviations.
     """
 
     fix: Mapping[str, float] = field(default_factory=dict)
@@ -185,6 +192,9 @@ class IdentifySettings(MeasureSettings):
     hold: HoldChoice = "auto"
     pieces_s: float | None = None
     starts: str = "default"
+    search: str | None = None
+    evaluations: int | None = None
+    bootstrap: int | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -207,6 +217,8 @@ class IdentifySettings(MeasureSettings):
             raise UsageError(f"pieces of {self.pieces_s:g} s came", needed="a length above 0 s")
         if not _STARTS.fullmatch(self.starts):
             raise UsageError(f"the starts {self.starts!r} came", needed="default, central, sobol:N or random:N")
+        require_search(self.search, self.evaluations, self.starts)
+        require_runs(self.bootstrap)
 
     def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
         """The choices for the provenance of a result."""
@@ -225,6 +237,9 @@ class IdentifySettings(MeasureSettings):
             "hold": self.hold,
             "pieces_s": self.pieces_s,
             "starts": self.starts,
+            "search": self.search,
+            "evaluations": self.evaluations,
+            "bootstrap": self.bootstrap,
         }
 
 

@@ -23,10 +23,10 @@ from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.instruments import is_command
 from rotorid.pipeline.resolve import black_box_order, chosen_parameters
+from rotorid.pipeline.searching import Searched, refuse_search, searched
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_bounds import equation_bounds, time_bounds
 from rotorid.pipeline.time_records import TimeRecords
-from rotorid.pipeline.time_start import designed_starts
 from rotorid.uncertainty.bounds import Bounds
 
 TimeMethod: TypeAlias = Literal["output_error", "prediction_error", "equation_error"]
@@ -72,6 +72,8 @@ class TimeFitted(Immutable):
         Remarks of the fit itself.
     equations
         How well each equation of motion holds, where those were fitted.
+    search
+        The search that the fit began at, if any; also in the frequency domain.
     """
 
     method: TimeMethod
@@ -87,6 +89,7 @@ class TimeFitted(Immutable):
     pieces_s: float | None
     findings: tuple[Finding, ...] = ()
     equations: tuple[EquationScore, ...] = ()
+    search: Searched | None = None
 
     @property
     def structure(self) -> LinearStructure:
@@ -105,6 +108,7 @@ class _Ended(NamedTuple):
     findings: tuple[Finding, ...] = ()
     by_equations: EquationErrorFit | None = None
     noise_numbers: int = 0
+    search: Searched | None = None
 
 
 def fit_in_time(
@@ -151,12 +155,13 @@ def fit_in_time(
     progress(f"fitting {structure.name} by {method.replace('_', ' ')}")
     seeded = frequency is not None
     if method == "prediction_error":
-        ended = _predicting(structure, parameters, records, settings, seeded=seeded)
+        ended = _predicting(structure, parameters, records, settings, progress, seeded=seeded)
     elif method == "output_error":
-        ended = _simulating(structure, parameters, records, settings, seeded=seeded)
+        ended = _simulating(structure, parameters, records, settings, progress, seeded=seeded)
     else:
         ended = _by_equations(structure, parameters, records, settings, frequency)
-    return _bounded(ended, whole, method)
+    search = frequency.search if frequency is not None else None
+    return _bounded(ended._replace(search=ended.search or search), whole, method)
 
 
 def _begun(
@@ -180,31 +185,34 @@ def _simulating(
     parameters: ParameterSet,
     records: TimeRecords,
     settings: IdentifySettings,
+    progress: Callable[[str], None],
     *,
     seeded: bool,
 ) -> _Ended:
-    """Output error, in pieces as short as the modes need that it finds."""
+    """Output error from all minima of a search, in pieces as short as the modes need that it finds."""
     order = black_box_order(structure)
     if order is not None and not any(parameters.values.values()):
         return _black_box(structure, order, records, settings, unknowns_of(structure))
     length_s = settings.pieces_s
     if length_s is None:
         length_s = _piece_s(structure, parameters, records.data)
+    search = None
     for _ in range(_ROUNDS):
         fitted_s = length_s
         problem = _posed(structure, parameters, records, fitted_s)
+        search = search or searched(problem, settings, progress)
         starts = [parameters.pack()] if seeded else []
         # The own starts of a large model lead nowhere that its responses have not shown.
         if not seeded or any(parameters[name].starts for name in parameters.free):
             starts += own_starts(problem)
-        starts += designed_starts(problem, settings.starts, seed=settings.seed)
+        starts += [one.theta for one in search.minima] if search else []
         fit = fit_output_error(problem, starts=starts)
         parameters, seeded = fit.parameters, True
         needed = _piece_s(structure, parameters, records.data)
         if settings.pieces_s is not None or _about_as_long(fitted_s, needed):
             break
         length_s = needed
-    return _ended(fit, fitted_s)
+    return _ended(fit, fitted_s)._replace(search=search)
 
 
 def _about_as_long(length_s: float | None, needed_s: float | None) -> bool:
@@ -227,6 +235,7 @@ def _predicting(
     parameters: ParameterSet,
     records: TimeRecords,
     settings: IdentifySettings,
+    progress: Callable[[str], None],
     *,
     seeded: bool,
 ) -> _Ended:
@@ -234,9 +243,10 @@ def _predicting(
     from rotorid.fit.innovations import InnovationsProblem
     from rotorid.fit.innovations_fit import fit_prediction_error
 
+    search = None
     if not seeded:
-        begun = _simulating(structure, parameters, records, settings, seeded=False)
-        structure, parameters = begun.problem.structure, begun.problem.parameters
+        begun = _simulating(structure, parameters, records, settings, progress, seeded=False)
+        structure, parameters, search = begun.problem.structure, begun.problem.parameters, begun.search
     problem = InnovationsProblem(
         structure=structure,
         parameters=parameters,
@@ -253,7 +263,7 @@ def _predicting(
     length_s = settings.pieces_s or _piece_s(structure, fit.parameters, records.data)
     shown = _posed(structure, fit.parameters, records, length_s).with_noise(fit.noise_covariance)
     noise_numbers = int(kept.sum()) - len(parameters.free)
-    return _Ended(shown, fit.solution, parts, fit.log_likelihood, length_s, noise_numbers=noise_numbers)
+    return _Ended(shown, fit.solution, parts, fit.log_likelihood, length_s, noise_numbers=noise_numbers, search=search)
 
 
 def _by_equations(
@@ -311,11 +321,9 @@ def _black_box(
             f"--fix, --tie or --free came with {structure.name}",
             needed="a black box with values, as a model.toml holds one",
         )
-    if settings.starts != "default" or settings.pieces_s is not None:
-        raise UsageError(
-            f"--starts or --pieces came with {structure.name}",
-            needed="neither: a black box begins at subspaces, and is fitted to whole records",
-        )
+    refuse_search(settings, structure.name, "none: a black box begins at subspaces")
+    if settings.pieces_s is not None:
+        raise UsageError(f"--pieces came with {structure.name}", needed="none: a black box is fitted to whole records")
     plan = StartPlan(seed=settings.seed)
     delays = any(name.startswith("tau") for name in structure.parameters.names)
     if len(structure.states) > order:
@@ -379,4 +387,5 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFitt
         pieces_s=ended.pieces_s,
         findings=ended.findings,
         equations=() if by is None else by.equations,
+        search=ended.search,
     )

@@ -13,6 +13,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.models.description import to_toml
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import (
+    bootstrap_document,
     combination_documents,
     correlation_document,
     cost_document,
@@ -22,10 +23,12 @@ from rotorid.pipeline.assemble import (
     pole_documents,
     provenance_document,
     range_documents,
+    search_document,
     standard_deviations,
     step_documents,
     verification_document,
 )
+from rotorid.pipeline.bootstrapping import Bootstrapped, bootstrap, require_bootstrap
 from rotorid.pipeline.coverage import covered_by
 from rotorid.pipeline.cutting import source_of
 from rotorid.pipeline.delay_budget import delay_budget
@@ -37,6 +40,7 @@ from rotorid.pipeline.judge import judge_combinations
 from rotorid.pipeline.quality import data_quality
 from rotorid.pipeline.resolve import answers_setpoints, black_box_order
 from rotorid.pipeline.scope import scoped
+from rotorid.pipeline.searching import judge_minima, refuse_search
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_document import (
     compared_documents,
@@ -68,6 +72,7 @@ class _Made:
     """Everything that a run has made, for its document."""
 
     fitted: TimeFitted
+    refitted: Bootstrapped | None
     records: TimeRecords
     side: FrequencySide
     compared: dict[str, Compared]
@@ -119,6 +124,7 @@ def identify_in_time(
     UsageError, ModelError
         An option or a model is wrong.
     """
+    _refuse_what_there_is_not(method, settings)
     own = replace(settings, outputs=whole.outputs) if answers_setpoints(whole) and not settings.outputs else settings
     selection, remarks = select_records(whole, records, settings)
     flown = selection.fitted
@@ -127,9 +133,10 @@ def identify_in_time(
     structure = at_trim.structure
     black_box = black_box_order(structure) is not None
     valued = not black_box or any(structure.parameters.values.values())
-    side = frequency_side(structure, flown, own, progress, fits=valued)
+    side = frequency_side(structure, flown, own, progress, fits=valued, searches=method == "prediction_error")
     data = time_records(structure, flown, own, progress)
     fitted = fit_in_time(structure, data, own, method=method, frequency=side.fitted, progress=progress)
+    refitted = bootstrap(fitted, own, progress)
     simulated = simulated_records(fitted, data)
     combinations = () if black_box else unseen_combinations(fitted.parameters, fitted.bounds)
     percents = fit_percents(simulated, fitted.structure.outputs)
@@ -141,6 +148,8 @@ def identify_in_time(
         *(*remarks, *scope.findings, *at_trim.findings, *_of_vehicles(data.findings, structure)),
         *data_quality(flown, data.segments, structure.inputs),
         *judge_time_fit(fitted, data, percents),
+        *judge_minima(fitted.search, fitted.parameters, fitted.bounds),
+        *(refitted.findings if refitted else ()),
         *(_feedback(simulated, fitted, data) if method == "output_error" else ()),
         *judge_agreement(fitted, compared),
         *_not_compared(side, structure, fits=valued),
@@ -149,6 +158,7 @@ def identify_in_time(
     ]
     made = _Made(
         fitted=fitted,
+        refitted=refitted,
         records=data,
         side=side,
         compared=compared,
@@ -170,10 +180,16 @@ def identify_in_time(
     return _identification(made, own)
 
 
+def _refuse_what_there_is_not(method: TimeMethod, settings: IdentifySettings) -> None:
+    require_bootstrap(settings, method)
+    if method == "equation_error":
+        refuse_search(settings, "equation error", "another method: regression has one minimum and needs no search")
+
+
 def _identification(made: _Made, settings: IdentifySettings) -> Identification:
     fitted, side = made.fitted, made.side
     structure = fitted.structure
-    response = side.measured.response if side.measured else _no_response(structure)
+    response = side.measured.response if side.measured else no_response(structure)
     used = side.fitted.problem.used if side.fitted else np.zeros(response.values.shape, dtype=np.bool_)
     if side.measured and not side.fitted:
         limit = settings.least_coherence(joint=response.estimate == "joint")
@@ -194,7 +210,7 @@ def _identification(made: _Made, settings: IdentifySettings) -> Identification:
     )
 
 
-def _no_response(structure: LinearStructure) -> FrequencyResponse:
+def no_response(structure: LinearStructure) -> FrequencyResponse:
     """A response that could be measured at no frequency."""
     shape = (len(structure.outputs), len(structure.inputs), 0)
     return FrequencyResponse(
@@ -234,6 +250,8 @@ def _document(made: _Made) -> ResultDocument:
         information=information_document(fitted),
         residuals=residuals_document(fitted, made.simulated, made.records),
         minima=minima_documents(fitted),
+        search=search_document(fitted.search),
+        bootstrap=bootstrap_document(made.refitted),
         equations=equation_documents(fitted),
         frequency_fit=compared_documents(made.compared) if side.fitted else None,
         reduction=step_documents(side.fitted.steps if side.fitted else ()),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.fit.time_problem import TimeProblem
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fitting import Fitted, fit_with_bounds
 from rotorid.pipeline.instruments import Flown
@@ -44,6 +44,7 @@ def frequency_side(
     progress: Callable[[str], None] = lambda _: None,
     *,
     fits: bool = True,
+    searches: bool = False,
 ) -> FrequencySide:
     """Measure responses and fit them, as far as the data support that.
 
@@ -53,6 +54,8 @@ def frequency_side(
         As for :func:`rotorid.pipeline.identify.identify`.
     fits
         Whether to fit the structure; one without start values of its own cannot be.
+    searches
+        Whether the search that the settings ask for belongs here, and not to the fit in time.
     """
     measured = None
     try:
@@ -63,33 +66,10 @@ def frequency_side(
             return FrequencySide(measured)
         progress(f"fitting {structure.name} in the frequency domain")
         problem = pose_screened(structure, measured, settings, flown).problem
-        return FrequencySide(measured, fit_with_bounds(problem, measured, settings))
+        own = settings if searches else replace(settings, search=None, evaluations=None, starts="default")
+        return FrequencySide(measured, fit_with_bounds(problem, measured, own, progress))
     except (InsufficientDataError, ModelError) as error:
         return FrequencySide(measured, None, error.came.rstrip("."))
-
-
-def designed_starts(problem: TimeProblem, starts: str, *, seed: int) -> list[FloatArray]:
-    """Starts of a design: ``central``, ``sobol:N`` or ``random:N``; none for ``default``.
-
-    The box of a parameter reaches to a third of its smallest start value and to three times its largest; without start
-    values, as far about its value. Its bounds cut it.
-
-    Raises
-    ------
-    UsageError
-        There are too many parameters for a central composite design.
-    """
-    from rotorid.search.box import search_box
-    from rotorid.search.design_of_starts import at_random, central_composite, sobol
-
-    kind, _, count = starts.partition(":")
-    if kind == "default":
-        return []
-    box = search_box(problem.parameters)
-    if kind == "central":
-        return list(central_composite(box))
-    rng = np.random.default_rng(seed)
-    return list((sobol if kind == "sobol" else at_random)(box, int(count), rng=rng))
 
 
 def held_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray:

@@ -17,6 +17,9 @@ function for each picture:
 ``rotorid.plot.unseen.ahead``                           measured, and predicted a little ahead
 ``rotorid.plot.unseen.closed_loop``                     measured, and of the model under the same controller
 ``rotorid.plot.inspection.log_figure``                 a whole log
+``rotorid.plot.motors.rotor_layout``                   rotors from above with their numbers and directions
+``rotorid.plot.motors.thrust_curve``                   thrust of a rotor by its output
+``rotorid.plot.motors.made_by_motors``                 accelerations measured and made by motors
 ``rotorid.plot.overview.overview_png``                 an identification as a PNG
 =====================================================  =============================================================
 

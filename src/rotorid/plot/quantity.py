@@ -22,6 +22,8 @@ _WORDS = {
     "az": "downward specific force",
 }
 
+_WHOLE = {"p_dot": "roll acceleration", "q_dot": "pitch acceleration", "r_dot": "yaw acceleration"}
+
 _SUFFIXES = {"_setpoint": "setpoint", "_dot": "derivative"}
 
 _DEGREES = 180.0 / math.pi
@@ -92,6 +94,8 @@ def magnitude_label(output: str, input: str, *, in_db: bool) -> str:
 
 
 def _words(name: str) -> str:
+    if name in _WHOLE:
+        return _WHOLE[name]
     for suffix, word in _SUFFIXES.items():
         symbol = name.removesuffix(suffix)
         if symbol != name and symbol in _WORDS:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.identification import Identification
+from rotorid.report.bootstrap_section import BootstrapShown, bootstrap_shown
 from rotorid.report.checks import Check, check_section
 from rotorid.report.delays import DelayRow, delay_rows, delay_sentence
 from rotorid.report.fit_words import fit_sentences, sparkline
 from rotorid.report.matrix_tables import MatrixTable, matrix_tables
 from rotorid.report.model_pictures import model_pictures
 from rotorid.report.modes import PoleRow, pole_rows, poles_picture, poles_sentence
+from rotorid.report.motor_section import MotorsShown, motors_shown
 from rotorid.report.numbers import significant
 from rotorid.report.parameter_table import (
     Dropped,
@@ -24,6 +26,7 @@ from rotorid.report.parameter_table import (
 from rotorid.report.picture import Picture
 from rotorid.report.reduction_rows import StepRow, reduction_sentence, step_rows, told_by_steps
 from rotorid.report.scope_rows import RangeRow, constants_sentence, range_rows
+from rotorid.report.search_section import SearchShown, search_shown
 from rotorid.report.tables import CostRow, FindingRow, ManeuverRow, cost_rows, finding_rows, maneuver_row
 from rotorid.report.time_crossed import Crossed, crossed
 from rotorid.report.time_fits import TimeFits, time_fits
@@ -31,7 +34,16 @@ from rotorid.report.time_words import time_sentences
 from rotorid.report.timelines import timelines
 from rotorid.report.told_apart import correlation_picture, correlation_sentence
 from rotorid.report.unseen_pictures import UnseenSweeps, unseen_sweeps
-from rotorid.report.wording import LEVELS, Verdict, cost_verdict, fit_verdict, held_out, summary, worst_maneuver
+from rotorid.report.wording import (
+    LEVELS,
+    Verdict,
+    cost_verdict,
+    fit_verdict,
+    held_out,
+    summary,
+    worst_maneuver,
+    worst_record,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +95,9 @@ class Section:
     timelines: tuple[Picture, ...]
     time: TimeFits | None = None
     crossed: Crossed | None = None
+    search: SearchShown | None = None
+    bootstrap: BootstrapShown | None = None
+    motors: MotorsShown | None = None
 
     @property
     def far_from_truth(self) -> bool:
@@ -92,8 +107,9 @@ class Section:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All figures of the section."""
-        single = (self.poles_picture, self.correlation)
+        single = (self.search.picture if self.search else None, self.poles_picture, self.correlation)
         return (
+            *(self.motors.pictures if self.motors else ()),
             *(self.time.all_pictures if self.time else ()),
             *self.responses,
             *self.folded_responses,
@@ -139,7 +155,7 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         least_coherence=identified.least_coherence,
         checks=tuple(
             check_section(check, key=f"{anchor}-check-{number}")
-            for number, check in enumerate(identified.verifications)
+            for number, check in enumerate(() if document.motors else identified.verifications)
         ),
         sweeps=tuple(
             unseen_sweeps(one, key=f"{anchor}-sweeps-{number}", least_coherence=identified.least_coherence)
@@ -160,8 +176,11 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         findings=finding_rows(findings),
         findings_in_steps=len(document.findings) - len(findings),
         maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
-        time=time_fits(identified, key=f"{anchor}-time"),
+        time=None if document.motors else time_fits(identified, key=f"{anchor}-time"),
+        motors=motors_shown(identified, key=f"{anchor}-motors"),
         crossed=crossed(document.cross_validation),
+        search=search_shown(document.search, key=f"{anchor}-search-cost"),
+        bootstrap=bootstrap_shown(document),
         timelines=timelines(
             () if identified.simulated else identified.segments,
             document.provenance.maneuvers,
@@ -193,7 +212,8 @@ def _explained(document: ResultDocument) -> Verdict | None:
 def _unseen(document: ResultDocument) -> Verdict | None:
     """The worse of what unseen maneuvers and unseen sweeps say."""
     costs = document.verification.frequency.values()
-    flown = worst_maneuver(document.verification.maneuvers)
+    found = document.verification
+    flown = worst_maneuver(found.maneuvers) if found.maneuvers else worst_record(found.records)
     verdicts = [*([flown] if flown else []), *([_cost(max(costs))] if costs else [])]
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level), default=None)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rotorid.pipeline.document import FitDocument, ResultDocument
+from rotorid.report.motor_words import method_sentences
 from rotorid.report.numbers import significant
 
 _METHODS = {
@@ -23,6 +24,9 @@ def time_sentences(document: ResultDocument, fit: FitDocument) -> tuple[str, ...
     """The method, what inputs did between samples, how the solver ended, and the color of the residuals."""
     outcome = fit.outcome.rstrip(".")
     count = "1 evaluation" if fit.evaluations == 1 else f"{fit.evaluations} evaluations"
+    if document.motors is not None:
+        last = f"The last search ended after {count}: {outcome[:1].lower()}{outcome[1:]}."
+        return (*method_sentences(document), last)
     sentences = [_METHODS.get(document.method, "")]
     if document.hold:
         sentences.append(_HOLDS[document.hold])

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from rotorid.fit.frequency_cost import ACCEPTABLE_COST, EXCELLENT_COST
+from rotorid.fit.motor_excitation import SLOW_HZ
 from rotorid.pipeline.document import CostDocument, ParameterDocument, ResultDocument
 from rotorid.pipeline.score_document import ManeuverVerificationDocument, ScoreDocument
 from rotorid.plot.quantity import quantity
 from rotorid.report.modes import mode_sentences
+from rotorid.report.motor_words import motor_sentences
 from rotorid.report.numbers import milliseconds, significant, unit, with_error
 from rotorid.verify.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
 from rotorid.verify.verdict import Verdict as Found
@@ -36,6 +38,19 @@ _EFFECTS = {
     "Z": "vertical force",
 }
 _DELAYS = "delays and lags"
+_MASSES = "mass, thrust and inertia"
+_PHYSICAL = {
+    "m": "mass",
+    "I_xx": "roll inertia",
+    "I_yy": "pitch inertia",
+    "I_zz": "yaw inertia",
+    "c_0": "thrust of a rotor at no output",
+    "c_1": "thrust of a rotor by its output",
+    "c_2": "thrust of a rotor by its output squared",
+    "kappa": "torque of a rotor by its thrust",
+    "kappa_per_I_zz": "torque by thrust, over yaw inertia",
+}
+_LATE = {"tau_gyro": "delay from outputs to the gyros", "tau_accel": "delay from outputs to the accelerometer"}
 _FOUND: dict[Found, tuple[Level, str, str]] = {
     "good": ("good", "good", "predicted well"),
     "diverges": (
@@ -74,6 +89,7 @@ _HEADINGS = {
     "lag_plus_delay": "Lag and delay together",
     "legacy_units": "Units of an older firmware",
     "low_coherence": "Low coherence",
+    "motor_reconstruction": "Motors computed from commands",
     "missing_channel": "A channel is missing",
     "methods_disagree": "Two methods disagree",
     "never_airborne": "The vehicle never flew",
@@ -97,6 +113,7 @@ _HEADINGS = {
     "receive_time": "Stamps of the receiver",
     "reconstructed": "A channel was computed",
     "record_too_short": "The record is short",
+    "rotor_layout": "Where the rotors are",
     "saturation": "Saturation",
     "segment_trimmed": "A segment was cut",
     "sensor_clipping": "A sensor clipped",
@@ -203,6 +220,27 @@ def unseen_sentences(maneuvers: Sequence[ManeuverVerificationDocument]) -> tuple
     )
 
 
+def worst_record(records: Mapping[str, Mapping[str, ScoreDocument]]) -> Verdict | None:
+    """Verdict on the worst output of unseen records that are judged by their scores alone; ``None`` without any."""
+    scores = [one for record in records.values() for one in record.values()]
+    worst = max(scores, key=_badness, default=None)
+    return None if worst is None else prediction_verdict(worst.tic, worst.nrmse_fit_percent)
+
+
+def _records_sentence(records: Mapping[str, Mapping[str, ScoreDocument]]) -> str:
+    told = [(where, name, one) for where, record in records.items() for name, one in record.items()]
+    if not told:
+        return "The unseen flight moves no axis enough to judge the model."
+    where, name, worst = max(told, key=lambda item: _badness(item[2]))
+    good = sum(guidelines_met(one.tic, one.nrmse_fit_percent) == GUIDELINES for _, _, one in told)
+    return (
+        f"Unseen flight: {good} of {len(told)} predicted well{'; the worst is' if len(told) > 1 else ':'} "
+        f"{quantity(name).words} of {where} with a TIC of {significant(worst.tic, digits=2)} and a fit of "
+        f"{significant(worst.nrmse_fit_percent, digits=2)} % (good: TIC up to {GOOD_TIC:g} and a fit of "
+        f"{GOOD_FIT_PERCENT:g} % and more)."
+    )
+
+
 def _badness(scores: ScoreDocument) -> tuple[int, float]:
     tic = scores.tic if math.isfinite(scores.tic) else math.inf
     return -guidelines_met(scores.tic, scores.nrmse_fit_percent), tic
@@ -222,6 +260,7 @@ def summary(document: ResultDocument) -> tuple[str, ...]:
         The result.
     """
     sentences = [sentence for name in document.inputs if (sentence := _input_sentence(document, name))]
+    sentences += motor_sentences(document)
     if not sentences:
         free = sum(parameter.status == "free" for parameter in document.parameters.values())
         sentences.append(f"{document.model}: {free} parameters identified.")
@@ -232,7 +271,8 @@ def summary(document: ResultDocument) -> tuple[str, ...]:
         parts = [
             f"{significant(percent)} % of {quantity(name).words}" for name, percent in document.fit_percent.items()
         ]
-        sentences.append(f"The model explains {', '.join(parts)}.")
+        slow = f", up to {SLOW_HZ:g} Hz" if document.motors else ""
+        sentences.append(f"The model explains {', '.join(parts)}{slow}.")
     if document.cost is not None:
         sentences.append(_cost_sentence(document.cost))
     return (*sentences, *_unseen_sentences(document))
@@ -253,6 +293,8 @@ def _unseen_sentences(document: ResultDocument) -> tuple[str, ...]:
     sentences: list[str] = []
     if document.verification.maneuvers:
         sentences += unseen_sentences(document.verification.maneuvers)
+    elif document.verification.records:
+        sentences.append(_records_sentence(document.verification.records))
     if costs := document.verification.frequency:
         cost = max(costs.values())
         what = "Held-out maneuver, by a second model fitted without it" if held_out(document) else "Unseen sweeps"
@@ -305,6 +347,8 @@ def parameter_words(name: str) -> str:
     """
     if name == _LAG:
         return "motor lag"
+    if name in _PHYSICAL or name in _LATE:
+        return _PHYSICAL.get(name) or _LATE[name]
     kind, _, of = name.partition("_")
     command = f"{of}_command" in _GAINS
     if kind == "tau":
@@ -315,7 +359,7 @@ def parameter_words(name: str) -> str:
 
 
 def parameter_group(name: str, unit: str) -> str:
-    """The force or moment that a derivative belongs to, or that it is a delay; empty for anything else.
+    """The force or moment that a derivative belongs to, or that it is a delay, a mass or a thrust; empty for others.
 
     Examples
     --------
@@ -323,7 +367,7 @@ def parameter_group(name: str, unit: str) -> str:
     ('Pitching moment', 'Delays and lags', '')
     """
     kind = name.partition("_")[0]
-    group = _DELAYS if unit == "s" else _EFFECTS.get(kind, "")
+    group = _DELAYS if unit == "s" else _MASSES if name in _PHYSICAL else _EFFECTS.get(kind, "")
     return group.capitalize()
 
 

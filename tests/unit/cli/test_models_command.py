@@ -42,7 +42,13 @@ def test_json_holds_the_same_and_nothing_else_comes() -> None:
     assert (ran.code, ran.err) == (0, "")
     document = json.loads(ran.out)
     assert document["schema"] == "rotorid.models/1"
-    assert [one["name"] for one in document["models"]] == [*NAMES, *RESPONSE_MODELS, "transfer:m/n", "black_box:N"]
+    assert [one["name"] for one in document["models"]] == [
+        *NAMES,
+        *RESPONSE_MODELS,
+        "physical.motors",
+        "transfer:m/n",
+        "black_box:N",
+    ]
     for one in document["models"][: len(NAMES)]:
         structure = resolve_model(one["name"])
         assert one["inputs"] == list(structure.inputs)

@@ -26,7 +26,6 @@ from rotorid.pipeline.time_fit import fit_in_time
 from rotorid.pipeline.time_identify import chosen_method
 from rotorid.pipeline.time_judge import Compared, judge_agreement, judge_time_fit
 from rotorid.pipeline.time_records import TimeRecords, evenly_stamped, time_records
-from rotorid.pipeline.time_start import designed_starts
 from rotorid.simulate.linear import simulate_linear
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])
@@ -243,20 +242,13 @@ def test_pieces_that_were_asked_for_are_obeyed() -> None:
     assert (pieces.pieces_s, len(pieces.problem.records)) == (5.0, 8)
 
 
-def test_starts_respect_bounds_and_designs_have_their_sizes() -> None:
+def test_starts_respect_bounds() -> None:
     record = flight(samples=400)
     maneuver = Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s)
     records = time_records(SECOND, [(record, maneuver)], IdentifySettings())
     problem = TimeProblem(structure=SECOND, parameters=SECOND.parameters, records=records.data)
     low, high = problem.box
-    designs = {name: designed_starts(problem, name, seed=1) for name in ("default", "central", "sobol:8", "random:5")}
-    assert {name: len(one) for name, one in designs.items()} == {
-        "default": 0,
-        "central": 2**4 + 2 * 4 + 1,
-        "sobol:8": 8,
-        "random:5": 5,
-    }
-    for theta in (*own_starts(problem), *(theta for one in designs.values() for theta in one)):
+    for theta in own_starts(problem):
         assert ((theta >= low) & (theta <= high)).all()
 
 

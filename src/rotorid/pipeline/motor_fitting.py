@@ -1,0 +1,294 @@
+"""From records of motors to physical parameters with bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.channel import LOWEST_RATE_HZ
+from rotorid.data.findings import Finding
+from rotorid.data.immutable import Immutable
+from rotorid.errors import InsufficientDataError
+from rotorid.fit.motor_both_ways import BothWays, both_ways
+from rotorid.fit.motor_excitation import LEAST_CORRELATION, Excitation, excitations
+from rotorid.fit.motor_fit import MotorFit, excited_axes, fit_motors
+from rotorid.fit.motor_problem import MotorProblem
+from rotorid.models.motor_parameters import CURVE_TERMS, Curve, motor_parameters
+from rotorid.models.parameter import ParameterSet
+from rotorid.pipeline.motor_choices import MotorChoices
+from rotorid.pipeline.motor_motion import CHANNELS, fit_percents, motions
+from rotorid.pipeline.motor_records import MotorData
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.bounds import Bounds
+from rotorid.uncertainty.colored import colored_apart
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+_GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
+_STAMPS_S = 0.01
+"""Errors of stamps, and of the rate at which a filter is taken to work, stay below."""
+
+AXIS_WORDS = {"az": "thrust", "p": "roll", "q": "pitch", "r": "yaw"}
+
+
+class Derived(NamedTuple):
+    """A quantity that follows from the parameters."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotorIdentified(Immutable):
+    """Physical parameters of a vehicle, as far as its flights tell them.
+
+    Parameters
+    ----------
+    data
+        What was fitted.
+    fit
+        How it ended.
+    curve
+        Thrust of a rotor by its output.
+    parameters
+        The identified values; one that ended on a bound is held there.
+    bounds
+        Their uncertainty.
+    memory
+        Order of the autoregressions that describe the errors.
+    both
+        Each inertia by regressions both ways.
+    hover_output
+        Mean output of the motors.
+    derived
+        Thrust of a rotor and its slope at that output, at full output, and thrust over weight there.
+    """
+
+    data: MotorData
+    fit: MotorFit
+    curve: Curve
+    parameters: ParameterSet
+    bounds: Bounds
+    memory: int
+    both: tuple[BothWays, ...]
+    hover_output: float
+    derived: Mapping[str, Derived]
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that some stretch excites."""
+        return tuple(axis for axis in self.fit.problem.axes if axis != "weight")
+
+
+def levers_of(data: MotorData) -> FloatArray:
+    """Roll, pitch and yaw moment of a newton of each rotor, shape ``(3, motors)``."""
+    arms, torque = data.layout.moment_arms, data.layout.torque_axes
+    return np.stack([arms[0], arms[1], torque[2]])
+
+
+def fit_motor_data(
+    data: MotorData, choices: MotorChoices, progress: Callable[[str], None] = lambda _: None
+) -> MotorIdentified:
+    """Fit what was excited, and bound it.
+
+    Axes of which the motors then explain nothing are left out: what was seen there was the controller, or motors that
+    were logged too slowly. So is a motor lag that the data do not tell from zero, or from a delay. Then the rest is
+    fitted again.
+
+    Raises
+    ------
+    InsufficientDataError
+        The motors explain the motion along no axis, or the data do not determine all parameters.
+    """
+    levers = levers_of(data)
+    found = excitations(data.records, levers)
+    axes = excited_axes(found)
+    if not axes:
+        raise _nothing_excited(data, found)
+    fit, curve = _fitted(data, choices, levers, axes, progress)
+    unexplained = _unexplained(fit, data)
+    if unexplained:
+        left = tuple(axis for axis in axes if axis not in unexplained)
+        if not left:
+            raise _nothing_excited(data, found)
+        fit, curve = _fitted(data, choices, levers, left, progress)
+    parameters = fit.parameters
+    for name in set(parameters.free) - set(fit.moving):
+        parameters = parameters.fix(name, parameters[name].value)
+    bounds, memory = motor_bounds(fit)
+    bounds = _with_input_errors(bounds, parameters, fit, data)
+    hover = float(np.mean([record.outputs.mean() for record in data.records]))
+    return MotorIdentified(
+        data=data,
+        fit=fit,
+        curve=curve,
+        parameters=parameters,
+        bounds=bounds,
+        memory=memory,
+        both=both_ways(fit),
+        hover_output=hover,
+        derived=_derived(parameters, bounds, hover, data),
+    )
+
+
+def _fitted(
+    data: MotorData,
+    choices: MotorChoices,
+    levers: FloatArray,
+    axes: tuple[str, ...],
+    progress: Callable[[str], None],
+) -> tuple[MotorFit, Curve]:
+    """The fit of some axes, with a motor lag where the data tell one."""
+    curve = _curve(choices, data, axes)
+
+    def fitted(lag: bool) -> MotorFit:
+        parameters = motor_parameters(
+            curve=curve,
+            known=choices.known,
+            axes=axes,
+            lag=lag,
+            heave_damping=all(record.w.size > 0 for record in data.records),
+            earliest_s=-_STAMPS_S if any(record.gyro_taps.size > 1 for record in data.records) else 0.0,
+        )
+        problem = MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *axes))
+        return fit_motors(problem, progress=progress)
+
+    progress("fitting motors, thrust and inertia")
+    fit = fitted(data.kind != "speed")
+    if _lag_unseen(fit):
+        fit = fitted(False)
+    return fit, curve
+
+
+def _unexplained(fit: MotorFit, data: MotorData) -> set[str]:
+    """Axes of which the identified motors explain nothing, although both moved together."""
+    moved = motions(fit.problem, fit.solution.theta, data.flights, fit.excitations)
+    channels = {CHANNELS[axis]: axis for axis in fit.problem.axes if axis in CHANNELS}
+    return {channels[name] for name, percent in fit_percents(moved, list(channels)).items() if percent <= 0.0}
+
+
+def _lag_unseen(fit: MotorFit) -> bool:
+    if "T_motor" not in fit.parameters.free:
+        return False
+    if "T_motor" not in fit.moving:
+        return True
+    place = fit.moving.index("T_motor")
+    bounds, _ = motor_bounds(fit)
+    return bool(fit.parameters["T_motor"].value <= bounds.std[place])
+
+
+def _with_input_errors(bounds: Bounds, parameters: ParameterSet, fit: MotorFit, data: MotorData) -> Bounds:
+    r"""Bounds that also hold what slowly logged motors hide.
+
+    Between their samples motors did what the log does not tell. Errors of the outputs pull gains toward zero by up to
+    :math:`r^2`, errors of the motion push them away by as much, and which of them it is cannot be told: half the way
+    from one regression to the other, :math:`(1/r^2 - 1)/2`, counts as one standard deviation; of lag and delays, half a
+    step between the samples.
+    """
+    rate_hz = min(history.sample_rate_hz for history in data.histories)
+    if rate_hz >= LOWEST_RATE_HZ:
+        return bounds
+    spread = dict.fromkeys(("T_motor", "tau_gyro", "tau_accel"), 0.5 / rate_hz)
+    for axis, names in _GAINS.items():
+        seen = [one[axis].correlation for one in fit.excitations if one[axis].correlation >= LEAST_CORRELATION]
+        if seen:
+            share = 0.5 * (1.0 / float(np.mean(seen)) ** 2 - 1.0)
+            spread |= {name: share * abs(parameters[name].value) for name in names if name in parameters.names}
+    more = np.diag([spread.get(name, 0.0) ** 2 for name in bounds.names])
+    return replace(bounds, covariance=bounds.covariance + more)
+
+
+def _curve(choices: MotorChoices, data: MotorData, axes: tuple[str, ...]) -> Curve:
+    if choices.curve != "auto":
+        return choices.curve
+    if data.kind == "thrust_demand":
+        return "linear"
+    return "polynomial" if data.kind == "output" and "az" in axes else "quadratic"
+
+
+def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...]) -> InsufficientDataError:
+    best = {axis: max(one[axis].correlation for one in found) for axis in AXIS_WORDS}
+    told = ", ".join(f"{AXIS_WORDS[axis]} {correlation:.2f}" for axis, correlation in best.items())
+    names = ", ".join(dict.fromkeys(record.name for record in data.records))
+    slow = [one for one in data.findings if one.kind == "rate_too_low"]
+    message = (
+        f"The motors of {names} explain its motion along no axis: correlation of torque and acceleration up to 5 Hz "
+        f"is {told}, and {LEAST_CORRELATION:g} is needed"
+    )
+    return InsufficientDataError(
+        message,
+        needed="sweeps or doublets, and motor outputs logged faster than the motors answer",
+        remedy=slow[0].message if slow else "fly excitations on each axis",
+        findings=[
+            Finding(kind="no_excitation", severity="error", where=names, message=f"{message}.", numbers=best),
+            *data.findings,
+        ],
+    )
+
+
+def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
+    """Bounds of the parameters that did not end on a bound, and the memory of the errors.
+
+    Raises
+    ------
+    InsufficientDataError
+        The data do not determine all of them.
+    """
+    parts = fit.parts()
+    slopes = np.concatenate([part.slopes[:, 0] for part in parts])
+    fisher = slopes.T @ slopes
+    length = np.sqrt(np.maximum(fisher.diagonal(), 1e-300))
+    try:
+        colored = colored_apart(parts)
+        inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / length**2
+    except np.linalg.LinAlgError as error:
+        raise InsufficientDataError(
+            f"the flights do not determine {', '.join(fit.moving)} apart",
+            needed="motion that tells them apart",
+            remedy="choose a curve with fewer terms with --curve, or hold a parameter with --fix",
+        ) from error
+    ratio = np.log(colored.corrected.diagonal() / colored.white.diagonal())
+    bounds = Bounds(
+        names=fit.moving,
+        cramer_rao=2.0 * np.sqrt(inverse),
+        insensitivity=1.0 / length,
+        covariance=colored.corrected,
+        inflation=math.exp(0.5 * float(np.mean(ratio))),
+    )
+    return bounds, colored.memory
+
+
+def _derived(parameters: ParameterSet, bounds: Bounds, hover: float, data: MotorData) -> dict[str, Derived]:
+    """Thrust at hover, its slope, and what the rotors give at full output."""
+
+    def of_curve(terms: Mapping[str, float], unit: str) -> Derived:
+        value = sum(parameters[name].value * factor for name, factor in terms.items() if name in parameters.names)
+        return Derived(float(value), _std(bounds, terms), unit)
+
+    slope_unit = "N s/rad" if data.kind == "speed" else "N"
+    found = {
+        "thrust_hover": of_curve({"c_0": 1.0, "c_1": hover, "c_2": hover**2}, "N"),
+        "thrust_slope": of_curve({"c_1": 1.0, "c_2": 2.0 * hover}, slope_unit),
+    }
+    if data.kind == "speed":
+        return found
+    found["thrust_full"] = of_curve({"c_0": 1.0, "c_1": 1.0, "c_2": 1.0}, "N")
+    full, mass = found["thrust_full"].value, parameters["m"].value
+    weight = mass * STANDARD_GRAVITY_M_S2 / data.layout.rotors
+    gradient = {"c_0": 1.0 / weight, "c_1": 1.0 / weight, "c_2": 1.0 / weight, "m": -full / (weight * mass)}
+    found["thrust_to_weight"] = Derived(full / weight, _std(bounds, gradient), "1")
+    return found
+
+
+def _std(bounds: Bounds, gradient: Mapping[str, float]) -> float:
+    slopes = np.array([gradient.get(name, 0.0) for name in bounds.names])
+    return float(np.sqrt(slopes @ bounds.covariance @ slopes))
+
+
+def coefficients(identified: MotorIdentified) -> dict[str, float]:
+    """Coefficients of thrust by name."""
+    return {name: identified.parameters[name].value for name in CURVE_TERMS[identified.curve]}

@@ -1,0 +1,164 @@
+"""What an engineer remarks on the physics of motors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from rotorid.data.findings import Finding
+from rotorid.fit.motor_both_ways import judge_both_ways
+from rotorid.fit.motor_excitation import LEAST_CORRELATION
+from rotorid.models.motor_constants import check_motor_constants, yaw_range
+from rotorid.models.motor_parameters import SCALES
+from rotorid.pipeline.judge import judge_parameters
+from rotorid.pipeline.motor_choices import MotorChoices
+from rotorid.pipeline.motor_fitting import AXIS_WORDS, MotorIdentified, levers_of
+from rotorid.uncertainty.propagation import covariance_of_all
+
+_GOOD_PERCENT = 50.0
+
+
+def judge_motors(
+    identified: MotorIdentified, choices: MotorChoices, fit_percent: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
+    return (
+        *_unexcited(identified),
+        *_scale(choices),
+        *_arm(identified),
+        *_yaw(identified),
+        *_physics(identified),
+        *judge_both_ways(identified.both),
+        *_ended(identified),
+        *judge_parameters(identified.parameters, identified.bounds),
+        *_poor(fit_percent),
+    )
+
+
+def _unexcited(identified: MotorIdentified) -> Iterator[Finding]:
+    missing = [axis for axis in AXIS_WORDS if axis not in identified.axes]
+    if not missing:
+        return
+    best = {axis: max(one[axis].correlation for one in identified.fit.excitations) for axis in missing}
+    words = " and ".join(f"{AXIS_WORDS[axis]} ({best[axis]:.2f})" for axis in missing)
+    yield Finding(
+        kind="no_excitation",
+        severity="warning",
+        where=", ".join(AXIS_WORDS[axis] for axis in missing),
+        message=(
+            f"Nothing was identified of {words}: so far do motors and motion go together there, and "
+            f"{LEAST_CORRELATION:g} is needed, or the motors explain nothing of it. Where a controller only answers "
+            "gusts and noise, motors show the controller. Fly a sweep or doublets on these axes."
+        ),
+        numbers={AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
+    )
+
+
+def scale_of(choices: MotorChoices) -> str | None:
+    """What is known that fixes the scale of mass, thrust and inertia."""
+    return next((name for name in SCALES if name in choices.known), None)
+
+
+def _scale(choices: MotorChoices) -> Iterator[Finding]:
+    if scale_of(choices) is not None:
+        return
+    yield Finding(
+        kind="not_identifiable",
+        severity="warning",
+        where="m",
+        message=(
+            "Accelerations tell ratios of mass, thrust and inertia alone: thrust and inertia are those of a vehicle of "
+            "1 kg, to be multiplied with its mass. Weigh it and give --fix m=KILOGRAMS, or a thrust from a bench."
+        ),
+    )
+
+
+def _arm(identified: MotorIdentified) -> Iterator[Finding]:
+    if identified.data.layout.arm_known or not {"p", "q"} & set(identified.axes):
+        return
+    yield Finding(
+        kind="not_identifiable",
+        severity="warning",
+        where="I_xx, I_yy",
+        message=(
+            "The log does not tell the size of the vehicle: I_xx and I_yy are those of an arm of 1 m, to be multiplied "
+            "with its length. Measure from the center to the farthest rotor and give --arm METERS."
+        ),
+    )
+
+
+def _yaw(identified: MotorIdentified) -> Iterator[Finding]:
+    parameters = identified.parameters
+    if "kappa_per_I_zz" not in parameters.names or "I_zz" in parameters.names:
+        return
+    ratio = parameters["kappa_per_I_zz"].value
+    known = "Give --fix kappa=METERS from a bench, or --fix I_zz=VALUE."
+    numbers = {"kappa_per_I_zz": ratio}
+    bound = ""
+    if {"I_xx", "I_yy"} <= set(parameters.names) and identified.data.layout.arm_known:
+        inertia, torque = yaw_range(parameters.values)
+        bound = (
+            f"No body has an I_zz beyond I_xx + I_yy = {inertia.high:.4g} kg m^2, so that kappa is {torque.high:.4g} m "
+            "at most; a flat vehicle comes close to both. "
+        )
+        numbers |= {"I_zz_at_most": inertia.high, "kappa_at_most": torque.high}
+    yield Finding(
+        kind="not_identifiable",
+        severity="info",
+        where="kappa, I_zz",
+        message=f"Yaw tells kappa over I_zz alone, {ratio:.4g} 1/(kg m). {bound}{known}",
+        numbers=numbers,
+    )
+
+
+def _physics(identified: MotorIdentified) -> list[Finding]:
+    data = identified.data
+    spread = covariance_of_all(identified.parameters, identified.bounds)
+    names = identified.parameters.names
+    pairs = {(one, two): float(spread[i, j]) for i, one in enumerate(names) for j, two in enumerate(names)}
+    return check_motor_constants(
+        identified.parameters.values,
+        records=data.records,
+        levers=levers_of(data) if data.layout.arm_known else None,
+        covariance=pairs,
+        full_output=None if data.kind == "speed" else 1.0,
+    )
+
+
+def _ended(identified: MotorIdentified) -> Iterator[Finding]:
+    fit = identified.fit
+    for name in fit.parameters.free:
+        if name not in fit.moving:
+            value = fit.parameters[name].value
+            yield Finding(
+                kind="parameter_at_bound",
+                severity="info" if value == 0.0 else "warning",
+                where=name,
+                message=f"{name} went to its bound, {value:g} {fit.parameters[name].unit}, and is held there.",
+                numbers={"value": value},
+            )
+    if identified.data.kind != "speed" and "T_motor" not in identified.parameters.names:
+        yield Finding(
+            kind="lag_plus_delay",
+            severity="info",
+            where="T_motor",
+            message="The data do not tell a motor lag from none, or from a delay; tau_gyro stands for both.",
+        )
+    if not fit.settled:
+        yield Finding(
+            kind="not_converged",
+            severity="warning",
+            where="physical.motors",
+            message=f"Values and color of the errors still moved after {fit.rounds} rounds.",
+        )
+
+
+def _poor(fit_percent: Mapping[str, float]) -> Iterator[Finding]:
+    for name, percent in fit_percent.items():
+        if percent < _GOOD_PERCENT:
+            yield Finding(
+                kind="poor_fit",
+                severity="warning",
+                where=name,
+                message=f"The motors explain {percent:.0f} % of {name} up to 5 Hz.",
+                numbers={"fit_percent": percent},
+            )

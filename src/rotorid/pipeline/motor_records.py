@@ -1,0 +1,339 @@
+"""From logs to records of motors: the best source of the outputs, the rotors, stretches that moved, one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.history import TimeHistory
+from rotorid.data.maneuver import Maneuver
+from rotorid.data.motor_record import MotorRecord
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.rotor_layout import RotorLayout
+from rotorid.models.rotor_layout_log import layout_of
+from rotorid.models.rotor_mixer import mixer_of
+from rotorid.pipeline.building import built
+from rotorid.pipeline.flights import while_flying
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.motor_choices import MotorChoices, chosen_layout
+from rotorid.pipeline.selection import described, each_once, inside
+from rotorid.signal.airborne import airborne
+from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.battery import voltage_factor
+from rotorid.signal.clock import one_clock
+from rotorid.signal.interpolated import interpolated
+from rotorid.signal.known_filter import combined_response
+from rotorid.signal.motor_outputs import Kind, MotorHistory, with_motors
+from rotorid.signal.motor_reconstruction import motor_history
+from rotorid.signal.reconstruct import ingredients
+from rotorid.signal.segment import find_excitations
+from rotorid.typing import Axis, FloatArray
+
+_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")
+_MEASURED = ("p", "q", "r", "az")
+_TELLING = ("sweep", "random_binary", "doublet", "multistep", "multisine")
+_TOGETHER_S = 5.0
+_MARGIN_S = 1.0
+_SAGGING = 0.02
+_RINGING_S = 0.1
+
+
+class MotorFlight(NamedTuple):
+    """A stretch of a log.
+
+    Parameters
+    ----------
+    record
+        On one clock.
+    maneuver
+        Where in the log.
+    kind
+        What the outputs are.
+    """
+
+    record: MotorRecord
+    maneuver: Maneuver
+    kind: Kind
+
+
+class MotorData(NamedTuple):
+    """What a fit of motors is made to.
+
+    Parameters
+    ----------
+    flights
+        Stretches of all logs.
+    layout
+        The rotors, in meters where the arm is known.
+    histories
+        Motors of each log.
+    flown
+        Logs and stretches, for the provenance.
+    findings
+        Remarks on the way.
+    """
+
+    flights: tuple[MotorFlight, ...]
+    layout: RotorLayout
+    histories: tuple[MotorHistory, ...]
+    flown: tuple[Flown, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def records(self) -> tuple[MotorRecord, ...]:
+        return tuple(flight.record for flight in self.flights)
+
+    @property
+    def kind(self) -> Kind:
+        """What the outputs are, of all logs the same."""
+        return self.flights[0].kind
+
+
+def motor_data(
+    records: Sequence[FlightRecord], choices: MotorChoices, progress: Callable[[str], None] = lambda _: None
+) -> MotorData:
+    """Motors, rates and specific force of every log on one clock.
+
+    Outputs are held from one stamp to the next, as a motor controller holds them; measured speeds are joined by lines.
+
+    Raises
+    ------
+    InsufficientDataError
+        A log tells no motors, no rotors, or no motion.
+    UsageError
+        Logs are of different vehicles, or of motors of different kind.
+    """
+    each_once(records)
+    layout = _layout(records, choices)
+    flights: list[MotorFlight] = []
+    histories: list[MotorHistory] = []
+    flown: list[Flown] = []
+    findings: list[Finding] = [*layout.findings]
+    for record in records:
+        progress(f"{record.source.name}: motors")
+        motors = _true_motors(motor_history(record, mixer_of(layout, record.source.format)))
+        history = motors.history
+        if history.motors != layout.rotors:
+            raise UsageError(
+                f"{record.source.name} holds {history.motors} motors, and {layout.name} has {layout.rotors} rotors",
+                needed="a layout of the vehicle that flew",
+                remedy="name it with --layout",
+            )
+        findings += history.findings
+        histories.append(history)
+        stretches, remarks = _stretches(record, choices)
+        findings += remarks
+        for stretch in stretches:
+            progress(f"{record.source.name}: {stretch.start_s:.1f} to {stretch.stop_s:.1f} s")
+            found, remarks = _on_one_clock(record, motors, stretch, choices)
+            flights += found
+            findings += remarks
+            flown.append((record, stretch))
+    _require_one_kind(flights, records)
+    return MotorData(tuple(flights), layout, tuple(histories), tuple(flown), _each_once(findings))
+
+
+class _Motors(NamedTuple):
+    """Motors, and whether they are samples of something smooth that somebody had joined by straight lines."""
+
+    history: MotorHistory
+    smooth: bool
+
+
+def _true_motors(history: MotorHistory) -> _Motors:
+    """Motors without the straight lines that somebody drew between slower samples."""
+    joined = interpolated(history.time_s, history.values)
+    if joined is None:
+        return _Motors(history, False)
+    findings = (*history.findings, joined.finding(history.source))
+    return _Motors(replace(history, time_s=joined.time_s, values=joined.values, findings=findings), True)
+
+
+def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayout:
+    layouts = [chosen_layout(choices.layout)] if choices.layout else [layout_of(record) for record in records]
+    first = layouts[0]
+    for record, other in zip(records, layouts, strict=False):
+        same = other.rotors == first.rotors and np.allclose(other.positions, first.positions)
+        if not (same and np.array_equal(other.spins, first.spins)):
+            raise UsageError(
+                f"{record.source.name} is of {other.name}, and {records[0].source.name} of {first.name}",
+                needed="logs of one vehicle",
+                remedy="identify each vehicle by itself, or name the layout with --layout",
+            )
+    return first.scaled(choices.arm_m) if choices.arm_m else first
+
+
+def _stretches(record: FlightRecord, choices: MotorChoices) -> tuple[list[Maneuver], list[Finding]]:
+    """What was given; else excitations, joined where they follow each other; else the flight."""
+    if choices.segments:
+        given = [described(record, one) for one in choices.segments if inside(record, one)]
+        if not given:
+            span = f"{record.start_s:.1f} to {record.stop_s:.1f} s of {record.source.name}"
+            raise UsageError("no given segment lies inside the record", needed=f"segments within {span}")
+        return given, []
+    moved = [one for axis in _AXES for one in find_excitations(record, axis) if one.kind in _TELLING]
+    if moved:
+        flown, remarks = while_flying([(record, one) for one in _joined(moved)])
+        return [one for _, one in flown], remarks
+    start_s, stop_s = _flight(record)
+    whole = Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
+    message = f"No excitation stands out in {record.source.name}; its flight was used, {start_s:.1f} to {stop_s:.1f} s."
+    return [whole], [Finding(kind="no_excitation", severity="info", where=record.source.name, message=message)]
+
+
+def _flight(record: FlightRecord) -> tuple[float, float]:
+    try:
+        return airborne(record).longest
+    except InsufficientDataError as error:
+        if any(finding.kind == "never_airborne" for finding in error.findings):
+            raise
+        return record.start_s, record.stop_s
+
+
+def _joined(moved: Sequence[Maneuver]) -> list[Maneuver]:
+    """Maneuvers with a second around them, those that follow within seconds as one."""
+    joined: list[Maneuver] = []
+    for one in sorted(moved, key=lambda maneuver: maneuver.start_s):
+        wider = replace(one, start_s=one.start_s - _MARGIN_S, stop_s=one.stop_s + _MARGIN_S)
+        if joined and wider.start_s <= joined[-1].stop_s + _TOGETHER_S:
+            joined[-1] = replace(joined[-1], stop_s=max(joined[-1].stop_s, wider.stop_s))
+        else:
+            joined.append(wider)
+    return joined
+
+
+def _on_one_clock(
+    record: FlightRecord, motors: _Motors, stretch: Maneuver, choices: MotorChoices
+) -> tuple[list[MotorFlight], list[Finding]]:
+    history = motors.history
+    start_s = max(stretch.start_s, float(history.time_s[0]), record.start_s)
+    stop_s = min(stretch.stop_s, float(history.time_s[-1]), record.stop_s)
+    followers = ingredients("w", record.channel_names)
+    moving = "w" in record.channel_names or set(followers) <= set(record.channel_names)
+    wanted = ("w",) if "w" in record.channel_names else followers
+    found = one_clock(
+        with_motors(record, history),
+        channels=_MEASURED,
+        followers=wanted if moving else (),
+        start_s=start_s,
+        stop_s=stop_s,
+    )
+    findings = [*found.findings]
+    flights = []
+    for part in found.histories:
+        one = built(part, (*_MEASURED, "w")) if moving else part
+        strength, remarks = _strength(record, history, one, choices)
+        findings += [*remarks, *_filtered(record, one)]
+        flights.append(MotorFlight(_record(record, motors, one, strength), stretch, history.kind))
+    return flights, findings
+
+
+def _record(record: FlightRecord, motors: _Motors, part: TimeHistory, strength: FloatArray) -> MotorRecord:
+    return MotorRecord(
+        name=record.source.name,
+        sample_rate_hz=part.sample_rate_hz,
+        outputs=_outputs(record, motors, part),
+        rates=np.stack([part[name] for name in ("p", "q", "r")]),
+        az=part["az"],
+        w=part["w"] if "w" in part.names else np.zeros(0),
+        strength=strength,
+        gyro_taps=_taps(record, part, "p"),
+        accel_taps=_taps(record, part, "az"),
+        start_s=part.start_s,
+    )
+
+
+def _outputs(record: FlightRecord, motors: _Motors, part: TimeHistory) -> FloatArray:
+    """Mean output over each sample: held until the next stamp, or on the way to it where the loop was faster."""
+    from scipy.interpolate import CubicSpline
+
+    history, time_s = motors.history, part.time_s
+    if motors.smooth:
+        return np.asarray(CubicSpline(history.time_s, history.values, axis=1)(time_s), dtype=np.float64)
+    if history.kind == "speed":
+        return np.stack([np.interp(time_s, history.time_s, row) for row in history.values])
+    late = np.searchsorted(history.time_s, time_s + 1e-9, side="right") - 1
+    held = history.values[:, np.clip(late, 0, history.time_s.size - 1)]
+    loops = round(record.parameters.get("SCHED_LOOP_RATE", 0.0) / history.sample_rate_hz)
+    if loops < 2 or history.kind != "thrust_demand":
+        return held
+    # A loop that many times faster went on to the next logged demand by steps that nobody logged.
+    share = (loops - 1) / (2.0 * loops)
+    following = np.concatenate([held[:, 1:], held[:, -1:]], axis=1)
+    return np.asarray((1.0 - share) * held + share * following)
+
+
+def _taps(record: FlightRecord, part: TimeHistory, name: str) -> FloatArray:
+    """Impulse response of the known filters in front of a channel, at the rate of the record."""
+    filters = known_filters(record, part.channels[part.names.index(name)].source)
+    if not filters:
+        return np.ones(1)
+    count = 2 * max(16, round(_RINGING_S * part.sample_rate_hz))
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / part.sample_rate_hz), dtype=np.float64)
+    taps = np.fft.irfft(combined_response(filters, omega), count)[: count // 2]
+    # What rings on is little, and rest must stay rest.
+    return np.asarray(taps / taps.sum(), dtype=np.float64)
+
+
+def _filtered(record: FlightRecord, part: TimeHistory) -> Iterator[Finding]:
+    for name in ("p", "az"):
+        source = part.channels[part.names.index(name)].source
+        for finding in filter_findings(record, source):
+            if finding.kind == "known_filter":
+                message = f"{finding.message} The model passes it too."
+                yield replace(finding, message=message)
+            else:
+                yield finding
+
+
+def _strength(
+    record: FlightRecord, history: MotorHistory, part: TimeHistory, choices: MotorChoices
+) -> tuple[FloatArray, list[Finding]]:
+    """Thrust by the voltage of the battery, for outputs that are shares of it."""
+    usual = np.ones(part.time_s.size)
+    if history.kind != "output" or not choices.voltage:
+        return usual, []
+    try:
+        factor = voltage_factor(record, part.time_s)
+    except InsufficientDataError:
+        return usual, []
+    if factor.spread < _SAGGING:
+        return usual, []
+    message = (
+        f"The battery makes thrust vary by {100.0 * factor.spread:.0f} % at one output; thrust is given at "
+        f"{factor.reference_v:.3g} V."
+    )
+    numbers = {"spread": factor.spread, "reference_v": factor.reference_v}
+    remark = Finding(kind="battery_sag", severity="info", where=record.source.name, message=message, numbers=numbers)
+    return factor.values, [remark]
+
+
+def _require_one_kind(flights: Sequence[MotorFlight], records: Sequence[FlightRecord]) -> None:
+    names = ", ".join(record.source.name for record in records)
+    if not flights:
+        message = f"No stretch of a second without a gap is left in {names}."
+        raise InsufficientDataError(
+            message,
+            needed="motors, rates and accelerometer logged without gaps",
+            findings=[Finding(kind="gap", severity="error", where=names, message=message)],
+        )
+    if len(kinds := {flight.kind for flight in flights}) > 1:
+        raise UsageError(
+            f"{names} tell motors as {' and '.join(sorted(kinds))}",
+            needed="logs that tell them in one way",
+            remedy="identify on those of one kind",
+        )
+
+
+def _each_once(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Findings of several stretches: what is wrong with the rate of a channel is said once."""
+
+    def said(finding: Finding) -> tuple[str, str, str]:
+        return finding.kind, finding.where, "" if finding.kind == "rate_too_low" else finding.message
+
+    return tuple({said(finding): finding for finding in reversed(findings)}.values())[::-1]

@@ -1,0 +1,225 @@
+"""A global search before a fit: run, handed on with all of its minima, and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.immutable import Immutable
+from rotorid.errors import UsageError
+from rotorid.fit.minima import same_cost
+from rotorid.fit.problem import FrequencyProblem
+from rotorid.fit.time_problem import TimeProblem
+from rotorid.models.parameter import ParameterSet
+from rotorid.pipeline.search_choices import EVALUATIONS
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.search.result import Basin, Progress, SearchResult
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.bounds import Bounds
+
+Cost: TypeAlias = Literal["frequency", "output_error"]
+
+NEARLY_AS_GOOD = 0.10
+"""Of the cost: a misfit that is 5 % larger, which no look at the fit would tell."""
+
+_FAR_SIGMAS = 3.0
+_FAR = 0.10
+_NAMED = 3
+_WITHOUT_LIMIT = 2**62
+"""Budget of a design of starts: all of them are tried."""
+
+_SEARCHED = 20_000
+"""Samples of long records on which a search in time works; the fit from what it found has all of them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Searched(Immutable):
+    """A search of a problem, and where it left the fit that goes on from it.
+
+    Parameters
+    ----------
+    name
+        The search as it was asked for, with its options.
+    cost
+        What was minimized: CIFER's cost, summed over the responses, or the squared output errors, weighed by the size
+        of the outputs.
+    parameters
+        Of the problem: names, and the values of the model before the search.
+    result
+        What the search found.
+    """
+
+    name: str
+    cost: Cost
+    parameters: ParameterSet
+    result: SearchResult
+
+    @property
+    def minima(self) -> tuple[Basin, ...]:
+        """All minima, lowest first; of those with one cost the one closest to the values of the model leads.
+
+        Where two poles can change places, as a damping and a motor lag in a row, the values of the model know which is
+        which and the data do not.
+        """
+        basins = self.result.basins
+        alike = [one for one in basins if same_cost(one.cost, basins[0].cost)]
+        first = min(alike, key=lambda one: self._distance(one.theta))
+        return (first, *(one for one in basins if one is not first))
+
+    def _distance(self, theta: FloatArray) -> float:
+        """From the values of the model, each parameter by its size."""
+        own = self.parameters.pack()
+        size = np.maximum(np.abs(own), np.abs(theta))
+        moved = np.divide(np.abs(theta - own), size, out=np.zeros(own.shape), where=size > 0.0)
+        return float(moved @ moved)
+
+    def values(self, basin: Basin) -> dict[str, float]:
+        """Free parameters at a minimum, by their names."""
+        return dict(zip(self.parameters.free, map(float, basin.theta), strict=True))
+
+
+def searched(
+    problem: FrequencyProblem | TimeProblem, settings: IdentifySettings, progress: Callable[[str], None]
+) -> Searched | None:
+    """Search a problem as the settings ask; nothing where they ask for none.
+
+    Parameters
+    ----------
+    problem
+        Long records of one in time are searched on their first part.
+    settings
+        ``search`` with its budget, or ``starts``, which is a search from all points of a design.
+    progress
+        Told evaluations and the best cost.
+
+    Raises
+    ------
+    UsageError
+        The budget does not pay the beginning of the search, or it cannot take so many parameters.
+    InsufficientDataError
+        Nothing that was tried has a finite cost.
+    """
+    name = wanted_search(settings)
+    if name is None or not problem.parameters.free:
+        return None
+    from rotorid.search.catalog import search
+    from rotorid.search.pose import objective_of
+
+    def tell(at: Progress) -> None:
+        progress(f"searching by {name}: {at.evaluations} evaluations, best cost {at.best:.4g}")
+
+    in_time = isinstance(problem, TimeProblem)
+    result = search(name).run(
+        objective_of(problem.shortened(_SEARCHED) if isinstance(problem, TimeProblem) else problem),
+        budget=settings.evaluations or (EVALUATIONS if settings.search else _WITHOUT_LIMIT),
+        seed=settings.seed,
+        progress=tell,
+    )
+    return Searched(
+        name=name,
+        cost="output_error" if in_time else "frequency",
+        parameters=problem.parameters,
+        result=result,
+    )
+
+
+def wanted_search(settings: IdentifySettings) -> str | None:
+    """The search that was asked for, ``None`` for none."""
+    if settings.search is not None:
+        return settings.search
+    return None if settings.starts == "default" else settings.starts
+
+
+def refuse_search(settings: IdentifySettings, what: str, needed: str) -> None:
+    """Refuse a search where there is nothing to search.
+
+    Parameters
+    ----------
+    settings
+        Choices of the run.
+    what
+        Where it came, for the message.
+    needed
+        What has a search.
+
+    Raises
+    ------
+    UsageError
+        One was asked for.
+    """
+    if wanted_search(settings) is not None:
+        option = "--search" if settings.search is not None else "--starts"
+        raise UsageError(f"{option} came with {what}", needed=needed)
+
+
+def judge_minima(found: Searched | None, parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
+    """Other minima of a search that are nearly as good and have clearly other parameters.
+
+    Parameters
+    ----------
+    found
+        The search.
+    parameters
+        The identified values.
+    bounds
+        Their uncertainty: clearly other is what lies more than three standard deviations and a tenth away, from the
+        identified values and from the lowest minimum.
+
+    Returns
+    -------
+    tuple of Finding
+        ``other_minimum`` where there is one whose cost is at most a tenth above the lowest, on the best of them.
+    """
+    if found is None:
+        return ()
+    std = dict(zip(bounds.names, map(float, bounds.std), strict=True))
+    lowest, *others = found.minima
+    known = (found.values(lowest), parameters.values)
+    limit = (1.0 + NEARLY_AS_GOOD) * lowest.cost
+    near = [one for one in others if one.cost <= limit or same_cost(one.cost, lowest.cost)]
+    clear = [(one, moved) for one in near if (moved := _moved(found.values(one), known, std))]
+    return (_other_minimum(found, lowest, *clear[0], more=len(clear) - 1),) if clear else ()
+
+
+def _moved(
+    values: Mapping[str, float], known: Sequence[Mapping[str, float]], std: Mapping[str, float]
+) -> dict[str, float]:
+    """Parameters that are clearly others there, the farthest first, with their values.
+
+    A minimum whose parameters are those of the lowest one or those of the result is no other model: between these two
+    lie other weights and the parameters that were dropped.
+    """
+    away: dict[str, float] = {}
+    for name in std.keys() & values.keys():
+        size = max(abs(values[name]), *(abs(one[name]) for one in known))
+        distance = min(abs(values[name] - one[name]) for one in known)
+        if distance > max(_FAR_SIGMAS * std[name], _FAR * size):
+            away[name] = distance / size
+    return {name: values[name] for name in sorted(away, key=lambda name: (-away[name], name))}
+
+
+def _other_minimum(found: Searched, lowest: Basin, one: Basin, moved: dict[str, float], *, more: int) -> Finding:
+    same = same_cost(one.cost, lowest.cost)
+    named = ", ".join(f"{name} = {value:.4g}" for name, value in list(moved.items())[:_NAMED])
+    how_good = "the same cost" if same else f"a cost only {100.0 * (one.cost / lowest.cost - 1.0):.1f} % higher"
+    others = (
+        f"; {more} more {'is' if more == 1 else 'are'} at most {100.0 * NEARLY_AS_GOOD:.0f} % higher" if more else ""
+    )
+    ending = (
+        "The data cannot tell the two apart, as when two poles change places; the one closest to the values of the "
+        "model was taken."
+        if same
+        else "Which is true only other data can tell: fix what is known, widen the band, or verify both on an unseen "
+        "flight."
+    )
+    return Finding(
+        kind="other_minimum",
+        severity="warning",
+        where=next(iter(moved)),
+        message=f"The search by {found.name} found another minimum with {how_good}, at {named}{others}. {ending}",
+        numbers={"cost": one.cost, "lowest_cost": lowest.cost, "share": one.share, "more": more, **moved},
+    )

@@ -1,0 +1,123 @@
+"""What a page shows of a search and of a bootstrap; nothing of either where there was none."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from tests.unit.report.page_parser import Page
+from tests.unit.report.sample import HOSTILE, document, identification
+
+from rotorid.pipeline.document import (
+    BasinDocument,
+    BootstrapDocument,
+    CorrelationDocument,
+    FindingDocument,
+    ResultDocument,
+    SearchDocument,
+    SpreadDocument,
+)
+from rotorid.report.bootstrap_section import bootstrap_shown
+from rotorid.report.page import render_report
+from rotorid.report.search_section import search_shown
+
+
+def basin(cost: float, share: float, gain: float) -> BasinDocument:
+    return BasinDocument(cost=cost, share=share, parameters={"L_roll": gain, "tau_roll": 0.0024})
+
+
+def a_search(*, name: str = "sobol:10", minima: int = 2) -> SearchDocument:
+    return SearchDocument(
+        name=name,
+        objective="frequency",
+        evaluations=10,
+        polishing=123,
+        local_searches=10,
+        minima=[basin(21.5 + place, 1.0 / minima, 437.0 + place) for place in range(minima)],
+        trace=[(14, 60.0), (31, 21.5)],
+    )
+
+
+def a_bootstrap(*, relative_percent: float | None = 0.71, left_out: int = 0) -> BootstrapDocument:
+    spread = SpreadDocument(
+        mean=437.4, std=3.11, relative_percent=relative_percent, low=431.4, median=437.3, high=443.6
+    )
+    return BootstrapDocument(
+        source="responses",
+        runs=500,
+        seed=0,
+        left_out={"no value": left_out} if left_out else {},
+        parameters={"L_roll": spread},
+        correlation=CorrelationDocument(names=["L_roll"], matrix=[[1.0]]),
+    )
+
+
+def page_of(result: ResultDocument) -> Page:
+    return Page(render_report([dataclasses.replace(identification(), document=result)], title="t"))
+
+
+def test_a_search_shows_how_its_cost_fell_and_every_minimum() -> None:
+    page = page_of(document().model_copy(update={"search": a_search()}))
+    assert "sobol:10 searched CIFER's cost, summed over the responses: 10 evaluations" in page.words
+    assert "123 of residuals with their derivatives in 10 local searches" in page.words
+    assert "came to rest in 2 places" in page.words
+    assert page.rows("Local searches [%]") == [["21.5", "50", "437", "0.0024"], ["22.5", "50", "438", "0.0024"]]
+    figure = page.figures["pictures"]["s1-search-cost"]
+    assert figure["data"][0]["x"] == [14, 31]
+    assert figure["data"][0]["y"] == [60, 21.5]
+    assert set(figure["data"][1]["y"]) == {21.5}
+    assert "#s1-search" in page.attributes("href")
+    assert "how much of the box leads there" in page.words
+
+
+def test_the_share_of_a_population_is_said_to_say_little() -> None:
+    page = page_of(document().model_copy(update={"search": a_search(name="genetic:15x50", minima=1)}))
+    assert "They say little about how wide a basin is" in page.words
+    assert "ended in one place" in page.words
+
+
+def test_of_many_minima_the_lowest_are_shown() -> None:
+    shown = search_shown(a_search(minima=15), key="k")
+    assert shown is not None
+    assert (len(shown.rows), shown.more) == (12, 3)
+
+
+def test_a_search_that_began_at_its_best_has_no_curve() -> None:
+    shown = search_shown(a_search().model_copy(update={"trace": [(14, 21.5), (31, 21.5)]}), key="k")
+    assert shown is not None
+    assert shown.picture is None
+
+
+def test_a_bootstrap_stands_beside_what_is_stated() -> None:
+    result = document().model_copy(update={"bootstrap": a_bootstrap(left_out=3)})
+    page = page_of(result)
+    one = result.parameters["L_roll"]
+    assert one.std is not None
+    ((name, unit, value, stated, *spread),) = page.rows("Stated std")
+    assert (name, unit, value) == ("L_roll", "rad/s²", f"{one.value:.4g}")
+    assert float(stated) == pytest.approx(one.std, rel=0.06)
+    assert spread == ["437.4", "3.1", "0.71", "431.4 to 443.6"]
+    assert "500 refits of the model, each to errors of the responses" in page.words
+    assert "3 of them had no answer" in page.words
+
+
+def test_a_spread_that_contradicts_what_is_stated_is_marked() -> None:
+    finding = FindingDocument(kind="bootstrap_disagrees", severity="warning", where="L_roll", message="It is wider.")
+    plain = document().model_copy(update={"bootstrap": a_bootstrap(relative_percent=None)})
+    for findings, marked in (([], False), ([finding], True)):
+        shown = bootstrap_shown(plain.model_copy(update={"findings": findings}))
+        assert shown is not None
+        assert shown.rows[0].std.marked is marked
+        assert shown.rows[0].relative == "–"
+
+
+def test_names_do_not_act() -> None:
+    page = page_of(document().model_copy(update={"search": a_search(name=HOSTILE), "bootstrap": a_bootstrap()}))
+    assert len(page.scripts) == 3
+
+
+def test_without_them_the_page_has_neither() -> None:
+    assert search_shown(None, key="k") is None
+    assert bootstrap_shown(document()) is None
+    identifiers = page_of(document()).attributes("id")
+    assert not {"s1-search", "s1-bootstrap"} & set(identifiers)
