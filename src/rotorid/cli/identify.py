@@ -130,7 +130,9 @@ def identify_command(
         bootstrap=bootstrap,
         pieces_s=pieces,
     )
-    motors = motor_choices(model, settings, layout=layout, arm=arm, curve=curve)
+    motors = motor_choices(
+        model, settings, layout=layout, arm=arm, curve=curve, also={"cross validate": cross_validate, "inputs": inputs}
+    )
     channels = channel_names(inputs), channel_names(outputs)
     wanted = model if motors else _wanted(model, *channels, settings, decoupled=decoupled)
     job = Job(

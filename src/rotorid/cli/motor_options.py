@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -31,9 +32,17 @@ _USED = ("fix", "segments", "seed", "method")
 
 
 def motor_choices(
-    model: str, settings: IdentifySettings, *, layout: str | None, arm: float | None, curve: str
+    model: str,
+    settings: IdentifySettings,
+    *,
+    layout: str | None,
+    arm: float | None,
+    curve: str,
+    also: Mapping[str, str | None],
 ) -> MotorChoices | None:
     """What was chosen for ``physical.motors``; ``None`` for another model.
+
+    ``also`` are options beside the settings that it does not have either.
 
     Raises
     ------
@@ -43,7 +52,7 @@ def motor_choices(
     from rotorid.errors import UsageError
 
     if model != MODEL:
-        if layout or arm or curve != "auto":
+        if layout is not None or arm is not None or curve != "auto":
             raise UsageError(f"--layout, --arm or --curve came with {model}", needed=f"them with {MODEL} alone")
         return None
     from rotorid.pipeline.motor_choices import MotorChoices
@@ -56,6 +65,7 @@ def motor_choices(
     ]
     if settings.method not in ("auto", "prediction_error"):
         given.append("method")
+    given += [name for name, value in also.items() if value]
     if given:
         raise UsageError(
             f"{', '.join(name.replace('_', ' ') for name in given)} came with {MODEL}, which has no such choice",

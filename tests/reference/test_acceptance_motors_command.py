@@ -1,0 +1,139 @@
+"""The whole way of ``identify --model physical.motors`` on flights whose vehicle is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rotorid.data.maneuver import Maneuver
+from rotorid.io.registry import read
+from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.motor_choices import MotorChoices
+from rotorid.pipeline.motor_identify import identify_motors
+
+INERTIA, LAG, THRUST = 0.05, 0.15, 0.03
+"""How far identified values may lie from the truth."""
+
+
+def identified(paths: list[Path], choices: MotorChoices, mapping: Path | None = None) -> ResultDocument:
+    return identify_motors([read(path, mapping=mapping) for path in paths], choices).document
+
+
+def value(document: ResultDocument, name: str) -> float:
+    return document.parameters[name].value
+
+
+def kinds(document: ResultDocument) -> set[str]:
+    return {finding.kind for finding in document.findings}
+
+
+@pytest.fixture(scope="module")
+def px4(unpacked: Callable[[str], Path]) -> ResultDocument:
+    logs = [unpacked(f"px4_sitl/{name}") for name in ("roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz")]
+    # 0.1 N m of yaw torque for 5 N of thrust; rotors 0.2 m forward and right.
+    return identified(logs, MotorChoices(known={"m": 1.0, "kappa": 0.02}, arm_m=0.2 * 2.0**0.5))
+
+
+def test_px4_inertia_lag_and_thrust(px4: ResultDocument) -> None:
+    assert value(px4, "I_xx") == pytest.approx(0.025, rel=INERTIA)
+    assert value(px4, "I_yy") == pytest.approx(0.025, rel=INERTIA)
+    assert value(px4, "I_zz") == pytest.approx(0.030, rel=INERTIA)
+    assert value(px4, "T_motor") == pytest.approx(0.048, rel=LAG)
+    assert value(px4, "c_1") == pytest.approx(5.0, rel=THRUST)
+
+
+def test_px4_damping_and_agreement_both_ways(px4: ResultDocument) -> None:
+    assert value(px4, "L_p") == pytest.approx(-1.0, rel=0.1)
+    assert value(px4, "N_r") == pytest.approx(-0.833, rel=0.1)
+    assert px4.motors is not None
+    assert [one.axis for one in px4.motors.both_ways] == ["p", "q", "r"]
+    assert all(one.agrees for one in px4.motors.both_ways)
+
+
+def test_px4_writes_a_model_that_can_be_read_back(px4: ResultDocument) -> None:
+    assert px4.matrices is not None
+    assert px4.states == ["x_1", "x_2", "x_3", "x_4", "p", "q", "r", "w"]
+    # Roll of an X: the left motors, 2 and 3, turn right.
+    assert [round(row) for row in px4.matrices.F[4][:4]] == [-40, 40, 40, -40]
+
+
+def test_px4_doublets_alone_tell_roll_and_pitch(unpacked: Callable[[str], Path]) -> None:
+    found = identified([unpacked("px4_sitl/verify.ulg.xz")], MotorChoices(known={"m": 1.0}, arm_m=0.2 * 2.0**0.5))
+    assert value(found, "I_xx") == pytest.approx(0.025, rel=INERTIA)
+    assert value(found, "I_yy") == pytest.approx(0.025, rel=INERTIA)
+    assert "I_zz" not in found.parameters
+    assert "no_excitation" in kinds(found)
+
+
+def test_ardupilot_in_wind(unpacked: Callable[[str], Path]) -> None:
+    logs = [unpacked(f"ardupilot_sitl/x_wind_{name}.BIN.xz") for name in ("rollpitch", "yawthrust")]
+    found = identified(logs, MotorChoices(known={"m": 3.0, "I_zz": 0.04594}, arm_m=0.35))
+    assert value(found, "I_xx") == pytest.approx(0.02297, rel=INERTIA)
+    assert value(found, "I_yy") == pytest.approx(0.02297, rel=INERTIA)
+    assert value(found, "c_1") == pytest.approx(20.29, rel=THRUST)
+    # N_yaw 14.18 rad/s^2 per unit: 4 motors, half a unit each.
+    assert value(found, "kappa") == pytest.approx(14.18 * 0.04594 / (2.0 * 20.29), rel=0.05)
+    # The simulated motors follow at once.
+    assert "T_motor" not in found.parameters
+    assert found.motors is not None
+    assert found.motors.outputs_rate_hz == pytest.approx(200.0, rel=0.01)
+
+
+def test_ardupilot_filtered_rates_tell_the_same_vehicle(unpacked: Callable[[str], Path]) -> None:
+    """IMU and RATE pass the gyro filter of 20 Hz, which the model passes too."""
+    found = identified([unpacked("ardupilot_sitl/x_calm_verify.BIN.xz")], MotorChoices(known={"m": 3.0}, arm_m=0.35))
+    assert value(found, "I_xx") == pytest.approx(0.02297, rel=INERTIA)
+    assert value(found, "I_yy") == pytest.approx(0.02297, rel=INERTIA)
+    assert {"known_filter", "motor_reconstruction"} <= kinds(found)
+
+
+def test_crazyflie_lag_and_curve(shared_data: Path) -> None:
+    thrust = Maneuver(axis="thrust", kind="other", start_s=35.0, stop_s=65.0, origin="given")
+    known = {"m": 0.027, "tau_accel": 0.0}
+    found = identified([shared_data / "crazyflie" / "log10"], MotorChoices(known=known, segments=(thrust,)))
+    assert value(found, "T_motor") == pytest.approx(0.072, abs=0.003)
+    for output in (0.2, 0.4, 0.6, 0.8, 0.9):
+        thrust_n = value(found, "c_0") + value(found, "c_1") * output + value(found, "c_2") * output**2
+        assert thrust_n == pytest.approx(0.02272 - 0.01194 * output + 0.12837 * output**2, rel=0.01)
+
+
+def test_motors_at_nine_hertz_have_wide_intervals(shared_data: Path) -> None:
+    found = identified([shared_data / "ardupilot" / "erle_brain3.BIN"], MotorChoices(known={"m": 1.0}, arm_m=0.25))
+    assert "rate_too_low" in kinds(found)
+    for name in {"I_xx", "I_yy", "kappa_per_I_zz"} & set(found.parameters):
+        std = found.parameters[name].std
+        assert std is not None
+        assert std > 0.15 * abs(value(found, name))
+    assert "T_motor" not in found.parameters
+
+
+@pytest.fixture(scope="module")
+def iris(shared_data: Path) -> ResultDocument:
+    mapping = Path(__file__).resolve().parents[2] / "docs" / "mappings" / "gazebo_iris.toml"
+    choices = MotorChoices(known={"m": 1.5, "kappa": 0.06}, layout="quad.x", arm_m=0.25)
+    return identified([shared_data / "iris_sim" / "quadrotor_model.csv"], choices, mapping)
+
+
+def test_motors_joined_by_lines_are_told(iris: ResultDocument) -> None:
+    """Motors at ten samples a second: roll and pitch are left open, the lag is right, and nobody is told it is sure."""
+    assert "interpolated_channel" in kinds(iris)
+    assert not {"I_xx", "I_yy"} & set(iris.parameters)
+    assert value(iris, "T_motor") == pytest.approx(0.01875, rel=LAG)
+    std = iris.parameters["T_motor"].std
+    assert std is not None
+    assert std > 0.04
+
+
+@pytest.mark.xfail(strict=True, reason="4.1 % low: thrust falls with speed there, and the log flies at 2 m/s, up to 7")
+def test_iris_thrust(iris: ResultDocument) -> None:
+    assert iris.motors is not None
+    # 5.84e-6 N s^2 and 1000 rad/s for a unit of output, 100 at none: 2 k omega at the mean output.
+    slope = 2.0 * 5.84e-6 * (1000.0 * iris.motors.hover_output + 100.0) * 1000.0
+    assert iris.motors.derived["thrust_slope"].value == pytest.approx(slope, rel=THRUST)
+
+
+@pytest.mark.xfail(strict=True, reason="8 % low: motors at 10 Hz, thrust 4 % low, and inertia of yaw follows from it")
+def test_iris_inertia_of_yaw(iris: ResultDocument) -> None:
+    assert value(iris, "I_zz") == pytest.approx(0.055225, rel=INERTIA)

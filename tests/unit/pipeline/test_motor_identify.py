@@ -1,0 +1,153 @@
+"""physical.motors from a log: what it tells, what it leaves open, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.twins.twin_motors import TRUTH
+from tests.unit.pipeline.motor_logs import ARM_M, flight
+
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.io.registry import read
+from rotorid.models.description import from_toml
+from rotorid.pipeline.document import ResultDocument
+from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.motor_choices import MotorChoices, chosen_layout
+from rotorid.pipeline.motor_identify import identify_motors
+
+
+def choices(**more: object) -> MotorChoices:
+    return MotorChoices(**{"known": {"m": TRUTH["m"]}, "layout": "quad.x", "arm_m": ARM_M, **more})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flight(tmp_path_factory.mktemp("motors") / "flight.csv")
+
+
+@pytest.fixture(scope="module")
+def found(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Identification:
+    other = flight(tmp_path_factory.mktemp("motors") / "unseen.csv", seed=2)
+    return identify_motors([read(log)], choices(), verify=[read(other)])
+
+
+def off(document: ResultDocument, name: str, truth: float) -> float:
+    """How many standard deviations a value lies from the truth."""
+    one = document.parameters[name]
+    assert one.std is not None
+    return abs(one.value - truth) / one.std
+
+
+def kinds(document: ResultDocument) -> set[str]:
+    return {finding.kind for finding in document.findings}
+
+
+@pytest.mark.parametrize("name", ["I_xx", "I_yy", "kappa_per_I_zz", "T_motor", "tau_gyro", "tau_accel"])
+def test_the_truth_lies_within_four_deviations(found: Identification, name: str) -> None:
+    assert off(found.document, name, TRUTH[name]) < 4.0
+
+
+def test_thrust_at_hover_carries_the_weight(found: Identification) -> None:
+    assert found.document.motors is not None
+    hover = found.document.motors.derived["thrust_hover"]
+    assert hover.value == pytest.approx(TRUTH["m"] * 9.80665 / 4.0, abs=4.0 * hover.std)
+
+
+def test_an_unseen_flight_is_scored(found: Identification) -> None:
+    (scores,) = found.document.verification.records.values()
+    assert set(scores) == {"p_dot", "q_dot", "r_dot", "az"}
+    assert all(score.tic < 0.25 for score in scores.values())
+
+
+def test_the_model_about_hover_reads_back(found: Identification) -> None:
+    structure = from_toml(found.model_toml)
+    assert structure.inputs == ("motor_1", "motor_2", "motor_3", "motor_4")
+    system = structure.matrices(structure.parameters.values)
+    slope = found.document.motors.derived["thrust_slope"].value  # type: ignore[union-attr]
+    row = structure.states.index("p")
+    assert system.F[row, 0] == pytest.approx(-0.2 * slope / found.document.parameters["I_xx"].value)
+
+
+def test_what_stays_open_is_said(found: Identification) -> None:
+    open_ = [finding.where for finding in found.document.findings if finding.kind == "not_identifiable"]
+    assert "kappa, I_zz" in open_
+    assert "I_zz" not in found.document.parameters
+
+
+def test_a_torque_constant_gives_inertia_of_yaw(log: Path) -> None:
+    known = {"m": TRUTH["m"], "kappa": 0.02}
+    document = identify_motors([read(log)], choices(known=known)).document
+    assert document.parameters["I_zz"].status == "tied"
+    assert off(document, "I_zz", 0.02 / TRUTH["kappa_per_I_zz"]) < 4.0
+
+
+def test_without_mass_everything_is_per_kilogram(log: Path, found: Identification) -> None:
+    document = identify_motors([read(log)], choices(known={})).document
+    assert document.motors is not None
+    assert document.motors.scale is None
+    expected = found.document.parameters["I_xx"].value / TRUTH["m"]
+    assert document.parameters["I_xx"].value == pytest.approx(expected, rel=1e-3)
+    assert any(finding.where == "m" for finding in document.findings if finding.kind == "not_identifiable")
+
+
+def test_without_an_arm_inertia_is_per_meter(log: Path, found: Identification) -> None:
+    document = identify_motors([read(log)], choices(arm_m=None)).document
+    expected = found.document.parameters["I_xx"].value / ARM_M
+    assert document.parameters["I_xx"].value == pytest.approx(expected, rel=1e-3)
+    assert any(finding.where == "I_xx, I_yy" for finding in document.findings if finding.kind == "not_identifiable")
+
+
+def test_gusts_and_a_controller_alone_are_refused(tmp_path: Path) -> None:
+    calm = flight(tmp_path / "calm.csv", size=0.0)
+    with pytest.raises(InsufficientDataError, match="explain its motion along no axis") as refused:
+        identify_motors([read(calm)], choices())
+    assert "no_excitation" in {finding.kind for finding in refused.value.findings}
+
+
+def test_slow_motors_have_wide_intervals(tmp_path: Path, found: Identification) -> None:
+    slow = identify_motors([read(flight(tmp_path / "slow.csv", every=20))], choices()).document
+    assert "interpolated_channel" in kinds(slow)
+    assert slow.parameters["T_motor"].std is None or slow.parameters["T_motor"].std > 0.04
+    for name in {"I_xx", "I_yy"} & set(slow.parameters):
+        fast = found.document.parameters[name].std
+        std = slow.parameters[name].std
+        assert std is not None
+        assert fast is not None
+        assert std > 5.0 * fast
+
+
+def test_the_same_choices_give_the_same_answer(log: Path, found: Identification) -> None:
+    other = flight(log.with_name("unseen_again.csv"), seed=2)
+    again = identify_motors([read(log)], choices(), verify=[read(other)])
+    assert again.document.parameters == found.document.parameters
+
+
+def test_a_wrong_layout_is_told(log: Path) -> None:
+    with pytest.raises(UsageError, match="4 motors, and hexa.x has 6 rotors"):
+        identify_motors([read(log)], choices(layout="hexa.x"))
+
+
+def test_a_layout_that_does_not_exist_suggests_one() -> None:
+    with pytest.raises(UsageError, match="did you mean quad.x"):
+        chosen_layout("quad_x")
+
+
+def test_a_table_without_layout_asks_for_one(log: Path) -> None:
+    with pytest.raises(InsufficientDataError, match="layout"):
+        identify_motors([read(log)], choices(layout=None))
+
+
+@pytest.mark.parametrize(
+    ("known", "said"), [({"mass": 1.0}, "no parameter mass"), ({"kappa": 0.02, "I_zz": 0.03}, "both kappa and I_zz")]
+)
+def test_wrong_knowledge_is_refused(log: Path, known: dict[str, float], said: str) -> None:
+    with pytest.raises(ModelError, match=said):
+        identify_motors([read(log)], choices(known=known))
+
+
+def test_wrong_choices_are_refused() -> None:
+    with pytest.raises(UsageError, match="did you mean linear"):
+        MotorChoices(curve="linea")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="a positive length"):
+        MotorChoices(arm_m=-0.1)
