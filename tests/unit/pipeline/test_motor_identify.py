@@ -124,12 +124,12 @@ def test_the_same_choices_give_the_same_answer(log: Path, found: Identification)
 
 
 def test_a_wrong_layout_is_told(log: Path) -> None:
-    with pytest.raises(UsageError, match="4 motors, and hexa.x has 6 rotors"):
+    with pytest.raises(UsageError, match=r"4 motors, and hexa\.x has 6 rotors"):
         identify_motors([read(log)], choices(layout="hexa.x"))
 
 
 def test_a_layout_that_does_not_exist_suggests_one() -> None:
-    with pytest.raises(UsageError, match="did you mean quad.x"):
+    with pytest.raises(UsageError, match=r"did you mean quad\.x"):
         chosen_layout("quad_x")
 
 
