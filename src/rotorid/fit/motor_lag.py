@@ -11,7 +11,8 @@ sample, :math:`\int x \, dt` and :math:`\int x^2 \, dt`, has closed forms. Every
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,20 +22,56 @@ from rotorid.typing import FloatArray
 Lagged = NDArray[np.float64] | NDArray[np.complex128]
 
 
-class Turning(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Turning:
     """Motors over a record.
 
     Parameters
     ----------
     level
         Lagged output at every sample, shape ``(motors, n)``.
-    first, second
-        Integrals of the lagged output and of its square from each sample to the next, shape ``(motors, n - 1)``.
+    stretches
+        Two for each sample, before and after the input changes: lagged output at their start, the input that stands,
+        their length and the lag.
     """
 
     level: Lagged
-    first: Lagged
-    second: Lagged
+    stretches: tuple[_Stretch, _Stretch]
+
+    @cached_property
+    def first(self) -> Lagged:
+        """Integral of the lagged output from each sample to the next, shape ``(motors, n - 1)``."""
+        late, early = (one.held * one.span_s + one.once for one in self.stretches)
+        return (late + early)[:, :-1]
+
+    @cached_property
+    def second(self) -> Lagged:
+        """Integral of its square, shape ``(motors, n - 1)``."""
+        late, early = (one.squared for one in self.stretches)
+        return (late + early)[:, :-1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """A time in which the input stands."""
+
+    start: Lagged
+    held: FloatArray
+    span_s: complex
+    lag_s: complex
+
+    @cached_property
+    def once(self) -> Lagged:
+        """Integral of what is left of the step to the input."""
+        once: Lagged = self.lag_s * (1.0 - np.exp(-self.span_s / self.lag_s)) * (self.start - self.held)
+        return once
+
+    @property
+    def squared(self) -> Lagged:
+        left = np.exp(-2.0 * self.span_s / self.lag_s)
+        away = 0.5 * self.lag_s * (1.0 - left) * (self.start - self.held) ** 2
+        squared: Lagged = self.held**2 * self.span_s + 2.0 * self.held * self.once + away
+        return squared
 
 
 def turning(outputs: FloatArray, *, lag_s: complex, delay_s: complex, step_s: float) -> Turning:
@@ -69,15 +106,4 @@ def turning(outputs: FloatArray, *, lag_s: complex, delay_s: complex, step_s: fl
     # A sample of the late clock lies `rest` before one of the early clock.
     before, after = held[:, :-1], held[:, 1:]
     level = before + (reached[:, :-1] - before) * np.exp(-(step_s - rest) / lag_s)
-    late = _integrals(level, before, rest, lag_s)
-    early = _integrals(reached[:, 1:], after, step_s - rest, lag_s)
-    one, two = (first_part + second_part for first_part, second_part in zip(late, early, strict=True))
-    return Turning(level, one[:, :-1], two[:, :-1])
-
-
-def _integrals(start: Lagged, held: FloatArray, span_s: complex, lag_s: complex) -> tuple[Lagged, Lagged]:
-    """Integrals of the lagged output and of its square over a stretch in which the input stands."""
-    left = np.exp(-span_s / lag_s)
-    away = start - held
-    once = lag_s * (1.0 - left) * away
-    return held * span_s + once, held**2 * span_s + 2.0 * held * once + 0.5 * lag_s * (1.0 - left**2) * away**2
+    return Turning(level, (_Stretch(level, before, rest, lag_s), _Stretch(reached[:, 1:], after, step_s - rest, lag_s)))

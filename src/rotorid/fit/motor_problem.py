@@ -20,7 +20,7 @@ is not what turns, clocks that drift.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -140,34 +140,30 @@ class MotorProblem(Immutable):
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Whitened errors of all equations, one after the other, and their Jacobian by the free parameters."""
-        rows, slopes = [], []
-        directions = self.parameters.unpack(theta).directions
-        for record, filters in zip(self.equations(theta), self.filters, strict=True):
-            for axis in record:
-                if axis.name not in filters:
-                    continue
-                error, slope = _whitened(axis, directions, filters[axis.name])
-                rows.append(error)
-                slopes.append(slope)
+        white = [(error, slopes) for _, error, slopes in self._whitened(theta)]
+        rows, slopes = zip(*white, strict=True)
         return np.concatenate(rows), np.concatenate(slopes, axis=1).T
 
     def parts(self, theta: FloatArray) -> list[Part]:
         """For each equation its whitened errors ``(n, 1)``, their derivatives ``(n, 1, p)`` and unknown constants."""
-        directions = self.parameters.unpack(theta).directions
         found = []
-        for record, filters in zip(self.equations(theta), self.filters, strict=True):
-            for axis in record:
-                if axis.name not in filters:
-                    continue
-                error, slopes = _whitened(axis, directions, filters[axis.name])
-                unknown = np.full((error.size, 1, 0 if axis.name in FORCES else 1), error.size**-0.5)
-                found.append(Part(error[:, None], slopes.T[:, None], unknown))
+        for name, error, slopes in self._whitened(theta):
+            unknown = np.full((error.size, 1, 0 if name in FORCES else 1), error.size**-0.5)
+            found.append(Part(error[:, None], slopes.T[:, None], unknown))
         return found
+
+    def _whitened(self, theta: FloatArray) -> Iterator[tuple[str, FloatArray, FloatArray]]:
+        """Whitened error and slopes of every equation that counts; no other is computed."""
+        parameters = self.parameters.unpack(theta)
+        values, directions = parameters.values, parameters.directions
+        for record, filters in zip(self.records, self.filters, strict=True):
+            for axis in self._axes(record, values, filters):
+                yield axis.name, *_whitened(axis, directions, filters[axis.name])
 
     def equations(self, theta: FloatArray) -> list[list[Axis]]:
         """For every record its equations at some parameters."""
         values = self.parameters.unpack(theta).values
-        return [self._axes(record, values) for record in self.records]
+        return [self._axes(record, values, self.axes) for record in self.records]
 
     def errors(self, theta: FloatArray) -> list[dict[str, FloatArray]]:
         """For every record the errors of each axis as they are, a constant torque taken out."""
@@ -176,14 +172,14 @@ class MotorProblem(Immutable):
             for record in self.equations(theta)
         ]
 
-    def _axes(self, record: MotorRecord, values: Mapping[str, float]) -> list[Axis]:
+    def _axes(self, record: MotorRecord, values: Mapping[str, float], wanted: Collection[str]) -> list[Axis]:
         step = 1.0 / record.sample_rate_hz
-        rates = [axis for axis in RATES if axis in self.axes]
+        rates = [axis for axis in RATES if axis in wanted]
         found = []
-        if "az" in self.axes or "weight" in self.axes:
+        if "az" in wanted or "weight" in wanted:
             force = _force_axis(record, values, _derived(record, values, "tau_accel", step), self.parameters.names)
-            found += [force] if "az" in self.axes else []
-            found += [_mean(force)] if "weight" in self.axes else []
+            found += [force] if "az" in wanted else []
+            found += [_mean(force)] if "weight" in wanted else []
         if rates:
             late = _derived(record, values, "tau_gyro", step)
             found += [self._rate_axis(record, values, late, axis, step) for axis in rates]
@@ -202,7 +198,7 @@ class MotorProblem(Immutable):
 
         # Damping acts on the mean of both ends. The later one is predicted, since its noise is that of the error.
         half = 0.5 * step * values[damping]
-        moment = _combined(values, torque(late.integrals(step)))
+        moment = _combined(values, torque(late.integrals(values, step)))
         predicted = (gain * moment + 2.0 * half * rate[:-1]) / (1.0 - half)
         slopes = {name: gain / (1.0 - half) * term for name, term in torque(late.sums(values, step)).items()}
         slopes[inertia] = (moment if axis == "r" else -moment * gain**2) / (1.0 - half)
@@ -221,34 +217,48 @@ class _Late(NamedTuple):
     here: Turning
     moved: Mapping[str, Turning]
 
-    def integrals(self, step: float) -> dict[str, Row]:
-        return _thrust_terms(self.here.first, self.here.second, step)
+    def integrals(self, values: Mapping[str, float], step: float) -> dict[str, Row]:
+        return _impulses(self.here, values, step)
 
     def sums(self, values: Mapping[str, float], step: float) -> dict[str, Row]:
         """Derivatives of the impulse of every rotor by coefficients, lag and delay, shape ``(motors, n - 1)``."""
-        slopes = self.integrals(step)
+        slopes = self.integrals(values, step)
         for name, moved in self.moved.items():
-            slopes[name] = _combined(values, _thrust_terms(moved.first, moved.second, step)).imag / _STEP
+            slopes[name] = _combined(values, _impulses(moved, values, step)).imag / _STEP
         return slopes
 
-    def levels(self) -> dict[str, Row]:
-        return _thrust_terms(self.here.level, self.here.level**2, 1.0)
+    def levels(self, values: Mapping[str, float]) -> dict[str, Row]:
+        return _thrusts(self.here, values)
 
     def level_slopes(self, values: Mapping[str, float]) -> dict[str, Row]:
-        slopes = self.levels()
+        slopes = self.levels(values)
         for name, moved in self.moved.items():
-            slopes[name] = _combined(values, _thrust_terms(moved.level, moved.level**2, 1.0)).imag / _STEP
+            slopes[name] = _combined(values, _thrusts(moved, values)).imag / _STEP
         return slopes
 
 
-def _thrust_terms(first: Row, second: Row, constant: float) -> dict[str, Row]:
-    return {"c_0": np.full(first.shape, constant), "c_1": first, "c_2": second}
+def _impulses(motors: Turning, values: Mapping[str, float], step: float) -> dict[str, Row]:
+    """What each coefficient of the curve is multiplied by in the impulse of a rotor over a sample."""
+    terms: dict[str, Row] = {}
+    if "c_0" in values:
+        terms["c_0"] = np.full((motors.level.shape[0], motors.level.shape[1] - 1), step)
+    if "c_1" in values:
+        terms["c_1"] = motors.first
+    if "c_2" in values:
+        terms["c_2"] = motors.second
+    return terms
+
+
+def _thrusts(motors: Turning, values: Mapping[str, float]) -> dict[str, Row]:
+    """The same in its thrust at a sample."""
+    powers = {"c_0": 0, "c_1": 1, "c_2": 2}
+    return {name: motors.level**power for name, power in powers.items() if name in values}
 
 
 def _combined(values: Mapping[str, float], terms: Mapping[str, Row]) -> Row:
     """Thrust, from what each coefficient is multiplied by."""
-    chosen = [values[name] * term for name, term in terms.items() if name in values]
-    total: Row = sum(chosen[1:], chosen[0])
+    thrusts = [values[name] * term for name, term in terms.items()]
+    total: Row = sum(thrusts[1:], thrusts[0])
     return total
 
 
@@ -271,7 +281,7 @@ def _force_axis(record: MotorRecord, values: Mapping[str, float], late: _Late, n
     def summed(terms: Mapping[str, Row]) -> dict[str, Row]:
         return {name: _passed(strength * term[:, 1:].sum(axis=0), record.accel_taps) for name, term in terms.items()}
 
-    thrust = _combined(values, summed(late.levels()))
+    thrust = _combined(values, summed(late.levels(values)))
     slopes = {name: -inverse * term for name, term in summed(late.level_slopes(values)).items()}
     slopes["m"] = thrust * inverse**2
     predicted = -inverse * thrust

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rotorid.fit.motor_lag import turning
+from rotorid.fit.motor_lag import Lagged, Turning, turning
 from rotorid.typing import FloatArray
 
 STEP_S = 0.01
@@ -42,6 +42,10 @@ def brute_force(outputs: FloatArray, lag_s: float, delay_s: float) -> tuple[Floa
     return np.array(levels), np.array(first), np.array(second)
 
 
+def parts(found: Turning) -> tuple[Lagged, Lagged, Lagged]:
+    return found.level, found.first, found.second
+
+
 @pytest.mark.parametrize("lag_s", LAGS_S)
 @pytest.mark.parametrize("delay_s", DELAYS_S)
 def test_levels_and_integrals_are_exact(lag_s: float, delay_s: float) -> None:
@@ -62,17 +66,17 @@ def test_complex_steps_give_the_derivatives_of_lag_and_delay(delay_s: float) -> 
     below = turning(OUTPUTS, lag_s=lag_s - small, delay_s=delay_s, step_s=STEP_S)
     later = turning(OUTPUTS, lag_s=lag_s, delay_s=delay_s + small, step_s=STEP_S)
     here = turning(OUTPUTS, lag_s=lag_s, delay_s=delay_s, step_s=STEP_S)
-    for exact, high, low in zip(by_lag, above, below, strict=True):
+    for exact, high, low in zip(parts(by_lag), parts(above), parts(below), strict=True):
         np.testing.assert_allclose(exact.imag / tiny, (high - low) / (2.0 * small), atol=1e-5)
     # Levels have kinks in the delay where a switch meets a sample: from there on the derivative is that to the right.
-    for exact, high, low in zip(by_delay, later, here, strict=True):
+    for exact, high, low in zip(parts(by_delay), parts(later), parts(here), strict=True):
         np.testing.assert_allclose(exact.imag / tiny, (high - low) / small, atol=1e-3)
 
 
 def test_a_delay_across_a_sample_changes_nothing_abruptly() -> None:
     before = turning(OUTPUTS, lag_s=0.04, delay_s=STEP_S - 1e-9, step_s=STEP_S)
     after = turning(OUTPUTS, lag_s=0.04, delay_s=STEP_S + 1e-9, step_s=STEP_S)
-    for one, other in zip(before, after, strict=True):
+    for one, other in zip(parts(before), parts(after), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-7)
 
 
