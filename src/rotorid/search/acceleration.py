@@ -24,7 +24,8 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fit.solution import Solution
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rotor_layout import UP, RotorLayout
-from rotorid.search.acceleration_polish import best_gains, polished
+from rotorid.search.acceleration_polish import error_sums, polished
+from rotorid.search.acceleration_sums import ErrorSum
 from rotorid.search.design_of_starts import Scale, StartBox
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -197,15 +198,11 @@ class AccelerationProblem(Immutable):
 
     def costs(self, thetas: FloatArray) -> FloatArray:
         """Cost of many parameter vectors ``(b, p)``, shape ``(b,)``; infinite where the model has no value."""
-        from rotorid.search.acceleration_kernels import error_sums
-
         gains, kept = self._model(self._values(thetas))
-        squared = self.error == "squared"
         if self.holds_lag:
-            sums = error_sums(gains, self._held, self.made, squared)
+            sums = np.stack([total(gain) for total, gain in zip(self.sums, gains.T, strict=True)], axis=1)
         else:
-            pairs = zip(gains, kept, strict=True)
-            sums = np.array([error_sums(row[None], self._carried(lag), self.made, squared)[0] for row, lag in pairs])
+            sums = self._sums_with_lags(gains, kept)
         costs: FloatArray = sums @ self.channel_weights
         return np.where(np.isfinite(costs), costs, np.inf)
 
@@ -275,7 +272,8 @@ class AccelerationProblem(Immutable):
         directions = here.directions[[here.names.index(name) for name in NAMES]]
         gains, (kept,) = self._model(values[None])
         of_gains = gains[0][:, None] * (POWERS / values[:-1]) @ directions[:-1]
-        slopes: FloatArray = of_gains.T[:, :, None] * self._settled(float(kept))
+        # Sums over samples are fast where those of one acceleration lie side by side.
+        slopes: FloatArray = np.ascontiguousarray(of_gains.T)[:, :, None] * self._settled(float(kept))
         if directions[-1].any():
             # The derivative of a lag is a lag of what it has not yet followed.
             behind = self._lagged(self._lagged(self._drives, kept) - self._drives, kept)
@@ -296,9 +294,17 @@ class AccelerationProblem(Immutable):
         return None if tied or not self.holds_lag else POWERS[:, free]
 
     @cached_property
-    def best_gains(self) -> FloatArray:
-        """The gain of each acceleration that alone has the least cost, where the lag is held; shape ``(4,)``."""
-        return best_gains(self, None)
+    def sums(self) -> tuple[ErrorSum, ...]:
+        """Sum of errors of each acceleration by its gain, where the lag is held."""
+        return error_sums(self, None)
+
+    def _sums_with_lags(self, gains: FloatArray, kept: FloatArray) -> FloatArray:
+        """Sums of errors of candidates with a lag of their own each, shape ``(b, 4)``."""
+        from rotorid.search.acceleration_kernels import error_sums as at_once
+
+        squared = self.error == "squared"
+        pairs = zip(gains, kept, strict=True)
+        return np.array([at_once(row[None], self._carried(lag), self.made, squared)[0] for row, lag in pairs])
 
     @cached_property
     def _sizes(self) -> FloatArray:

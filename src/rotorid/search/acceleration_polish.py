@@ -6,8 +6,8 @@ With the lag of the motors held, what they carry is known, :math:`x_c`, and each
 
 is convex in each gain, and least at the weighted median of :math:`a_c/x_c` with the weights :math:`|x_c|`; for squares
 at :math:`\sum a_c x_c / \sum x_c^2`. The logarithms of the gains are sums of those of the parameters, so the nearest
-parameters with these gains are one linear solution away. Where there are none, because some are held, bounded or tied,
-or where the lag is free, steps of least squares lead down.
+parameters with these gains are one linear solution away, or a few where bounds are in the way. Where there are none,
+because some are held, bounded or tied, or where the lag is free, steps of least squares lead down.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ import numpy as np
 
 from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
 from rotorid.fit.solution import Outcome, Solution
+from rotorid.search.acceleration_sums import ErrorSum, absolute_sum, squared_sum
+from rotorid.search.design_of_starts import StartBox
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -53,37 +55,43 @@ def polished(problem: AccelerationProblem, start: FloatArray, points: FloatArray
     return cost.descend(theta) if reached is None else cost.solution(reached, began=cost.sum(theta))
 
 
-def best_gains(problem: AccelerationProblem, points: FloatArray | None) -> FloatArray:
-    """The gain of each acceleration that alone has the least cost, where the lag is held; shape ``(4,)``."""
+def error_sums(problem: AccelerationProblem, points: FloatArray | None) -> tuple[ErrorSum, ...]:
+    """Sum of errors of each acceleration by its gain, where the lag is held."""
+    total = squared_sum if problem.error == "squared" else absolute_sum
     carried = problem.carried(problem.parameters.pack())
-    weights = np.ones(problem.tilt.size) if points is None else points
-    if problem.error == "squared":
-        return np.asarray(np.sum(weights * problem.made * carried, axis=1) / np.sum(weights * carried**2, axis=1))
-    return np.array([_median(a, x, weights) for a, x in zip(problem.made, carried, strict=True)])
-
-
-def _median(made: FloatArray, carried: FloatArray, weights: FloatArray) -> float:
-    """The factor on ``carried`` with the least sum of absolute errors."""
-    moved = carried != 0.0
-    ratios = made[moved] / carried[moved]
-    order = np.argsort(ratios, kind="stable")
-    passed = np.cumsum((weights[moved] * np.abs(carried[moved]))[order])
-    return float(ratios[order[np.searchsorted(passed, 0.5 * passed[-1])]]) if passed.size else np.nan
+    return tuple(total(a, x, points) for a, x in zip(problem.made, carried, strict=True))
 
 
 def _closed_form(problem: AccelerationProblem, theta: FloatArray, points: FloatArray | None) -> FloatArray | None:
     """The parameters with the best gains that are nearest to a start, relatively; ``None`` where there are none."""
     if problem.free_powers is None:
         return None
-    wanted = problem.best_gains if points is None else best_gains(problem, points)
-    ratios = wanted / problem.gains(theta)[0]
+    sums = problem.sums if points is None else error_sums(problem, points)
+    ratios = np.array([one.best for one in sums]) / problem.gains(theta)[0]
     if not np.all(np.isfinite(ratios) & (ratios > 0.0)):
         return None
-    steps = np.linalg.pinv(problem.free_powers) @ np.log(ratios)
-    reached = theta * np.exp(steps)
-    inside = np.all((reached >= problem.box.lower) & (reached <= problem.box.upper))
-    missed = np.abs(problem.free_powers @ steps - np.log(ratios)).max()
-    return reached if inside and missed <= _REACHED else None
+    return _moved(theta, problem.free_powers, np.log(ratios), problem.box)
+
+
+def _moved(theta: FloatArray, powers: FloatArray, wanted: FloatArray, box: StartBox) -> FloatArray | None:
+    """Parameters within their bounds whose products of powers have moved by ``wanted``, in logarithms.
+
+    Those that would leave the box stay at the bound that they meet, and the others make up for them.
+    """
+    with np.errstate(divide="ignore"):
+        low, high = np.log(np.maximum(np.sort([box.lower / theta, box.upper / theta], axis=0), 0.0))
+    steps, free = np.zeros(theta.size), np.ones(theta.size, dtype=np.bool_)
+    while free.any():
+        steps[free] = np.linalg.pinv(powers[:, free]) @ (wanted - powers[:, ~free] @ steps[~free])
+        over = free & ~((steps >= low) & (steps <= high))
+        if not over.any():
+            break
+        steps, free = np.clip(steps, low, high), free & ~over
+    if np.abs(powers @ steps - wanted).max() > _REACHED:
+        return None
+    reached = np.clip(theta * np.exp(steps), box.lower, box.upper)
+    met = np.where(reached - box.lower < box.upper - reached, box.lower, box.upper)
+    return np.where(free, reached, met)
 
 
 class _Cost:
@@ -99,7 +107,7 @@ class _Cost:
         best = self.solution(theta, began=self.sum(theta))
         evaluations, trace = 0, [best.cost]
         for rounded in _ROUNDED if self.absolute else (0.0,):
-            corner = rounded * self.mean_errors(theta)
+            corner = rounded * self.mean_errors(self.errors(theta))
 
             def residuals(at: FloatArray, corner: FloatArray = corner) -> tuple[FloatArray, FloatArray]:
                 return self.residuals(at, corner)
@@ -114,8 +122,9 @@ class _Cost:
 
     def solution(self, theta: FloatArray, *, began: float) -> Solution:
         """A solution at a place that is known to be one."""
-        jacobian = self.residuals(theta, _ROUNDED[-1] * self.mean_errors(theta))[1]
-        residual = self.sharp_residual(theta)
+        errors = self.errors(theta)
+        jacobian = self.derivatives(theta, errors, _ROUNDED[-1] * self.mean_errors(errors))
+        residual = self.sharp_residual(errors)
         lower, upper = self.problem.box.lower, self.problem.box.upper
         cost = float(residual @ residual)
         return Solution(
@@ -141,30 +150,33 @@ class _Cost:
 
     def residuals(self, theta: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals ``(4 n,)`` whose squares add up to the cost with rounded corners, and derivatives ``(4 n, p)``."""
-        errors, slopes = self.errors(theta), self.problem.slopes(theta)
-        factor, steep = self.root, self.root
+        errors = self.errors(theta)
+        # Rounding off leaves e^2 / (smooth + corner), the square of what stands here.
+        factor = self.root / np.sqrt(np.sqrt(errors**2 + corner**2) + corner) if self.absolute else self.root
+        return (factor * errors).ravel(), self.derivatives(theta, errors, corner)
+
+    def derivatives(self, theta: FloatArray, errors: FloatArray, corner: FloatArray) -> FloatArray:
+        """Derivatives of the residuals, ``(4 n, p)``."""
+        steep = self.root
         if self.absolute:
             smooth = np.sqrt(errors**2 + corner**2)
-            # Rounding off leaves e^2 / (smooth + corner), the square of what stands here.
-            factor = self.root / np.sqrt(smooth + corner)
             steep = 0.5 * self.root * np.sqrt(smooth + corner) / smooth
-        return (factor * errors).ravel(), -(steep * slopes).reshape(len(theta), -1).T
+        return -(steep * self.problem.slopes(theta)).reshape(len(theta), -1).T
 
-    def mean_errors(self, theta: FloatArray) -> FloatArray:
+    def mean_errors(self, errors: FloatArray) -> FloatArray:
         """Mean absolute error of each channel over samples that count, shape ``(4, 1)``; never zero."""
         counted = np.maximum(np.sum(self.scales, axis=1), np.finfo(np.float64).tiny)
-        mean = np.sum(self.scales * np.abs(self.errors(theta)), axis=1) / counted
+        mean = np.sum(self.scales * np.abs(errors), axis=1) / counted
         size = np.abs(self.problem.made).mean(axis=1)
         return np.asarray(np.maximum(mean, _FINEST * size)[:, None])
 
     def sharp(self, found: Solution) -> Solution:
         """A solution of rounded corners with the cost and the residuals of the sharp ones."""
-        residual = self.sharp_residual(found.theta)
+        residual = self.sharp_residual(self.errors(found.theta))
         return replace(found, residual=residual, cost=float(residual @ residual))
 
-    def sharp_residual(self, theta: FloatArray) -> FloatArray:
+    def sharp_residual(self, errors: FloatArray) -> FloatArray:
         """Residuals whose squares add up to the cost, shape ``(4 n,)``."""
-        errors = self.errors(theta)
         if not self.absolute:
             return (self.root * errors).ravel()
         return (np.sign(errors) * np.sqrt(self.scales * np.abs(errors))).ravel()

@@ -55,20 +55,27 @@ def basins(found: Sequence[Solution], *, name: str) -> tuple[Solution, tuple[Bas
     return best, tuple(Basin(p.cost, p.theta, count / len(rested)) for p, count in zip(places, counts, strict=True))
 
 
-def worth_polishing(shares: FloatArray, costs: FloatArray, *, count: int) -> IntArray:
+def worth_polishing(
+    shares: FloatArray, costs: FloatArray, *, count: int, early: int = 0, reserved: int = 0
+) -> IntArray:
     """Which of many tried vectors to begin local searches at: low, and far from anything lower.
 
     A lowest vector stands for all that lie close to it. Of these places, the best comes first, then those whose nearest
     better place is farthest: the foot of another valley has nothing better near, a slope of the same valley has.
 
+    A population that settles in one valley tries so much of it that all places are there. Some can therefore be
+    reserved for those that stand out of what was tried first, when the whole box was still looked at.
+
     Parameters
     ----------
     shares
-        Where they lie in the unit cube of the box, shape ``(n, p)``.
+        Where they lie in the unit cube of the box, in the order in which they were tried, shape ``(n, p)``.
     costs
         Shape ``(n,)``; those with an infinite cost are left out.
     count
         How many at most.
+    early, reserved
+        How many vectors count as tried first, and how many of ``count`` are reserved for places among them.
 
     Returns
     -------
@@ -86,19 +93,32 @@ def worth_polishing(shares: FloatArray, costs: FloatArray, *, count: int) -> Int
     >>> x[worth_polishing(x[:, None], two_valleys, count=2)].round(6).tolist()
     [0.2, 0.8]
     """
+    of_all = _by_promise(shares, costs)
+    chosen = of_all[: count - reserved]
+    for one in (*_by_promise(shares[:early], costs[:early]), *of_all):
+        # What lies beside a place that was chosen would lead to where that one leads.
+        if len(chosen) < count and (_distance(shares[chosen].T, shares[one]) > _ONE_PLACE).all():
+            chosen.append(one)
+    return np.array(sorted(chosen, key=lambda one: (costs[one], one)), dtype=np.int64)
+
+
+def _by_promise(shares: FloatArray, costs: FloatArray) -> list[int]:
+    """The lowest of each place, those with the farthest better place first."""
     order = np.argsort(costs, kind="stable")
-    left = order[np.isfinite(costs[order])]
+    order = order[np.isfinite(costs[order])]
+    rising = shares[order]
+    by_side = np.ascontiguousarray(rising.T)
+    taken = np.zeros(order.size, dtype=np.bool_)
     places: list[int] = []
-    while left.size and len(places) < _MOST_PLACES:
-        places.append(int(left[0]))
-        left = left[_distance(shares[left], shares[left[0]]) > _ONE_PLACE]
-    spots = shares[places]
-    to_better = [float(_distance(spots[:k], spots[k]).min(initial=np.inf)) for k in range(len(places))]
-    chosen = np.argsort(-np.array(to_better), kind="stable")[:count]
-    return np.asarray(places, dtype=np.int64)[np.sort(chosen)]
+    to_better: list[float] = []
+    while not taken.all() and len(places) < _MOST_PLACES:
+        lowest = int(np.argmin(taken))
+        to_better.append(float(_distance(rising[places].T, rising[lowest]).min(initial=np.inf)))
+        taken |= _distance(by_side, rising[lowest]) <= _ONE_PLACE
+        places.append(lowest)
+    return [int(order[places[k]]) for k in np.argsort(-np.array(to_better), kind="stable")]
 
 
 def _distance(many: FloatArray, one: FloatArray) -> FloatArray:
-    """Root mean square over the sides, so that one limit serves any number of parameters."""
-    moved = many - one
-    return np.asarray(np.sqrt(np.einsum("np,np->n", moved, moved) / one.size))
+    """From vectors ``(p, n)`` to one, root mean square over the sides: one limit serves any number of parameters."""
+    return np.asarray(np.sqrt(((many - one[:, None]) ** 2).sum(axis=0) / one.size))

@@ -13,6 +13,9 @@ from rotorid.typing import FloatArray
 POLISHED = 8
 """Local searches at the end of a population: the best vector, and the most promising elsewhere."""
 
+EARLY, RESERVED = 100, 4
+"""Half of them are kept for places among the vectors that were tried before a population settles anywhere."""
+
 
 def end_of_population(
     search: str, seed: int, evaluations: Evaluations, shares: FloatArray, costs: FloatArray
@@ -26,14 +29,14 @@ def end_of_population(
     evaluations
         Those of the search.
     shares, costs
-        Everything it tried, in the unit cube of the box, shapes ``(n, p)`` and ``(n,)``.
+        Everything it tried, in its order, in the unit cube of the box, shapes ``(n, p)`` and ``(n,)``.
 
     Raises
     ------
     InsufficientDataError
         Nothing that was tried has a finite cost.
     """
-    chosen = worth_polishing(shares, costs, count=POLISHED)
+    chosen = worth_polishing(shares, costs, count=POLISHED, early=EARLY, reserved=RESERVED)
     starts = evaluations.objective.box.at(shares[chosen])
     return end(search, seed, evaluations, list(evaluations.polished(starts)))
 

@@ -122,6 +122,20 @@ def test_the_closed_form_is_the_minimum_from_wherever_it_begins(error: str) -> N
     assert np.ptp([one["kappa"] for one in named]) > 0.1 * TRUTH["kappa"]
 
 
+def test_bounds_in_the_way_leave_the_closed_form() -> None:
+    """κ and I_zz are seen as a ratio: where one meets its bound, the other makes up for it."""
+    problem = posed()
+    corners = np.full((4, 5), 0.5)
+    corners[:, [problem.parameters.free.index(name) for name in ("kappa", "I_zz")]] = [[0, 0], [0, 1], [1, 0], [1, 1]]
+    ends = [problem.polish(start) for start in problem.box.at(corners)]
+    # Where both begin at the same side of the box, κ comes back to its bound.
+    assert [sum(found.at_bound) for found in ends] == [1, 0, 0, 1]
+    for found in ends:
+        assert found.evaluations == 1
+        assert np.all((found.theta >= problem.box.lower) & (found.theta <= problem.box.upper))
+        assert found.cost == pytest.approx(ends[0].cost, rel=1e-9)
+
+
 @pytest.mark.parametrize("parameters", [LAG_FREE, YAW_HELD], ids=["lag free", "yaw held"])
 @pytest.mark.parametrize("error", ["absolute", "squared"])
 def test_steps_lead_down_where_there_is_no_closed_form(parameters: ParameterSet, error: str) -> None:
