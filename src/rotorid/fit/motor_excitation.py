@@ -31,10 +31,14 @@ class Excitation(NamedTuple):
         Of what the motors do with the motion, at the best of several lags.
     lag_s
         That lag; an estimate of motor lag and delay together.
+    opposed
+        The correlation of the opposite sign, at its best lag, zero or less: far below zero the motors are not where, or
+        do not turn as, the levers say.
     """
 
     correlation: float
     lag_s: float
+    opposed: float = 0.0
 
 
 def excitations(records: Sequence[MotorRecord], levers: FloatArray) -> tuple[dict[str, Excitation], ...]:
@@ -69,8 +73,11 @@ def _of(record: MotorRecord, levers: FloatArray) -> dict[str, Excitation]:
         motors = turning(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / record.sample_rate_hz).level[:, 1:]
         for axis, mix, motion in zip(_AXES, mixing, moved, strict=True):
             correlation = _correlation(_slow(mix @ np.asarray(motors, dtype=np.float64), record.sample_rate_hz), motion)
+            opposed = min(best[axis].opposed, correlation)
             if correlation > best[axis].correlation:
-                best[axis] = Excitation(correlation, lag_s)
+                best[axis] = Excitation(correlation, lag_s, opposed)
+            else:
+                best[axis] = best[axis]._replace(opposed=opposed)
     return best
 
 

@@ -25,6 +25,9 @@ WEIGHING = Filter(np.ones(1), 0.05)
 _MEMORY_S = 0.12
 _LEAST_ORDER, _MOST_ORDER = 6, 60
 _SOLVER = LevenbergMarquardt(iterations=80, tolerance=1e-8)
+LEAST_SAMPLES = 10 * _LEAST_ORDER
+"""Fewer in a record do not tell motors from noise."""
+
 _AT_REST = 0.05
 _SHORT = 0.1
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
@@ -123,8 +126,8 @@ def fit_motors(
         A record is too short, or no record excites one of the axes.
     """
     shortest = min(record.samples for record in problem.records)
-    if shortest < 10 * _LEAST_ORDER:
-        raise InsufficientDataError(f"a record of {shortest} samples came", needed=f"{10 * _LEAST_ORDER} or more")
+    if shortest < LEAST_SAMPLES:
+        raise InsufficientDataError(f"a record of {shortest} samples came", needed=f"{LEAST_SAMPLES} or more")
     found = excitations(problem.records, problem.levers)
     if missing := set(problem.axes) - {"weight", *excited_axes(found)}:
         raise InsufficientDataError(

@@ -140,25 +140,25 @@ class MotorProblem(Immutable):
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Whitened errors of all equations, one after the other, and their Jacobian by the free parameters."""
-        white = [(error, slopes) for _, error, slopes in self._whitened(theta)]
+        white = [(error, slopes) for _, _, error, slopes in self.whitened(theta)]
         rows, slopes = zip(*white, strict=True)
         return np.concatenate(rows), np.concatenate(slopes, axis=1).T
 
     def parts(self, theta: FloatArray) -> list[Part]:
         """For each equation its whitened errors ``(n, 1)``, their derivatives ``(n, 1, p)`` and unknown constants."""
         found = []
-        for name, error, slopes in self._whitened(theta):
+        for _, name, error, slopes in self.whitened(theta):
             unknown = np.full((error.size, 1, 0 if name in FORCES else 1), error.size**-0.5)
             found.append(Part(error[:, None], slopes.T[:, None], unknown))
         return found
 
-    def _whitened(self, theta: FloatArray) -> Iterator[tuple[str, FloatArray, FloatArray]]:
-        """Whitened error and slopes of every equation that counts; no other is computed."""
+    def whitened(self, theta: FloatArray) -> Iterator[tuple[int, str, FloatArray, FloatArray]]:
+        """Of every equation that counts: place of its record, axis, whitened error, and slopes ``(p, n)``."""
         parameters = self.parameters.unpack(theta)
         values, directions = parameters.values, parameters.directions
-        for record, filters in zip(self.records, self.filters, strict=True):
+        for place, (record, filters) in enumerate(zip(self.records, self.filters, strict=True)):
             for axis in self._axes(record, values, filters):
-                yield axis.name, *_whitened(axis, directions, filters[axis.name])
+                yield place, axis.name, *_whitened(axis, directions, filters[axis.name])
 
     def equations(self, theta: FloatArray) -> list[list[Axis]]:
         """For every record its equations at some parameters."""

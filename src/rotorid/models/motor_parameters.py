@@ -17,6 +17,7 @@ of :math:`\kappa` and :math:`I_{zz}` gives the other.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias, get_args
 
@@ -35,8 +36,10 @@ CURVE_TERMS: Mapping[Curve, tuple[str, ...]] = {
 }
 """Coefficients of each curve."""
 
-SCALES = ("m", "c_0", "c_1", "c_2", "I_xx", "I_yy", "I_zz")
-"""Any one of these, known, sets the scale of the others."""
+SCALES = ("m", "c_1", "c_2", "c_0", "I_xx", "I_yy")
+"""Any one of these, known and in the model, sets the scale of the others. I_zz does not: yaw has kappa of its own."""
+
+_POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
 
 _UNITS: Mapping[str, str] = {
     "m": "kg",
@@ -121,7 +124,7 @@ def motor_parameters(
     """
     held = dict(known or {})
     _require(held, curve)
-    if not set(SCALES) & set(held):
+    if scale_of(held, axes) is None:
         held["m"] = 1.0
     names = ["m", *CURVE_TERMS[curve]]
     names += [name for axis in ("p", "q", "r", "az") if axis in axes for name in _OF_AXIS[axis]]
@@ -132,6 +135,19 @@ def motor_parameters(
         names = [name for name in names if name != "Z_w"]
     parameters = [_parameter(name, held.get(name), earliest_s) for name in names]
     return ParameterSet((*parameters, *_yaw(held, "r" in axes)))
+
+
+def scale_of(known: Mapping[str, float], axes: Sequence[str]) -> str | None:
+    """What is known that sets the scale of mass, thrust and inertia; ``None`` where nothing does.
+
+    Examples
+    --------
+    >>> scale_of({"I_xx": 0.02}, ["q"]) is None
+    True
+    """
+    of_axis = {"I_xx": "p", "I_yy": "q"}
+    usable = (name for name in SCALES if known.get(name, 0.0) != 0.0)
+    return next((name for name in usable if of_axis.get(name, "any") in (*axes, "any")), None)
 
 
 def _parameter(name: str, value: float | None, earliest_s: float) -> Parameter:
@@ -165,10 +181,28 @@ def _require(held: Mapping[str, float], curve: Curve) -> None:
     if curve not in get_args(Curve):
         raise ModelError(f"there is no curve {curve!r}", needed=f"one of {', '.join(get_args(Curve))}")
     allowed = {*_UNITS, "kappa", "I_zz"}
-    for name in held:
+    for name, value in held.items():
         if name not in allowed:
-            raise ModelError(f"there is no parameter {name}", needed=f"one of {', '.join(sorted(allowed))}")
+            near = difflib.get_close_matches(name, allowed, n=1)
+            raise ModelError(
+                f"there is no parameter {name}",
+                needed=f"one of {', '.join(sorted(allowed))}",
+                remedy=f"did you mean {near[0]}?" if near else "",
+            )
+        if name in _POSITIVE and not value > 0.0:
+            raise ModelError(f"{name} = {value:g} came as known", needed="a positive number")
         if name.startswith("c_") and name not in CURVE_TERMS[curve]:
             raise ModelError(f"{name} came, which a {curve} curve does not have", remedy="choose another curve")
+    if any(name in held for name in CURVE_TERMS[curve]) and not _lifts(held, curve):
+        raise ModelError(
+            "the thrust that came as known does not lift anything",
+            needed="coefficients that add up to a positive thrust",
+        )
     if {"kappa", "I_zz"} <= set(held):
         raise ModelError("both kappa and I_zz came as known", needed="one of them, which gives the other")
+
+
+def _lifts(held: Mapping[str, float], curve: Curve) -> bool:
+    """Whether known coefficients leave a rotor that lifts at full output, as far as all of them are known."""
+    terms = CURVE_TERMS[curve]
+    return not set(terms) <= set(held) or sum(held[name] for name in terms) > 0.0

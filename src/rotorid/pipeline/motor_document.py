@@ -57,6 +57,8 @@ class MotorsDocument(Document):
     source: str
     outputs_rate_hz: float
     curve: str
+    curve_assumed: bool = False
+    reference_v: float | None = None
     hover_output: float
     flown_outputs: tuple[float, float]
     scale: str | None

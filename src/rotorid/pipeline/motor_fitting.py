@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.channel import LOWEST_RATE_HZ
 from rotorid.data.findings import Finding
 from rotorid.data.immutable import Immutable
 from rotorid.errors import InsufficientDataError
@@ -22,12 +20,14 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.motor_choices import MotorChoices
 from rotorid.pipeline.motor_motion import CHANNELS, fit_percents, motions
 from rotorid.pipeline.motor_records import MotorData
+from rotorid.pipeline.motor_uncertainty import motor_bounds, with_systematic_errors
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.bounds import Bounds
-from rotorid.uncertainty.colored import colored_apart
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-_GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
+_EXPLAINED_BY_SLOW = 50.0
+"""Percent of an axis that motors logged too slowly must explain to count."""
+
 _STAMPS_S = 0.01
 """Errors of stamps, and of the rate at which a filter is taken to work, stay below."""
 
@@ -54,6 +54,8 @@ class MotorIdentified(Immutable):
         How it ended.
     curve
         Thrust of a rotor by its output.
+    curve_assumed
+        Whether no stretch moved thrust, so that the curve is a guess.
     parameters
         The identified values; one that ended on a bound is held there.
     bounds
@@ -71,6 +73,7 @@ class MotorIdentified(Immutable):
     data: MotorData
     fit: MotorFit
     curve: Curve
+    curve_assumed: bool
     parameters: ParameterSet
     bounds: Bounds
     memory: int
@@ -114,13 +117,14 @@ def fit_motor_data(
     if unexplained:
         left = tuple(axis for axis in axes if axis not in unexplained)
         if not left:
-            raise _nothing_excited(data, found)
+            raise _nothing_explained(data)
         fit, curve = _fitted(data, choices, levers, left, progress)
     parameters = fit.parameters
     for name in set(parameters.free) - set(fit.moving):
         parameters = parameters.fix(name, parameters[name].value)
     bounds, memory = motor_bounds(fit)
-    bounds = _with_input_errors(bounds, parameters, fit, data)
+    assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
+    bounds = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=assumed and data.kind != "speed")
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
     return MotorIdentified(
         data=data,
@@ -129,6 +133,7 @@ def fit_motor_data(
         parameters=parameters,
         bounds=bounds,
         memory=memory,
+        curve_assumed=assumed and data.kind != "speed",
         both=both_ways(fit),
         hover_output=hover,
         derived=_derived(parameters, bounds, hover, data),
@@ -168,7 +173,8 @@ def _unexplained(fit: MotorFit, data: MotorData) -> set[str]:
     """Axes of which the identified motors explain nothing, although both moved together."""
     moved = motions(fit.problem, fit.solution.theta, data.flights, fit.excitations)
     channels = {CHANNELS[axis]: axis for axis in fit.problem.axes if axis in CHANNELS}
-    return {channels[name] for name, percent in fit_percents(moved, list(channels)).items() if percent <= 0.0}
+    least = _EXPLAINED_BY_SLOW if data.slow else 0.0
+    return {channels[name] for name, percent in fit_percents(moved, list(channels)).items() if percent <= least}
 
 
 def _lag_unseen(fit: MotorFit) -> bool:
@@ -178,36 +184,34 @@ def _lag_unseen(fit: MotorFit) -> bool:
         return True
     place = fit.moving.index("T_motor")
     bounds, _ = motor_bounds(fit)
-    return bool(fit.parameters["T_motor"].value <= bounds.std[place])
-
-
-def _with_input_errors(bounds: Bounds, parameters: ParameterSet, fit: MotorFit, data: MotorData) -> Bounds:
-    r"""Bounds that also hold what slowly logged motors hide.
-
-    Between their samples motors did what the log does not tell. Errors of the outputs pull gains toward zero by up to
-    :math:`r^2`, errors of the motion push them away by as much, and which of them it is cannot be told: half the way
-    from one regression to the other, :math:`(1/r^2 - 1)/2`, counts as one standard deviation; of lag and delays, half a
-    step between the samples.
-    """
-    rate_hz = min(history.sample_rate_hz for history in data.histories)
-    if rate_hz >= LOWEST_RATE_HZ:
-        return bounds
-    spread = dict.fromkeys(("T_motor", "tau_gyro", "tau_accel"), 0.5 / rate_hz)
-    for axis, names in _GAINS.items():
-        seen = [one[axis].correlation for one in fit.excitations if one[axis].correlation >= LEAST_CORRELATION]
-        if seen:
-            share = 0.5 * (1.0 / float(np.mean(seen)) ** 2 - 1.0)
-            spread |= {name: share * abs(parameters[name].value) for name in names if name in parameters.names}
-    more = np.diag([spread.get(name, 0.0) ** 2 for name in bounds.names])
-    return replace(bounds, covariance=bounds.covariance + more)
+    lag_s = fit.parameters["T_motor"].value
+    if lag_s <= bounds.std[place]:
+        return True
+    # A delay below zero that takes the lag away again is no delay: both stand for stamps that are off.
+    late_s = fit.parameters["tau_gyro"].value if "tau_gyro" in fit.moving else 0.0
+    return late_s < 0.0 and lag_s + late_s <= 0.5 / min(one.sample_rate_hz for one in fit.problem.records)
 
 
 def _curve(choices: MotorChoices, data: MotorData, axes: tuple[str, ...]) -> Curve:
     if choices.curve != "auto":
         return choices.curve
-    if data.kind == "thrust_demand":
+    if data.straightened:
         return "linear"
-    return "polynomial" if data.kind == "output" and "az" in axes else "quadratic"
+    if data.kind == "speed":
+        return "quadratic"
+    return "polynomial" if "az" in axes else "linear" if data.kind == "thrust_demand" else "quadratic"
+
+
+def _nothing_explained(data: MotorData) -> InsufficientDataError:
+    names = ", ".join(dict.fromkeys(record.name for record in data.records))
+    slow = [one for one in data.findings if one.kind == "rate_too_low"]
+    message = f"The motors of {names} move with the vehicle, and explain less than half of its motion along every axis"
+    return InsufficientDataError(
+        message if data.slow else message.replace("less than half", "nothing"),
+        needed="motor outputs logged faster than the motors answer, 40 Hz and more",
+        remedy=slow[0].message if slow else "look at the layout of the rotors and at the stamps of the log",
+        findings=[Finding(kind="poor_fit", severity="error", where=names, message=f"{message}."), *data.findings],
+    )
 
 
 def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...]) -> InsufficientDataError:
@@ -228,38 +232,6 @@ def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...
             *data.findings,
         ],
     )
-
-
-def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
-    """Bounds of the parameters that did not end on a bound, and the memory of the errors.
-
-    Raises
-    ------
-    InsufficientDataError
-        The data do not determine all of them.
-    """
-    parts = fit.parts()
-    slopes = np.concatenate([part.slopes[:, 0] for part in parts])
-    fisher = slopes.T @ slopes
-    length = np.sqrt(np.maximum(fisher.diagonal(), 1e-300))
-    try:
-        colored = colored_apart(parts)
-        inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / length**2
-    except np.linalg.LinAlgError as error:
-        raise InsufficientDataError(
-            f"the flights do not determine {', '.join(fit.moving)} apart",
-            needed="motion that tells them apart",
-            remedy="choose a curve with fewer terms with --curve, or hold a parameter with --fix",
-        ) from error
-    ratio = np.log(colored.corrected.diagonal() / colored.white.diagonal())
-    bounds = Bounds(
-        names=fit.moving,
-        cramer_rao=2.0 * np.sqrt(inverse),
-        insensitivity=1.0 / length,
-        covariance=colored.corrected,
-        inflation=math.exp(0.5 * float(np.mean(ratio))),
-    )
-    return bounds, colored.memory
 
 
 def _derived(parameters: ParameterSet, bounds: Bounds, hover: float, data: MotorData) -> dict[str, Derived]:

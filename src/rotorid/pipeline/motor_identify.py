@@ -11,9 +11,11 @@ import numpy as np
 from rotorid import __version__
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fit.motor_excitation import excitations
 from rotorid.fit.motor_problem import MotorProblem
 from rotorid.models.description import to_toml
+from rotorid.models.motor_parameters import scale_of
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import (
     combination_documents,
@@ -37,7 +39,7 @@ from rotorid.pipeline.judge import judge_combinations
 from rotorid.pipeline.motor_choices import MODEL, MotorChoices
 from rotorid.pipeline.motor_document import BothWaysDocument, DerivedDocument, ExcitationDocument, MotorsDocument
 from rotorid.pipeline.motor_fitting import MotorIdentified, fit_motor_data, levers_of
-from rotorid.pipeline.motor_judge import judge_motors, scale_of
+from rotorid.pipeline.motor_judge import judge_motors
 from rotorid.pipeline.motor_model import hover_model
 from rotorid.pipeline.motor_motion import CHANNELS, Motion, fit_percents, motions, scores, simulated_record
 from rotorid.pipeline.motor_records import MotorData, motor_data
@@ -95,7 +97,7 @@ def identify_motors(
     fit = identified.fit
     moved = motions(fit.problem, fit.solution.theta, data.flights, fit.excitations)
     percents = fit_percents(moved, channels)
-    unseen = _unseen(identified, verify, choices, progress)
+    unseen = _unseen(identified, records, verify, choices, progress)
     combinations = unseen_combinations(identified.parameters, identified.bounds)
     findings = [
         *(finding for record in (*records, *verify) for finding in record.findings),
@@ -129,14 +131,43 @@ class _Made(NamedTuple):
 
 def _unseen(
     identified: MotorIdentified,
+    records: Sequence[FlightRecord],
     verify: Sequence[FlightRecord],
     choices: MotorChoices,
     progress: Callable[[str], None],
 ) -> _Unseen:
-    """The accelerations of further logs, by the identified values."""
-    if not verify:
-        return _Unseen((), ())
-    data = motor_data(verify, replace(choices, segments=()), progress)
+    """The accelerations of further logs, by the identified values; what cannot be judged is told."""
+    seen = {record.source.sha256 for record in records}
+    moved: list[Motion] = []
+    findings: list[Finding] = []
+    for record in verify:
+        name = record.source.name
+        if record.source.sha256 in seen:
+            findings.append(_remark("seen_data", name, f"{name} was fitted, and does not count as unseen."))
+            continue
+        try:
+            data = motor_data(
+                [record], replace(choices, segments=()), progress, reference_v=identified.data.reference_v
+            )
+        except (InsufficientDataError, UsageError) as error:
+            findings.append(_remark("not_verified", name, f"{name} was not judged: {error}"))
+            continue
+        if not _alike(data, identified.data):
+            message = f"{name} is of another layout of rotors, or tells the motors in another way, and was not judged."
+            findings.append(_remark("not_verified", name, message))
+            continue
+        one, remarks = _judged(identified, data)
+        moved += one
+        findings += remarks
+    return _Unseen(tuple(moved), tuple(findings))
+
+
+def _alike(one: MotorData, other: MotorData) -> bool:
+    same = one.layout.rotors == other.layout.rotors and np.allclose(one.layout.positions, other.layout.positions)
+    return same and np.array_equal(one.layout.spins, other.layout.spins) and one.kind == other.kind
+
+
+def _judged(identified: MotorIdentified, data: MotorData) -> tuple[tuple[Motion, ...], list[Finding]]:
     problem = MotorProblem(
         records=data.records,
         levers=levers_of(data),
@@ -147,18 +178,26 @@ def _unseen(
     moved = motions(problem, identified.fit.solution.theta, data.flights, found)
     findings = [*data.findings]
     for one in moved:
+        where = f"{one.flight.record.name} at {one.flight.record.start_s:.1f} s"
+        if not one.counted:
+            message = f"{where} moves no axis that was identified, and tells nothing of the model."
+            findings.append(_remark("not_verified", where, message))
         findings += [
             Finding(
                 kind="poor_verification",
                 severity="warning",
-                where=f"{one.flight.record.name}: {name}",
-                message=f"{name} of {one.flight.record.name} is predicted with a Theil coefficient of {score.tic:.2f}.",
+                where=f"{where}: {name}",
+                message=f"{name} of {where} is predicted with a Theil coefficient of {score.tic:.2f}.",
                 numbers={"tic": score.tic, "nrmse_fit_percent": score.nrmse_fit_percent},
             )
             for name, score in scores(one).items()
             if score.tic > GOOD_TIC
         ]
-    return _Unseen(moved, tuple(findings))
+    return tuple(one for one in moved if one.counted), findings
+
+
+def _remark(kind: str, where: str, message: str) -> Finding:
+    return Finding(kind=kind, severity="warning", where=where, message=message)
 
 
 def _document(made: _Made) -> ResultDocument:
@@ -231,9 +270,11 @@ def _motors(made: _Made) -> MotorsDocument:
         source=data.histories[0].source,
         outputs_rate_hz=min(history.sample_rate_hz for history in data.histories),
         curve=identified.curve,
+        curve_assumed=identified.curve_assumed,
+        reference_v=data.reference_v,
         hover_output=identified.hover_output,
         flown_outputs=_flown_outputs(data),
-        scale=scale_of(made.choices),
+        scale=scale_of(made.choices.known, identified.axes),
         derived={name: DerivedDocument(**one._asdict()) for name, one in identified.derived.items()},
         both_ways=[
             BothWaysDocument(

@@ -8,13 +8,15 @@ from rotorid.data.findings import Finding
 from rotorid.fit.motor_both_ways import judge_both_ways
 from rotorid.fit.motor_excitation import LEAST_CORRELATION
 from rotorid.models.motor_constants import check_motor_constants, yaw_range
-from rotorid.models.motor_parameters import SCALES
+from rotorid.models.motor_parameters import scale_of
 from rotorid.pipeline.judge import judge_parameters
 from rotorid.pipeline.motor_choices import MotorChoices
 from rotorid.pipeline.motor_fitting import AXIS_WORDS, MotorIdentified, levers_of
+from rotorid.pipeline.motor_uncertainty import CURVE_SHARE
 from rotorid.uncertainty.propagation import covariance_of_all
 
 _GOOD_PERCENT = 50.0
+_OPPOSED = 0.6
 
 
 def judge_motors(
@@ -23,7 +25,10 @@ def judge_motors(
     """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
     return (
         *_unexcited(identified),
-        *_scale(choices),
+        *_turned_around(identified),
+        *_assumed(identified),
+        *_unused(identified, choices),
+        *_scale(identified, choices),
         *_arm(identified),
         *_yaw(identified),
         *_physics(identified),
@@ -53,13 +58,54 @@ def _unexcited(identified: MotorIdentified) -> Iterator[Finding]:
     )
 
 
-def scale_of(choices: MotorChoices) -> str | None:
-    """What is known that fixes the scale of mass, thrust and inertia."""
-    return next((name for name in SCALES if name in choices.known), None)
+def _turned_around(identified: MotorIdentified) -> Iterator[Finding]:
+    """Axes along which the motors act against their levers."""
+    for axis, word in AXIS_WORDS.items():
+        lowest = min(one[axis].opposed for one in identified.fit.excitations)
+        if axis not in identified.axes and lowest <= -_OPPOSED:
+            yield Finding(
+                kind="rotor_layout",
+                severity="warning",
+                where=word,
+                message=(
+                    f"Motors and {word} motion go together with a correlation of {lowest:.2f}: the motors do not "
+                    f"stand, are not numbered, or do not turn as {identified.data.layout.name} has them. Name the "
+                    "layout with --layout."
+                ),
+                numbers={"correlation": lowest},
+            )
 
 
-def _scale(choices: MotorChoices) -> Iterator[Finding]:
-    if scale_of(choices) is not None:
+def _assumed(identified: MotorIdentified) -> Iterator[Finding]:
+    if not identified.curve_assumed:
+        return
+    yield Finding(
+        kind="assumed_curve",
+        severity="warning",
+        where="thrust",
+        message=(
+            f"Thrust was not moved, so that its curve is not seen: a {identified.curve} one is assumed, and inertia "
+            f"follows its slope. The deviations of thrust and inertia hold {100.0 * CURVE_SHARE:.0f} % for that. Fly a "
+            "sweep of the throttle, or say with --curve what is known of the motors."
+        ),
+        numbers={"share": CURVE_SHARE},
+    )
+
+
+def _unused(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+    names = [name for name in choices.known if name not in identified.parameters.names]
+    if names:
+        yield Finding(
+            kind="unused_choice",
+            severity="warning",
+            where=", ".join(names),
+            message=f"{' and '.join(names)} {'was' if len(names) == 1 else 'were'} given and used nowhere: what the "
+            "logs excite does not show it.",
+        )
+
+
+def _scale(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+    if scale_of(choices.known, identified.axes) is not None:
         return
     yield Finding(
         kind="not_identifiable",

@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.channel import LOWEST_RATE_HZ
 from rotorid.data.findings import Finding
 from rotorid.data.history import TimeHistory
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.motor_record import MotorRecord
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fit.motor_fit import LEAST_SAMPLES
 from rotorid.models.rotor_layout import RotorLayout
 from rotorid.models.rotor_layout_log import layout_of
 from rotorid.models.rotor_mixer import mixer_of
@@ -24,6 +26,7 @@ from rotorid.pipeline.motor_choices import MotorChoices, chosen_layout
 from rotorid.pipeline.selection import described, each_once, inside
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.autopilot_mixer import linearization_of
 from rotorid.signal.battery import voltage_factor
 from rotorid.signal.clock import one_clock
 from rotorid.signal.interpolated import interpolated
@@ -76,6 +79,10 @@ class MotorData(NamedTuple):
         Logs and stretches, for the provenance.
     findings
         Remarks on the way.
+    straightened
+        Whether thrust follows the motors in a line, because the autopilot takes their curve out.
+    reference_v
+        Voltage at which thrust is told; ``None`` where it is no matter.
     """
 
     flights: tuple[MotorFlight, ...]
@@ -83,6 +90,13 @@ class MotorData(NamedTuple):
     histories: tuple[MotorHistory, ...]
     flown: tuple[Flown, ...]
     findings: tuple[Finding, ...]
+    straightened: bool = False
+    reference_v: float | None = None
+
+    @property
+    def slow(self) -> bool:
+        """Whether the motors of some log were logged more slowly than they act."""
+        return min(history.sample_rate_hz for history in self.histories) < LOWEST_RATE_HZ
 
     @property
     def records(self) -> tuple[MotorRecord, ...]:
@@ -95,11 +109,22 @@ class MotorData(NamedTuple):
 
 
 def motor_data(
-    records: Sequence[FlightRecord], choices: MotorChoices, progress: Callable[[str], None] = lambda _: None
+    records: Sequence[FlightRecord],
+    choices: MotorChoices,
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    reference_v: float | None = None,
 ) -> MotorData:
     """Motors, rates and specific force of every log on one clock.
 
     Outputs are held from one stamp to the next, as a motor controller holds them; measured speeds are joined by lines.
+
+    Parameters
+    ----------
+    records, choices, progress
+        As for :func:`rotorid.pipeline.motor_identify.identify_motors`.
+    reference_v
+        Voltage at which thrust is told; the median of all stretches by default.
 
     Raises
     ------
@@ -110,32 +135,47 @@ def motor_data(
     """
     each_once(records)
     layout = _layout(records, choices)
-    flights: list[MotorFlight] = []
-    histories: list[MotorHistory] = []
-    flown: list[Flown] = []
     findings: list[Finding] = [*layout.findings]
+    flown: list[_Flown] = []
     for record in records:
         progress(f"{record.source.name}: motors")
         motors = _true_motors(motor_history(record, mixer_of(layout, record.source.format)))
-        history = motors.history
-        if history.motors != layout.rotors:
+        if motors.history.motors != layout.rotors:
             raise UsageError(
-                f"{record.source.name} holds {history.motors} motors, and {layout.name} has {layout.rotors} rotors",
+                f"{record.source.name} holds {motors.history.motors} motors, and {layout.name} has "
+                f"{layout.rotors} rotors",
                 needed="a layout of the vehicle that flew",
                 remedy="name it with --layout",
             )
-        findings += history.findings
-        histories.append(history)
         stretches, remarks = _stretches(record, choices)
+        findings += [*motors.history.findings, *remarks]
+        flown += [_Flown(record, motors, stretch) for stretch in stretches]
+    voltage = _voltage(flown, choices, reference_v)
+    findings += voltage.findings
+    flights: list[MotorFlight] = []
+    for one in flown:
+        progress(f"{one.record.source.name}: {one.stretch.start_s:.1f} to {one.stretch.stop_s:.1f} s")
+        found, remarks = _on_one_clock(one.record, one.motors, one.stretch, voltage)
+        flights += found
         findings += remarks
-        for stretch in stretches:
-            progress(f"{record.source.name}: {stretch.start_s:.1f} to {stretch.stop_s:.1f} s")
-            found, remarks = _on_one_clock(record, motors, stretch, choices)
-            flights += found
-            findings += remarks
-            flown.append((record, stretch))
     _require_one_kind(flights, records)
-    return MotorData(tuple(flights), layout, tuple(histories), tuple(flown), _each_once(findings))
+    return MotorData(
+        tuple(flights),
+        layout,
+        tuple({id(one.record): one.motors.history for one in flown}.values()),
+        tuple((one.record, one.stretch) for one in flown),
+        _each_once(findings),
+        straightened=all(_straightened(record, flights[0].kind) for record in records),
+        reference_v=voltage.reference_v,
+    )
+
+
+class _Flown(NamedTuple):
+    """A stretch of a log with its motors."""
+
+    record: FlightRecord
+    motors: _Motors
+    stretch: Maneuver
 
 
 class _Motors(NamedTuple):
@@ -155,6 +195,11 @@ def _true_motors(history: MotorHistory) -> _Motors:
 
 
 def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayout:
+    formats = sorted({record.source.format for record in records})
+    if len(formats) > 1:
+        raise UsageError(
+            f"logs of {' and '.join(formats)} came", needed="logs of one vehicle", remedy="identify each by itself"
+        )
     layouts = [chosen_layout(choices.layout)] if choices.layout else [layout_of(record) for record in records]
     first = layouts[0]
     for record, other in zip(records, layouts, strict=False):
@@ -208,7 +253,7 @@ def _joined(moved: Sequence[Maneuver]) -> list[Maneuver]:
 
 
 def _on_one_clock(
-    record: FlightRecord, motors: _Motors, stretch: Maneuver, choices: MotorChoices
+    record: FlightRecord, motors: _Motors, stretch: Maneuver, voltage: _Voltage
 ) -> tuple[list[MotorFlight], list[Finding]]:
     history = motors.history
     start_s = max(stretch.start_s, float(history.time_s[0]), record.start_s)
@@ -226,9 +271,13 @@ def _on_one_clock(
     findings = [*found.findings]
     flights = []
     for part in found.histories:
+        if part.time_s.size < LEAST_SAMPLES:
+            continue
         one = built(part, (*_MEASURED, "w")) if moving else part
-        strength, remarks = _strength(record, history, one, choices)
-        findings += [*remarks, *_filtered(record, one)]
+        strength = np.ones(one.time_s.size)
+        if voltage.reference_v is not None:
+            strength = voltage_factor(record, one.time_s, reference_v=voltage.reference_v).values
+        findings += _filtered(record, one)
         flights.append(MotorFlight(_record(record, motors, one, strength), stretch, history.kind))
     return flights, findings
 
@@ -291,26 +340,57 @@ def _filtered(record: FlightRecord, part: TimeHistory) -> Iterator[Finding]:
                 yield finding
 
 
-def _strength(
-    record: FlightRecord, history: MotorHistory, part: TimeHistory, choices: MotorChoices
-) -> tuple[FloatArray, list[Finding]]:
-    """Thrust by the voltage of the battery, for outputs that are shares of it."""
-    usual = np.ones(part.time_s.size)
-    if history.kind != "output" or not choices.voltage:
-        return usual, []
-    try:
-        factor = voltage_factor(record, part.time_s)
-    except InsufficientDataError:
-        return usual, []
-    if factor.spread < _SAGGING:
-        return usual, []
+class _Voltage(NamedTuple):
+    """The voltage at which thrust is told; ``None`` where it does not matter."""
+
+    reference_v: float | None
+    findings: tuple[Finding, ...] = ()
+
+
+def _voltage(flown: Sequence[_Flown], choices: MotorChoices, reference_v: float | None) -> _Voltage:
+    """One voltage for all stretches, where outputs follow the battery and it sagged in them."""
+    if not choices.voltage or any(_compensated(one.record, one.motors.history) for one in flown):
+        return _Voltage(None)
+    factors = []
+    for one in flown:
+        time_s = one.motors.history.time_s
+        inside = time_s[(time_s >= one.stretch.start_s) & (time_s <= one.stretch.stop_s)]
+        try:
+            factors.append(voltage_factor(one.record, inside, reference_v=1.0).values)
+        except InsufficientDataError:
+            return _Voltage(None)
+    together = np.concatenate(factors) if factors else np.ones(1)
+    if not together.size or together.min() <= 0.0:
+        return _Voltage(None)
+    reference = float(np.sqrt(np.median(together))) if reference_v is None else reference_v
+    spread = float(together.max() / together.min() - 1.0)
+    if spread < _SAGGING and reference_v is None:
+        return _Voltage(None)
     message = (
-        f"The battery makes thrust vary by {100.0 * factor.spread:.0f} % at one output; thrust is given at "
-        f"{factor.reference_v:.3g} V."
+        f"The battery makes thrust vary by {100.0 * spread:.0f} % at one output; thrust is that at {reference:.3g} V."
     )
-    numbers = {"spread": factor.spread, "reference_v": factor.reference_v}
-    remark = Finding(kind="battery_sag", severity="info", where=record.source.name, message=message, numbers=numbers)
-    return factor.values, [remark]
+    numbers = {"spread": spread, "reference_v": reference}
+    where = ", ".join(dict.fromkeys(one.record.source.name for one in flown))
+    return _Voltage(
+        reference, (Finding(kind="battery_sag", severity="info", where=where, message=message, numbers=numbers),)
+    )
+
+
+def _compensated(record: FlightRecord, history: MotorHistory) -> bool:
+    """Whether thrust at a value of the motors does not follow the voltage: speeds, and demands that are corrected."""
+    if history.kind == "speed":
+        return True
+    if history.kind == "output":
+        return False
+    known = linearization_of(record)
+    return (known is not None and known.compensates_voltage) or record.parameters.get("MC_BAT_SCALE_EN", 0.0) == 1.0
+
+
+def _straightened(record: FlightRecord, kind: Kind) -> bool:
+    """Whether the autopilot takes the curve of the motors out, so that thrust follows what was logged in a line."""
+    if kind != "thrust_demand":
+        return False
+    return record.source.format.startswith("ArduPilot") or record.parameters.get("THR_MDL_FAC", 0.0) > 0.0
 
 
 def _require_one_kind(flights: Sequence[MotorFlight], records: Sequence[FlightRecord]) -> None:

@@ -69,7 +69,7 @@ def test_unknown_names_and_contradictions_are_refused() -> None:
 
 
 def test_values_out_of_bounds_are_refused() -> None:
-    with pytest.raises(ModelError, match=r"m = -1 kg lies outside its bounds"):
+    with pytest.raises(ModelError, match=r"m = -1 came as known; needed: a positive number"):
         motor_parameters(known={"m": -1.0})
 
 

@@ -60,6 +60,32 @@ def test_an_unseen_flight_is_scored(found: Identification) -> None:
     assert all(score.tic < 0.25 for score in scores.values())
 
 
+def test_what_cannot_judge_is_told_and_refuses_nothing(log: Path, tmp_path: Path) -> None:
+    calm = flight(tmp_path / "calm.csv", size=0.0)
+    broken = tmp_path / "no_motors.csv"
+    broken.write_text("time [s],p [rad/s]\n0.0,0.0\n0.1,0.1\n0.2,0.0\n", encoding="utf-8")
+    document = identify_motors([read(log)], choices(), verify=[read(log), read(calm), read(broken)]).document
+    assert not document.verification.records
+    told = [finding.kind for finding in document.findings]
+    assert told.count("not_verified") == 2
+    assert told.count("seen_data") == 1
+
+
+def test_thrust_known_from_a_bench_gives_the_mass(log: Path, found: Identification) -> None:
+    known = {name: found.document.parameters[name].value for name in ("c_0", "c_1", "c_2")}
+    document = identify_motors([read(log)], choices(known=known)).document
+    assert document.motors is not None
+    assert document.motors.scale == "c_1"
+    assert document.parameters["m"].value == pytest.approx(TRUTH["m"], rel=0.01)
+
+
+def test_what_is_given_and_not_used_is_said(log: Path) -> None:
+    document = identify_motors([read(log)], choices(known={"m": TRUTH["m"], "I_zz": 0.03})).document
+    assert "unused_choice" not in kinds(document)
+    steady = identify_motors([read(log)], choices(known={"m": TRUTH["m"], "c_0": 0.3}, curve="polynomial")).document
+    assert steady.parameters["c_0"].status == "fixed"
+
+
 def test_the_model_about_hover_reads_back(found: Identification) -> None:
     structure = from_toml(found.model_toml)
     assert structure.inputs == ("motor_1", "motor_2", "motor_3", "motor_4")
