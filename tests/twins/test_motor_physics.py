@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.twins.twin_motors import LEVERS, TRUTH, flights
 
 from rotorid.data.motor_record import MotorRecord
 from rotorid.fit.motor_both_ways import both_ways
@@ -13,13 +12,14 @@ from rotorid.fit.motor_problem import MotorProblem
 from rotorid.models.motor_constants import check_motor_constants, yaw_range
 from rotorid.models.motor_parameters import motor_parameters
 from rotorid.uncertainty.colored import colored_apart
+from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
 TWO_SIDED = 1.96
 
 
 def identify(*records: MotorRecord, rounds: int = 15) -> MotorFit:
     parameters = motor_parameters(known={"m": TRUTH["m"]})
-    return fit_motors(MotorProblem(records=records, levers=LEVERS, parameters=parameters), rounds=rounds)
+    return fit_motors(MotorProblem(records=records, levers=levers(), parameters=parameters), rounds=rounds)
 
 
 def deviations(fit: MotorFit) -> dict[str, float]:
@@ -54,7 +54,7 @@ def test_it_comes_back_precisely(found: MotorFit) -> None:
 
 def test_physics_allows_what_was_found(found: MotorFit) -> None:
     problem = found.problem
-    assert check_motor_constants(found.parameters.values, records=problem.records, levers=LEVERS) == []
+    assert check_motor_constants(found.parameters.values, records=problem.records, levers=levers()) == []
     assert yaw_range(found.parameters.values).kappa.low > 0.0
 
 

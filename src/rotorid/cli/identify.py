@@ -9,7 +9,7 @@ import typer
 
 from rotorid.cli.identify_run import Job, run_identify
 from rotorid.cli.measure_options import channel_names, measure_choices
-from rotorid.cli.motor_options import Arm, Curve, Layout, motor_choices
+from rotorid.cli.motor_options import Arm, Curve, Layout, RotorDiameter, motor_choices
 from rotorid.cli.names import default_folder
 from rotorid.cli.options import (
     Band,
@@ -90,6 +90,7 @@ def identify_command(
     layout: Layout = None,
     arm: Arm = None,
     curve: Curve = "auto",
+    rotor_diameter: RotorDiameter = None,
     segment: Segments = None,
     shift: Shifts = None,
     verify: Annotated[
@@ -131,7 +132,13 @@ def identify_command(
         pieces_s=pieces,
     )
     motors = motor_choices(
-        model, settings, layout=layout, arm=arm, curve=curve, also={"cross validate": cross_validate, "inputs": inputs}
+        model,
+        settings,
+        layout=layout,
+        arm=arm,
+        curve=curve,
+        rotor_diameter=rotor_diameter,
+        also={"cross validate": cross_validate, "inputs": inputs},
     )
     channels = channel_names(inputs), channel_names(outputs)
     wanted = model if motors else _wanted(model, *channels, settings, decoupled=decoupled)

@@ -19,7 +19,7 @@ def print_result(document: ResultDocument, folder: Path) -> None:
     """Parameters, cost, checks, findings, where the files are."""
     console = output_console()
     console.print(_table(document))
-    for line in (*_fit(document), *_repeated(document), *_verified(document)):
+    for line in (*_motors(document), *_fit(document), *_repeated(document), *_verified(document)):
         console.print(line)
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
@@ -57,6 +57,24 @@ def _percents(parameter: ParameterDocument) -> tuple[str, str]:
     both = parameter.cramer_rao_percent, parameter.insensitivity_percent
     cramer_rao, insensitivity = ("" if percent is None else f"{percent:.0f}" for percent in both)
     return cramer_rao, insensitivity
+
+
+def _motors(document: ResultDocument) -> Iterator[str]:
+    """Thrust, and what set the scale of a vehicle."""
+    if document.motors is None:
+        return
+    words = {
+        "thrust_hover": "thrust of a rotor at the mean output",
+        "thrust_slope": "its slope",
+        "thrust_full": "at full output",
+        "thrust_to_weight": "full thrust over weight",
+    }
+    told = [
+        f"{words[name]} {one.value:.4g} ± {one.std:.2g}{'' if one.unit == '1' else ' ' + one.unit}"
+        for name, one in document.motors.derived.items()
+    ]
+    yield ", ".join(told)
+    yield f"rotors {document.motors.layout}, {document.motors.curve} thrust of {document.motors.source}"
 
 
 def _fit(document: ResultDocument) -> Iterator[str]:

@@ -28,6 +28,11 @@ Curve: TypeAlias = Annotated[
     str, typer.Option("--curve", help="Of physical.motors, thrust by output: linear, quadratic, affine or polynomial.")
 ]
 
+RotorDiameter: TypeAlias = Annotated[
+    float | None,
+    typer.Option("--rotor-diameter", help="Of physical.motors, meters: judges rotors whose speed was measured."),
+]
+
 _USED = ("fix", "segments", "seed", "method")
 
 
@@ -38,6 +43,7 @@ def motor_choices(
     layout: str | None,
     arm: float | None,
     curve: str,
+    rotor_diameter: float | None,
     also: Mapping[str, str | None],
 ) -> MotorChoices | None:
     """What was chosen for ``physical.motors``; ``None`` for another model.
@@ -52,7 +58,7 @@ def motor_choices(
     from rotorid.errors import UsageError
 
     if model != MODEL:
-        if layout is not None or arm is not None or curve != "auto":
+        if layout is not None or arm is not None or rotor_diameter is not None or curve != "auto":
             raise UsageError(f"--layout, --arm or --curve came with {model}", needed=f"them with {MODEL} alone")
         return None
     from rotorid.pipeline.motor_choices import MotorChoices
@@ -77,6 +83,7 @@ def motor_choices(
         layout=layout,
         arm_m=arm,
         curve=curve,  # type: ignore[arg-type]
+        rotor_diameter_m=rotor_diameter,
         segments=settings.segments,
         seed=settings.seed,
     )

@@ -112,7 +112,7 @@ def both_ways(fit: MotorFit, *, excitations: Sequence[FloatArray | None] = ()) -
     Returns
     -------
     tuple of BothWays
-        In the order of the axes that count in some record.
+        In the order of the axes that count in some record, without those that torque does not turn (``kappa`` of zero).
 
     Raises
     ------
@@ -137,7 +137,7 @@ def both_ways(fit: MotorFit, *, excitations: Sequence[FloatArray | None] = ()) -
                 fit.problem.records, fit.problem.filters, equations, injected, strict=True
             )
             for one in axes
-            if one.name == axis and axis in filters
+            if one.name == axis and axis in filters and _turned(fit, axis)
         ]
         if rows:
             found.append(_regressed(fit, axis, rows))
@@ -243,6 +243,12 @@ def _regressed(fit: MotorFit, axis: str, rows: Sequence[_Rows]) -> BothWays:
         corrected=(float(value * direct), float(value * reverse)),
         deviations=(float(value * direct**2 * spread / size), float(value * through / abs(moved))),
     )
+
+
+def _turned(fit: MotorFit, axis: str) -> bool:
+    """Whether torque turns an axis at all; where it does not, no inertia follows."""
+    names = (_INERTIA[axis], "I_zz") if axis == "r" else (_INERTIA[axis],)
+    return all(fit.parameters[name].value != 0.0 for name in names if name in fit.parameters.names)
 
 
 def _stated(fit: MotorFit, axis: str) -> tuple[str, str, float]:

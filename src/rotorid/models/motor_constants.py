@@ -24,6 +24,10 @@ _MERIT = (0.3, 0.9)
 _GYRATION = (0.05, 1.5)
 _AIR_DENSITY_KG_M3 = 1.225
 _TERMS = ("c_0", "c_1", "c_2")
+_IDLE = 0.05
+"""Share of full output below which a motor idles, on the ground or for a moment."""
+_FLOWN = (0.01, 0.99)
+_DENSE = 101
 _INERTIA = ("I_xx", "I_yy", "I_zz")
 
 
@@ -90,7 +94,8 @@ def check_motor_constants(
     """Remarks on identified values that physics or experience does not allow.
 
     Moments of inertia are positive and meet the triangle inequality; a violation within the interval of 95 % is told as
-    such. The curve of thrust rises wherever it was flown and carries the weight on average; thrust at full output is
+    such. The curve of thrust rises wherever it was flown, outputs below a twentieth of the full one and one percent at
+    each end left out, as far as it is known there; it carries the weight on average; thrust at full output is
     1.2 to 15 weights; inertia is 0.05 to 1.5 times mass by the mean square of the lever.
 
     Parameters
@@ -121,7 +126,7 @@ def check_motor_constants(
     if curve is None:
         return findings
     if records:
-        findings += _rising(curve, records) + _carrying(values, curve, records)
+        findings += _rising(curve, records, certain, full_output) + _carrying(values, curve, records)
     if full_output is not None and "m" in values:
         findings += _lifting(values["m"], curve, rotors, full_output)
     return findings
@@ -194,9 +199,7 @@ def _weighed(finding: Finding, values: Mapping[str, float], covariance: Mapping[
     signs = {name: 1.0 if name == finding.where else -1.0 for name in _INERTIA}
     excess = sum(sign * values[name] for name, sign in signs.items())
     variance = sum(
-        signs[one] * signs[other] * covariance.get((one, other), covariance.get((other, one), 0.0))
-        for one in _INERTIA
-        for other in _INERTIA
+        signs[one] * signs[other] * _of_pair(covariance, one, other) for one in _INERTIA for other in _INERTIA
     )
     reach = _TWO_SIDED * math.sqrt(max(variance, 0.0))
     numbers = {**finding.numbers, "excess_kg_m2": excess, "interval_kg_m2": reach}
@@ -226,13 +229,35 @@ def _curve(values: Mapping[str, float]) -> PolynomialCurve | None:
     return PolynomialCurve(coefficients=tuple(values.get(name, 0.0) for name in _TERMS))
 
 
-def _rising(curve: PolynomialCurve, records: Sequence[MotorRecord]) -> list[Finding]:
-    low = float(min(np.quantile(record.outputs, 0.005) for record in records))
-    high = float(max(np.quantile(record.outputs, 0.995) for record in records))
-    if curve.is_monotonic(low, high):
+def _rising(
+    curve: PolynomialCurve,
+    records: Sequence[MotorRecord],
+    covariance: Mapping[tuple[str, str], float],
+    full_output: float | None,
+) -> list[Finding]:
+    """Where a motor idles, a polynomial that was fitted to flight need not hold."""
+    flown = np.concatenate([record.outputs.ravel() for record in records])
+    flown = flown[flown > _IDLE * (float(flown.max()) if full_output is None else full_output)]
+    if not flown.size:
+        return []
+    low, high = np.quantile(flown, _FLOWN).tolist()
+    outputs = np.linspace(low, high, _DENSE)
+    if np.all(curve.slope(outputs) + _TWO_SIDED * _slope_std(outputs, covariance) > 0.0):
         return []
     message = f"The identified thrust falls with the output somewhere from {low:.2f} to {high:.2f}, which was flown."
     return [_remark("impossible_physics", "thrust", message, {"low": low, "high": high})]
+
+
+def _slope_std(outputs: FloatArray, covariance: Mapping[tuple[str, str], float]) -> FloatArray:
+    """Standard deviation of the slope of the curve at some outputs."""
+    powers = range(1, len(_TERMS))
+    slopes = np.stack([power * outputs ** (power - 1) for power in powers])
+    spread = np.array([[_of_pair(covariance, _TERMS[one], _TERMS[other]) for other in powers] for one in powers])
+    return np.asarray(np.sqrt(np.maximum(np.einsum("in,ij,jn->n", slopes, spread, slopes), 0.0)))
+
+
+def _of_pair(covariance: Mapping[tuple[str, str], float], one: str, other: str) -> float:
+    return covariance.get((one, other), covariance.get((other, one), 0.0))
 
 
 def _carrying(values: Mapping[str, float], curve: PolynomialCurve, records: Sequence[MotorRecord]) -> list[Finding]:

@@ -31,6 +31,7 @@ from rotorid.pipeline.cross_validation_document import finite, frozen_scores
 from rotorid.pipeline.document import ParameterDocument, ProvenanceDocument
 from rotorid.pipeline.selection import each_once
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.verify_model import motors_refused
 from rotorid.verify.frozen import FrozenScores
 
 
@@ -80,7 +81,7 @@ def compare(
     Raises
     ------
     UsageError
-        A result cannot be read, or one came twice.
+        A result cannot be read, one came twice, or logs came with one of ``physical.motors``.
     InsufficientDataError
         Logs came, and no model could be scored on any of them; the findings say why.
     """
@@ -88,6 +89,8 @@ def compare(
     entries = entries_of(results)
     if not records:
         return Compared(document=_document(entries, (), OnLogs(maneuvers=()), settings, command))
+    if motors := [entry.label for entry in entries if entry.document.motors is not None]:
+        raise motors_refused(motors[0])
     each_once(records)
     scored = score_on_logs(entries, records, settings, progress)
     if not scored.maneuvers:

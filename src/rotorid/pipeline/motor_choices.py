@@ -35,6 +35,8 @@ class MotorChoices:
         Horizontal distance of the farthest rotor from the center of gravity.
     curve
         Thrust of a rotor by its output.
+    rotor_diameter_m
+        Of each rotor, to judge its figure of merit where speeds were measured.
     segments
         Stretches to use instead of the excitations that are found.
     voltage
@@ -52,13 +54,15 @@ class MotorChoices:
     layout: str | None = None
     arm_m: float | None = None
     curve: ChosenCurve = "auto"
+    rotor_diameter_m: float | None = None
     segments: tuple[Maneuver, ...] = ()
     voltage: bool = True
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.arm_m is not None and not self.arm_m > 0.0:
-            raise UsageError(f"an arm of {self.arm_m:g} m came", needed="a positive length")
+        for name, length_m in (("an arm", self.arm_m), ("a rotor diameter", self.rotor_diameter_m)):
+            if length_m is not None and not length_m > 0.0:
+                raise UsageError(f"{name} of {length_m:g} m came", needed="a positive length")
         if self.curve not in ("auto", *CURVE_TERMS):
             near = difflib.get_close_matches(self.curve, ["auto", *CURVE_TERMS], n=1)
             raise UsageError(
@@ -74,6 +78,7 @@ class MotorChoices:
             "layout": self.layout,
             "arm_m": self.arm_m,
             "curve": self.curve,
+            "rotor_diameter_m": self.rotor_diameter_m,
             "segments": [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in self.segments],
             "voltage": self.voltage,
         }

@@ -123,6 +123,8 @@ def fit_motor_data(
     for name in set(parameters.free) - set(fit.moving):
         parameters = parameters.fix(name, parameters[name].value)
     bounds, memory = motor_bounds(fit)
+    # The weight tells thrust at hover whatever the curve is; its slope is another matter.
+    at_hover = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=False)
     assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
     bounds = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=assumed and data.kind != "speed")
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
@@ -136,7 +138,7 @@ def fit_motor_data(
         curve_assumed=assumed and data.kind != "speed",
         both=both_ways(fit),
         hover_output=hover,
-        derived=_derived(parameters, bounds, hover, data),
+        derived=_derived(parameters, bounds, at_hover, hover, data),
     )
 
 
@@ -234,16 +236,18 @@ def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...
     )
 
 
-def _derived(parameters: ParameterSet, bounds: Bounds, hover: float, data: MotorData) -> dict[str, Derived]:
+def _derived(
+    parameters: ParameterSet, bounds: Bounds, at_hover: Bounds, hover: float, data: MotorData
+) -> dict[str, Derived]:
     """Thrust at hover, its slope, and what the rotors give at full output."""
 
-    def of_curve(terms: Mapping[str, float], unit: str) -> Derived:
+    def of_curve(terms: Mapping[str, float], unit: str, limits: Bounds = bounds) -> Derived:
         value = sum(parameters[name].value * factor for name, factor in terms.items() if name in parameters.names)
-        return Derived(float(value), _std(bounds, terms), unit)
+        return Derived(float(value), _std(limits, terms), unit)
 
     slope_unit = "N s/rad" if data.kind == "speed" else "N"
     found = {
-        "thrust_hover": of_curve({"c_0": 1.0, "c_1": hover, "c_2": hover**2}, "N"),
+        "thrust_hover": of_curve({"c_0": 1.0, "c_1": hover, "c_2": hover**2}, "N", at_hover),
         "thrust_slope": of_curve({"c_1": 1.0, "c_2": 2.0 * hover}, slope_unit),
     }
     if data.kind == "speed":

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from rotorid.data.findings import Finding
 from rotorid.fit.motor_both_ways import judge_both_ways
 from rotorid.fit.motor_excitation import LEAST_CORRELATION
-from rotorid.models.motor_constants import check_motor_constants, yaw_range
+from rotorid.models.motor_constants import check_figure_of_merit, check_motor_constants, yaw_range
 from rotorid.models.motor_parameters import scale_of
 from rotorid.pipeline.judge import judge_parameters
 from rotorid.pipeline.motor_choices import MotorChoices
@@ -32,6 +32,7 @@ def judge_motors(
         *_arm(identified),
         *_yaw(identified),
         *_physics(identified),
+        *_merit(identified, choices),
         *judge_both_ways(identified.both),
         *_ended(identified),
         *judge_parameters(identified.parameters, identified.bounds),
@@ -167,6 +168,20 @@ def _physics(identified: MotorIdentified) -> list[Finding]:
         levers=levers_of(data) if data.layout.arm_known else None,
         covariance=pairs,
         full_output=None if data.kind == "speed" else 1.0,
+    )
+
+
+def _merit(identified: MotorIdentified, choices: MotorChoices) -> list[Finding]:
+    """The figure of merit of the rotors, where their speed was measured and their size is known."""
+    data = identified.data
+    weighed = scale_of(choices.known, identified.axes) is not None
+    if data.kind != "speed" or choices.rotor_diameter_m is None or not weighed:
+        return []
+    return check_figure_of_merit(
+        identified.parameters.values,
+        speed_rad_s=identified.hover_output,
+        rotor_diameter_m=choices.rotor_diameter_m,
+        rotors=data.layout.rotors,
     )
 
 

@@ -18,6 +18,7 @@ from rotorid.models.response import RESPONSE_MODELS, response_model, response_pa
 from rotorid.models.structure import LinearStructure
 from rotorid.models.ties import no_such
 from rotorid.models.transfer_function import transfer_function
+from rotorid.pipeline.motor_choices import MODEL as MOTORS
 from rotorid.pipeline.settings import IdentifySettings
 
 _TRANSFER = re.compile(r"transfer:(\d+)/(\d+)")
@@ -197,7 +198,13 @@ def _has_inputs(structure: LinearStructure, inputs: Sequence[str]) -> UsageError
 
 
 def _unknown(model: str) -> ModelError:
-    names = (*RATE_AXES, *model_names(), *RESPONSE_MODELS)
+    if model == MOTORS:
+        return ModelError(
+            f"{MOTORS} came, which is no linear structure",
+            needed="a linear structure",
+            remedy=f"rotorid identify LOG --model {MOTORS}, in Python rotorid.pipeline.motor_identify.identify_motors",
+        )
+    names = (*RATE_AXES, *model_names(), MOTORS, *RESPONSE_MODELS)
     near = difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
     return ModelError(
         f"there is no model {model!r}",

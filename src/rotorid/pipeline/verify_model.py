@@ -18,6 +18,7 @@ from rotorid.pipeline.cutting import source_of
 from rotorid.pipeline.document import ProvenanceDocument
 from rotorid.pipeline.fitting import Fitted
 from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.motor_choices import MODEL as MOTORS
 from rotorid.pipeline.verify_controller import GivenController
 from rotorid.typing import Axis
 
@@ -88,17 +89,35 @@ def read_candidate(result: Path) -> Candidate:
     Raises
     ------
     UsageError
-        There is no such model, or the result is none of ``identify``.
+        There is no such model, the result is none of ``identify``, or it is one of ``physical.motors``, whose model
+        does not say how its inputs are had from a log.
     ModelError
         The ``model.toml`` is wrong.
     """
     folder = result if result.is_dir() else result.parent
     model = result if result.suffix == ".toml" else folder / MODEL
     structure = from_toml(_text(model), where=model.name)
+    if structure.name == MOTORS:
+        raise motors_refused(str(result))
     document = folder / RESULT
     if result.suffix != ".toml" or document.exists():
         return _with_result(structure, document, required=result.suffix != ".toml")
     return Candidate(structure=structure, parameters=structure.parameters)
+
+
+def motors_refused(which: str) -> UsageError:
+    """Why a result of ``physical.motors`` is not scored on logs as other models are.
+
+    Parameters
+    ----------
+    which
+        The result.
+    """
+    return UsageError(
+        f"{which} is a result of {MOTORS}, whose inputs are motors that identify makes ready from each log by itself",
+        needed="a result of another model to score on a log",
+        remedy=f"rotorid identify LOGS --model {MOTORS} --verify LOG judges it on unseen flights",
+    )
 
 
 def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:

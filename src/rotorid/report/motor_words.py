@@ -102,8 +102,8 @@ def scale_sentence(document: ResultDocument) -> str:
             "No mass, thrust or inertia was given, and accelerations tell their ratios alone: the numbers are those of "
             "a vehicle of 1 kg, to be multiplied with its mass."
         )
-    given = document.parameters[motors.scale]
-    what = f"mass of {significant(given.value, digits=4)} kg" if motors.scale == "m" else motors.scale
+    mass = document.parameters.get("m") if motors.scale == "m" else None
+    what = f"mass of {significant(mass.value, digits=4)} kg" if mass else motors.scale
     others = "thrust and inertia are" if motors.scale == "m" else "mass, thrust and inertia are"
     return f"The given {what} sets the scale: {others} off by the percent that it is off."
 

@@ -26,7 +26,7 @@ _AT_LIMIT = 1e-3
 _WORTH_SAYING = 1e-3
 _REMEDIES = {
     "ArduPilot": "log fast attitude (bit 0 of LOG_BITMASK), from which the motors follow at the rate of the loop",
-    "PX4": "log at a high rate (bit 5 of SDLOG_PROFILE)",
+    "PX4": "log at a high rate (bit 4 of SDLOG_PROFILE)",
     "Betaflight": "raise the rate of the blackbox (blackbox_sample_rate)",
     "Crazyflie": "set a higher frequency in config.txt on the card",
 }

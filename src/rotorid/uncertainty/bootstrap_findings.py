@@ -36,7 +36,8 @@ def judge_spread(table: SpreadTable, std: FloatArray) -> tuple[Finding, ...]:
     tuple of Finding
         ``bootstrap_disagrees`` for a parameter whose spread is a quarter off or whose mean has moved by half a standard
         deviation, three standard errors of the runs at least; ``bootstrap_incomplete`` where more than a twentieth of
-        the runs had no answer.
+        the runs had no answer. Standard errors are those of the larger of the two standard deviations: few runs that
+        happen to lie close together are not as certain as they look.
 
     Examples
     --------
@@ -47,11 +48,12 @@ def judge_spread(table: SpreadTable, std: FloatArray) -> tuple[Finding, ...]:
     """
     if std.shape != table.estimate.shape:
         raise UsageError(f"{std.size} standard deviations came", needed=f"{len(table.names)}, one for each parameter")
-    chance_of_mean = table.std / np.sqrt(len(table.draws))
-    ratio = table.std / std
-    wider = (np.abs(table.std - std) > _CHANCE * table.std_error) & (np.abs(np.log(ratio)) > np.log(_WORTH_SAYING))
-    moved = (np.abs(table.bias) > _CHANCE * chance_of_mean) & (np.abs(table.bias) > _MOVED * table.std)
-    return (*_incomplete(table), *(_disagrees(table, std, one) for one in np.flatnonzero(wider | moved).tolist()))
+    larger, smaller = np.maximum(table.std, std), np.minimum(table.std, std)
+    runs = len(table.draws)
+    chance = np.maximum(table.std_error, larger / np.sqrt(2.0 * (runs - 1)))
+    other = (larger - smaller > _CHANCE * chance) & (larger > _WORTH_SAYING * smaller)
+    moved = (np.abs(table.bias) > _CHANCE * larger / np.sqrt(runs)) & (np.abs(table.bias) > _MOVED * table.std)
+    return (*_incomplete(table), *(_disagrees(table, std, one) for one in np.flatnonzero(other | moved).tolist()))
 
 
 def _incomplete(table: SpreadTable) -> tuple[Finding, ...]:
@@ -74,14 +76,17 @@ def _incomplete(table: SpreadTable) -> tuple[Finding, ...]:
 def _disagrees(table: SpreadTable, std: FloatArray, place: int) -> Finding:
     row = table.rows()[place]
     moved = row.mean - row.estimate
+    ends = f"{row.low:.4g} to {row.high:.4g}"
+    # A narrower spread may be that of a bound or of too few runs: it is no reason to claim more.
+    wider = row.std > std[place]
+    advice = f"Take the interval from {ends}." if wider else f"95 % of the runs lie from {ends}."
     return Finding(
         kind="bootstrap_disagrees",
         severity="warning",
         where=row.name,
         message=(
             f"Over {len(table.draws)} runs {row.name} scatters by {row.std:.3g} about {row.mean:.4g}; its value is "
-            f"{row.estimate:.4g} and its stated standard deviation {std[place]:.3g}. Take the interval from "
-            f"{row.low:.4g} to {row.high:.4g}."
+            f"{row.estimate:.4g} and its stated standard deviation {std[place]:.3g}. {advice}"
         ),
         numbers={
             "std": row.std,

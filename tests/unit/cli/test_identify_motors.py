@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
-from tests.unit.cli.commands import rotorid
+from tests.unit.cli.commands import Ran, rotorid
 from tests.unit.pipeline.motor_logs import flight
+
+from rotorid.cli import motor_options
+from rotorid.pipeline import motor_choices
 
 
 @pytest.fixture(scope="module")
@@ -15,15 +19,21 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flight(tmp_path_factory.mktemp("motors") / "flight.csv")
 
 
-def test_files_and_json(log: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def identified(log: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
+    folder = tmp_path_factory.mktemp("identified")
     words = ["--model", "physical.motors", "--layout", "quad.x", "--arm", "0.283", "--fix", "m=1.2"]
-    ran = rotorid("identify", log, *words, "--out", tmp_path, "--json")
+    return folder, rotorid("identify", log, *words, "--out", folder, "--json")
+
+
+def test_files_and_json(identified: tuple[Path, Ran]) -> None:
+    folder, ran = identified
     assert ran.code == 0
     document = json.loads(ran.out)
     assert document["model"] == "physical.motors"
     assert document["motors"]["layout"] == "quad.x"
-    assert {file.name for file in tmp_path.iterdir()} == {"result.json", "responses.npz", "model.toml", "report.html"}
-    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8")) == document
+    assert {file.name for file in folder.iterdir()} == {"result.json", "responses.npz", "model.toml", "report.html"}
+    assert json.loads((folder / "result.json").read_text(encoding="utf-8")) == document
 
 
 def test_a_refusal_exits_with_one_and_says_why(tmp_path: Path) -> None:
@@ -58,3 +68,34 @@ def test_its_options_are_refused_by_other_models(log: Path) -> None:
     ran = rotorid("identify", log, "--model", "rate.roll", "--arm", "0.2")
     assert ran.code == 2
     assert "them with physical.motors alone" in " ".join(ran.err.split())
+
+
+def test_command_line_and_pipeline_mean_the_same_model() -> None:
+    """The name stands in both, so that the command line starts without the pipeline."""
+    assert motor_options.MODEL == motor_choices.MODEL
+
+
+@pytest.mark.parametrize("name", ["", "result.json", "model.toml"])
+def test_verify_sends_its_results_to_identify(
+    name: str, identified: tuple[Path, Ran], log: Path, tmp_path: Path
+) -> None:
+    ran = rotorid("verify", identified[0] / name, log, "--out", tmp_path / "out")
+    assert ran.code == 2
+    said = " ".join(ran.err.split())
+    assert "is a result of physical.motors" in said
+    assert "rotorid identify LOGS --model physical.motors --verify LOG" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_compare_shows_its_results_and_scores_them_on_no_log(
+    identified: tuple[Path, Ran], log: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(identified[0], other)
+    ran = rotorid("compare", identified[0], other, "--out", tmp_path / "beside", "--json")
+    assert ran.code == 0
+    assert {one["model"] for one in json.loads(ran.out)["models"]} == {"physical.motors"}
+    refused = rotorid("compare", identified[0], other, "--log", log, "--out", tmp_path / "out")
+    assert refused.code == 2
+    assert "is a result of physical.motors" in " ".join(refused.err.split())
+    assert not (tmp_path / "out").exists()

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.twins.twin_motors import LEVERS, TRUTH, flights
 
 from rotorid.data.motor_record import MotorRecord
 from rotorid.errors import UsageError
@@ -14,6 +13,9 @@ from rotorid.fit.motor_both_ways import BothWays, both_ways, judge_both_ways
 from rotorid.fit.motor_fit import MotorFit, fit_motors
 from rotorid.fit.motor_problem import MotorProblem
 from rotorid.models.motor_parameters import motor_parameters
+from rotorid.vehicles.motor_flight import TRUTH, flights, levers
+
+LEVERS = levers()
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +79,12 @@ def test_a_known_inertia_of_yaw_is_stated_as_such(flown: MotorRecord) -> None:
     one = both_ways(fitted(flown, kappa=0.02))[2]
     assert (one.parameter, one.unit) == ("I_zz", "kg m^2")
     assert one.corrected[0] == pytest.approx(0.02 / TRUTH["kappa_per_I_zz"], rel=0.1)
+
+
+def test_an_axis_that_torque_does_not_turn_has_no_inertia(flown: MotorRecord) -> None:
+    still = fitted(flown, kappa_per_I_zz=0.0)
+    assert "r" in still.problem.filters[0]
+    assert [one.axis for one in both_ways(still)] == ["p", "q"]
 
 
 def test_excitations_belong_to_records(fit: MotorFit) -> None:

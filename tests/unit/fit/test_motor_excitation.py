@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.twins.twin_motors import LEVERS, TRUTH, flights
 
 from rotorid.data.motor_record import MotorRecord
 from rotorid.fit.motor_excitation import LEAST_CORRELATION, excitations, slow_taps
+from rotorid.vehicles.motor_flight import TRUTH, flights, levers
+
+LEVERS = levers()
 
 
 @pytest.fixture(scope="module")

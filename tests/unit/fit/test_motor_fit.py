@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.twins.twin_motors import LEVERS, TRUTH, Air, flights
 
 from rotorid.data.motor_record import MotorRecord
 from rotorid.errors import InsufficientDataError
@@ -16,6 +15,9 @@ from rotorid.fit.motor_excitation import excitations
 from rotorid.fit.motor_fit import MotorFit, excited_axes, fit_motors
 from rotorid.fit.motor_problem import MotorProblem
 from rotorid.models.motor_parameters import motor_parameters
+from rotorid.vehicles.motor_flight import TRUTH, Air, flights, levers
+
+LEVERS = levers()
 
 
 @pytest.fixture(scope="module")

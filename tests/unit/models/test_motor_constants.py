@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from rotorid.data.findings import Finding
 from rotorid.data.motor_record import MotorRecord
 from rotorid.errors import ModelError
 from rotorid.models.motor_constants import check_figure_of_merit, check_motor_constants, yaw_range
@@ -68,6 +70,39 @@ def test_thrust_at_full_output(largest: float, weights: str) -> None:
 def test_a_curve_that_bends_down_outside_of_what_was_flown_passes() -> None:
     values = {"m": 1.0, "c_0": 2.4025, "c_1": -5.0, "c_2": 10.1}
     assert ("impossible_physics", "warning", "thrust") not in kinds(values)
+
+
+def test_a_published_curve_that_falls_where_motors_idle_passes() -> None:
+    """Of the Crazyflie: N by its share of full output, falling below 0.0465, where nobody flies."""
+    published = {"m": 0.0335, "c_0": 0.02272, "c_1": -0.01194, "c_2": 0.12837}
+    flown = hover(output=0.66)
+    idle = replace(flown, outputs=np.where(np.arange(400) % 5 == 0, 0.03, flown.outputs))
+    assert not falling(check_motor_constants(published, records=[idle]))
+    assert falling(check_motor_constants({**published, "c_1": -0.2}, records=[idle]))
+    assert not falling(check_motor_constants(published, records=[replace(flown, outputs=np.full((4, 400), 0.02))]))
+
+
+def test_speeds_are_small_by_the_largest_of_them() -> None:
+    flown = hover(output=600.0, swing=100.0)
+    slow = replace(flown, outputs=np.where(np.arange(400) % 5 == 0, 20.0, flown.outputs))
+    values = {"c_0": 1.0, "c_1": -1e-3, "c_2": 1e-5}
+    assert not falling(check_motor_constants(values, records=[slow], full_output=None))
+    assert falling(check_motor_constants({**values, "c_1": -0.011}, records=[slow], full_output=None))
+
+
+def test_a_slope_that_may_be_positive_is_no_warning() -> None:
+    values = {**SOUND, "c_0": 5.0, "c_1": -5.2}
+    assert falling(check_motor_constants(values, records=[hover()]))
+    assert falling(check_motor_constants(values, records=[hover()], covariance={("c_1", "c_1"): 2.6**2}))
+    assert not falling(check_motor_constants(values, records=[hover()], covariance={("c_1", "c_1"): 2.7**2}))
+    # Coefficients that are uncertain together, so that their sum is not: at an output of 0.5 both count alike.
+    level = replace(hover(swing=0.0), outputs=np.full((4, 400), 0.5))
+    opposed = {("c_1", "c_1"): 2.7**2, ("c_2", "c_2"): 2.7**2, ("c_1", "c_2"): -(2.7**2)}
+    assert falling(check_motor_constants(values, records=[level], covariance=opposed))
+
+
+def falling(findings: Sequence[Finding]) -> bool:
+    return any("falls with the output" in finding.message for finding in findings)
 
 
 def test_a_weak_battery_lifts_less() -> None:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from tests.twins.twin_motors import flights
 
 from rotorid.data.motor_record import MotorRecord
+from rotorid.fit.motor_lag import turning
+from rotorid.vehicles.motor_flight import TRUTH, flights
 
 UNITS = {"p": "rad/s", "q": "rad/s", "r": "rad/s", "az": "m/s^2", "w": "m/s"}
+THRUST_BY_SPEED = 6e-6
+"""N s^2: thrust of a rotor by the square of its speed."""
+
 ARM_M = 0.2 * 2.0**0.5
 
 
@@ -23,6 +27,21 @@ def written(record: MotorRecord, path: Path, *, every: int = 1) -> Path:
         *(f"motor_{i} [1]" for i in range(1, 5)),
         *(f"{name} [{unit}]" for name, unit in UNITS.items()),
     ]
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+    return path
+
+
+def with_speeds(path: Path, *, seed: int = 1) -> Path:
+    """The same flight with measured speeds of the rotors instead of outputs."""
+    record = flights(1, seed=seed, duration_s=20.0)[0]
+    level = turning(
+        record.outputs, lag_s=TRUTH["T_motor"], delay_s=TRUTH["tau_gyro"], step_s=1.0 / record.sample_rate_hz
+    ).level.real
+    thrust = TRUTH["c_0"] + TRUTH["c_1"] * level + TRUTH["c_2"] * level**2
+    speeds = np.sqrt(thrust / THRUST_BY_SPEED)
+    names = ["time [s]", *(f"motor_speed_{i} [rad/s]" for i in range(1, 5))]
+    names += [f"{name} [{unit}]" for name, unit in UNITS.items()]
+    columns = [record.time_s, *speeds, *record.rates, record.az, record.w]
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(names), comments="", fmt="%.9g")
     return path
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.twins.twin_motors import TRUTH
-from tests.unit.pipeline.motor_logs import ARM_M, flight
+from tests.unit.pipeline.motor_logs import ARM_M, THRUST_BY_SPEED, flight, with_speeds
 
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.io.registry import read
@@ -15,6 +14,7 @@ from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.motor_choices import MotorChoices, chosen_layout
 from rotorid.pipeline.motor_identify import identify_motors
+from rotorid.vehicles.motor_flight import TRUTH
 
 
 def choices(**more: object) -> MotorChoices:
@@ -141,6 +141,20 @@ def test_slow_motors_have_wide_intervals(tmp_path: Path, found: Identification) 
         assert std is not None
         assert fast is not None
         assert std > 5.0 * fast
+
+
+def test_measured_speeds_tell_thrust_without_a_lag(tmp_path: Path) -> None:
+    known = {"m": TRUTH["m"], "kappa": 0.02}
+    log = read(with_speeds(tmp_path / "speeds.csv"))
+    document = identify_motors([log], choices(known=known, rotor_diameter_m=0.25)).document
+    assert document.motors is not None
+    assert (document.motors.outputs, document.motors.curve) == ("speed", "quadratic")
+    assert "T_motor" not in document.parameters
+    assert document.parameters["c_2"].value == pytest.approx(THRUST_BY_SPEED, rel=0.01)
+    assert document.parameters["I_xx"].value == pytest.approx(TRUTH["I_xx"], rel=0.02)
+    assert "implausible_physics" not in kinds(document)
+    tiny = identify_motors([log], choices(known=known, rotor_diameter_m=0.05)).document
+    assert "impossible_physics" in kinds(tiny)
 
 
 def test_the_same_choices_give_the_same_answer(log: Path, found: Identification) -> None:

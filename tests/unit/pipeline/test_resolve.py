@@ -38,6 +38,17 @@ def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
         resolve_model("rate.rol")
 
 
+@pytest.mark.parametrize("name", ["physical.motor", "physical.motorss", "physicalmotors"])
+def test_the_physics_of_motors_is_suggested(name: str) -> None:
+    with pytest.raises(ModelError, match=r"physical\.motors, .*did you mean physical\.motors\?"):
+        resolve_model(name)
+
+
+def test_the_physics_of_motors_is_no_linear_structure() -> None:
+    with pytest.raises(ModelError, match=r"no linear structure.*motor_identify\.identify_motors"):
+        resolve_model("physical.motors")
+
+
 @pytest.mark.parametrize("content", [None, b"\xff\xfe", b"name = ", b'name = "x"'], ids=["missing", "8", "cut", "bare"])
 def test_a_wrong_file_is_named(content: bytes | None, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"

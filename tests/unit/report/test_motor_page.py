@@ -15,7 +15,13 @@ from tests.unit.report.sample import document as other_document
 from rotorid.pipeline.document import FindingDocument, ParameterDocument, ResultDocument
 from rotorid.pipeline.identification import Identification
 from rotorid.report.motor_section import MotorsShown, curve_with_error, motors_shown
-from rotorid.report.motor_words import method_sentences, motor_sentences, motor_warnings, open_questions
+from rotorid.report.motor_words import (
+    method_sentences,
+    motor_sentences,
+    motor_warnings,
+    open_questions,
+    scale_sentence,
+)
 from rotorid.report.page import render_report
 from rotorid.report.parameter_table import parameter_groups
 from rotorid.report.section import section
@@ -106,6 +112,13 @@ def test_unseen_flight_stands_on_the_page_and_in_its_summary() -> None:
     verdict = section(identified(), anchor="s", truth={}).unseen
     assert verdict is not None
     assert verdict.words == "fit below the guideline"
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"), [("m", "The given m sets the scale"), ("I_zz", "The given I_zz sets the scale")]
+)
+def test_a_scale_that_is_no_parameter_is_named_without_a_value(scale: str, said: str) -> None:
+    assert said in scale_sentence(changed(without("m"), scale=scale))
 
 
 @pytest.mark.parametrize("names", [("c_1",), ("c_0", "c_1"), ("c_0", "c_1", "c_2")])

@@ -197,3 +197,32 @@ def test_a_table_keeps_its_numbers() -> None:
     again = pickle.loads(pickle.dumps(table))
     np.testing.assert_array_equal(again.draws, table.draws)
     assert not again.draws.flags.writeable
+
+
+def drawn(runs: int, seed: int, parameters: int) -> SpreadTable:
+    draws = np.random.default_rng([runs, seed]).standard_normal((runs, parameters))
+    names = tuple(f"p{number}" for number in range(parameters))
+    return SpreadTable(names=names, estimate=np.zeros(parameters), draws=draws, seed=seed)
+
+
+@pytest.mark.parametrize("runs", [2, 5, 10, 30, 100])
+def test_few_runs_seldom_contradict_bounds_that_hold(runs: int) -> None:
+    parameters, tables = 100, 60
+    found = [judge_spread(drawn(runs, seed, parameters), np.ones(parameters)) for seed in range(tables)]
+    # Beyond three standard errors lies 0.27 % of a mean, and of a standard deviation: four deviations of their number.
+    expected = 2 * 0.0027 * parameters * tables
+    assert sum(map(len, found)) <= expected + 4.0 * np.sqrt(expected)
+
+
+@pytest.mark.parametrize("stated", [0.5, 2.0])
+def test_a_spread_of_twice_or_half_shows_and_the_narrower_is_never_advised(stated: float) -> None:
+    parameters, tables = 100, 10
+    found = [one for seed in range(tables) for one in judge_spread(drawn(30, seed, parameters), np.full(100, stated))]
+    # A ratio of two against 3 / sqrt(2 * 29) = 0.39 of the larger: it takes less than 0.11 of it to hide, once in ten.
+    assert len(found) > 0.7 * parameters * tables
+    for one in found:
+        assert ("Take the interval" in one.message) == (one.numbers["std"] > one.numbers["stated_std"])
+
+
+def test_a_stated_deviation_without_limit_is_no_contradiction() -> None:
+    assert judge_spread(drawn(30, 0, 2), np.array([np.inf, 1.0])) == ()
