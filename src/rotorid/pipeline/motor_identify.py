@@ -15,7 +15,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fit.motor_excitation import excitations
 from rotorid.fit.motor_problem import MotorProblem
 from rotorid.models.description import to_toml
-from rotorid.models.motor_parameters import scale_of
+from rotorid.models.motor_parameters import CURVE_TERMS, scale_of
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.assemble import (
     combination_documents,
@@ -98,7 +98,11 @@ def identify_motors(
     moved = motions(fit.problem, fit.solution.theta, data.flights, fit.excitations)
     percents = fit_percents(moved, channels)
     unseen = _unseen(identified, records, verify, choices, progress)
-    combinations = unseen_combinations(identified.parameters, identified.bounds)
+    combinations = [
+        one
+        for one in unseen_combinations(identified.parameters, identified.bounds)
+        if identified.curve != "polynomial" or not set(one.vector) <= set(CURVE_TERMS["polynomial"])
+    ]
     findings = [
         *(finding for record in (*records, *verify) for finding in record.findings),
         *data.findings,

@@ -8,7 +8,7 @@ from rotorid.data.findings import Finding
 from rotorid.fit.motor_both_ways import judge_both_ways
 from rotorid.fit.motor_excitation import LEAST_CORRELATION
 from rotorid.models.motor_constants import check_figure_of_merit, check_motor_constants, yaw_range
-from rotorid.models.motor_parameters import scale_of
+from rotorid.models.motor_parameters import CURVE_TERMS, scale_of
 from rotorid.pipeline.judge import judge_parameters
 from rotorid.pipeline.motor_choices import MotorChoices
 from rotorid.pipeline.motor_fitting import AXIS_WORDS, MotorIdentified, levers_of
@@ -31,11 +31,11 @@ def judge_motors(
         *_scale(identified, choices),
         *_arm(identified),
         *_yaw(identified),
-        *_physics(identified),
+        *_physics(identified, choices),
         *_merit(identified, choices),
         *judge_both_ways(identified.both),
         *_ended(identified),
-        *judge_parameters(identified.parameters, identified.bounds),
+        *_parameters(identified),
         *_poor(fit_percent),
     )
 
@@ -157,13 +157,23 @@ def _yaw(identified: MotorIdentified) -> Iterator[Finding]:
     )
 
 
-def _physics(identified: MotorIdentified) -> list[Finding]:
-    data = identified.data
+def _parameters(identified: MotorIdentified) -> Iterator[Finding]:
+    """Guidelines of single parameters; coefficients of one curve trade against each other, and their sum counts."""
+    for finding in judge_parameters(identified.parameters, identified.bounds):
+        if not (identified.curve == "polynomial" and finding.where in CURVE_TERMS["polynomial"]):
+            yield finding
+
+
+def _physics(identified: MotorIdentified, choices: MotorChoices) -> list[Finding]:
+    data, values = identified.data, identified.parameters.values
+    if scale_of(choices.known, identified.axes) is None:
+        # All others are per kilogram.
+        values = {name: value for name, value in values.items() if name not in ("I_zz", "kappa")}
     spread = covariance_of_all(identified.parameters, identified.bounds)
     names = identified.parameters.names
     pairs = {(one, two): float(spread[i, j]) for i, one in enumerate(names) for j, two in enumerate(names)}
     return check_motor_constants(
-        identified.parameters.values,
+        values,
         records=data.records,
         levers=levers_of(data) if data.layout.arm_known else None,
         covariance=pairs,

@@ -11,7 +11,7 @@ from rotorid.data.maneuver import Maneuver
 from rotorid.fit.motor_excitation import LEAST_CORRELATION, SLOW_HZ, Excitation
 from rotorid.fit.motor_problem import Axis, MotorProblem
 from rotorid.pipeline.identification import SimulatedRecord
-from rotorid.pipeline.motor_records import MotorFlight
+from rotorid.pipeline.motor_sampling import MotorFlight
 from rotorid.typing import FloatArray
 from rotorid.verify.scores import nrmse_fit_percent, rms, theil_inequality
 

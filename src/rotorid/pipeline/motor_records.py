@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,58 +10,29 @@ import numpy as np
 
 from rotorid.data.channel import LOWEST_RATE_HZ
 from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.motor_record import MotorRecord
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.motor_fit import LEAST_SAMPLES
 from rotorid.models.rotor_layout import RotorLayout
 from rotorid.models.rotor_layout_log import layout_of
 from rotorid.models.rotor_mixer import mixer_of
-from rotorid.pipeline.building import built
 from rotorid.pipeline.flights import while_flying
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.motor_choices import MotorChoices, chosen_layout
+from rotorid.pipeline.motor_sampling import MotorFlight, on_one_clock, true_motors
+from rotorid.pipeline.motor_voltage import FlownMotors, Voltage, common_voltage
 from rotorid.pipeline.selection import described, each_once, inside
 from rotorid.signal.airborne import airborne
-from rotorid.signal.autopilot_filters import filter_findings, known_filters
-from rotorid.signal.autopilot_mixer import linearization_of
-from rotorid.signal.battery import voltage_factor
-from rotorid.signal.clock import one_clock
-from rotorid.signal.interpolated import interpolated
-from rotorid.signal.known_filter import combined_response
-from rotorid.signal.motor_outputs import Kind, MotorHistory, with_motors
+from rotorid.signal.motor_outputs import Kind, MotorHistory
 from rotorid.signal.motor_reconstruction import motor_history
-from rotorid.signal.reconstruct import ingredients
 from rotorid.signal.segment import find_excitations
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import Axis
 
 _AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")
-_MEASURED = ("p", "q", "r", "az")
 _TELLING = ("sweep", "random_binary", "doublet", "multistep", "multisine")
 _TOGETHER_S = 5.0
 _MARGIN_S = 1.0
-_SAGGING = 0.02
-_RINGING_S = 0.1
-
-
-class MotorFlight(NamedTuple):
-    """A stretch of a log.
-
-    Parameters
-    ----------
-    record
-        On one clock.
-    maneuver
-        Where in the log.
-    kind
-        What the outputs are.
-    """
-
-    record: MotorRecord
-    maneuver: Maneuver
-    kind: Kind
 
 
 class MotorData(NamedTuple):
@@ -136,10 +107,10 @@ def motor_data(
     each_once(records)
     layout = _layout(records, choices)
     findings: list[Finding] = [*layout.findings]
-    flown: list[_Flown] = []
+    flown: list[FlownMotors] = []
     for record in records:
         progress(f"{record.source.name}: motors")
-        motors = _true_motors(motor_history(record, mixer_of(layout, record.source.format)))
+        motors = true_motors(motor_history(record, mixer_of(layout, record.source.format)))
         if motors.history.motors != layout.rotors:
             raise UsageError(
                 f"{record.source.name} holds {motors.history.motors} motors, and {layout.name} has "
@@ -149,13 +120,13 @@ def motor_data(
             )
         stretches, remarks = _stretches(record, choices)
         findings += [*motors.history.findings, *remarks]
-        flown += [_Flown(record, motors, stretch) for stretch in stretches]
-    voltage = _voltage(flown, choices, reference_v)
+        flown += [FlownMotors(record, motors, stretch) for stretch in stretches]
+    voltage = common_voltage(flown, reference_v) if choices.voltage else Voltage(None)
     findings += voltage.findings
     flights: list[MotorFlight] = []
     for one in flown:
         progress(f"{one.record.source.name}: {one.stretch.start_s:.1f} to {one.stretch.stop_s:.1f} s")
-        found, remarks = _on_one_clock(one.record, one.motors, one.stretch, voltage)
+        found, remarks = on_one_clock(one.record, one.motors, one.stretch, voltage.reference_v)
         flights += found
         findings += remarks
     _require_one_kind(flights, records)
@@ -168,30 +139,6 @@ def motor_data(
         straightened=all(_straightened(record, flights[0].kind) for record in records),
         reference_v=voltage.reference_v,
     )
-
-
-class _Flown(NamedTuple):
-    """A stretch of a log with its motors."""
-
-    record: FlightRecord
-    motors: _Motors
-    stretch: Maneuver
-
-
-class _Motors(NamedTuple):
-    """Motors, and whether they are samples of something smooth that somebody had joined by straight lines."""
-
-    history: MotorHistory
-    smooth: bool
-
-
-def _true_motors(history: MotorHistory) -> _Motors:
-    """Motors without the straight lines that somebody drew between slower samples."""
-    joined = interpolated(history.time_s, history.values)
-    if joined is None:
-        return _Motors(history, False)
-    findings = (*history.findings, joined.finding(history.source))
-    return _Motors(replace(history, time_s=joined.time_s, values=joined.values, findings=findings), True)
 
 
 def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayout:
@@ -250,140 +197,6 @@ def _joined(moved: Sequence[Maneuver]) -> list[Maneuver]:
         else:
             joined.append(wider)
     return joined
-
-
-def _on_one_clock(
-    record: FlightRecord, motors: _Motors, stretch: Maneuver, voltage: _Voltage
-) -> tuple[list[MotorFlight], list[Finding]]:
-    history = motors.history
-    start_s = max(stretch.start_s, float(history.time_s[0]), record.start_s)
-    stop_s = min(stretch.stop_s, float(history.time_s[-1]), record.stop_s)
-    followers = ingredients("w", record.channel_names)
-    moving = "w" in record.channel_names or set(followers) <= set(record.channel_names)
-    wanted = ("w",) if "w" in record.channel_names else followers
-    found = one_clock(
-        with_motors(record, history),
-        channels=_MEASURED,
-        followers=wanted if moving else (),
-        start_s=start_s,
-        stop_s=stop_s,
-    )
-    findings = [*found.findings]
-    flights = []
-    for part in found.histories:
-        if part.time_s.size < LEAST_SAMPLES:
-            continue
-        one = built(part, (*_MEASURED, "w")) if moving else part
-        strength = np.ones(one.time_s.size)
-        if voltage.reference_v is not None:
-            strength = voltage_factor(record, one.time_s, reference_v=voltage.reference_v).values
-        findings += _filtered(record, one)
-        flights.append(MotorFlight(_record(record, motors, one, strength), stretch, history.kind))
-    return flights, findings
-
-
-def _record(record: FlightRecord, motors: _Motors, part: TimeHistory, strength: FloatArray) -> MotorRecord:
-    return MotorRecord(
-        name=record.source.name,
-        sample_rate_hz=part.sample_rate_hz,
-        outputs=_outputs(record, motors, part),
-        rates=np.stack([part[name] for name in ("p", "q", "r")]),
-        az=part["az"],
-        w=part["w"] if "w" in part.names else np.zeros(0),
-        strength=strength,
-        gyro_taps=_taps(record, part, "p"),
-        accel_taps=_taps(record, part, "az"),
-        start_s=part.start_s,
-    )
-
-
-def _outputs(record: FlightRecord, motors: _Motors, part: TimeHistory) -> FloatArray:
-    """Mean output over each sample: held until the next stamp, or on the way to it where the loop was faster."""
-    from scipy.interpolate import CubicSpline
-
-    history, time_s = motors.history, part.time_s
-    if motors.smooth:
-        return np.asarray(CubicSpline(history.time_s, history.values, axis=1)(time_s), dtype=np.float64)
-    if history.kind == "speed":
-        return np.stack([np.interp(time_s, history.time_s, row) for row in history.values])
-    late = np.searchsorted(history.time_s, time_s + 1e-9, side="right") - 1
-    held = history.values[:, np.clip(late, 0, history.time_s.size - 1)]
-    loops = round(record.parameters.get("SCHED_LOOP_RATE", 0.0) / history.sample_rate_hz)
-    if loops < 2 or history.kind != "thrust_demand":
-        return held
-    # A loop that many times faster went on to the next logged demand by steps that nobody logged.
-    share = (loops - 1) / (2.0 * loops)
-    following = np.concatenate([held[:, 1:], held[:, -1:]], axis=1)
-    return np.asarray((1.0 - share) * held + share * following)
-
-
-def _taps(record: FlightRecord, part: TimeHistory, name: str) -> FloatArray:
-    """Impulse response of the known filters in front of a channel, at the rate of the record."""
-    filters = known_filters(record, part.channels[part.names.index(name)].source)
-    if not filters:
-        return np.ones(1)
-    count = 2 * max(16, round(_RINGING_S * part.sample_rate_hz))
-    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / part.sample_rate_hz), dtype=np.float64)
-    taps = np.fft.irfft(combined_response(filters, omega), count)[: count // 2]
-    # What rings on is little, and rest must stay rest.
-    return np.asarray(taps / taps.sum(), dtype=np.float64)
-
-
-def _filtered(record: FlightRecord, part: TimeHistory) -> Iterator[Finding]:
-    for name in ("p", "az"):
-        source = part.channels[part.names.index(name)].source
-        for finding in filter_findings(record, source):
-            if finding.kind == "known_filter":
-                message = f"{finding.message} The model passes it too."
-                yield replace(finding, message=message)
-            else:
-                yield finding
-
-
-class _Voltage(NamedTuple):
-    """The voltage at which thrust is told; ``None`` where it does not matter."""
-
-    reference_v: float | None
-    findings: tuple[Finding, ...] = ()
-
-
-def _voltage(flown: Sequence[_Flown], choices: MotorChoices, reference_v: float | None) -> _Voltage:
-    """One voltage for all stretches, where outputs follow the battery and it sagged in them."""
-    if not choices.voltage or any(_compensated(one.record, one.motors.history) for one in flown):
-        return _Voltage(None)
-    factors = []
-    for one in flown:
-        time_s = one.motors.history.time_s
-        inside = time_s[(time_s >= one.stretch.start_s) & (time_s <= one.stretch.stop_s)]
-        try:
-            factors.append(voltage_factor(one.record, inside, reference_v=1.0).values)
-        except InsufficientDataError:
-            return _Voltage(None)
-    together = np.concatenate(factors) if factors else np.ones(1)
-    if not together.size or together.min() <= 0.0:
-        return _Voltage(None)
-    reference = float(np.sqrt(np.median(together))) if reference_v is None else reference_v
-    spread = float(together.max() / together.min() - 1.0)
-    if spread < _SAGGING and reference_v is None:
-        return _Voltage(None)
-    message = (
-        f"The battery makes thrust vary by {100.0 * spread:.0f} % at one output; thrust is that at {reference:.3g} V."
-    )
-    numbers = {"spread": spread, "reference_v": reference}
-    where = ", ".join(dict.fromkeys(one.record.source.name for one in flown))
-    return _Voltage(
-        reference, (Finding(kind="battery_sag", severity="info", where=where, message=message, numbers=numbers),)
-    )
-
-
-def _compensated(record: FlightRecord, history: MotorHistory) -> bool:
-    """Whether thrust at a value of the motors does not follow the voltage: speeds, and demands that are corrected."""
-    if history.kind == "speed":
-        return True
-    if history.kind == "output":
-        return False
-    known = linearization_of(record)
-    return (known is not None and known.compensates_voltage) or record.parameters.get("MC_BAT_SCALE_EN", 0.0) == 1.0
 
 
 def _straightened(record: FlightRecord, kind: Kind) -> bool:

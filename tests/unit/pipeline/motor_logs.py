@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,3 +50,10 @@ def with_speeds(path: Path, *, seed: int = 1) -> Path:
 def flight(path: Path, *, seed: int = 1, size: float = 1.0, every: int = 1) -> Path:
     """One flight with sums of sines on all axes, or in gusts alone."""
     return written(flights(1, seed=seed, duration_s=20.0, size=size)[0], path, every=every)
+
+
+def repeated(path: Path, *, every: int) -> Path:
+    """The same flight, each so-manieth sample of the motors repeated until the next."""
+    record = flights(1, seed=1, duration_s=20.0)[0]
+    held = np.repeat(record.outputs[:, ::every], every, axis=1)[:, : record.samples]
+    return written(replace(record, outputs=held), path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.unit.pipeline.motor_logs import ARM_M, THRUST_BY_SPEED, flight, with_speeds
+from tests.unit.pipeline.motor_logs import ARM_M, THRUST_BY_SPEED, flight, repeated, with_speeds
 
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.io.registry import read
@@ -141,6 +141,13 @@ def test_slow_motors_have_wide_intervals(tmp_path: Path, found: Identification) 
         assert std is not None
         assert fast is not None
         assert std > 5.0 * fast
+
+
+def test_copies_of_slow_motors_are_no_samples(tmp_path: Path) -> None:
+    document = identify_motors([read(repeated(tmp_path / "held.csv", every=20))], choices()).document
+    assert "interpolated_channel" in kinds(document)
+    assert document.motors is not None
+    assert document.motors.outputs_rate_hz == pytest.approx(10.0)
 
 
 def test_measured_speeds_tell_thrust_without_a_lag(tmp_path: Path) -> None:
