@@ -16,7 +16,7 @@ from rotorid.models.rotor_layout import UP, RotorLayout
 from rotorid.models.rotor_layout_library import library_layout, named_by
 from rotorid.typing import FloatArray
 
-REMEDY = "name a layout of the library, such as quad.x, or describe the rotors in a TOML file of [[rotor]] tables"
+REMEDY = "name a layout of the library with --layout, such as quad.x, or a TOML file of [[rotor]] tables"
 
 _OLD_CLASSES: Mapping[int, int] = MappingProxyType({4: 1, 6: 2})
 """Motors to the class of frame of ArduPilot before 3.5, which the firmware, and no parameter, decided."""
