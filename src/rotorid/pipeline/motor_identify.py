@@ -45,7 +45,7 @@ from rotorid.pipeline.motor_motion import CHANNELS, Motion, fit_percents, motion
 from rotorid.pipeline.motor_records import MotorData, motor_data
 from rotorid.pipeline.score_document import ScoreDocument
 from rotorid.pipeline.time_identify import no_response
-from rotorid.uncertainty.identifiability import unseen_combinations
+from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.verify.scores import GOOD_TIC
 from rotorid.verify.verification import Scores, Verification
 
@@ -99,9 +99,7 @@ def identify_motors(
     percents = fit_percents(moved, channels)
     unseen = _unseen(identified, records, verify, choices, progress)
     combinations = [
-        one
-        for one in unseen_combinations(identified.parameters, identified.bounds)
-        if identified.curve != "polynomial" or not set(one.vector) <= set(CURVE_TERMS["polynomial"])
+        one for one in unseen_combinations(identified.parameters, identified.bounds) if not _expected(one, identified)
     ]
     findings = [
         *(finding for record in (*records, *verify) for finding in record.findings),
@@ -120,6 +118,13 @@ def identify_motors(
         }
     )
     return _identification(document, made, channels)
+
+
+def _expected(one: Combination, identified: MotorIdentified) -> bool:
+    """Whether a combination needs no words: terms of one curve, and delays that are nearly none."""
+    names = set(one.vector)
+    curve = identified.curve == "polynomial" and names <= set(CURVE_TERMS["polynomial"])
+    return curve or names <= {"tau_gyro", "tau_accel"}
 
 
 class _Made(NamedTuple):

@@ -12,11 +12,13 @@ from rotorid.models.motor_parameters import CURVE_TERMS, scale_of
 from rotorid.pipeline.judge import judge_parameters
 from rotorid.pipeline.motor_choices import MotorChoices
 from rotorid.pipeline.motor_fitting import AXIS_WORDS, MotorIdentified, levers_of
+from rotorid.pipeline.motor_motion import unexplained_by_curve
 from rotorid.pipeline.motor_uncertainty import CURVE_SHARE
 from rotorid.uncertainty.propagation import covariance_of_all
 
 _GOOD_PERCENT = 50.0
 _OPPOSED = 0.6
+_DOUBTFUL = 0.2
 
 
 def judge_motors(
@@ -27,6 +29,7 @@ def judge_motors(
         *_unexcited(identified),
         *_turned_around(identified),
         *_assumed(identified),
+        *_doubted(identified, choices),
         *_unused(identified, choices),
         *_scale(identified, choices),
         *_arm(identified),
@@ -90,6 +93,26 @@ def _assumed(identified: MotorIdentified) -> Iterator[Finding]:
             "sweep of the throttle, or say with --curve what is known of the motors."
         ),
         numbers={"share": CURVE_SHARE},
+    )
+
+
+def _doubted(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+    """A curve that was named and leaves of the specific force what another curve would explain."""
+    if choices.curve in ("auto", "polynomial") or "az" not in identified.axes:
+        return
+    share = unexplained_by_curve(identified.fit.problem, identified.fit.solution.theta, identified.fit.excitations)
+    if share < _DOUBTFUL:
+        return
+    yield Finding(
+        kind="assumed_curve",
+        severity="warning",
+        where="thrust",
+        message=(
+            f"{100.0 * share:.0f} % of what the {identified.curve} curve of thrust leaves of the specific force "
+            "follows the outputs in another way: the curve is another one, and inertia follows its slope. Leave "
+            "--curve out, or give --curve polynomial."
+        ),
+        numbers={"share": share},
     )
 
 

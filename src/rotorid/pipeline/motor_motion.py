@@ -9,6 +9,7 @@ import numpy as np
 
 from rotorid.data.maneuver import Maneuver
 from rotorid.fit.motor_excitation import LEAST_CORRELATION, SLOW_HZ, Excitation
+from rotorid.fit.motor_lag import turning
 from rotorid.fit.motor_problem import Axis, MotorProblem
 from rotorid.pipeline.identification import SimulatedRecord
 from rotorid.pipeline.motor_sampling import MotorFlight
@@ -83,6 +84,27 @@ def _slow(row: FloatArray, rate_hz: float) -> FloatArray:
     if rate_hz <= 2.5 * SLOW_HZ:
         return row[inside]
     return np.asarray(sosfiltfilt(butter(2, SLOW_HZ, fs=rate_hz, output="sos"), row)[inside], dtype=np.float64)
+
+
+def unexplained_by_curve(problem: MotorProblem, theta: FloatArray, found: Sequence[Mapping[str, Excitation]]) -> float:
+    """Share of the slow errors of specific force that a constant, the outputs and their squares would explain."""
+    errors, columns = [], []
+    for record, equations, seen in zip(problem.records, problem.equations(theta), found, strict=True):
+        force = next((axis for axis in equations if axis.name == "az"), None)
+        if force is None or seen["az"].correlation < LEAST_CORRELATION:
+            continue
+        lag = problem.parameters.unpack(theta).values.get("T_motor", seen["az"].lag_s)
+        motors = turning(record.outputs, lag_s=max(lag, 1e-4), delay_s=0.0, step_s=1.0 / record.sample_rate_hz)
+        level = np.asarray(motors.level, dtype=np.float64)[:, 1:]
+        sums = [_slow(row, record.sample_rate_hz) for row in (level.sum(axis=0), (level**2).sum(axis=0))]
+        errors.append(_slow(force.measured - force.predicted, record.sample_rate_hz))
+        columns.append(np.stack([np.ones(sums[0].size), *sums], axis=1))
+    if not errors:
+        return 0.0
+    error, columns_together = np.concatenate(errors), np.concatenate(columns)
+    coefficients = np.linalg.lstsq(columns_together, error, rcond=None)[0]
+    size = float(error @ error)
+    return 1.0 - float(np.sum((error - columns_together @ coefficients) ** 2)) / size if size > 0.0 else 0.0
 
 
 def fit_percents(moved: Sequence[Motion], channels: Sequence[str]) -> dict[str, float]:

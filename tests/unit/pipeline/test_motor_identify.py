@@ -143,6 +143,11 @@ def test_slow_motors_have_wide_intervals(tmp_path: Path, found: Identification) 
         assert std > 5.0 * fast
 
 
+def test_a_named_curve_that_is_wrong_is_doubted(log: Path, found: Identification) -> None:
+    assert "assumed_curve" not in kinds(found.document)
+    assert "assumed_curve" in kinds(identify_motors([read(log)], choices(curve="linear")).document)
+
+
 def test_copies_of_slow_motors_are_no_samples(tmp_path: Path) -> None:
     document = identify_motors([read(repeated(tmp_path / "held.csv", every=20))], choices()).document
     assert "interpolated_channel" in kinds(document)
