@@ -15,7 +15,7 @@ from rotorid.fit.motor_both_ways import BothWays, both_ways
 from rotorid.fit.motor_excitation import LEAST_CORRELATION, Excitation, excitations
 from rotorid.fit.motor_fit import MotorFit, excited_axes, fit_motors
 from rotorid.fit.motor_problem import MotorProblem
-from rotorid.models.motor_parameters import CURVE_TERMS, Curve, motor_parameters
+from rotorid.models.motor_parameters import Curve, motor_parameters
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.motor_choices import MotorChoices
 from rotorid.pipeline.motor_motion import CHANNELS, fit_percents, motions
@@ -263,8 +263,3 @@ def _derived(
 def _std(bounds: Bounds, gradient: Mapping[str, float]) -> float:
     slopes = np.array([gradient.get(name, 0.0) for name in bounds.names])
     return float(np.sqrt(slopes @ bounds.covariance @ slopes))
-
-
-def coefficients(identified: MotorIdentified) -> dict[str, float]:
-    """Coefficients of thrust by name."""
-    return {name: identified.parameters[name].value for name in CURVE_TERMS[identified.curve]}
