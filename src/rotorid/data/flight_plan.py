@@ -1,0 +1,151 @@
+"""What is to be flown: test inputs at their times, before anyone has flown them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rotorid.data.immutable import Immutable, read_only
+from rotorid.data.maneuver import Kind, Maneuver
+from rotorid.errors import UsageError
+from rotorid.typing import Axis, FloatArray
+
+Shape: TypeAlias = Literal[
+    "pilot_sweep", "logarithmic_sweep", "multisine", "random_binary", "doublet", "two_one_one", "three_two_one_one"
+]
+"""Forms of a test input."""
+
+Entry: TypeAlias = Literal["command", "rate_setpoint", "attitude_setpoint", "stick"]
+"""Where a test input is added: to what the mixer receives, to a set-point of the controllers, or by the pilot."""
+
+_KINDS: Mapping[Shape, Kind] = MappingProxyType(
+    {
+        "pilot_sweep": "sweep",
+        "logarithmic_sweep": "sweep",
+        "multisine": "other",
+        "random_binary": "random_binary",
+        "doublet": "doublet",
+        "two_one_one": "multistep",
+        "three_two_one_one": "multistep",
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedInput(Immutable):
+    """A test input on one axis.
+
+    Parameters
+    ----------
+    axis
+        Where it acts.
+    shape
+        Its form.
+    start_s
+        When its first sample is flown, on the clock of the plan.
+    values
+        Samples, shape ``(samples,)``, in the unit of what they are added to (commands: 1; rates: rad/s; attitude: rad).
+        Between samples they go linearly; before and after them they are zero.
+    sample_rate_hz
+        Rate of the samples.
+    amplitude
+        Largest value asked for.
+    band_rad_s
+        Lowest and highest excited frequency; ``None`` for steps.
+    entry
+        Where it is added.
+    settings
+        What else made the values, by name and in SI units: ``fade_in_s``, ``pulse_s``, ``seed``.
+
+    Examples
+    --------
+    >>> step = PlannedInput(axis="roll", shape="doublet", start_s=3.0, values=[0.1, 0.1, -0.1, -0.1], sample_rate_hz=10,
+    ...                     amplitude=0.1)
+    >>> step.stop_s, step.maneuver.kind
+    (3.4, 'doublet')
+    """
+
+    axis: Axis
+    shape: Shape
+    start_s: float
+    values: FloatArray
+    sample_rate_hz: float
+    amplitude: float
+    band_rad_s: tuple[float, float] | None = None
+    entry: Entry = "command"
+    settings: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        values = read_only(self.values, np.float64, ndim=1)
+        if not values.size or not np.isfinite(values).all() or self.sample_rate_hz <= 0.0 or self.start_s < 0.0:
+            raise UsageError(
+                f"a test input of {values.size} samples at {self.sample_rate_hz:g} Hz from {self.start_s:g} s came",
+                needed="finite samples, a positive rate, a start from zero up",
+            )
+        self._set(values=values, settings=self.settings)
+
+    @property
+    def stop_s(self) -> float:
+        """When its last sample has been flown."""
+        return self.start_s + self.values.size / self.sample_rate_hz
+
+    @property
+    def maneuver(self) -> Maneuver:
+        """The interval that it excites."""
+        return Maneuver(
+            axis=self.axis,
+            kind=_KINDS[self.shape],
+            start_s=self.start_s,
+            stop_s=self.stop_s,
+            band_rad_s=self.band_rad_s,
+            origin="declared",
+            signal=f"{self.axis}_excitation" if self.entry != "stick" else f"{self.axis}_stick",
+        )
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Values at other instants, shape of ``time_s``; zero before and after."""
+        stamps = self.start_s + np.arange(self.values.size) / self.sample_rate_hz
+        return np.interp(time_s, stamps, self.values, left=0.0, right=0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightPlan(Immutable):
+    """Test inputs of one flight, in the order of their starts; those that overlap add up.
+
+    Parameters
+    ----------
+    name
+        What messages and files call it.
+    inputs
+        At least one.
+    trim_s
+        Time of rest after the last one.
+    """
+
+    name: str
+    inputs: tuple[PlannedInput, ...]
+    trim_s: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not self.inputs:
+            raise UsageError(f"the plan {self.name} without test inputs came", needed="at least one")
+        self._set(inputs=tuple(sorted(self.inputs, key=lambda one: one.start_s)))
+
+    @property
+    def duration_s(self) -> float:
+        """From zero to the end of the last rest."""
+        return max(one.stop_s for one in self.inputs) + self.trim_s
+
+    @property
+    def maneuvers(self) -> tuple[Maneuver, ...]:
+        """The excited intervals."""
+        return tuple(one.maneuver for one in self.inputs)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The excited axes, each once, in the order of their starts."""
+        return tuple(dict.fromkeys(one.axis for one in self.inputs))
