@@ -1,0 +1,230 @@
+"""Nonlinear flights: a multirotor under an autopilot, with sensors, wind and a plan of test inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rotorid.data.channel import AXES
+from rotorid.data.flight_plan import Entry, FlightPlan
+from rotorid.data.flown import Flown
+from rotorid.data.immutable import Immutable
+from rotorid.errors import UsageError
+from rotorid.frames import euler_from_quaternion
+from rotorid.simulate import logged
+from rotorid.simulate.autopilot import Autopilot
+from rotorid.simulate.multirotor import Multirotor
+from rotorid.simulate.packed import STATES
+from rotorid.simulate.sensors import Sensors
+from rotorid.simulate.wind import CALM, Wind, blown
+from rotorid.typing import FloatArray
+
+STEP_RATE_HZ = 1000.0
+"""Least rate of the integrator."""
+
+SETTLE_S = 5.0
+"""Flown before the log begins, so that filters, integrals and the drift in wind have settled."""
+
+_ENTRIES: tuple[Entry, ...] = ("command", "rate_setpoint", "attitude_setpoint", "stick")
+_NOISES = 15
+_STABLE_STEP = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Aircraft(Immutable):
+    """Everything that flies: vehicle, autopilot, sensors.
+
+    Parameters
+    ----------
+    vehicle, autopilot, sensors
+        See :class:`~rotorid.simulate.multirotor.Multirotor`, :class:`~rotorid.simulate.autopilot.Autopilot` and
+        :class:`~rotorid.simulate.sensors.Sensors`.
+    """
+
+    vehicle: Multirotor
+    autopilot: Autopilot
+    sensors: Sensors = field(default_factory=Sensors)
+
+    @property
+    def name(self) -> str:
+        return self.vehicle.name
+
+
+def fly_multirotor(
+    aircraft: Aircraft,
+    plan: FlightPlan | None = None,
+    *,
+    duration_s: float | None = None,
+    wind: Wind = CALM,
+    seed: int = 0,
+    step_rate_hz: float = STEP_RATE_HZ,
+    settle_s: float = SETTLE_S,
+) -> Flown:
+    """Fly and log.
+
+    The vehicle is integrated by Runge and Kutta's fourth order between ticks of the autopilot, with outputs held as the
+    autopilot holds them, and each command arriving after its delay. Gusts are held for a tick.
+
+    Parameters
+    ----------
+    aircraft
+        What flies.
+    plan
+        Test inputs; none for a flight in which nothing is excited.
+    duration_s
+        Length of the log; that of the plan when none is given.
+    wind
+        Steady part and turbulence.
+    seed
+        Of turbulence and noise. Same seed, same flight, bit for bit.
+    step_rate_hz
+        Least rate of the integrator; the next whole multiple of the autopilot's is taken.
+    settle_s
+        Flown before the log.
+
+    Raises
+    ------
+    UsageError
+        Neither plan nor duration came, the lag of a rotor is shorter than the step can follow, or the vehicle did not
+        stay in the air: the message says when.
+
+    Examples
+    --------
+    >>> from rotorid.models.rotor_layout_library import library_layout
+    >>> from rotorid.simulate.autopilot import RateLoop
+    >>> from rotorid.simulate.multirotor import Rotors
+    >>> rotors = Rotors(layout=library_layout("quad.x").scaled(0.25), thrust=(0, 0, 9.0), torque_per_thrust_m=0.02)
+    >>> vehicle = Multirotor(name="demo", mass_kg=1.2, inertia_kg_m2=(0.012, 0.012, 0.02), rotors=rotors)
+    >>> gains = RateLoop(proportional=(0.1, 0.1, 0.2), integral=(0.1, 0.1, 0.1))
+    >>> autopilot = Autopilot(kind="simple", rate_hz=250.0, rates=gains, angle_1_s=(4.0, 4.0, 2.0))
+    >>> flown = fly_multirotor(Aircraft(vehicle=vehicle, autopilot=autopilot), duration_s=2.0)
+    >>> flown.samples, round(float(flown.truth["az"].mean()), 2)
+    (500, -9.81)
+    """
+    from rotorid.simulate.flight_kernels import flight
+
+    rate_hz = aircraft.autopilot.rate_hz
+    if plan is None and duration_s is None:
+        raise UsageError("neither a plan nor a duration came", needed="one of the two")
+    length_s = duration_s if duration_s is not None else plan.duration_s if plan is not None else 0.0
+    skipped, ticks = round(settle_s * rate_hz), round(length_s * rate_hz)
+    substeps = _substeps(aircraft, step_rate_hz)
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(ticks) / rate_hz
+    asked = np.zeros((skipped + ticks, len(_ENTRIES) * len(AXES)))
+    asked[skipped:] = _asked(plan, time_s)
+    winds = blown(wind, len(asked), sample_rate_hz=rate_hz, rng=rng)
+    noise = rng.standard_normal((len(asked), _NOISES))
+    rotors = aircraft.vehicle.rotors.layout.rotors
+    log = np.zeros((len(asked), logged.MOTORS + rotors))
+    truth = np.zeros((len(asked), STATES + rotors + 3))
+    flown = flight(
+        aircraft.vehicle.hovering(),
+        asked,
+        winds,
+        noise,
+        aircraft.vehicle.body(),
+        aircraft.vehicle.supply(),
+        aircraft.sensors.senses(),
+        aircraft.autopilot.control(aircraft.vehicle, substeps=substeps),
+        log,
+        truth,
+    )
+    if flown < len(asked):
+        raise UsageError(
+            f"{aircraft.name} left the air {flown / rate_hz - settle_s:.1f} s into the log: its state is no number",
+            needed="a flight that stays within what the vehicle can do",
+            remedy="lower the amplitude of the plan, the wind or the gains",
+        )
+    kept = slice(skipped, None)
+    return Flown(
+        vehicle=aircraft.name,
+        autopilot=aircraft.autopilot.kind,
+        sample_rate_hz=rate_hz,
+        time_s=time_s,
+        columns=_columns(aircraft, log[kept], asked[kept], plan),
+        raw=_named(log[kept], {"p q r": logged.RATE_RAW, "ax ay az": logged.ACCELERATION_RAW}),
+        truth=_truth(truth[kept], winds[kept], rotors),
+        maneuvers=() if plan is None else plan.maneuvers,
+        parameters=aircraft.autopilot.parameters,
+    )
+
+
+def _substeps(aircraft: Aircraft, step_rate_hz: float) -> int:
+    substeps = max(1, int(np.ceil(step_rate_hz / aircraft.autopilot.rate_hz - 1e-9)))
+    rotors = aircraft.vehicle.rotors
+    lags = [lag for lag in (rotors.lag_up_s, rotors.lag_down_s) if lag]
+    step_s = 1.0 / (aircraft.autopilot.rate_hz * substeps)
+    if lags and min(lags) < _STABLE_STEP * step_s:
+        raise UsageError(
+            f"a rotor's lag of {1e3 * min(lags):g} ms came for steps of {1e3 * step_s:g} ms",
+            needed="steps of at most twice the lag",
+            remedy="raise the rate of the steps, or set the lag to zero",
+        )
+    return substeps
+
+
+def _asked(plan: FlightPlan | None, time_s: FloatArray) -> FloatArray:
+    """Test inputs on the ticks, shape ``(ticks, 16)``."""
+    asked = np.zeros((time_s.size, len(_ENTRIES) * len(AXES)))
+    for one in plan.inputs if plan else ():
+        first, last = np.searchsorted(time_s, [one.start_s, one.stop_s])
+        column = len(AXES) * _ENTRIES.index(one.entry) + AXES.index(one.axis)
+        asked[first:last, column] += one.at(time_s[first:last])
+    return asked
+
+
+def _named(table: FloatArray, groups: Mapping[str, int]) -> dict[str, FloatArray]:
+    """Columns of a table by names, for groups of names that begin at a column."""
+    return {
+        name: table[:, first + place] for names, first in groups.items() for place, name in enumerate(names.split())
+    }
+
+
+def _columns(aircraft: Aircraft, log: FloatArray, asked: FloatArray, plan: FlightPlan | None) -> dict[str, FloatArray]:
+    """What the autopilot had, by the names of the vocabulary; sticks and excitations only where some were planned."""
+    columns = _named(
+        log,
+        {
+            "p q r": logged.RATE,
+            "ax ay az": logged.ACCELERATION,
+            "phi theta psi": logged.ANGLE,
+            "velocity_north velocity_east velocity_down": logged.VELOCITY,
+            "north east down": logged.POSITION,
+            "phi_setpoint theta_setpoint psi_setpoint": logged.ANGLE_SETPOINT,
+            "p_setpoint q_setpoint r_setpoint": logged.RATE_SETPOINT,
+            "roll_command pitch_command yaw_command thrust_command": logged.COMMAND,
+            " ".join(aircraft.vehicle.rotors.layout.motor_names): logged.MOTORS,
+        },
+    )
+    if aircraft.vehicle.battery is not None:
+        columns["battery_voltage"] = log[:, logged.VOLTAGE]
+    if plan is not None:
+        entries = {one.entry for one in plan.inputs}
+        if "stick" in entries:
+            columns |= {f"{axis}_stick": asked[:, 12 + place] for place, axis in enumerate(AXES)}
+        if entries - {"stick"}:
+            columns |= {f"{axis}_excitation": _injected(asked, place) for place, axis in enumerate(AXES)}
+    return columns
+
+
+def _injected(asked: FloatArray, place: int) -> FloatArray:
+    """What was added on an axis behind the sticks, in the unit of where it entered."""
+    return np.asarray(asked[:, place] + asked[:, 4 + place] + asked[:, 8 + place])
+
+
+def _truth(truth: FloatArray, winds: FloatArray, rotors: int) -> dict[str, FloatArray]:
+    angles = euler_from_quaternion(truth[:, 6:10].T)
+    columns = _named(
+        truth,
+        {
+            "north east down velocity_north velocity_east velocity_down": 0,
+            "p q r": 10,
+            " ".join(f"motor_speed_{number + 1}" for number in range(rotors)): STATES,
+            "ax ay az": STATES + rotors,
+        },
+    )
+    columns |= dict(zip(("phi", "theta", "psi"), angles, strict=True))
+    return columns | _named(winds, {"wind_north wind_east wind_down": 0})
