@@ -40,6 +40,8 @@ class Rule:
         Fields that are absent or never a number are left out one by one; otherwise all must be there.
     last_resort
         Used only when no other topic holds the channels: the raw axes of a sensor.
+    named
+        Field with the name under which the values were published, and that name; for topics that many signals share.
     """
 
     topic: str
@@ -49,6 +51,13 @@ class Rule:
     clocks: tuple[str, ...] = _PUBLISHED
     optional: bool = False
     last_resort: bool = False
+    named: tuple[str, str] | None = None
+
+    @property
+    def letters(self) -> dict[str, int]:
+        """Fields of the letters of the name, and what they must be; a zero ends a name."""
+        field, name = self.named or ("", "")
+        return {f"{field}[{place}]": letter for place, letter in enumerate(name.encode() + b"\0") if field}
 
 
 def _rule(topic: str, fields: str, channels: str, **options: Any) -> Rule:
@@ -92,21 +101,39 @@ RULES: tuple[Rule, ...] = (
 )
 """Newest names first: the order of the topics is the order of preference."""
 
-# Set-points of the outer loops contain feedback, and that of yaw most of all: only sticks excite every axis. The tilt
-# set-points come second, since in stabilized flight they are the stick through a fixed curve.
+EXCITATION = "excite"
+"""Name under which whatever excites a flight publishes what it adds to the set-points of torque and thrust."""
+
+EXCITATION_RULES: tuple[Rule, ...] = (
+    _rule(
+        "debug_vect",
+        "x y z",
+        "roll_excitation pitch_excitation yaw_excitation",
+        optional=True,
+        named=("name", EXCITATION),
+    ),
+    _rule("debug_key_value", "value", "thrust_excitation", optional=True, named=("key", EXCITATION)),
+)
+"""PX4 has no topic for test inputs, but two for signals of one's own, which it logs and which MAVLink can send too."""
+
+ALL_RULES = (*RULES, *EXCITATION_RULES)
+
+# Set-points of the outer loops contain feedback, and that of yaw most of all: only what is added behind the controller,
+# and sticks, excite every axis. The tilt set-points come last, since in stabilized flight they are the stick through a
+# fixed curve.
 _INSTRUMENTS = {
-    "roll": ("roll_stick", "phi_setpoint"),
-    "pitch": ("pitch_stick", "theta_setpoint"),
-    "yaw": ("yaw_stick",),
-    "thrust": ("thrust_stick",),
+    "roll": ("roll_excitation", "roll_stick", "phi_setpoint"),
+    "pitch": ("pitch_excitation", "pitch_stick", "theta_setpoint"),
+    "yaw": ("yaw_excitation", "yaw_stick"),
+    "thrust": ("thrust_excitation", "thrust_stick"),
 }
 
 
 def wanted_fields() -> dict[str, list[str]]:
     """Name of each topic to the names of its fields, as the table wants them; stamps are wanted without being named."""
     wanted: dict[str, list[str]] = {}
-    for rule in RULES:
-        wanted.setdefault(rule.topic, []).extend(rule.fields)
+    for rule in ALL_RULES:
+        wanted.setdefault(rule.topic, []).extend((*rule.fields, *rule.letters))
     return wanted
 
 
@@ -150,8 +177,9 @@ def _topics(
 ) -> tuple[tuple[Topic, ...], tuple[Finding, ...]]:
     topics: list[Topic] = []
     findings: list[Finding] = []
-    for rule in RULES:
-        fields = _present(rule, arrays)
+    for rule in ALL_RULES:
+        samples = _named(rule, arrays)
+        fields = _present(rule, samples)
         held = {channel.name for topic in topics for channel in topic.channels}
         own = {channel.name for topic in topics if topic.name == rule.topic for channel in topic.channels}
         # A second name of the same fields, or a raw sensor next to its calibrated form.
@@ -160,12 +188,24 @@ def _topics(
         if rule.last_resort and parameters.get("SENS_BOARD_ROT", 0.0) != 0.0:
             findings.append(_rotated(rule.topic, parameters["SENS_BOARD_ROT"]))
             continue
-        for topic in _topic(rule, fields, arrays):
+        for topic in _topic(rule, fields, samples):
             topics.append(topic)
-            lost = arrays[f"{rule.topic}/timestamp"].size - topic.time_s.size
+            lost = samples[f"{rule.topic}/timestamp"].size - topic.time_s.size
             if lost:
                 findings.append(_not_numbers(topic, lost))
     return tuple(topics), tuple(findings)
+
+
+def _named(rule: Rule, arrays: Mapping[str, AnyArray]) -> Mapping[str, AnyArray]:
+    """The samples that a rule is about: all, or those that were published under its name."""
+    letters = {f"{rule.topic}/{field}": letter for field, letter in rule.letters.items()}
+    if not letters:
+        return arrays
+    if not all(field in arrays for field in letters):
+        return {}
+    kept = np.logical_and.reduce([arrays[field] == letter for field, letter in letters.items()])
+    fields = [f"{rule.topic}/{field}" for field in (*_SAMPLED, *rule.fields)]
+    return {field: arrays[field][kept] for field in fields if field in arrays}
 
 
 def _present(rule: Rule, arrays: Mapping[str, AnyArray]) -> tuple[str, ...]:

@@ -147,9 +147,12 @@ def _places(found: Walk, stream: Stream, names: Sequence[str]) -> dict[str, Plac
         if place is None:
             continue
         offset, dtype = place
+        if dtype.kind == "S":
+            # A letter is read as its code.
+            dtype = np.dtype(np.uint8)
         # A format that was defined anew, with other sizes, after its topic had begun.
         beyond = 2 + offset + dtype.itemsize > stream.subscription.least_bytes
-        if not (beyond or dtype.kind == "S" or (name in _CLOCKS and dtype != np.uint64)):
+        if not (beyond or (name in _CLOCKS and dtype != np.uint64)):
             places[name] = (_DATA_STARTS + offset, dtype)
     return places
 

@@ -198,6 +198,51 @@ def test_dropouts_parameters_and_firmware_are_kept(tmp_path: Path) -> None:
     assert gap.numbers["lost_s"] == 0.25
 
 
+def debug(letters: str, published: Sequence[tuple[str, float]], kind: str = "char") -> bytes:
+    """Formats, subscriptions and messages of signals of one's own; thrust with twice the value."""
+    vector = f"debug_vect:uint64_t timestamp;float x;float y;float z;{kind}[{letters}] name;"
+    scalar = f"debug_key_value:uint64_t timestamp;float value;{kind}[{letters}] key;"
+    parts = [message("F", text.encode()) for text in (vector, scalar)]
+    parts += [message("A", struct.pack("<BH", 0, 90) + b"debug_vect")]
+    parts += [message("A", struct.pack("<BH", 0, 91) + b"debug_key_value")]
+    for index, (name, value) in enumerate(published):
+        stamp, text = 1_000_000 + 2000 * index, name.encode().ljust(int(letters), b"\0")
+        parts.append(message("D", struct.pack("<HQfff", 90, stamp, value, -value, 0.0) + text))
+        parts.append(message("D", struct.pack("<HQf", 91, stamp, 2.0 * value) + text))
+    return b"".join(parts)
+
+
+def read_debug(folder: Path, extra: bytes) -> FlightRecord:
+    topics = {"vehicle_angular_velocity": spread("xyz[0] xyz[1] xyz[2]", timestamp=stamps())}
+    (folder / "flight.ulg").write_bytes(ulog(topics, None, extra))
+    return px4.read(folder / "flight.ulg", SOURCE)
+
+
+@pytest.mark.parametrize("kind", ["char", "int8_t"])
+def test_an_excitation_is_what_was_published_under_its_name(tmp_path: Path, kind: str) -> None:
+    published = [("excite", 0.5), ("excited", 9.0), ("excite", 0.25), ("excit", 9.0), ("velx", 9.0), ("excite", -1.0)]
+    record = read_debug(tmp_path, debug("10", published, kind))
+    topic, row = next(record.holding("roll_excitation"))
+    assert topic.values[row].tolist() == [0.5, 0.25, -1.0]
+    np.testing.assert_allclose(topic.time_s, [1.0, 1.004, 1.01], rtol=1e-15)
+    pitch, thrust = (next(record.holding(f"{axis}_excitation")) for axis in ("pitch", "thrust"))
+    assert pitch[0].values[pitch[1]].tolist() == [-0.5, -0.25, 1.0]
+    assert thrust[0].values[thrust[1]].tolist() == [1.0, 0.5, -2.0]
+    assert topic.channels[row].source == "debug_vect.x"
+    assert record.instruments["yaw"] == ("yaw_excitation",)
+
+
+@pytest.mark.parametrize(
+    ("letters", "published"), [("10", [("velx", 1.0)] * 5), ("10", []), ("6", [("excite", 1.0)] * 5)]
+)
+def test_signals_under_other_names_are_no_excitation(
+    tmp_path: Path, letters: str, published: list[tuple[str, float]]
+) -> None:
+    record = read_debug(tmp_path, debug(letters, published))
+    assert record.channel_names == ("p", "q", "r")
+    assert record.instruments == {}
+
+
 def test_a_log_without_any_known_topic_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="holds no topic"):
         read(tmp_path, {"cpuload": spread("load", timestamp=stamps())})
