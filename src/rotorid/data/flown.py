@@ -39,6 +39,8 @@ class Flown(Immutable):
         The excited intervals.
     parameters
         The autopilot's own parameters by its own names, those that a log of it would hold.
+    saturated
+        Share of the turns at which the motors could not do what was asked of them.
 
     Examples
     --------
@@ -56,6 +58,7 @@ class Flown(Immutable):
     truth: Mapping[str, FloatArray] = field(default_factory=dict)
     maneuvers: tuple[Maneuver, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+    saturated: float = 0.0
 
     def __post_init__(self) -> None:
         time_s = read_only(self.time_s, np.float64, ndim=1)

@@ -76,7 +76,7 @@ class Guidance(Immutable):
     Parameters
     ----------
     tilt_limit_rad, stick_tilt_rad, stick_yaw_rate_rad_s, stick_climb_m_s, stick_thrust
-        Largest tilt, and what a full stick asks for. The thrust stick asks for climb where height is held.
+        Largest tilt, and what a full stick asks for. The thrust stick asks for thrust where it does not for climb.
     velocity_p_1_s, velocity_i_1_s2, position_p_1_s
         Acceleration per m/s of velocity error and per meter of its integral; velocity per meter of position error.
     climb_p, climb_i, height_p_1_s
@@ -222,7 +222,7 @@ class Autopilot(Immutable):
             stick_tilt=guidance.stick_tilt_rad,
             stick_yaw_rate=guidance.stick_yaw_rate_rad_s,
             stick_climb=guidance.stick_climb_m_s,
-            stick_thrust=0.0 if guidance.hold_height else guidance.stick_thrust,
+            stick_thrust=0.0 if guidance.stick_climb_m_s else guidance.stick_thrust,
             hover_thrust=float(self.hover_commands(vehicle)[AXES.index("thrust")]),
             mixer=np.ascontiguousarray(self.mixer_for(vehicle)),
             low=self.motor_range[0],

@@ -13,7 +13,6 @@ from numba import njit
 from rotorid.simulate.logged import (
     ACCELERATION,
     ACCELERATION_RAW,
-    ANGLE,
     ANGLE_SETPOINT,
     COMMAND,
     MOTORS,
@@ -27,89 +26,25 @@ from rotorid.simulate.logged import (
 )
 from rotorid.simulate.multirotor_kernels import advance, derivative
 from rotorid.simulate.packed import STATES, Body, Control, Senses, Supply
+from rotorid.simulate.sensor_kernels import attitude, felt, filtered, lag_weights, sense
 from rotorid.typing import FloatArray
 
 _LOWEST_SHARE = 0.6
 """ArduPilot's compensation takes no voltage below this share of the highest."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _felt(now: FloatArray, moved: FloatArray, keep: float, new: float, lagged: FloatArray, senses: Senses) -> None:
-    """Specific force where the accelerometer sits, into places 6 to 8 of ``lagged``, and after its lag into 3 to 5."""
-    px, py, pz = senses.accelerometer_place[0], senses.accelerometer_place[1], senses.accelerometer_place[2]
-    p, q, r = now[10], now[11], now[12]
-    pd, qd, rd = moved[10], moved[11], moved[12]
-    force = now.shape[0]
-    old_x, old_y, old_z = lagged[6], lagged[7], lagged[8]
-    # Away from the center of gravity: tangential and centripetal acceleration.
-    lagged[6] = moved[force] + qd * pz - rd * py + q * (p * py - q * px) - r * (r * px - p * pz)
-    lagged[7] = moved[force + 1] + rd * px - pd * pz + r * (q * pz - r * py) - p * (p * py - q * px)
-    lagged[8] = moved[force + 2] + pd * py - qd * px + p * (r * px - p * pz) - q * (q * pz - r * py)
-    lagged[3] = keep * lagged[3] + new * lagged[6] + (1.0 - keep - new) * old_x
-    lagged[4] = keep * lagged[4] + new * lagged[7] + (1.0 - keep - new) * old_y
-    lagged[5] = keep * lagged[5] + new * lagged[8] + (1.0 - keep - new) * old_z
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sense(
-    now: FloatArray, lagged: FloatArray, phases: FloatArray, noise: FloatArray, senses: Senses, row: FloatArray
-) -> None:
-    """Raw rates and accelerations, and the estimates of velocity and position, into a row of the log."""
-    rotors = now.shape[0] - STATES
-    for axis in range(3):
-        shake = 0.0
-        if senses.gyro_vibration > 0.0 or senses.accelerometer_vibration > 0.0:
-            for i in range(rotors):
-                speed = now[STATES + i]
-                shake += speed * speed * math.sin(phases[i] + 2.1 * axis)
-        rate = lagged[axis] + senses.gyro_bias[axis] + senses.gyro_noise * noise[axis] + senses.gyro_vibration * shake
-        force_seen = lagged[3 + axis] + senses.accelerometer_bias[axis] + senses.accelerometer_noise * noise[3 + axis]
-        force_seen += senses.accelerometer_vibration * shake
-        if senses.gyro_step > 0.0:
-            rate = senses.gyro_step * math.floor(rate / senses.gyro_step + 0.5)
-        if senses.accelerometer_step > 0.0:
-            force_seen = senses.accelerometer_step * math.floor(force_seen / senses.accelerometer_step + 0.5)
-        row[RATE_RAW + axis] = rate
-        row[ACCELERATION_RAW + axis] = force_seen
-        row[VELOCITY + axis] = now[3 + axis] + senses.velocity_noise * noise[9 + axis]
-        row[POSITION + axis] = now[axis] + senses.position_noise * noise[12 + axis]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _attitude(now: FloatArray, noise: FloatArray, spread: float, seen: FloatArray, row: FloatArray) -> None:
-    """The estimated quaternion, and its angles into a row of the log."""
-    qw, qx, qy, qz = now[6], now[7], now[8], now[9]
-    ex, ey, ez = 0.5 * spread * noise[6], 0.5 * spread * noise[7], 0.5 * spread * noise[8]
-    a = qw - qx * ex - qy * ey - qz * ez
-    b = qx + qw * ex + qy * ez - qz * ey
-    c = qy + qw * ey + qz * ex - qx * ez
-    d = qz + qw * ez + qx * ey - qy * ex
-    norm = math.sqrt(a * a + b * b + c * c + d * d)
-    a, b, c, d = a / norm, b / norm, c / norm, d / norm
-    seen[0], seen[1], seen[2], seen[3] = a, b, c, d
-    row[ANGLE] = math.atan2(2.0 * (a * b + c * d), 1.0 - 2.0 * (b * b + c * c))
-    row[ANGLE + 1] = math.asin(min(1.0, max(-1.0, 2.0 * (a * c - d * b))))
-    row[ANGLE + 2] = math.atan2(2.0 * (a * d + b * c), 1.0 - 2.0 * (c * c + d * d))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _filtered(taps: FloatArray, memory: FloatArray, value: float) -> float:
-    """One step of a second-order section; taps b0 b1 b2 a1 a2."""
-    result: float = taps[0] * value + memory[0]
-    memory[0] = taps[1] * value - taps[3] * result + memory[1]
-    memory[1] = taps[2] * value - taps[4] * result
-    return result
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _outer(row: FloatArray, asked: FloatArray, hold: FloatArray, control: Control) -> float:
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _outer(row: FloatArray, asked: FloatArray, seen: FloatArray, hold: FloatArray, control: Control) -> float:
     """Angle set-points into a row of the log and the thrust command as result. ``hold``: integrals and held values."""
     tick = control.tick_s
-    psi = row[ANGLE + 2]
+    a, b, c, d = seen[0], seen[1], seen[2], seen[3]
     phi_wanted = asked[8] + control.stick_tilt * asked[12]
     theta_wanted = asked[9] - control.stick_tilt * asked[13]
     if control.hold_velocity:
-        cosine, sine = math.cos(psi), math.sin(psi)
+        # Of the heading; zero over zero where the nose points straight up or down, and has none.
+        cosine, sine = 1.0 - 2.0 * (c * c + d * d), 2.0 * (a * d + b * c)
+        level = math.sqrt(cosine * cosine + sine * sine)
+        cosine, sine = (cosine / level, sine / level) if level > 0.0 else (1.0, 0.0)
         ahead = cosine * row[VELOCITY] + sine * row[VELOCITY + 1]
         right = -sine * row[VELOCITY] + cosine * row[VELOCITY + 1]
         off_ahead = -control.position_p * (cosine * row[POSITION] + sine * row[POSITION + 1]) - ahead
@@ -131,11 +66,11 @@ def _outer(row: FloatArray, asked: FloatArray, hold: FloatArray, control: Contro
         thrust += control.climb_p * off + control.climb_i * hold[4]
         hold[4] += tick * off
     if control.tilt_compensation:
-        thrust /= max(0.5, math.cos(row[ANGLE]) * math.cos(row[ANGLE + 1]))
+        thrust /= max(0.5, 1.0 - 2.0 * (b * b + c * c))
     return thrust
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _angles(row: FloatArray, asked: FloatArray, seen: FloatArray, control: Control) -> None:
     """Rate set-points: twice the vector of the attitude error's quaternion, times a gain for each axis."""
     phi, theta, psi = 0.5 * row[ANGLE_SETPOINT], 0.5 * row[ANGLE_SETPOINT + 1], 0.5 * row[ANGLE_SETPOINT + 2]
@@ -164,7 +99,7 @@ def _angles(row: FloatArray, asked: FloatArray, seen: FloatArray, control: Contr
         row[RATE_SETPOINT + axis] = min(limit, max(-limit, wanted[axis])) + asked[4 + axis]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _rates(row: FloatArray, asked: FloatArray, memory: FloatArray, first: bool, control: Control) -> None:
     """Commands of roll, pitch, yaw. ``memory`` ``(7, 3)``: target, error, derivative, integral, last, command, cut."""
     tick = control.tick_s
@@ -191,7 +126,7 @@ def _rates(row: FloatArray, asked: FloatArray, memory: FloatArray, first: bool, 
         row[COMMAND + axis] = min(1.0, max(-1.0, command + asked[axis]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _mixed(commands: FloatArray, control: Control, voltage_share: float, outputs: FloatArray) -> int:
     """Outputs to the motors: yaw gives way first, then thrust moves, then roll and pitch shrink. Bits: what was cut."""
     rotors = outputs.shape[0]
@@ -204,13 +139,19 @@ def _mixed(commands: FloatArray, control: Control, voltage_share: float, outputs
     share = 1.0
     if most - least > room:
         share, cut = room / (most - least), cut | 1
-    lift = control.mixer[0, 3] * commands[3]
-    shifted = min(control.high - share * most, max(control.low - share * least, lift))
-    if shifted != lift:
+    highest, lowest = np.inf, -np.inf
+    for i in range(rotors):
+        lift = control.mixer[i, 3]
+        if lift > 0.0:
+            tilting = share * (control.mixer[i, 0] * commands[0] + control.mixer[i, 1] * commands[1])
+            highest, lowest = min(highest, (control.high - tilting) / lift), max(lowest, (control.low - tilting) / lift)
+    thrust = min(highest, max(lowest, commands[3]))
+    if thrust != commands[3]:
         cut |= 4
     yaw = 1.0
     for i in range(rotors):
-        so_far = shifted + share * (control.mixer[i, 0] * commands[0] + control.mixer[i, 1] * commands[1])
+        tilting = control.mixer[i, 0] * commands[0] + control.mixer[i, 1] * commands[1]
+        so_far = control.mixer[i, 3] * thrust + share * tilting
         turning = control.mixer[i, 2] * commands[2]
         if turning > 0.0:
             yaw = min(yaw, max(0.0, control.high - so_far) / turning)
@@ -220,8 +161,8 @@ def _mixed(commands: FloatArray, control: Control, voltage_share: float, outputs
         cut |= 2
     e = control.expo
     for i in range(rotors):
-        demand = shifted + share * (control.mixer[i, 0] * commands[0] + control.mixer[i, 1] * commands[1])
-        demand += yaw * control.mixer[i, 2] * commands[2]
+        tilting = control.mixer[i, 0] * commands[0] + control.mixer[i, 1] * commands[1]
+        demand = control.mixer[i, 3] * thrust + share * tilting + yaw * control.mixer[i, 2] * commands[2]
         if e != 0.0:
             demand = (e - 1.0 + math.sqrt((1.0 - e) ** 2 + 4.0 * e * max(demand, 0.0))) / (2.0 * e)
         demand = min(1.0, max(0.0, demand / voltage_share))
@@ -229,15 +170,16 @@ def _mixed(commands: FloatArray, control: Control, voltage_share: float, outputs
     return cut
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _share(voltage: float, control: Control) -> float:
-    if control.voltage_max <= 0.0:
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _share(voltage: float, present: bool, control: Control) -> float:
+    """What the outputs are divided by; one without a battery, whose voltage is then the rated one."""
+    if control.voltage_max <= 0.0 or not present:
         return 1.0
     lowest = max(control.voltage_min, _LOWEST_SHARE * control.voltage_max)
     return min(control.voltage_max, max(lowest, voltage)) / control.voltage_max
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _voltage(now: FloatArray, used_as: float, body: Body, supply: Supply) -> tuple[float, float]:
     """Voltage at the terminals and current."""
     lifted = 0.0
@@ -247,6 +189,61 @@ def _voltage(now: FloatArray, used_as: float, body: Body, supply: Supply) -> tup
     current = supply.current_per_power * lifted
     rest = supply.voltage_full - (supply.voltage_full - supply.voltage_empty) * used_as / supply.capacity_as
     return rest - supply.resistance_ohm * current, current
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _coast(
+    k: int,
+    share: float,
+    wind: FloatArray,
+    gain: float,
+    body: Body,
+    senses: Senses,
+    control: Control,
+    stride: int,
+    weights: FloatArray,
+    log: FloatArray,
+    late: FloatArray,
+    sent: FloatArray,
+    lagged: FloatArray,
+    phases: FloatArray,
+    room: FloatArray,
+    now: FloatArray,
+) -> None:
+    """One tick of the vehicle, in steps that end where a command arrives and take at most ``stride`` grid steps."""
+    substeps = control.substeps
+    shaking = senses.gyro_vibration > 0.0 or senses.accelerometer_vibration > 0.0
+    shown, j = -1, 0
+    while j < substeps:
+        # The commands that have arrived by now, each after its own delay, and how long no other one will.
+        arrived, left = 0, substeps - j
+        for axis in range(4):
+            since = k * substeps + j - control.delay_steps[axis]
+            tick = max(0, since // substeps)
+            late[axis] = log[tick, COMMAND + axis]
+            arrived += tick
+            left = min(left, substeps - since % substeps)
+        if arrived != shown:
+            _mixed(late, control, share, sent)
+            shown = arrived
+        # Even steps: five grid steps by at most three are three and two.
+        pieces = (left + stride - 1) // stride
+        n = (left + pieces - 1) // pieces
+        h = n * control.tick_s / substeps
+        for axis in range(3):
+            lagged[axis] = weights[n, 0] * lagged[axis] + weights[n, 1] * now[10 + axis]
+        advance(now, sent, wind, gain, body, h, room)
+        for axis in range(3):
+            if senses.gyro_lag_s > 0.0:
+                for stage in range(4):
+                    lagged[axis] += weights[n, 2 + stage] * room[stage, 10 + axis]
+            else:
+                lagged[axis] = now[10 + axis]
+        if shaking:
+            for i in range(phases.shape[0]):
+                slopes = room[1, STATES + i] + room[2, STATES + i] + room[3, STATES + i]
+                phases[i] += h * senses.blade_rad_s * (now[STATES + i] - h / 6.0 * slopes)
+        j += n
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -261,11 +258,13 @@ def flight(
     control: Control,
     log: FloatArray,
     truth: FloatArray,
+    stride: int = 1,
 ) -> int:
     """Fly, and fill ``log`` and ``truth``; the number of ticks flown before the state stopped being a number.
 
     ``asked``: test inputs ``(ticks, 16)``, four axes of command, rate, attitude and stick; ``winds`` ``(ticks, 3)``;
-    ``noise`` ``(ticks, 15)`` standard normal.
+    ``noise`` ``(ticks, 15)`` standard normal. ``stride``: how many of the ``substeps`` of a tick, on which delays are
+    counted, the integrator may take at once.
     """
     ticks: int = asked.shape[0]
     size: int = start.shape[0]
@@ -277,12 +276,10 @@ def flight(
     sections = np.zeros((6, 2))
     outputs, sent, late = np.empty(rotors), np.empty(rotors), np.empty(4)
     hold[2], hold[3] = 2.0 * math.atan2(start[9], start[6]), start[2]
-    gyro_keep = math.exp(-step_s / senses.gyro_lag_s) if senses.gyro_lag_s > 0.0 else 0.0
-    gyro_new = 1.0 - senses.gyro_lag_s / step_s * (1.0 - gyro_keep)
+    weights = lag_weights(control.substeps, step_s, max(senses.gyro_lag_s, 1e-9))
     force_keep = math.exp(-control.tick_s / senses.accelerometer_lag_s) if senses.accelerometer_lag_s > 0.0 else 0.0
     force_new = 1.0 - senses.accelerometer_lag_s / control.tick_s * (1.0 - force_keep)
     used_as, voltage, gain = 0.0, 0.0, 1.0
-    past = np.empty(3)
     for axis in range(3):
         lagged[axis] = now[10 + axis]
     for k in range(ticks):
@@ -292,18 +289,18 @@ def flight(
             used_as += control.tick_s * current
             gain = voltage / supply.voltage_rated
         derivative(now, sent if k > 0 else now[STATES:], winds[k], gain, body, moved)
-        _felt(now, moved, force_keep, force_new, lagged, senses)
-        _sense(now, lagged, phases, noise[k], senses, row)
-        _attitude(now, noise[k], senses.attitude_noise, seen, row)
+        felt(now, moved, force_keep if k > 0 else 0.0, force_new if k > 0 else 1.0, lagged, senses)
+        sense(now, lagged, phases, noise[k], senses, row)
+        attitude(now, noise[k], senses.attitude_noise, seen, row)
         for axis in range(3):
-            row[RATE + axis] = _filtered(control.gyro_filter, sections[axis], row[RATE_RAW + axis])
+            row[RATE + axis] = filtered(control.gyro_filter, sections[axis], row[RATE_RAW + axis])
             value = row[ACCELERATION_RAW + axis]
-            row[ACCELERATION + axis] = _filtered(control.accelerometer_filter, sections[3 + axis], value)
-        thrust = _outer(row, asked[k], hold, control)
+            row[ACCELERATION + axis] = filtered(control.accelerometer_filter, sections[3 + axis], value)
+        thrust = _outer(row, asked[k], seen, hold, control)
         _angles(row, asked[k], seen, control)
         _rates(row, asked[k], memory, k == 0, control)
         row[COMMAND + 3] = min(1.0, max(0.0, thrust + asked[k, 3]))
-        share = _share(voltage, control)
+        share = _share(voltage, supply.present, control)
         cut = _mixed(row[COMMAND : COMMAND + 4], control, share, outputs)
         for axis in range(3):
             memory[6, axis] = memory[5, axis] if cut & (2 if axis == 2 else 1) else 0.0
@@ -312,25 +309,9 @@ def flight(
             row[MOTORS + i] = outputs[i]
         for j in range(size + 3):
             truth[k, j] = now[j] if j < size else moved[j]
-        shown = -1
-        for j in range(control.substeps):
-            place = k * control.substeps + j
-            # The commands that have arrived by now; each has its own delay.
-            arrived = 0
-            for axis in range(4):
-                tick = max(0, (place - control.delay_steps[axis]) // control.substeps)
-                late[axis] = log[tick, COMMAND + axis]
-                arrived += tick
-            if arrived != shown:
-                _mixed(late, control, share, sent)
-                shown = arrived
-            past[0], past[1], past[2] = now[10], now[11], now[12]
-            advance(now, sent, winds[k], gain, body, step_s, room)
-            for axis in range(3):
-                fresh = gyro_new * now[10 + axis] + (1.0 - gyro_keep - gyro_new) * past[axis]
-                lagged[axis] = gyro_keep * lagged[axis] + fresh
-            for i in range(rotors):
-                phases[i] += step_s * senses.blade_rad_s * now[STATES + i]
+        _coast(
+            k, share, winds[k], gain, body, senses, control, stride, weights, log, late, sent, lagged, phases, room, now
+        )
         if not math.isfinite(now[10] + now[0] + now[6]):
             return k
     return ticks

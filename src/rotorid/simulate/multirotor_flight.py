@@ -32,6 +32,10 @@ _NOISES = 15
 _STABLE_STEP = 0.5
 
 
+class LostError(UsageError):
+    """A vehicle that did not stay in the air."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Aircraft(Immutable):
     """Everything that flies: vehicle, autopilot, sensors.
@@ -87,8 +91,9 @@ def fly_multirotor(
     Raises
     ------
     UsageError
-        Neither plan nor duration came, the lag of a rotor is shorter than the step can follow, or the vehicle did not
-        stay in the air: the message says when.
+        Neither plan nor duration came, or the lag of a rotor is shorter than the step can follow.
+    LostError
+        The vehicle did not stay in the air; the message says when.
 
     Examples
     --------
@@ -133,7 +138,7 @@ def fly_multirotor(
         truth,
     )
     if flown < len(asked):
-        raise UsageError(
+        raise LostError(
             f"{aircraft.name} left the air {flown / rate_hz - settle_s:.1f} s into the log: its state is no number",
             needed="a flight that stays within what the vehicle can do",
             remedy="lower the amplitude of the plan, the wind or the gains",
@@ -145,10 +150,11 @@ def fly_multirotor(
         sample_rate_hz=rate_hz,
         time_s=time_s,
         columns=_columns(aircraft, log[kept], asked[kept], plan),
-        raw=_named(log[kept], {"p q r": logged.RATE_RAW, "ax ay az": logged.ACCELERATION_RAW}),
+        raw=_raw(aircraft, log, skipped),
         truth=_truth(truth[kept], winds[kept], rotors),
         maneuvers=() if plan is None else plan.maneuvers,
         parameters=aircraft.autopilot.parameters,
+        saturated=float(np.mean(log[kept, logged.SATURATED] > 0.0)),
     )
 
 
@@ -208,6 +214,16 @@ def _columns(aircraft: Aircraft, log: FloatArray, asked: FloatArray, plan: Fligh
         if entries - {"stick"}:
             columns |= {f"{axis}_excitation": _injected(asked, place) for place, axis in enumerate(AXES)}
     return columns
+
+
+def _raw(aircraft: Aircraft, log: FloatArray, skipped: int) -> dict[str, FloatArray]:
+    """Rates and accelerations before the filters; ArduPilot logs means over a turn of its loop, others samples."""
+    groups = {"p q r": logged.RATE_RAW, "ax ay az": logged.ACCELERATION_RAW}
+    samples = _named(log[skipped:], groups)
+    if aircraft.autopilot.kind != "ardupilot" or skipped < 1:
+        return samples
+    before = _named(log[skipped - 1 : -1], groups)
+    return {name: 0.5 * (samples[name] + before[name]) for name in samples}
 
 
 def _injected(asked: FloatArray, place: int) -> FloatArray:

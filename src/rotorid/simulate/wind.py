@@ -72,6 +72,11 @@ class Wind(Immutable):
         return math.hypot(self.north_m_s, self.east_m_s)
 
     @property
+    def carried_m_s(self) -> float:
+        """Speed at which turbulence is carried past a vehicle that hovers."""
+        return max(self.speed_m_s, _SLOWEST_M_S)
+
+    @property
     def lengths_m(self) -> tuple[float, float]:
         """Scale lengths along and across the wind, and vertically; up to 300 m the law for low altitude."""
         feet = min(self.height_m, 300.0) * _FEET_PER_METER
@@ -102,7 +107,7 @@ def blown(wind: Wind, samples: int, *, sample_rate_hz: float, rng: np.random.Gen
     [[4.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.0, 0.0]]
     """
     across_m, vertical_m = wind.lengths_m
-    carried = max(wind.speed_m_s, _SLOWEST_M_S)
+    carried = wind.carried_m_s
     along = gauss_markov(
         samples,
         intensity=wind.turbulence_m_s,
