@@ -1,4 +1,4 @@
-"""The flight that `rotorid demo` flies: two sweeps on every axis, then doublets that the model has not seen."""
+"""A flight around hover: two sweeps on every axis, then doublets that the model has not seen."""
 
 from __future__ import annotations
 

@@ -1,0 +1,147 @@
+"""The vehicles by name: what they are, where their numbers come from, and what flies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from rotorid.data.immutable import Immutable
+from rotorid.errors import ModelError
+from rotorid.models.ties import no_such
+from rotorid.simulate.multirotor_flight import Aircraft
+from rotorid.vehicles import (
+    ardupilot_quad,
+    bebop_flight,
+    crazyflie,
+    gazebo,
+    hummingbird_flight,
+    px4_quad,
+    s500_flight,
+)
+
+_RIG = "rig"
+_RIG_SOURCE = "Frequency-domain identification of a quadrotor with composite windows and K-means clustering"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VehicleEntry(Immutable):
+    """A vehicle of the library.
+
+    Parameters
+    ----------
+    name
+        What it is called.
+    summary
+        A line on what it is.
+    source
+        Where its numbers come from, and which ones are ours.
+    make
+        What makes it; ``None`` for one that does not fly freely.
+    """
+
+    name: str
+    summary: str
+    source: str
+    make: Callable[[], Aircraft] | None = None
+
+
+_ENTRIES: tuple[VehicleEntry, ...] = (
+    VehicleEntry(
+        name="ardupilot_quad",
+        summary="ArduPilot's simulated X of 3 kg, with Copter's controllers at 400 Hz",
+        source=ardupilot_quad.SOURCE,
+        make=ardupilot_quad.aircraft,
+    ),
+    VehicleEntry(
+        name="bebop",
+        summary="Parrot Bebop 2 of 0.5 kg, behind set-points of attitude and vertical speed",
+        source=bebop_flight.SOURCE,
+        make=bebop_flight.aircraft,
+    ),
+    VehicleEntry(
+        name="crazyflie",
+        summary="Crazyflie 2.x of 27 g, with its firmware's rate controllers at 500 Hz",
+        source=crazyflie.SOURCE,
+        make=crazyflie.aircraft,
+    ),
+    VehicleEntry(
+        name="hummingbird",
+        summary="AscTec Hummingbird, a plus of 0.5 kg whose rotors feel the air",
+        source=hummingbird_flight.SOURCE,
+        make=hummingbird_flight.aircraft,
+    ),
+    VehicleEntry(
+        name="iris",
+        summary="iris of Gazebo classic, 1.5 kg, with PX4's controllers at 250 Hz",
+        source=gazebo.IRIS_SOURCE,
+        make=gazebo.iris,
+    ),
+    VehicleEntry(
+        name="px4_quad",
+        summary="PX4's simulated X of 1 kg (SIH), with PX4's controllers at 250 Hz",
+        source=px4_quad.SOURCE,
+        make=px4_quad.aircraft,
+    ),
+    VehicleEntry(
+        name=_RIG,
+        summary="3-DOF rig: a quadrotor on a pivot, driven by voltages; it turns and does not fly",
+        source=_RIG_SOURCE,
+    ),
+    VehicleEntry(
+        name="s500",
+        summary="S500 of 1.4 kg with the published derivatives of hover, and PX4's controllers at 250 Hz",
+        source=s500_flight.SOURCE,
+        make=s500_flight.aircraft,
+    ),
+    VehicleEntry(
+        name="x500",
+        summary="x500 of Gazebo, 2 kg, with PX4's controllers at 250 Hz",
+        source=gazebo.X500_SOURCE,
+        make=gazebo.x500,
+    ),
+)
+
+VEHICLES: Mapping[str, VehicleEntry] = MappingProxyType({entry.name: entry for entry in _ENTRIES})
+"""Every vehicle by its name, sorted."""
+
+
+def aircraft_names() -> tuple[str, ...]:
+    """Names of the vehicles that fly freely, sorted.
+
+    Examples
+    --------
+    >>> aircraft_names()
+    ('ardupilot_quad', 'bebop', 'crazyflie', 'hummingbird', 'iris', 'px4_quad', 's500', 'x500')
+    """
+    return tuple(name for name, entry in VEHICLES.items() if entry.make is not None)
+
+
+def aircraft(name: str) -> Aircraft:
+    """A vehicle of the library with its autopilot and its sensors.
+
+    Parameters
+    ----------
+    name
+        One of :func:`aircraft_names`.
+
+    Raises
+    ------
+    ModelError
+        There is no such vehicle, or it does not fly freely.
+
+    Examples
+    --------
+    >>> aircraft("x500").vehicle.mass_kg
+    2.0
+    """
+    if name not in VEHICLES:
+        raise no_such("vehicle", name, aircraft_names())
+    make = VEHICLES[name].make
+    if make is None:
+        raise ModelError(
+            f"the vehicle {name} turns on a pivot and does not fly",
+            needed=f"one of {', '.join(aircraft_names())}",
+            remedy="rotorid.vehicles.rig.fly simulates its records",
+        )
+    return make()
