@@ -1,0 +1,201 @@
+"""What an identification would remark on a flight, said before it is flown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError
+from rotorid.fit.pairs import pair_names
+from rotorid.fit.problem import FrequencyProblem
+from rotorid.fit.solution import Solution
+from rotorid.typing import BoolArray
+from rotorid.uncertainty.bounds import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, Bounds
+from rotorid.uncertainty.identifiability import unseen_combinations
+
+_EXCITED_SHARE = 0.7
+_LEAST_WIDTH = 2.0
+_CERTAIN = 2.0
+
+
+def require_octave(response: FrequencyResponse, used: BoolArray, least_coherence: float) -> None:
+    """Refuse a flight that leaves less than an octave to fit.
+
+    Raises
+    ------
+    InsufficientDataError
+        With the finding ``low_coherence``.
+    """
+    omega = response.omega_rad_s[used.any(axis=(0, 1))]
+    if omega.size and omega[-1] >= _LEAST_WIDTH * omega[0]:
+        return
+    names, best = ", ".join(pair_names(response)), float(response.coherence.max())
+    low, high = (float(omega[0]), float(omega[-1])) if omega.size else (0.0, 0.0)
+    message = f"Of {names} less than an octave will be usable; the coherence will reach {best:.2f} at best."
+    raise InsufficientDataError(
+        f"a flight came of which only {low:.3g} to {high:.3g} rad/s can be used",
+        needed=f"at least an octave with a coherence of {least_coherence:g} and an error below 30 %",
+        remedy="excite harder, longer or a wider band, or fly in calmer air",
+        findings=[
+            Finding(
+                kind="low_coherence",
+                severity="error",
+                where=names,
+                message=message,
+                numbers={"best_coherence": best, "limit": least_coherence, "low_rad_s": low, "high_rad_s": high},
+            )
+        ],
+    )
+
+
+def remarks(
+    problem: FrequencyProblem,
+    solution: Solution,
+    limits: Bounds,
+    values: Mapping[str, float],
+    band_rad_s: tuple[float, float],
+    dropped: Sequence[str],
+) -> tuple[Finding, ...]:
+    """Remarks on coherence and parameters of a flight that is not flown yet.
+
+    Parameters
+    ----------
+    problem, solution, limits
+        The expected fit and its bounds.
+    values
+        Parameters as they were given.
+    band_rad_s
+        The band that was asked for.
+    dropped
+        Parameters that the fit would drop.
+    """
+    return (
+        *_on_bands(problem, band_rad_s),
+        *(_on_dropped(name) for name in dropped),
+        *_on_parameters(solution, limits),
+        *_on_gain(problem, solution, limits),
+        *_on_biases(problem, solution, limits, values),
+        *_on_combinations(problem, solution, limits),
+    )
+
+
+def _on_bands(problem: FrequencyProblem, band_rad_s: tuple[float, float]) -> tuple[Finding, ...]:
+    data, (low, high) = problem.data, band_rad_s
+    findings = []
+    for y, u in np.ndindex(problem.used.shape[:2]):
+        omega = data.omega_rad_s[problem.used[y, u]]
+        if omega.size and np.log(omega[-1] / omega[0]) < _EXCITED_SHARE * np.log(high / low):
+            findings.append(
+                Finding(
+                    kind="low_coherence",
+                    severity="warning",
+                    where=f"{data.outputs[y]}/{data.inputs[u]}",
+                    message=(
+                        f"Of the band {low:.2g} to {high:.3g} rad/s only {omega[0]:.2g} to {omega[-1]:.3g} rad/s will "
+                        "be usable; above and below coherence will be too low or the windows too short."
+                    ),
+                    numbers={"low_rad_s": float(omega[0]), "high_rad_s": float(omega[-1])},
+                )
+            )
+    return tuple(findings)
+
+
+def _on_dropped(name: str) -> Finding:
+    return Finding(
+        kind="dropped_parameter",
+        severity="info",
+        where=name,
+        message=f"The flight will not show {name} beside the other parameters: an identification will leave it out.",
+    )
+
+
+def _on_parameters(solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
+    """Parameters above CIFER's guidelines."""
+    findings = []
+    columns = (limits.names, solution.theta, limits.cramer_rao, limits.insensitivity)
+    for name, value, cramer_rao, insensitivity in zip(*columns, strict=True):
+        if value == 0.0:
+            continue
+        seen, known = 100.0 * insensitivity / abs(value), 100.0 * cramer_rao / abs(value)
+        kind, percent, limit = "", 0.0, 0.0
+        if seen > INSENSITIVITY_GUIDELINE_PERCENT:
+            kind, percent, limit = "insensitive_parameter", seen, INSENSITIVITY_GUIDELINE_PERCENT
+        elif known > CRAMER_RAO_GUIDELINE_PERCENT:
+            kind, percent, limit = "uncertain_parameter", known, CRAMER_RAO_GUIDELINE_PERCENT
+        if kind:
+            what = "insensitivity" if kind == "insensitive_parameter" else "Cramér–Rao bound"
+            findings.append(
+                Finding(
+                    kind=kind,
+                    severity="warning",
+                    where=name,
+                    message=f"The {what} of {name} will be {percent:.0f} % (guideline {limit:g} %).",
+                    numbers={f"{'insensitivity' if what == 'insensitivity' else 'cramer_rao'}_percent": percent},
+                )
+            )
+    return tuple(findings)
+
+
+def _on_gain(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
+    """A gain whose sign the flight will not tell."""
+    gain = problem.structure.gain
+    if gain not in limits.names:
+        return ()
+    row = limits.names.index(gain)
+    value, std = float(solution.theta[row]), float(limits.std[row])
+    if abs(value) >= _CERTAIN * std:
+        return ()
+    return (
+        Finding(
+            kind="not_identifiable",
+            severity="error",
+            where=gain,
+            message=f"Not even the sign of {gain} will be certain: {value:.2g} ± {std:.1g}.",
+            numbers={"value": value, "std": std},
+        ),
+    )
+
+
+def _on_biases(
+    problem: FrequencyProblem, solution: Solution, limits: Bounds, values: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """Parameters that the fit will miss by more than chance."""
+    findings = []
+    for name, found, std in zip(limits.names, solution.theta, limits.std, strict=True):
+        missed = float(found - values[name])
+        if abs(missed) > _CERTAIN * std:
+            cause = (
+                "a direct estimate in closed loop leans toward the inverse of the controller"
+                if problem.data.estimate == "direct"
+                else "the structure leaves out a part of what the loop does, or windows are too short for it"
+            )
+            findings.append(
+                Finding(
+                    kind="biased_parameter",
+                    severity="warning",
+                    where=name,
+                    message=(
+                        f"{name} will come out near {found:.3g} and not {values[name]:.3g}, {abs(missed) / std:.1f} "
+                        f"standard deviations away: {cause}."
+                    ),
+                    numbers={"expected": float(found), "value": float(values[name]), "std": float(std)},
+                )
+            )
+    return tuple(findings)
+
+
+def _on_combinations(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
+    """Groups of parameters that the flight will not tell apart at all."""
+    return tuple(
+        Finding(
+            kind="not_identifiable",
+            severity="warning",
+            where=", ".join(item.names or item.vector),
+            message=item.words(),
+        )
+        for item in unseen_combinations(problem.parameters.unpack(solution.theta), limits)
+        if item.flat
+    )

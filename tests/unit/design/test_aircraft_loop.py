@@ -1,0 +1,57 @@
+"""Loops of nonlinear multirotors against their flights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.design.plans import sweeps
+
+from rotorid.data.flight_plan import Entry, FlightPlan
+from rotorid.design.aircraft_loop import aircraft_loop
+from rotorid.design.foreseen import foreseen_flight
+from rotorid.design.planned import as_planned
+from rotorid.simulate.multirotor_flight import fly_multirotor
+from rotorid.simulate.sensors import PERFECT
+from rotorid.simulate.wind import Wind
+from rotorid.vehicles import px4_quad
+
+AIRCRAFT = px4_quad.aircraft()
+
+
+@pytest.mark.parametrize(
+    ("entry", "amplitude"), [("command", 0.02), ("rate_setpoint", 0.1), ("attitude_setpoint", 0.02)]
+)
+def test_a_quiet_flight_is_foreseen_from_every_entry(entry: Entry, amplitude: float) -> None:
+    plan = sweeps({"roll": amplitude}, 20.0)
+    plan = FlightPlan(name=entry, inputs=tuple(replace(one, entry=entry) for one in plan.inputs), trim_s=5.0)
+    loop = aircraft_loop(AIRCRAFT)
+    names = ("roll_command", "p", "phi")
+    found = foreseen_flight(loop, as_planned(plan, ["roll"], loop.log_rate_hz), names, highest_rad_s=300.0)
+    flown = fly_multirotor(replace(AIRCRAFT, sensors=PERFECT), plan)
+    slow = np.fft.rfftfreq(flown.samples, 1.0 / flown.sample_rate_hz) < 10.0
+    slow[0] = False  # means are taken off before anything is estimated
+    for name in names:
+        truth, ours = (np.fft.rfft(values[: flown.samples])[slow] for values in (flown.columns[name], found[name]))
+        # Each part of the cascade is of second order in the turn of 4 ms: (50 * 0.004)^2 / 12 = 0.3 %, and they add up.
+        assert np.linalg.norm(ours - truth) < 0.02 * np.linalg.norm(truth)
+
+
+@pytest.mark.parametrize("filtered", [True, False])
+def test_a_flight_in_wind_shows_the_spectra_of_its_loop(filtered: bool) -> None:
+    wind = Wind(turbulence_m_s=0.5, north_m_s=0.0)
+    flown = fly_multirotor(AIRCRAFT, duration_s=120.0, wind=wind, seed=3)
+    loop = aircraft_loop(AIRCRAFT, wind=wind, filtered=filtered)
+    columns = flown.columns if filtered else {**flown.columns, **flown.raw}
+    names = ("roll_command", "yaw_command", "p", "r", "phi", "ay", "az")
+    rows = [(*loop.inputs, *loop.outputs).index(name) for name in names]
+    rate_hz, taper = flown.sample_rate_hz, np.hanning(flown.samples)
+    hertz = np.fft.rfftfreq(flown.samples, 1.0 / rate_hz)
+    for low_hz, high_hz in ((1.0, 5.0), (5.0, 25.0)):
+        band = (hertz >= low_hz) & (hertz < high_hz)
+        expected = loop.logged_noise(2.0 * np.pi * hertz[band])[rows, rows].real.mean(axis=1)
+        spectra = [np.fft.rfft((columns[name] - columns[name].mean()) * taper)[band] for name in names]
+        found = [2.0 * np.mean(np.abs(one) ** 2) / (rate_hz * np.sum(taper**2)) for one in spectra]
+        # Five standard deviations of a sum over so many lines, and 5 % for what the loop is not linear in.
+        np.testing.assert_allclose(found / expected, 1.0, atol=5.0 / np.sqrt(0.5 * np.count_nonzero(band)) + 0.05)
