@@ -1,0 +1,237 @@
+from __future__ import annotations
+
+import importlib.util
+import math
+import re
+import sys
+import zlib
+
+import numpy as np
+import pytest
+from tests.unit.report.page_parser import Page
+from tests.unit.report.plan_sample import (
+    by_hand,
+    chirp,
+    facts,
+    four_chirps,
+    multisine,
+    step,
+    sweeps_then_doublets,
+)
+
+from rotorid.data.flight_plan import FlightPlan, PlannedInput
+from rotorid.errors import UsageError
+from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, flight_card_pdf
+from rotorid.report.flight_facts import FlightFacts, PredictedBound, excited_s
+from rotorid.report.flight_words import least_rate_hz
+from rotorid.typing import Axis
+
+AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")
+
+
+def many() -> FlightPlan:
+    """Everything at its largest: eight runs, a long name."""
+    inputs = tuple(by_hand(axis, start_s=50.0 * index) for index, axis in enumerate(AXES * 2))
+    return FlightPlan(name="A name that is a good deal longer than a name of a plan should be", inputs=inputs)
+
+
+def at_once() -> FlightPlan:
+    inputs = (*multisine(("roll", "pitch", "yaw")), step("roll", start_s=26.0, entry="attitude_setpoint"))
+    return FlightPlan(name="All axes at once", inputs=inputs)
+
+
+def crowded() -> FlightFacts:
+    """As many bounds as are shown and more, two notes, and a name."""
+    bounds = tuple(
+        PredictedBound(name=f"X_long_{n}", unit="rad/s^2", value=-1234.5, std=12.0) for n in range(MOST_BOUNDS + 3)
+    )
+    return facts("other", vehicle="A vehicle of some name", bounds=bounds, notes=("One note.", "Another note, longer."))
+
+
+CARDS = {
+    "ardupilot": (four_chirps(), facts()),
+    "px4": (at_once(), facts("PX4")),
+    "betaflight": (FlightPlan(name="One", inputs=(chirp("roll", entry="rate_setpoint"),)), facts("Betaflight")),
+    "other": (many(), crowded()),
+    "planner": (sweeps_then_doublets(repeats=2), facts()),
+}
+
+
+def rows(plan: FlightPlan, about: FlightFacts | None = None) -> list[list[str]]:
+    return Page(flight_card_html(plan, about or facts())).tables[0][1:]
+
+
+def words(plan: FlightPlan, about: FlightFacts) -> str:
+    return " ".join(" ".join(Page(flight_card_html(plan, about)).text).split())
+
+
+def test_runs_stand_in_the_order_of_their_times() -> None:
+    shown = rows(four_chirps())
+    assert [row[0] for row in shown] == ["1", "2", "3", "4"]
+    assert [row[1].split()[0] for row in shown] == ["Roll", "Pitch", "Yaw", "Thrust"]
+    # The fades begin with a zero sample, and the first of the last chirp is 300 s after that of the first.
+    assert [row[4] for row in shown] == ["0:00", "1:40", "3:20", "5:00"]
+    assert [row[5] for row in shown] == ["90 s"] * 4
+    assert shown[0][2] == "± 15 % of full control 0.1 to 20 Hz"
+    assert shown[3][2] == "± 8 % of full thrust 0.1 to 20 Hz"
+
+
+def test_inputs_at_the_same_time_are_one_run() -> None:
+    shown = rows(at_once())
+    assert [row[1] for row in shown] == ["Roll, pitch, yaw multisine", "Roll doublet"]
+    assert shown[0][2].startswith("± 2.9°")
+    assert shown[1][2] == "± 5.7° steps of 1 s"
+
+
+def test_repeats_are_one_row_and_steps_beside_sweeps_are_flown_by_hand() -> None:
+    shown = rows(sweeps_then_doublets(repeats=2), facts("ArduPilot"))
+    assert [row[1] for row in shown] == [
+        f"{axis} 2 × {shape}" for shape in ("sweep", "doublet") for axis in ("Roll", "Pitch", "Yaw", "Thrust")
+    ]
+    assert shown[0][2] == "± 10 % of full control 0.2 to 12 Hz"
+    assert shown[0][5] == "60 s each"
+    assert shown[4][2] == "by hand steps of 0.3 s"
+    assert shown[4][5] == "0.6 s each"
+    # Another autopilot's script flies them all.
+    assert rows(sweeps_then_doublets(), facts("other"))[4][2] == "± 12 % of full control steps of 0.3 s"
+
+
+@pytest.mark.parametrize(
+    ("planned", "size"),
+    [
+        (chirp("roll", entry="rate_setpoint", amplitude=math.radians(200.0)), "± 200°/s"),
+        (chirp("roll", entry="attitude_setpoint", amplitude=math.radians(5.0)), "± 5°"),
+        (by_hand("yaw"), "± 30 % of the stick"),
+    ],
+)
+def test_sizes_are_in_the_units_of_pilots(planned: PlannedInput, size: str) -> None:
+    assert rows(FlightPlan(name="one", inputs=(planned,)))[0][2].startswith(size)
+
+
+def test_limits_have_a_margin_over_what_was_predicted() -> None:
+    about = facts(tilt_rad=math.radians(16.0), rate_rad_s=math.radians(84.0), room_m=7.4, climb_m=2.6)
+    assert math.degrees(about.stop_tilt_rad) == pytest.approx(25.0)  # 24, to the next 5
+    assert math.degrees(about.stop_rate_rad_s) == pytest.approx(130.0)
+    assert (about.stop_room_m, about.stop_climb_m) == (12.0, 4.0)
+    text = words(four_chirps(), about)
+    for limit in ("25°", "130°/s", "12 m", "4 m", "30 %"):
+        assert limit in text
+
+
+def test_limits_stay_sane() -> None:
+    assert math.degrees(facts(tilt_rad=math.radians(20.0)).stop_tilt_rad) == pytest.approx(30.0)  # a step stays
+    assert math.degrees(facts(tilt_rad=1.2).stop_tilt_rad) == pytest.approx(60.0)
+    assert facts(room_m=0.1).stop_room_m == 2.0
+    assert facts(height_m=4.0, climb_m=3.0).stop_climb_m == 2.0  # never down to the ground
+
+
+@pytest.mark.parametrize("change", [{"room_m": -1.0}, {"tilt_rad": math.nan}, {"motors": (0.1, 1.2)}])
+def test_impossible_predictions_are_refused(change: dict[str, object]) -> None:
+    with pytest.raises(UsageError, match="predictions"):
+        facts(**change)
+
+
+def test_it_says_what_the_flight_will_tell() -> None:
+    page = Page(flight_card_html(four_chirps(), facts()))
+    found = {row[0]: row[1:] for table in page.tables[1:] for row in table[1:]}
+    assert list(found) == [bound.name for bound in facts().bounds]
+    assert found["L_roll"] == ["437 ± 11", "rad/s²", "2.6"]
+    assert "more parameters" not in " ".join(page.text)
+    assert "3 more parameters" in words(many(), crowded())
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "parameter"), [("ArduPilot", "176127"), ("PX4", "SDLOG_PROFILE reads 25"), ("Betaflight", "CHIRP")]
+)
+def test_it_names_the_logging_of_the_autopilot(autopilot: str, parameter: str) -> None:
+    assert parameter in words(four_chirps(), facts(autopilot))
+
+
+@pytest.mark.parametrize("autopilot", ["ArduPilot", "PX4", "Betaflight", "other"])
+def test_sticks_are_flown_by_hand_whatever_the_autopilot(autopilot: str) -> None:
+    assert "Follow the picture with the stick" in words(many(), facts(autopilot))
+
+
+def test_what_system_id_mode_cannot_fly_is_flown_by_the_script() -> None:
+    text = words(at_once(), facts("ArduPilot"))
+    assert "switch to Guided" in text
+    assert "LOG_BITMASK reads 438271" in text
+    assert "switch to System ID" in words(four_chirps(), facts("ArduPilot"))
+
+
+def test_it_asks_for_ten_samples_in_a_period() -> None:
+    assert least_rate_hz(four_chirps()) == 200.0
+    assert least_rate_hz(at_once()) == 50.0
+    assert "200 Hz or more" in words(four_chirps(), facts())
+
+
+@pytest.mark.parametrize("name", list(CARDS))
+def test_the_page_holds_everything_it_shows(name: str) -> None:
+    html = flight_card(*CARDS[name])["flight-card.html"]
+    page = Page(html)
+    assert not page.scripts
+    assert {element for element, _ in page.elements}.isdisjoint({"script", "link", "img", "iframe", "object"})
+    assert not re.search(r"https?:|url\(|@import", html)
+    assert "default-src 'none'" in page.attributes("content")[0]
+    assert len(page.attributes("aria-label")) == len(page.tables[0]) - 1
+
+
+def test_no_name_becomes_markup() -> None:
+    bad = '<script>alert(1)</script><img src="http://x/">'
+    plan = FlightPlan(name=bad, inputs=(step("roll"),))
+    html = flight_card_html(
+        plan, facts(vehicle=bad, notes=(bad,), bounds=(PredictedBound(name=bad, unit=bad, value=1.0, std=0.1),))
+    )
+    page = Page(html)
+    assert not page.scripts
+    assert "img" not in {element for element, _ in page.elements}
+    assert html.count("&lt;script&gt;") == 7  # title twice, kicker, heading, parameter, unit and note
+
+
+def test_pictures_are_the_inputs() -> None:
+    """The outline of a drawing against the input: highest and lowest in each column."""
+    planned = chirp("roll", fade_in_s=0.0, fade_out_s=0.0, band_hz=(0.1, 2.0))
+    html = flight_card_html(FlightPlan(name="one", inputs=(planned,)), facts())
+    outline = re.findall(r'<path d="M([\d.,\- L]+) Z"', html)[0]
+    points = np.array([[float(number) for number in pair.split(",")] for pair in outline.split(" L")])
+    columns = len(points) // 2
+    begin_s, end_s = excited_s(planned)
+    pad_s = 0.02 * (end_s - begin_s)
+    edges = np.linspace(max(begin_s - pad_s, 0.0), end_s + pad_s, columns + 1)
+    heights = (27.0 - points[:, 1]) / (0.44 * 54.0)
+    for index in (5, 60, 150, 222):
+        inside = planned.at(np.linspace(edges[index], edges[index + 1], 500)) / planned.amplitude
+        # 32 samples in a column miss a peak by less than half a step of the steepest phase; heights have two decimals.
+        step_rad = 2.0 * math.pi * 2.0 * (edges[1] - edges[0]) / 32.0
+        assert heights[index] == pytest.approx(inside.max(), abs=step_rad + 0.001)
+        assert heights[2 * columns - 1 - index] == pytest.approx(inside.min(), abs=step_rad + 0.001)
+
+
+def test_more_runs_than_can_be_read_are_refused() -> None:
+    inputs = tuple(by_hand(AXES[index % 2], start_s=50.0 * index) for index in range(9))
+    with pytest.raises(UsageError, match="at most 8"):
+        flight_card_html(FlightPlan(name="nine", inputs=inputs), facts())
+
+
+def test_an_input_of_zeros_is_refused() -> None:
+    still = PlannedInput(
+        axis="roll", shape="doublet", start_s=0.0, values=np.zeros(5), sample_rate_hz=5.0, amplitude=0.1
+    )
+    with pytest.raises(UsageError, match="zeros alone"):
+        flight_card_html(FlightPlan(name="still", inputs=(still,)), facts())
+
+
+def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    with pytest.raises(UsageError, match=r"rotorid\[pdf\]"):
+        flight_card_pdf(flight_card_html(four_chirps(), facts()))
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("weasyprint"), reason="weasyprint, which makes PDF, is not installed")
+@pytest.mark.parametrize("name", list(CARDS))
+def test_the_pdf_is_one_page(name: str) -> None:
+    document = flight_card_pdf(flight_card_html(*CARDS[name]))
+    assert document.startswith(b"%PDF")
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", document, re.DOTALL)
+    objects = b"".join(zlib.decompressobj().decompress(stream) for stream in streams)
+    assert len(re.findall(rb"/Type\s*/Page\b", document + objects)) == 1

@@ -1,0 +1,350 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.unit.report.lua_autopilot import Autopilot
+from tests.unit.report.plan_sample import (
+    by_hand,
+    chirp,
+    facts,
+    four_chirps,
+    multisine,
+    step,
+    sweeps_then_doublets,
+)
+
+from rotorid.data.flight_plan import FlightPlan, PlannedInput
+from rotorid.errors import UsageError
+from rotorid.io.ardupilot_systemid import ENTRIES
+from rotorid.io.dataflash import decode
+from rotorid.report.plan_ardupilot import ardupilot_files, log_bitmask
+from rotorid.report.plan_system_id import SYSTEM_ID_DELAY_S, SystemId, system_id
+from rotorid.units import parse_unit
+
+SINGLE = 2.0**-24
+"""Relative rounding of the single precision in which the autopilot keeps its parameters."""
+
+
+def parameters(text: str, folder: Path) -> dict[str, float]:
+    """A parameter file as pymavlink, and with it MAVProxy, loads it; it keeps single precision."""
+    from pymavlink.mavparm import MAVParmDict
+
+    path = folder / "file.param"
+    path.write_text(text)
+    loaded = MAVParmDict()
+    assert loaded.load(str(path), use_excludes=False)
+    return {name: float(np.float32(value)) for name, value in loaded.items()}
+
+
+def settings_of(loaded: dict[str, float]) -> SystemId:
+    return SystemId(
+        axis=int(loaded["SID_AXIS"]),
+        magnitude=loaded["SID_MAGNITUDE"],
+        start_hz=loaded["SID_F_START_HZ"],
+        stop_hz=loaded["SID_F_STOP_HZ"],
+        fade_in_s=loaded["SID_T_FADE_IN"],
+        record_s=loaded["SID_T_REC"],
+        fade_out_s=loaded["SID_T_FADE_OUT"],
+    )
+
+
+def total_phase(settings: SystemId) -> float:
+    rise = math.log(settings.stop_hz / settings.start_hz)
+    swept_s = settings.record_s - settings.constant_s
+    return 2.0 * math.pi * settings.start_hz * swept_s / rise * math.expm1(rise)
+
+
+@pytest.mark.parametrize(
+    ("planned", "entry"),
+    [
+        (chirp("roll"), 10),
+        (chirp("pitch", amplitude=0.08, band_hz=(0.2, 15.0), duration_s=60.0, trim_s=3.0), 11),
+        (chirp("yaw", amplitude=0.3, fade_in_s=0.0, fade_out_s=0.0), 12),
+        (chirp("thrust", amplitude=0.08, band_hz=(1.0 / 3.0, 10.0)), 13),
+        (chirp("roll", entry="rate_setpoint", amplitude=math.radians(40.0)), 7),
+        (chirp("yaw", entry="rate_setpoint", amplitude=math.radians(30.0)), 9),
+        (chirp("pitch", entry="attitude_setpoint", amplitude=math.radians(5.0)), 2),
+    ],
+    ids=lambda value: str(value) if isinstance(value, int) else "",
+)
+def test_the_file_makes_the_samples_of_the_plan(planned: PlannedInput, entry: int, tmp_path: Path) -> None:
+    """Read back with the autopilot's precision and put through its chirp, in the unit of its injection point."""
+    files = ardupilot_files(FlightPlan(name="one", inputs=(planned,)), facts())
+    loaded = parameters(files[f"ardupilot-1-{planned.axis}.param"], tmp_path)
+    assert loaded["SID_AXIS"] == entry
+    # The reader of logs knows which axis and unit an entry has; a file that we write must mean the same.
+    axis, unit = ENTRIES[entry]
+    assert axis == planned.axis
+    settings = settings_of(loaded)
+    time_s = np.arange(planned.values.size) / planned.sample_rate_hz
+    time_s -= 0.5 * (planned.values.size / planned.sample_rate_hz - settings.record_s)
+    flown = parse_unit(unit).factor * settings.waveform(time_s)
+    # Start, stop and length of the sweep are rounded; each moves the phase by no more than its share of the total.
+    allowed = planned.amplitude * (6.0 * SINGLE * total_phase(settings) + 2.0 * SINGLE)
+    assert np.abs(flown - planned.values).max() <= allowed
+
+
+def test_recovery_takes_the_feedforward_out_of_angles() -> None:
+    tilt = chirp("roll", entry="attitude_setpoint", amplitude=0.1)
+    assert [system_id(tilt).axis, system_id(tilt, recovery=True).axis] == [1, 4]
+    assert system_id(chirp("roll"), recovery=True).axis == 10
+
+
+@pytest.mark.parametrize("trim_s", [0.0, 2.5])
+def test_zeros_around_a_chirp_are_found_or_taken_from_its_settings(trim_s: float) -> None:
+    fades = {"fade_in_s": 5.0, "fade_out_s": 2.0}
+    told = chirp("roll", trim_s=trim_s, settings=fades | {"trim_s": trim_s})
+    found = chirp("roll", trim_s=trim_s, settings=fades)
+    assert system_id(told) == system_id(found)
+    assert system_id(told).record_s == pytest.approx(90.0, abs=1e-9)
+
+
+def test_the_waveform_is_that_of_real_firmware(unpacked: Callable[[str], Path]) -> None:
+    """Settings from a planned sweep against ``SIDD.Targ`` of ArduPilot's own simulation."""
+    tables = decode(unpacked("ardupilot_sitl/x_calm_roll.BIN").read_bytes(), ["SIDD"]).tables
+    time_s, target = (np.asarray(column, np.float64) for column in tables["SIDD"].read("Time", "Targ").values())
+    second = int(np.flatnonzero(np.diff(time_s) < 0.0)[0]) + 1
+    runs = [
+        (slice(0, second), chirp("roll")),
+        (slice(second, None), chirp("roll", amplitude=0.08, band_hz=(0.2, 15.0), duration_s=60.0)),
+    ]
+    for run, planned in runs:
+        settings = system_id(planned)
+        flown = settings.waveform(time_s[run] - SYSTEM_ID_DELAY_S)
+        # The firmware's clock and phase are single precision: half a step of each, and some operations on the phase.
+        clock = 2.0 * math.pi * settings.stop_hz * np.spacing(np.float32(time_s[run].max()))
+        allowed = settings.magnitude * (clock + 4.0 * SINGLE * total_phase(settings))
+        assert np.abs(flown - target[run]).max() <= allowed
+        assert np.abs(target[run]).max() > 0.9 * settings.magnitude
+
+
+def test_a_plan_that_was_stored_is_flown_as_well(tmp_path: Path) -> None:
+    """Stored samples keep nine decimals, so that the first ones of a fade are lost; doublets are the pilot's."""
+    plan = sweeps_then_doublets()
+    stored = FlightPlan(
+        name=plan.name, inputs=tuple(replace(one, values=np.round(one.values, 9)) for one in plan.inputs)
+    )
+    files = ardupilot_files(stored, facts())
+    assert files == ardupilot_files(plan, facts())
+    assert sum(name.endswith(".param") for name in files) == 5
+    loaded = parameters(files["ardupilot-4-thrust.param"], tmp_path)
+    assert (loaded["SID_AXIS"], loaded["SID_T_REC"]) == (13.0, 60.0)
+    assert int(loaded["LOG_BITMASK"]) >> 18 & 1  # doublets are flown outside of the mode that logs its own IMU
+    script = Autopilot(files["sweeps-then-doublets-chirps.lua"])
+    script.run(3.0)
+    script.state.switch = 2
+    script.run(300.0)
+    assert script.texts()[-1] == "rotorid: plan complete"
+
+
+def test_every_run_has_its_file_and_all_log_every_loop(tmp_path: Path) -> None:
+    files = ardupilot_files(four_chirps(), facts(), mode_switch=6)
+    runs = sorted(name for name in files if name[10].isdigit())
+    assert runs == [f"ardupilot-{n}-{axis}.param" for n, axis in enumerate(("roll", "pitch", "yaw", "thrust"), start=1)]
+    for name in runs:
+        loaded = parameters(files[name], tmp_path)
+        assert int(loaded["LOG_BITMASK"]) & 0b11 == 0b11
+        assert loaded["FLTMODE6"] == 25.0
+    after = parameters(files["ardupilot-after.param"], tmp_path)
+    assert after["SID_AXIS"] == 0.0
+    assert not any("FLTMODE6," in text for text in ardupilot_files(four_chirps(), facts()).values())
+
+
+def test_the_masks_are_the_default_and_named_bits() -> None:
+    default = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 13, 15, 17}
+    bits = {fast: {bit for bit in range(24) if log_bitmask(fast_imu=fast) >> bit & 1} for fast in (False, True)}
+    assert bits == {False: default | {0}, True: default | {0, 18}}
+
+
+def test_no_name_can_add_a_parameter(tmp_path: Path) -> None:
+    plan = FlightPlan(name="x\nARMING_CHECK,0\n", inputs=(chirp("roll"),))
+    files = ardupilot_files(plan, facts(vehicle="quad\r\nFS_THR_ENABLE,0\n]]--\nos.exit()"))
+    for name, text in files.items():
+        if name.endswith(".param"):
+            assert not {"ARMING_CHECK", "FS_THR_ENABLE"} & set(parameters(text, tmp_path))
+        else:
+            assert not any(line.startswith("os.exit") for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("inputs", "words"),
+    [
+        ((step("roll"),), "scripts reach nothing else"),
+        ((chirp("roll", constant_s=0.0),), "constant part of two cycles"),
+        ((chirp("roll", settings={}),), "constant part of two cycles"),
+        ((chirp("yaw", entry="attitude_setpoint"),), "one of attitude setpoint of roll"),
+        ((by_hand("roll"),), "overrides the pilot's sticks"),
+        ((chirp("roll"), chirp("pitch", start_s=80.0)), "one waveform"),
+        ((chirp("roll", duration_s=300.0),), "SID_T_REC would be 300"),
+        ((chirp("roll", fade_in_s=25.0),), "SID_T_FADE_IN would be 25"),
+        ((chirp("roll", band_hz=(0.1, 150.0)),), "SID_F_STOP_HZ would be 150"),
+        ((step("thrust", entry="attitude_setpoint"),), "on thrust"),
+    ],
+)
+def test_what_it_cannot_fly_is_refused(inputs: tuple[PlannedInput, ...], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        ardupilot_files(FlightPlan(name="no", inputs=inputs), facts())
+
+
+def test_a_switch_position_must_exist() -> None:
+    with pytest.raises(UsageError, match="1 to 6"):
+        ardupilot_files(four_chirps(), facts(), mode_switch=7)
+
+
+# The Lua script that flies all chirps.
+
+SYSTEMID, LOITER, STABILIZE, GUIDED = 25, 5, 0, 4
+
+
+def chirp_script() -> Autopilot:
+    autopilot = Autopilot(ardupilot_files(four_chirps(), facts())["hover-four-axes-chirps.lua"])
+    autopilot.run(3.0)
+    autopilot.state.switch = 2
+    return autopilot
+
+
+def test_the_script_flies_every_chirp_with_its_settings() -> None:
+    autopilot = chirp_script()
+    autopilot.run(400.0)
+    events = autopilot.events()
+    modes = [(now, value) for now, name, value in events if name == "mode"]
+    assert [mode for _, mode in modes] == [SYSTEMID, LOITER] * 4
+    for (begin, _), (end, _), planned in zip(modes[::2], modes[1::2], four_chirps().inputs, strict=True):
+        settings = {name: value for now, name, value in events if name != "mode" and now == begin}
+        assert settings == pytest.approx(system_id(planned).parameters, rel=1e-8)
+        # In the mode for its second of waiting, the chirp, and no more than a moment.
+        assert 0.0 < (end - begin) / 1000.0 - SYSTEM_ID_DELAY_S - 90.0 < 1.0
+    assert autopilot.texts()[-1] == "rotorid: plan complete"
+    assert not any("ARM" in name for _, name, _ in events)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason", "mode"),
+    [
+        ({"mode": STABILIZE}, "the pilot took over", STABILIZE),
+        ({"switch": 0}, "switched off", LOITER),
+        ({"armed": False}, "disarmed", LOITER),
+        ({"position": (9.0, 9.0, -20.0)}, "out of the room", LOITER),
+        ({"position": (0.0, 0.0, -30.0)}, "height", LOITER),
+        ({"position": (math.nan, 0.0, -20.0)}, "out of the room", LOITER),
+        ({"position": None}, "no position", LOITER),
+    ],
+)
+def test_the_script_ends_at_once_and_for_good(change: dict[str, Any], reason: str, mode: int) -> None:
+    autopilot = chirp_script()
+    autopilot.run(120.0)  # in the second chirp
+    assert autopilot.state.mode == SYSTEMID
+    for name, value in change.items():
+        autopilot.state[name] = autopilot.lua.table(*value) if isinstance(value, tuple) else value
+    before = len(autopilot.events())
+    autopilot.run(0.2)
+    assert autopilot.texts()[-1] == f"rotorid: {reason}"
+    assert autopilot.state.mode == mode
+    autopilot.run(300.0)
+    # What it did after the change is to leave the mode, and nothing else.
+    assert [name for _, name, _ in autopilot.events()[before:]] in ([], ["mode"])
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"flying": False}, "not flying"),
+        ({"armed": False}, "not flying"),
+        ({"mode": STABILIZE}, "begin in LOITER or ALT_HOLD"),
+        ({"position": None}, "no position"),
+        ({"refuse_mode": SYSTEMID}, "SYSTEMID mode was refused"),
+        ({"refuse_parameter": "SID_T_REC"}, "cannot set SID_T_REC"),
+    ],
+)
+def test_the_script_does_not_begin_where_it_should_not(change: dict[str, Any], reason: str) -> None:
+    autopilot = chirp_script()
+    for name, value in change.items():
+        autopilot.state[name] = value
+    autopilot.run(60.0)
+    assert autopilot.texts()[-1] == f"rotorid: {reason}"
+    assert not [value for _, name, value in autopilot.events() if name == "mode"]
+
+
+def test_a_switch_that_is_on_at_boot_starts_nothing() -> None:
+    autopilot = Autopilot(ardupilot_files(four_chirps(), facts())["hover-four-axes-chirps.lua"])
+    autopilot.state.switch = 2
+    autopilot.run(60.0)
+    assert not autopilot.events()
+    autopilot.state.switch = 0
+    autopilot.run(1.0)
+    autopilot.state.switch = 2
+    autopilot.run(1.0)
+    assert autopilot.state.mode == SYSTEMID
+
+
+# The Lua script that flies attitudes.
+
+
+def attitude_plan() -> FlightPlan:
+    return FlightPlan(
+        name="Many at once",
+        inputs=(*multisine(("roll", "pitch", "yaw")), step("roll", start_s=25.0, entry="attitude_setpoint")),
+    )
+
+
+def attitude_script(**files: str) -> Autopilot:
+    made = ardupilot_files(attitude_plan(), facts())
+    table = files.get("table", made["many-at-once-attitude.csv"])
+    autopilot = Autopilot(made["many-at-once-attitude.lua"], {"/APM/scripts/many-at-once-attitude.csv": table})
+    autopilot.state.mode = GUIDED
+    autopilot.run(3.0)
+    autopilot.state.switch = 2
+    return autopilot
+
+
+def test_the_script_asks_for_the_attitudes_of_the_plan() -> None:
+    autopilot = attitude_script()
+    autopilot.run(60.0)
+    plan = attitude_plan()
+    targets = np.array(autopilot.targets())
+    time_s = (targets[:, 0] - targets[0, 0]) / 1000.0
+    assert targets.shape[0] >= 50.0 * plan.duration_s - 2
+    for column, axis in enumerate(("roll", "pitch", "yaw"), start=1):
+        wanted = sum(one.at(time_s) for one in plan.inputs if one.axis == axis)
+        flown = targets[:, column] - (math.degrees(0.5) if axis == "yaw" else 0.0)
+        # Three decimals of a degree are written.
+        assert flown == pytest.approx(np.degrees(wanted), abs=0.00051)
+    assert not targets[:, 4].any()
+    assert autopilot.texts()[-1] == "rotorid: plan complete"
+    assert autopilot.state.mode == LOITER
+
+
+@pytest.mark.parametrize(
+    ("change", "reason", "mode"),
+    [
+        ({"mode": STABILIZE}, "the pilot took over", STABILIZE),
+        ({"switch": 1}, "switched off", LOITER),
+        ({"position": (0.0, 13.0, -20.0)}, "out of the room", LOITER),
+        ({"position": (0.0, 0.0, -15.0)}, "height", LOITER),
+    ],
+)
+def test_the_attitudes_end_at_once(change: dict[str, Any], reason: str, mode: int) -> None:
+    autopilot = attitude_script()
+    autopilot.run(10.0)
+    for name, value in change.items():
+        autopilot.state[name] = autopilot.lua.table(*value) if isinstance(value, tuple) else value
+    before = len(autopilot.targets())
+    autopilot.run(30.0)
+    assert len(autopilot.targets()) == before > 0
+    assert autopilot.texts()[-1] == f"rotorid: {reason}"
+    assert autopilot.state.mode == mode
+
+
+@pytest.mark.parametrize("row", ["0,0,60", "a,0,0", "0,0", "0,0,0,0", "nan,0,0"])
+def test_a_damaged_table_ends_the_attitudes(row: str) -> None:
+    autopilot = attitude_script(table="0,0,0\n" * 100 + row + "\n" + "0,0,0\n" * 2000)
+    autopilot.run(30.0)
+    assert len(autopilot.targets()) == 100
+    assert autopilot.texts()[-1] == "rotorid: the table is damaged"
+    assert autopilot.state.mode == LOITER
