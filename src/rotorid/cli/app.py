@@ -16,10 +16,13 @@ from rotorid.cli.compare import compare_command
 from rotorid.cli.console import say
 from rotorid.cli.delay import delay_command
 from rotorid.cli.demo import demo_command
+from rotorid.cli.design import design_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
 from rotorid.cli.models import models_command
 from rotorid.cli.response import response_command
+from rotorid.cli.simulate import simulate_command
+from rotorid.cli.vehicles import vehicles_command
 from rotorid.cli.verify import verify_command
 from rotorid.errors import RotoridError
 
@@ -45,7 +48,10 @@ app.command("identify")(identify_command)
 app.command("verify")(verify_command)
 app.command("compare")(compare_command)
 app.command("delay")(delay_command)
+app.command("design")(design_command)
+app.command("simulate")(simulate_command)
 app.command("models")(models_command)
+app.command("vehicles")(vehicles_command)
 
 
 def _version(asked: bool) -> None:

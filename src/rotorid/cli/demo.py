@@ -48,6 +48,7 @@ def _print(demo: Demonstration, folder: Path) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
+    from rotorid.pipeline.demo import LOG_NAME
 
     console = output_console()
     table = Table(title="what was identified, and what flew", title_justify="left", box=None, pad_edge=False)
@@ -71,7 +72,7 @@ def _print(demo: Demonstration, folder: Path) -> None:
         "± is one standard deviation from the noise of this flight. A rate model leaves out the coupling between the\n"
         "axes, which moves some values further from the truth than that; the findings in the report say where."
     )
-    console.print(f"log:    {folder / 'flight.csv'}", soft_wrap=True, markup=False)
+    console.print(f"log:    {folder / LOG_NAME}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
     if not (folder / "overview.png").exists():
         say("For a picture too: pip install 'rotorid[figures]'.")

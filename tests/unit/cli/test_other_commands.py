@@ -70,5 +70,5 @@ def test_demo_writes_a_log_that_reads_a_result_for_each_axis_and_one_report(tmp_
     assert (ran.code, ran.err) == (0, "")
     models = [document["model"] for document in json.loads(ran.out)]
     assert models == ["rate.roll", "rate.pitch", "rate.yaw", "rate.vertical"]
-    assert {path.name for path in tmp_path.iterdir()} >= {"flight.csv", "report.html", *models}
-    assert read(tmp_path / "flight.csv").source.format == "CSV"
+    assert {path.name for path in tmp_path.iterdir()} >= {"flight.ulg", "report.html", *models}
+    assert read(tmp_path / "flight.ulg").source.format == "PX4 ULog"

@@ -1,0 +1,136 @@
+"""``rotorid simulate``: a vehicle of the library flies, and its log is written as its autopilot would have."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rotorid.cli.console import print_findings, progress
+from rotorid.cli.flight_options import Changes, Height, Turbulence, WindOption, named_numbers, wind_of
+from rotorid.cli.options import Json, Out, Quiet, Seed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rotorid.data.flight_plan import Entry, FlightPlan
+    from rotorid.pipeline.simulation_document import SimulationDocument
+    from rotorid.simulate.multirotor_flight import Aircraft
+    from rotorid.simulate.wind import Wind
+
+_NO_PLAN = "none"
+
+
+def simulate_command(
+    vehicle: Annotated[str, typer.Argument(help="A vehicle of the library: see rotorid vehicles.")],
+    plan: Annotated[
+        str | None,
+        typer.Option(
+            "--plan",
+            help="plan.json of rotorid design, or none for a hover. [default: a sweep and two doublets on every axis]",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", help="Seconds to fly. [default: as long as the plan]")
+    ] = None,
+    wind: WindOption = None,
+    turbulence: Turbulence = 0.0,
+    height: Height = 10.0,
+    set: Changes = None,
+    runs: Annotated[int, typer.Option("--runs", help="Flights, each with its own wind, noise and draws.")] = 1,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="NAME=PERCENT", help="Draw a number of --set anew for every run. Repeatable."),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help="ulg, bin or csv. [default: that of the vehicle's autopilot]")
+    ] = None,
+    seed: Seed = 0,
+    out: Out = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fly a vehicle of the library in simulation, and write its log as its autopilot would have."""
+    from rotorid.pipeline.simulation import SimulateChoices
+    from rotorid.report.output import to_json
+    from rotorid.report.simulation_output import write_simulation
+    from rotorid.simulate.changes import changed, piloted
+    from rotorid.vehicles.catalog import aircraft
+
+    air = wind_of(wind, turbulence, height)
+    changes = named_numbers(set, "--set")
+    craft = piloted(changed(aircraft(vehicle), changes))
+    folder = out or Path("rotorid-out") / vehicle
+    with progress(quiet=quiet) as tell:
+        choices = SimulateChoices(
+            vehicle=vehicle,
+            plan=_plan(plan, craft, air, seed, tell),
+            duration_s=duration if duration is not None or plan != _NO_PLAN else 60.0,
+            wind=air,
+            changes=changes,
+            vary=named_numbers(vary, "--vary"),
+            runs=runs,
+            format=format,  # type: ignore[arg-type]
+            seed=seed,
+        )
+        document = write_simulation(folder, choices, command=["rotorid", *sys.argv[1:]], progress=tell)
+    if json:
+        sys.stdout.write(to_json(document))
+    elif not quiet:
+        _print(document, folder)
+
+
+def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int, tell: Callable[[str], None]) -> FlightPlan | None:
+    """The plan that the user named, none, or a sweep and two doublets of each axis."""
+    from rotorid.pipeline.plan_document import read_plan
+    from rotorid.pipeline.planning import PlanChoices, plan_for, sweep_of
+
+    if given == _NO_PLAN:
+        return None
+    if given is not None:
+        return read_plan(Path(given))
+    # A pilot flies what PX4 cannot be told: sticks are its instrument.
+    entry: Entry | None = "stick" if craft.autopilot.kind == "px4" else None
+    choices = PlanChoices(shape=sweep_of(craft), doublets=True, entry=entry, wind=air, seed=seed)
+    return plan_for(craft, choices, progress=tell).plan
+
+
+def _print(document: SimulationDocument, folder: Path) -> None:
+    """What flew, what it reached, where the logs are."""
+    from rich.table import Table
+
+    from rotorid.cli.console import output_console
+
+    console = output_console()
+    flew = document.vehicle
+    console.print(f"{flew.name}: {flew.description}", markup=False, soft_wrap=True)
+    table = Table(box=None, pad_edge=False)
+    for name in (
+        "log",
+        "seconds",
+        "tilt in deg",
+        "rate in deg/s",
+        "moved in m",
+        "climbed in m",
+        "motors",
+        "limited in %",
+    ):
+        table.add_column(name, justify="left" if name == "log" else "right")
+    for log in document.logs:
+        reached = log.reached
+        table.add_row(
+            log.file,
+            f"{log.duration_s:.1f}",
+            f"{57.29578 * reached.tilt_rad:.1f}",
+            f"{57.29578 * reached.rate_rad_s:.0f}",
+            f"{reached.position_m:.1f}",
+            f"{reached.height_m:.1f}",
+            f"{reached.motor_low:.2f} to {reached.motor_high:.2f}",
+            f"{100.0 * reached.saturated:.1f}",
+        )
+    console.print(table)
+    print_findings(document.findings)
+    console.print(f"log:   {folder / document.logs[0].file}", soft_wrap=True, markup=False)
+    console.print(f"truth: {folder / 'simulation.json'}", soft_wrap=True, markup=False)

@@ -1,0 +1,237 @@
+"""The public verb `simulate`: a vehicle of the library flies, and what an autopilot would have logged is written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from rotorid import __version__
+from rotorid.data.findings import Finding
+from rotorid.data.flight_plan import FlightPlan
+from rotorid.data.flown import Flown
+from rotorid.data.immutable import Immutable
+from rotorid.data.maneuver import Maneuver
+from rotorid.design.amplitude import reached
+from rotorid.errors import UsageError
+from rotorid.io.store import sha256_of
+from rotorid.io.write_log import START_S, LogFormat, format_of, write_log
+from rotorid.models.catalog import library_model
+from rotorid.pipeline.assemble import finding_documents
+from rotorid.pipeline.document import ManeuverDocument, ProvenanceDocument
+from rotorid.pipeline.settings import require_seed
+from rotorid.pipeline.simulation_document import (
+    ReachedDocument,
+    SimulatedLogDocument,
+    SimulationDocument,
+    TruthDocument,
+    VehicleDocument,
+)
+from rotorid.simulate.changes import changed, number_of, piloted
+from rotorid.simulate.linearize import hover_derivatives_of
+from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
+from rotorid.simulate.wind import CALM, Wind
+from rotorid.vehicles.catalog import VEHICLES
+from rotorid.vehicles.catalog import aircraft as library_aircraft
+
+_MOST_RUNS = 10_000
+_NOTICED = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateChoices(Immutable):
+    """What is to be simulated.
+
+    Parameters
+    ----------
+    vehicle
+        Name in the library.
+    plan
+        Test inputs; without any, nothing is excited.
+    duration_s
+        Length of the log; that of the plan when none is given.
+    wind
+        Steady part and turbulence.
+    changes
+        Numbers of the vehicle that are to be otherwise, see :func:`rotorid.simulate.changes.changed`.
+    vary
+        Numbers drawn anew for every run, from a normal distribution with this standard deviation in percent.
+    runs
+        Flights, each with a seed of its own: ``seed``, ``seed + 1`` and so on.
+    format
+        Of the logs; by default the autopilot's own.
+    seed
+        Of wind, noise and what is drawn.
+    """
+
+    vehicle: str
+    plan: FlightPlan | None = None
+    duration_s: float | None = None
+    wind: Wind = CALM
+    changes: Mapping[str, float] = field(default_factory=dict)
+    vary: Mapping[str, float] = field(default_factory=dict)
+    runs: int = 1
+    format: LogFormat | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_seed(self.seed)
+        if not 1 <= self.runs <= _MOST_RUNS:
+            raise UsageError(f"{self.runs} runs came", needed=f"1 to {_MOST_RUNS}")
+        if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
+            raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
+        self._set(changes=self.changes, vary=self.vary)
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """What flies, before anything is drawn."""
+        return piloted(changed(library_aircraft(self.vehicle), self.changes))
+
+    @property
+    def log_format(self) -> LogFormat:
+        """The format in force."""
+        return self.format or format_of(self.aircraft.autopilot.kind)
+
+    @property
+    def file_names(self) -> tuple[str, ...]:
+        """Names of the logs."""
+        ending = {"ulg": "ulg", "bin": "BIN", "csv": "csv"}[self.log_format]
+        if self.runs == 1:
+            return (f"flight.{ending}",)
+        digits = len(str(self.runs))
+        return tuple(f"flight_{number:0{digits}d}.{ending}" for number in range(1, self.runs + 1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run(Immutable):
+    """One flight: its seed, what was drawn for it, and what came of it."""
+
+    seed: int
+    drawn: Mapping[str, float]
+    flown: Flown
+
+
+def fly_run(choices: SimulateChoices, number: int) -> Run:
+    """Fly one of the runs, counted from zero; the same whether it is flown alone or among others."""
+    seed = choices.seed + number
+    drawn = _drawn(choices, seed)
+    craft = changed(choices.aircraft, drawn)
+    flown = fly_multirotor(craft, choices.plan, duration_s=choices.duration_s, wind=choices.wind, seed=seed)
+    return Run(seed=seed, drawn=drawn, flown=flown)
+
+
+def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLogDocument:
+    """Write the log of a run, and say what it is."""
+    write_log(path, run.flown, format=choices.log_format)
+    return SimulatedLogDocument(
+        file=path.name,
+        format=choices.log_format,
+        sha256=sha256_of(path),
+        seed=run.seed,
+        duration_s=run.flown.samples / run.flown.sample_rate_hz,
+        changed=dict(run.drawn),
+        reached=ReachedDocument(**asdict(reached(run.flown))),
+    )
+
+
+def simulation_document(
+    choices: SimulateChoices, logs: Sequence[SimulatedLogDocument], *, command: Sequence[str]
+) -> SimulationDocument:
+    """What flew, what was true, and where the logs are."""
+    craft = choices.aircraft
+    start_s = START_S[choices.log_format]
+    maneuvers = [] if choices.plan is None else [_on_log(one, start_s, logs[0].file) for one in choices.plan.maneuvers]
+    return SimulationDocument(
+        vehicle=vehicle_document(choices.vehicle, craft, choices.changes),
+        logs=list(logs),
+        maneuvers=maneuvers,
+        truth=truth_of(craft),
+        findings=finding_documents(_findings(logs)),
+        provenance=ProvenanceDocument(
+            version=__version__,
+            command=list(command),
+            inputs={},
+            settings={
+                "wind_north_m_s": choices.wind.north_m_s,
+                "wind_east_m_s": choices.wind.east_m_s,
+                "turbulence_m_s": choices.wind.turbulence_m_s,
+                "height_m": choices.wind.height_m,
+                "runs": choices.runs,
+                **{f"vary_{name}_percent": percent for name, percent in choices.vary.items()},
+            },
+            seed=choices.seed,
+        ),
+    )
+
+
+def truth_of(craft: Aircraft) -> dict[str, TruthDocument]:
+    """Derivatives, lag and delays of an aircraft about hover in still air, by the names of ``hover.full``.
+
+    A delay is that of the path plus half a tick, for which commands are held on average; the filters of the autopilot's
+    rates come on top. Rotors without lag push at once: the accelerometer shows their thrust at the first tick after the
+    delay of the path.
+    """
+    derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot)
+    model = library_model("hover.full")
+    held_s = 0.5 / craft.autopilot.rate_hz
+    delays = dict(zip(("roll", "pitch", "yaw", "thrust"), craft.autopilot.delay_s, strict=True))
+    values = derivatives | {f"tau_{axis}": delay_s + held_s for axis, delay_s in delays.items()}
+    if not craft.vehicle.rotors.lag_up_s:
+        rate_hz = craft.autopilot.rate_hz
+        values["tau_thrust"] = math.ceil(delays["thrust"] * rate_hz - _NOTICED) / rate_hz
+    found = {
+        parameter.name: TruthDocument(value=_clean(values[parameter.name]), unit=parameter.unit)
+        for parameter in model.parameters
+        if parameter.name in values
+    }
+    return found | {"T_motor": TruthDocument(value=number_of(craft, "T_motor"), unit="s")}
+
+
+def _clean(value: float) -> float:
+    return 0.0 if abs(value) < _NOTICED else value
+
+
+def vehicle_document(name: str, craft: Aircraft, changes: Mapping[str, float]) -> VehicleDocument:
+    """A vehicle of the library with the numbers that were set otherwise."""
+    known = VEHICLES[name]
+    return VehicleDocument(
+        name=name,
+        description=known.summary,
+        source=known.source,
+        autopilot=craft.autopilot.kind,
+        control_rate_hz=craft.autopilot.rate_hz,
+        changed=dict(changes),
+    )
+
+
+def _drawn(choices: SimulateChoices, seed: int) -> dict[str, float]:
+    """Numbers of a run: normal about what they are, cut at three deviations."""
+    rng = np.random.default_rng([seed, 1])
+    base = choices.aircraft
+    spread = {name: float(np.clip(rng.standard_normal(), -3.0, 3.0)) for name in choices.vary}
+    return {
+        name: number_of(base, name) * (1.0 + 0.01 * percent * spread[name]) for name, percent in choices.vary.items()
+    }
+
+
+def _on_log(maneuver: Maneuver, start_s: float, file: str) -> ManeuverDocument:
+    later = replace(maneuver, start_s=maneuver.start_s + start_s, stop_s=maneuver.stop_s + start_s)
+    return ManeuverDocument(record=file, **asdict(later))
+
+
+def _findings(logs: Sequence[SimulatedLogDocument]) -> list[Finding]:
+    return [
+        Finding(
+            kind="saturation",
+            severity="warning",
+            where=log.file,
+            message=f"The motors could not do what was asked of them during {100.0 * log.reached.saturated:.1f} % of "
+            f"{log.file}: their outputs went from {log.reached.motor_low:.2f} to {log.reached.motor_high:.2f}.",
+            numbers={"share": log.reached.saturated},
+        )
+        for log in logs
+        if log.reached.saturated > 0.0
+    ]
