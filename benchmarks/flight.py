@@ -1,4 +1,4 @@
-"""How much faster a nonlinear flight is than ``scipy.integrate.solve_ivp`` at equal error, and how many fit in a second.
+"""How much faster flights are than ``scipy.integrate.solve_ivp`` at equal error, and how many there are in a second.
 
 A quadrotor of 13 states and four rotors with lag, drag, inflow and gyroscopic moments flies for 60 s on motor outputs
 that change 250 times a second. The peer's right-hand side is written in NumPy, as one writes it, and ``solve_ivp`` is
@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.models.rotor_layout_library import library_layout
 from rotorid.simulate.autopilot import Autopilot, Guidance, RateLoop
 from rotorid.simulate.many import Sortie, fly_many
@@ -46,7 +46,7 @@ def vehicle() -> Multirotor:
         inertia_kg_m2=2e-5,
         full_speed_rad_s=900.0,
     )
-    return Multirotor(name="quadrotor", mass_kg=1.2, inertia_kg_m2=(0.012, 0.013, 0.02), rotors=rotors)
+    return Multirotor(name="quadrotor", mass_kg=1.2, inertia_kg_m2=np.diag([0.012, 0.013, 0.02]), rotors=rotors)
 
 
 def outputs() -> FloatArray:
@@ -155,7 +155,7 @@ def batch(*, workers: int = 1) -> dict[str, float]:
         for _ in range(count):
             yield Sortie(aircraft=aircraft, duration_s=DURATION_S)
 
-    def peak(flown: Flown) -> float:
+    def peak(flown: SimulatedFlight) -> float:
         return float(np.abs(flown.truth["phi"]).max())
 
     for _ in fly_many(flights(1), peak, workers=1, step_rate_hz=RATE_HZ, settle_s=0.0):

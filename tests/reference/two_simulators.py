@@ -39,8 +39,8 @@ def steady(record: FlightRecord, name: str, time_s: FloatArray) -> FloatArray:
 def px4_sticks(record: FlightRecord, start_s: float, stop_s: float) -> FlightPlan:
     """What the pilot of a flight in PX4's mode Stabilized asked for.
 
-    The throttle goes through a curve with a bend in the middle; what it asks for is logged as thrust set-point, which no
-    loop touches in this mode, and that is flown again.
+    The throttle goes through a curve with a bend in the middle; what it asks for is logged as thrust set-point, which
+    no loop touches in this mode, and that is flown again.
     """
     from scipy.signal import lfilter
 
@@ -98,10 +98,22 @@ def flown_again_ardupilot(
 
     aircraft = held_in_height(ardupilot_quad.aircraft())
     flown = fly_multirotor(aircraft, ardupilot_chirp(record, axis, start_s, stop_s), wind=wind)
-    sweeps = tuple(
-        replace(one, start_s=one.start_s, stop_s=one.stop_s, signal=f"{axis}_excitation") for one in flown.maneuvers
-    )
+    sweeps = tuple(replace(one, signal=f"{axis}_excitation") for one in flown.maneuvers)
     write_ardupilot(path, replace(flown, maneuvers=sweeps), start_s=start_s)
+    return read(path)
+
+
+def flown_setpoints_ardupilot(record: FlightRecord, start_s: float, stop_s: float, path: Path) -> FlightRecord:
+    """Stick doublets of ArduPilot's simulator flown again in ours from the rates that its input shaper asked for."""
+    from rotorid.io.ardupilot_write import write_ardupilot
+
+    time_s = np.arange(start_s, stop_s, 1.0 / SAMPLE_RATE_HZ)
+    channels: dict[Axis, str] = {"roll": "p_setpoint", "pitch": "q_setpoint", "yaw": "r_setpoint"}
+    plan = _plan({axis: (signal(record, name, time_s), "rate_setpoint") for axis, name in channels.items()})
+    aircraft = held_in_height(ardupilot_quad.aircraft())
+    # The logged set-points hold the answer of the angle loop already.
+    alone = replace(aircraft, autopilot=replace(aircraft.autopilot, angle_1_s=(0.0, 0.0, 0.0)))
+    write_ardupilot(path, replace(fly_multirotor(alone, plan), maneuvers=()), start_s=start_s)
     return read(path)
 
 

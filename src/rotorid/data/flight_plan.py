@@ -26,7 +26,7 @@ _KINDS: Mapping[Shape, Kind] = MappingProxyType(
     {
         "pilot_sweep": "sweep",
         "logarithmic_sweep": "sweep",
-        "multisine": "other",
+        "multisine": "multisine",
         "random_binary": "random_binary",
         "doublet": "doublet",
         "two_one_one": "multistep",

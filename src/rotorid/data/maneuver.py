@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 from rotorid.typing import Axis
 
-Kind: TypeAlias = Literal["sweep", "random_binary", "doublet", "multistep", "other"]
+Kind: TypeAlias = Literal["sweep", "random_binary", "multisine", "doublet", "multistep", "other"]
 Origin: TypeAlias = Literal["declared", "found", "given"]
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.data.flown import Flown
 from rotorid.data.immutable import Immutable
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.simulate.multirotor_flight import Aircraft, LostError, fly_multirotor
 from rotorid.simulate.wind import CALM, Wind
@@ -105,13 +105,13 @@ class Amplitude(Immutable):
     flights: int
 
 
-def reached(flown: Flown) -> Reached:
+def reached(flown: SimulatedFlight) -> Reached:
     """Extremes of a flight, of its truth and of its motor outputs.
 
     Examples
     --------
     >>> still = {name: [0.0, 0.0] for name in ("p", "q", "r", "phi", "theta", "north", "east", "down")}
-    >>> flown = Flown(vehicle="demo", autopilot="simple", sample_rate_hz=1.0, time_s=[0.0, 1.0],
+    >>> flown = SimulatedFlight(vehicle="demo", autopilot="simple", sample_rate_hz=1.0, time_s=[0.0, 1.0],
     ...               columns={"motor_1": [0.4, 0.5]}, truth=still | {"phi": [0.0, 0.1]})
     >>> round(reached(flown).tilt_rad, 6), reached(flown).motor_high
     (0.1, 0.5)

@@ -171,7 +171,7 @@ def predict(
     -----
     Assumes a loop that is linear, stable and stationary: gusts that come and go, saturation and a vehicle that changes
     in flight are not in it. Weak instruments, with a coherence below some 0.3, scatter more than any linear formula
-    says. Over simulated flights the stated standard deviations of rate models came out within 10 % of the predicted
+    says. Over simulated flights the stated standard deviations of rate models came out within 6 % of the predicted
     ones, those of hover models within 40 % and mostly within 15 %.
 
     References

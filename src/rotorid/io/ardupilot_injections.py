@@ -13,8 +13,8 @@ from itertools import pairwise, zip_longest
 
 import numpy as np
 
-from rotorid.data.flown import Flown
 from rotorid.data.maneuver import Maneuver
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot_systemid import ENTRIES
 from rotorid.typing import FloatArray, IntArray
@@ -58,7 +58,7 @@ class Injection:
     settings: Mapping[str, float]
 
 
-def injections(flown: Flown) -> tuple[Injection, ...]:
+def injections(flown: SimulatedFlight) -> tuple[Injection, ...]:
     """Runs in the order flown: the sweeps whose signal is an excitation that the flight holds.
 
     The axis of a run is the mixer's, unless ``SID_AXIS`` among the parameters of the flight names another entry of the
@@ -81,11 +81,11 @@ def injections(flown: Flown) -> tuple[Injection, ...]:
     return tuple(_injections(flown, swept))
 
 
-def _is_injected(maneuver: Maneuver, flown: Flown) -> bool:
+def _is_injected(maneuver: Maneuver, flown: SimulatedFlight) -> bool:
     return maneuver.kind == "sweep" and maneuver.signal.endswith("_excitation") and maneuver.signal in flown.columns
 
 
-def _injections(flown: Flown, swept: list[Maneuver]) -> Iterator[Injection]:
+def _injections(flown: SimulatedFlight, swept: list[Maneuver]) -> Iterator[Injection]:
     slack = 0.5 / flown.sample_rate_hz
     for one, following in zip_longest(swept, swept[1:]):
         # The last sample is the one at which the sweep is over, unless the next one begins there.
@@ -95,7 +95,7 @@ def _injections(flown: Flown, swept: list[Maneuver]) -> Iterator[Injection]:
             yield _injection(flown, one, samples)
 
 
-def _injection(flown: Flown, maneuver: Maneuver, samples: IntArray) -> Injection:
+def _injection(flown: SimulatedFlight, maneuver: Maneuver, samples: IntArray) -> Injection:
     entry = _entry(maneuver, flown.parameters)
     period_s = 1.0 / flown.sample_rate_hz
     target = flown.columns[maneuver.signal][samples] / parse_unit(ENTRIES[entry][1]).factor

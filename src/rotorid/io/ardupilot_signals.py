@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from rotorid.data.channel import MOTORS
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot_actuators import DSHOT_TYPES, STICKS, motor_channels
 from rotorid.typing import AnyArray, FloatArray, IntArray
@@ -45,7 +45,7 @@ class Logged:
         Parameters of the log.
     """
 
-    flown: Flown
+    flown: SimulatedFlight
     samples: IntArray
     parameters: Mapping[str, float]
 

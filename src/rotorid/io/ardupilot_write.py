@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.data.channel import MOTORS
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot_actuators import MOTOR_FUNCTIONS, motor_channels
 from rotorid.io.ardupilot_injections import Injection, injections
@@ -44,7 +44,7 @@ _SETTINGS = {
 
 
 def write_ardupilot(
-    path: Path, flown: Flown, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 60.0
+    path: Path, flown: SimulatedFlight, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 60.0
 ) -> None:
     """Write a flight as an ArduPilot log: definitions, parameters, then what the autopilot knew.
 
@@ -80,7 +80,7 @@ def write_ardupilot(
     --------
     >>> import tempfile
     >>> from rotorid.io.registry import read
-    >>> still = Flown(vehicle="demo", autopilot="ardupilot", sample_rate_hz=2.0, time_s=[0.0, 0.5],
+    >>> still = SimulatedFlight(vehicle="demo", autopilot="ardupilot", sample_rate_hz=2.0, time_s=[0.0, 0.5],
     ...               columns={"battery_voltage": [12.6, 12.5]})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_ardupilot(Path(folder, "still.bin"), still, rates_hz={"BAT": 2.0})
@@ -103,7 +103,7 @@ def write_ardupilot(
     write_dataflash(path, sorted(tables, key=lambda table: order.index(table.layout.name)))
 
 
-def logged_parameters(flown: Flown, runs: tuple[Injection, ...]) -> Mapping[str, float]:
+def logged_parameters(flown: SimulatedFlight, runs: tuple[Injection, ...]) -> Mapping[str, float]:
     """Parameters of the log: those of the flight, and those without which a log does not explain itself.
 
     Added where the flight does not give them: rate of the loop, ``LOG_BITMASK``, pulse widths and channels of the
@@ -127,7 +127,7 @@ def logged_parameters(flown: Flown, runs: tuple[Injection, ...]) -> Mapping[str,
     return MappingProxyType(added | dict(flown.parameters))
 
 
-def _check_finite(flown: Flown) -> None:
+def _check_finite(flown: SimulatedFlight) -> None:
     for where, signals in (("columns", flown.columns), ("raw", flown.raw)):
         for name, values in signals.items():
             finite = np.isfinite(values)
@@ -159,7 +159,7 @@ def _checked_rates(asked_hz: Mapping[str, float], loop_hz: float) -> Mapping[str
     return {**usual, **asked_hz}
 
 
-def _picked(flown: Flown, rate_hz: float) -> IntArray:
+def _picked(flown: SimulatedFlight, rate_hz: float) -> IntArray:
     """Samples that a logger of this rate picks: the first at or after each of its instants."""
     stride = flown.sample_rate_hz / rate_hz
     # A hair less, so that whole numbers do not depend on their rounding.
@@ -175,7 +175,7 @@ def _table(name: str, stamps_us: IntArray, values: Mapping[str, AnyArray | list[
 
 
 def _events(
-    flown: Flown, runs: tuple[Injection, ...], parameters: Mapping[str, float], stamps_us: IntArray
+    flown: SimulatedFlight, runs: tuple[Injection, ...], parameters: Mapping[str, float], stamps_us: IntArray
 ) -> Iterator[Messages]:
     begin = stamps_us[:1]
     values = np.array(list(parameters.values()))
@@ -196,7 +196,7 @@ def _cut(text: str) -> str:
     return text.encode("utf-8")[:_TEXT_BYTES].decode("utf-8", errors="ignore")
 
 
-def _modes(flown: Flown, runs: tuple[Injection, ...], stamps_us: IntArray) -> Messages:
+def _modes(flown: SimulatedFlight, runs: tuple[Injection, ...], stamps_us: IntArray) -> Messages:
     """The pilot's mode, SYSTEMID from the first to the last sample of each run, and the pilot's mode again."""
     usual = STABILIZE if "thrust_stick" in flown.columns else ALT_HOLD
     changes = [(0, usual, _BY_COMMAND)]
@@ -209,7 +209,9 @@ def _modes(flown: Flown, runs: tuple[Injection, ...], stamps_us: IntArray) -> Me
     return _table("MODE", stamps_us[list(last)], {"Mode": modes, "ModeNum": modes, "Rsn": reasons})
 
 
-def _system_id(flown: Flown, runs: tuple[Injection, ...], stamps_us: IntArray, picked: IntArray) -> Iterator[Messages]:
+def _system_id(
+    flown: SimulatedFlight, runs: tuple[Injection, ...], stamps_us: IntArray, picked: IntArray
+) -> Iterator[Messages]:
     """Settings and samples of all runs, the samples at the stamps of ``RATE``."""
     if not runs:
         return
@@ -230,7 +232,7 @@ def _system_id(flown: Flown, runs: tuple[Injection, ...], stamps_us: IntArray, p
 
 
 def _signals(
-    flown: Flown, parameters: Mapping[str, float], stamps_us: IntArray, rates: Mapping[str, float]
+    flown: SimulatedFlight, parameters: Mapping[str, float], stamps_us: IntArray, rates: Mapping[str, float]
 ) -> Iterator[Messages]:
     """Messages at fixed rates, those for which the flight has columns."""
     for name, signal in SIGNALS.items():

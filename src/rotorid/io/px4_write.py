@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.io.mapping_keys import nearest
 from rotorid.io.px4_layouts import DEBUG_PROFILE, INTEGERS, LAYOUTS, PROFILE, Layout
@@ -31,7 +31,9 @@ _MOTORS = 12
 _LARGEST = float(np.finfo(np.float32).max)
 
 
-def write_px4(path: Path, flown: Flown, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 30.0) -> None:
+def write_px4(
+    path: Path, flown: SimulatedFlight, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 30.0
+) -> None:
     r"""Write a simulated flight as a ULog file, as PX4 with ``SDLOG_PROFILE = 57`` would have logged it.
 
     A topic is written when the flight has channels of it, one that holds an attitude when it has all three angles;
@@ -67,7 +69,8 @@ def write_px4(path: Path, flown: Flown, *, rates_hz: Mapping[str, float] | None 
     --------
     >>> import tempfile
     >>> from rotorid.io.registry import read
-    >>> flown = Flown(vehicle="demo", autopilot="px4", sample_rate_hz=4.0, time_s=[0.0, 0.25], columns={"p": [0, 0.5]})
+    >>> flown = SimulatedFlight(vehicle="demo", autopilot="px4", sample_rate_hz=4.0, time_s=[0.0, 0.25],
+    ...                         columns={"p": [0, 0.5]})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_px4(Path(folder) / "flight.ulg", flown)
     ...     record = read(Path(folder) / "flight.ulg")
@@ -114,7 +117,7 @@ def _rates(asked: Mapping[str, float]) -> dict[str, float | None]:
     return rates
 
 
-def _stamps(flown: Flown, start_s: float) -> IntArray:
+def _stamps(flown: SimulatedFlight, start_s: float) -> IntArray:
     """Microseconds since boot."""
     stamps = np.rint((flown.time_s + start_s) * 1e6)
     if not (stamps.size and np.isfinite(stamps).all() and stamps[0] >= 0.0 and np.all(np.diff(stamps) > 0.0)):
@@ -126,7 +129,7 @@ def _stamps(flown: Flown, start_s: float) -> IntArray:
     return stamps.astype(np.int64)
 
 
-def _logged(flown: Flown, layout: Layout, stamps: IntArray, rate_hz: float | None) -> Iterator[LoggedTopic]:
+def _logged(flown: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: float | None) -> Iterator[LoggedTopic]:
     """The topic, when the flight has channels of it."""
     held = flown.raw if layout.raw else flown.columns
     dtype = message_dtype(layout.fields)
@@ -159,7 +162,7 @@ def _is_attitude(rule: Rule) -> bool:
     return len(rule.channels) < len(rule.fields)
 
 
-def _turns(flown: Flown, rate_hz: float | None) -> IntArray:
+def _turns(flown: SimulatedFlight, rate_hz: float | None) -> IntArray:
     """Turns of the control loop that are logged."""
     every = 1.0 if rate_hz is None else max(flown.sample_rate_hz / rate_hz, 1.0)
     # A step that is whole but for rounding must not be rounded up to the next turn.
@@ -187,7 +190,9 @@ def _column(samples: AnyArray, field: str) -> AnyArray:
     return column
 
 
-def _picked(rule: Rule, held: Mapping[str, FloatArray], turns: IntArray, flown: Flown) -> dict[str, FloatArray]:
+def _picked(
+    rule: Rule, held: Mapping[str, FloatArray], turns: IntArray, flown: SimulatedFlight
+) -> dict[str, FloatArray]:
     """Channels of a rule that the flight has, at the turns that are logged; a number that is none is refused."""
     picked: dict[str, FloatArray] = {}
     for name in rule.channels:

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 
 LogFormat: TypeAlias = Literal["ulg", "bin", "csv"]
@@ -32,7 +32,7 @@ def format_of(autopilot: str) -> LogFormat:
     return formats.get(autopilot, "csv")
 
 
-def write_log(path: Path, flown: Flown, *, format: LogFormat) -> None:
+def write_log(path: Path, flown: SimulatedFlight, *, format: LogFormat) -> None:
     """Write a flight so that :func:`rotorid.io.registry.read` reads it back like any other log.
 
     Parameters

@@ -107,9 +107,9 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> Cho
                 severity="warning",
                 where=record.source.name,
                 message=(
-                    f"No sweep or random binary signal of {' or '.join(axes)} was found in {record.source.name}, so "
-                    f"the whole flight from {start_s:.1f} to {stop_s:.1f} s was used. Where gusts and not the pilot "
-                    "move the vehicle, such a response shows the controller."
+                    f"No sweep, multisine or random binary signal of {' or '.join(axes)} was found in "
+                    f"{record.source.name}, so the whole flight from {start_s:.1f} to {stop_s:.1f} s was used. "
+                    "Where gusts and not the pilot move the vehicle, such a response shows the controller."
                 ),
                 numbers={"start_s": start_s, "stop_s": stop_s},
             )

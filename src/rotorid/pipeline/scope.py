@@ -147,8 +147,8 @@ def _not_excited(names: Sequence[str], lost: Sequence[str]) -> list[Finding]:
             severity="warning",
             where=", ".join(names),
             message=(
-                f"No sweep or random binary signal of {' or '.join(names)} came, so the model is fitted without "
-                f"{inputs}.{gone}"
+                f"No sweep, multisine or random binary signal of {' or '.join(names)} came, so the model is fitted "
+                f"without {inputs}.{gone}"
             ),
         )
     ]

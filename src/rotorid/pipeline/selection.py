@@ -19,7 +19,7 @@ from rotorid.signal.clock import missing_channel
 from rotorid.signal.segment import classify, excitation_signals, find_excitations
 from rotorid.typing import Axis
 
-RICH_KINDS = ("sweep", "random_binary")
+RICH_KINDS = ("sweep", "random_binary", "multisine")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +177,7 @@ def _nothing_flown(
     records: Sequence[FlightRecord], axes: Sequence[Axis], found: Sequence[Maneuver], settings: IdentifySettings
 ) -> InsufficientDataError:
     names, wanted = ", ".join(record.source.name for record in records), " or ".join(axes)
-    needed = "a sweep or a random binary signal of some 20 s and more"
+    needed = "a sweep, a multisine or a random binary signal of some 20 s and more"
     remedy = "fly one (ArduPilot: SYSTEMID mode; PX4: slow to fast stick), or name an interval with --segment"
     if settings.segments:
         came = f"no given segment of {wanted} lies inside {names}"

@@ -6,15 +6,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 from rotorid import __version__
 from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.data.flown import Flown
 from rotorid.data.immutable import Immutable
 from rotorid.data.maneuver import Maneuver
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.design.amplitude import reached
 from rotorid.errors import UsageError
 from rotorid.io.store import sha256_of
@@ -81,6 +82,10 @@ class SimulateChoices(Immutable):
         require_seed(self.seed)
         if not 1 <= self.runs <= _MOST_RUNS:
             raise UsageError(f"{self.runs} runs came", needed=f"1 to {_MOST_RUNS}")
+        if self.format is not None and self.format not in get_args(LogFormat):
+            raise UsageError(
+                f"the format {self.format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}"
+            )
         if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
             raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
         self._set(changes=self.changes, vary=self.vary)
@@ -111,7 +116,7 @@ class Run(Immutable):
 
     seed: int
     drawn: Mapping[str, float]
-    flown: Flown
+    flown: SimulatedFlight
 
 
 def fly_run(choices: SimulateChoices, number: int) -> Run:

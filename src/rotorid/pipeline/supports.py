@@ -146,7 +146,7 @@ def _needs(
     return [
         *logged,
         NeedDocument(
-            need=f"a sweep or random binary signal on {axis}",
+            need=f"a sweep, multisine or random binary signal on {axis}",
             there=bool(rich),
             found=f"{len(rich)} ({flown}){reach}" if rich else "none found",
         ),

@@ -19,7 +19,7 @@ _SAMPLES_PER_PERIOD = 10.0
 
 _SHAPES: Mapping[Shape, str] = MappingProxyType(
     {
-        "pilot_sweep": "sweep by hand",
+        "pilot_sweep": "sweep, slow to fast",
         "logarithmic_sweep": "sweep",
         "multisine": "multisine",
         "random_binary": "random steps",

@@ -10,6 +10,7 @@ import numpy as np
 from rotorid.data.channel import AXES, STANDARD_UNITS
 from rotorid.data.maneuver import Kind, Maneuver
 from rotorid.data.record import FlightRecord
+from rotorid.signal.periodic import lines_of, period_of
 from rotorid.typing import Axis, BoolArray, FloatArray
 
 OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
@@ -35,6 +36,7 @@ _HELD_SHARE = 0.9
 _LEAST_AT_LEVEL = 0.25
 _SHORTEST_RICH_S = 6.0
 _FEWEST_HALVES = 7
+_SHORTEST_PERIOD_S = 4.0
 
 _SHORT_KINDS = ("doublet", "multistep", "other")
 
@@ -56,8 +58,8 @@ def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
 
     The first signal of :func:`excitation_signals` that shows any is taken. An interval is active while the signal
     leaves its resting value by more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps are
-    told by half periods that shrink or grow steadily, random binary signals by two levels without a trend, doublets
-    and multisteps by few switches.
+    told by half periods that shrink or grow steadily, random binary signals by two levels without a trend, multisines
+    by a period that they repeat, doublets and multisteps by few switches.
 
     Parameters
     ----------
@@ -274,8 +276,17 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
     if many and duration > _SHORTEST_RICH_S:
         if _has_trend(halves):
             return "sweep", band
-        return ("random_binary", band) if _has_two_levels(time_s, motion, switches, level) else ("other", band)
+        if _has_two_levels(time_s, motion, switches, level):
+            return "random_binary", band
+        return _repeated(time_s, motion) or ("other", band)
     return ("other", band) if many or duration >= 15.0 else ("multistep", None)
+
+
+def _repeated(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float, float]] | None:
+    """A multisine with its band: a signal of several lines that repeats."""
+    period_s = period_of(time_s, motion, shortest_s=_SHORTEST_PERIOD_S)
+    band = None if period_s is None else lines_of(time_s, motion, period_s)
+    return None if band is None else ("multisine", band)
 
 
 def _fastest_rad_s(switches: FloatArray) -> float:

@@ -85,6 +85,8 @@ class Guidance(Immutable):
         Whether these loops are closed.
     tilt_compensation
         Whether a tilted vehicle gets more thrust.
+    heading_follows
+        Whether no heading is held while the yaw stick is out, as PX4 does it, or the one to which the stick leads.
     """
 
     tilt_limit_rad: float = 0.6
@@ -101,6 +103,7 @@ class Guidance(Immutable):
     hold_velocity: bool = False
     hold_height: bool = False
     tilt_compensation: bool = False
+    heading_follows: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,7 +180,9 @@ class Autopilot(Immutable):
         ModelError
             The mixer cannot make the outputs that hover needs.
         """
-        needed = self.linearization.demands(vehicle.hover_shares)
+        rated_v = vehicle.battery.rated_v if vehicle.battery is not None else 0.0
+        share = float(self.linearization.voltage_share(np.array([rated_v]))[0]) if rated_v else 1.0
+        needed = self.linearization.demands(vehicle.hover_shares, voltage_share=share)
         mixer = self.mixer_for(vehicle)
         commands, *_ = np.linalg.lstsq(mixer, needed, rcond=None)
         if np.abs(mixer @ commands - needed).max() > 1e-6:
@@ -217,6 +222,7 @@ class Autopilot(Immutable):
             climb_i=guidance.climb_i,
             height_p=guidance.height_p_1_s,
             hold_velocity=guidance.hold_velocity,
+            heading_follows=guidance.heading_follows,
             hold_height=guidance.hold_height,
             tilt_compensation=guidance.tilt_compensation,
             stick_tilt=guidance.stick_tilt_rad,

@@ -29,6 +29,7 @@ from rotorid.simulate.packed import STATES, Body, Control, Senses, Supply
 from rotorid.simulate.sensor_kernels import attitude, felt, filtered, lag_weights, sense
 from rotorid.typing import FloatArray
 
+_STICK_OUT = 0.01
 _LOWEST_SHARE = 0.6
 """ArduPilot's compensation takes no voltage below this share of the highest."""
 
@@ -56,7 +57,10 @@ def _outer(row: FloatArray, asked: FloatArray, seen: FloatArray, hold: FloatArra
     limit = control.tilt_limit
     row[ANGLE_SETPOINT] = min(limit, max(-limit, phi_wanted))
     row[ANGLE_SETPOINT + 1] = min(limit, max(-limit, theta_wanted))
-    hold[2] += tick * control.stick_yaw_rate * asked[14]
+    if control.heading_follows and abs(asked[14]) > _STICK_OUT:
+        hold[2] = math.atan2(2.0 * (a * d + b * c), 1.0 - 2.0 * (c * c + d * d))
+    else:
+        hold[2] += tick * control.stick_yaw_rate * asked[14]
     row[ANGLE_SETPOINT + 2] = hold[2] + asked[10]
     climb = control.stick_climb * asked[15]
     thrust: float = control.hover_thrust + control.stick_thrust * asked[15]

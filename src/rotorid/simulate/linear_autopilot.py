@@ -164,12 +164,16 @@ def _outer(autopilot: Autopilot, wires: _Wiring) -> tuple[FloatArray, ...]:
         right = own.velocity_p_1_s * right + wires.summed(right, own.velocity_i_1_s2)
         ahead = own.velocity_p_1_s * ahead + wires.summed(ahead, own.velocity_i_1_s2)
         phi, theta = phi + right / STANDARD_GRAVITY_M_S2, theta - ahead / STANDARD_GRAVITY_M_S2
-    psi = put("yaw_attitude_setpoint") + wires.moved(put("yaw_stick"), own.stick_yaw_rate_rad_s)
+    # Where the heading follows while the stick is out, there is nothing that the stick leads to.
+    led = 0.0 if own.heading_follows else own.stick_yaw_rate_rad_s
+    psi = put("yaw_attitude_setpoint") + wires.moved(put("yaw_stick"), led)
+    direct = 0.0 if own.stick_climb_m_s else own.stick_thrust
     if not own.hold_height:
-        return phi, theta, psi, own.stick_thrust * put("thrust_stick")
+        return phi, theta, psi, direct * put("thrust_stick")
     sink = put("w") + own.stick_climb_m_s * put("thrust_stick")
     sink = sink + wires.moved(sink, own.height_p_1_s)
-    return phi, theta, psi, own.climb_p * sink + wires.summed(sink, own.climb_i)
+    held = own.climb_p * sink + wires.summed(sink, own.climb_i)
+    return phi, theta, psi, held + direct * put("thrust_stick")
 
 
 def _inner(autopilot: Autopilot, wires: _Wiring, gyro_lag_s: float, axis: int, wanted: FloatArray) -> FloatArray:

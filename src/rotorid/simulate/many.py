@@ -13,8 +13,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.data.flown import Flown
 from rotorid.data.immutable import Immutable
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import RotoridError, UsageError
 from rotorid.simulate.multirotor_flight import SETTLE_S, STEP_RATE_HZ, Aircraft, fly_multirotor
 from rotorid.simulate.wind import CALM, Wind
@@ -99,12 +99,12 @@ def seed_of(seed: int, index: int) -> int:
     return (int(words[0]) << 64) | int(words[1])
 
 
-def whole(flown: Flown) -> Flown:
+def whole(flown: SimulatedFlight) -> SimulatedFlight:
     """Keep everything. A minute at 400 Hz takes about 13 MB."""
     return flown
 
 
-def columns(*names: str) -> Callable[[Flown], Mapping[str, FloatArray]]:
+def columns(*names: str) -> Callable[[SimulatedFlight], Mapping[str, FloatArray]]:
     """Keep some channels, as the autopilot had them.
 
     Parameters
@@ -118,7 +118,7 @@ def columns(*names: str) -> Callable[[Flown], Mapping[str, FloatArray]]:
         From what is returned: the flight has no such channel.
     """
 
-    def keep(flown: Flown) -> Mapping[str, FloatArray]:
+    def keep(flown: SimulatedFlight) -> Mapping[str, FloatArray]:
         if missing := [name for name in names if name not in flown.columns]:
             raise UsageError(
                 f"{', '.join(missing)} should be kept of a flight that has none",
@@ -131,7 +131,7 @@ def columns(*names: str) -> Callable[[Flown], Mapping[str, FloatArray]]:
 
 def fly_many(
     sorties: Iterable[Sortie],
-    keep: Callable[[Flown], Kept],
+    keep: Callable[[SimulatedFlight], Kept],
     *,
     seed: int = 0,
     workers: int | None = None,

@@ -9,8 +9,8 @@ import numpy as np
 
 from rotorid.data.channel import AXES
 from rotorid.data.flight_plan import Entry, FlightPlan
-from rotorid.data.flown import Flown
 from rotorid.data.immutable import Immutable
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.frames import euler_from_quaternion
 from rotorid.simulate import logged
@@ -25,7 +25,7 @@ STEP_RATE_HZ = 1000.0
 """Least rate of the integrator."""
 
 SETTLE_S = 5.0
-"""Flown before the log begins, so that filters, integrals and the drift in wind have settled."""
+"""SimulatedFlight before the log begins, so that filters, integrals and the drift in wind have settled."""
 
 _ENTRIES: tuple[Entry, ...] = ("command", "rate_setpoint", "attitude_setpoint", "stick")
 _NOISES = 15
@@ -65,7 +65,7 @@ def fly_multirotor(
     seed: int = 0,
     step_rate_hz: float = STEP_RATE_HZ,
     settle_s: float = SETTLE_S,
-) -> Flown:
+) -> SimulatedFlight:
     """Fly and log.
 
     The vehicle is integrated by Runge and Kutta's fourth order between ticks of the autopilot, with outputs held as the
@@ -86,7 +86,7 @@ def fly_multirotor(
     step_rate_hz
         Least rate of the integrator; the next whole multiple of the autopilot's is taken.
     settle_s
-        Flown before the log.
+        SimulatedFlight before the log.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def fly_multirotor(
             remedy="lower the amplitude of the plan, the wind or the gains",
         )
     kept = slice(skipped, None)
-    return Flown(
+    return SimulatedFlight(
         vehicle=aircraft.name,
         autopilot=aircraft.autopilot.kind,
         sample_rate_hz=rate_hz,
@@ -223,7 +223,9 @@ def _raw(aircraft: Aircraft, log: FloatArray, skipped: int) -> dict[str, FloatAr
     if aircraft.autopilot.kind != "ardupilot" or skipped < 1:
         return samples
     before = _named(log[skipped - 1 : -1], groups)
-    return {name: 0.5 * (samples[name] + before[name]) for name in samples}
+    # Rotors without lag push evenly for a turn, so that its last sample of their force is its mean already.
+    even = ("ax", "ay", "az") if not aircraft.vehicle.rotors.lag_up_s else ()
+    return {name: row if name in even else 0.5 * (row + before[name]) for name, row in samples.items()}
 
 
 def _injected(asked: FloatArray, place: int) -> FloatArray:

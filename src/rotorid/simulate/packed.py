@@ -117,6 +117,8 @@ class Control(NamedTuple):
     climb_i: float
     height_p: float
     hold_velocity: bool
+    heading_follows: bool
+    """Whether the heading set-point follows the vehicle while the yaw stick is out."""
     hold_height: bool
     tilt_compensation: bool
     stick_tilt: float

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.models.rotor_layout_library import library_layout
 from rotorid.simulate.autopilot import Autopilot, Guidance, RateLoop
 from rotorid.simulate.multirotor import Multirotor, Rotors
@@ -107,7 +107,9 @@ def _accelerations(vehicle: Multirotor) -> list[float]:
     return [*moments.tolist(), -float(per_command[2, 3]) / vehicle.mass_kg]
 
 
-def interface(flown: Flown, *, rng: np.random.Generator | None = None, jitter_s: float = 0.002) -> Flown:
+def interface(
+    flown: SimulatedFlight, *, rng: np.random.Generator | None = None, jitter_s: float = 0.002
+) -> SimulatedFlight:
     """What a flight looks like from outside: set-points and answers at 20 Hz, and nothing from inside.
 
     Parameters
@@ -121,7 +123,7 @@ def interface(flown: Flown, *, rng: np.random.Generator | None = None, jitter_s:
 
     Returns
     -------
-    Flown
+    SimulatedFlight
         ``phi_setpoint theta_setpoint velocity_down_setpoint`` and ``phi theta psi velocity_north velocity_east
         velocity_down north east down``.
 
@@ -152,7 +154,7 @@ _OUTSIDE = frozenset(name for pair in PAIRS for name in pair) | {
 }
 
 
-def _picked(flown: Flown, rng: np.random.Generator | None, jitter_s: float) -> IntArray:
+def _picked(flown: SimulatedFlight, rng: np.random.Generator | None, jitter_s: float) -> IntArray:
     """Turns of the control loop at which the interface looks."""
     stride = SAMPLE_S * flown.sample_rate_hz
     places = np.arange(int(flown.samples / stride)) * stride

@@ -167,7 +167,7 @@ def px4_autopilot(
 
 
 def stabilized(parameters: Mapping[str, float]) -> Guidance:
-    """PX4's mode Stabilized: sticks ask for tilt, yaw rate and thrust, and nothing is held but the heading.
+    """PX4's mode Stabilized: sticks ask for tilt, yaw rate and thrust, and a heading is held while its stick rests.
 
     PX4's yaw stick has a dead zone and is partly cubic. Here it is straight, and asks for what PX4's does at 0.4.
 
@@ -188,6 +188,7 @@ def stabilized(parameters: Mapping[str, float]) -> Guidance:
         stick_tilt_rad=tilt_rad,
         stick_yaw_rate_rad_s=_yaw_rate(parameters),
         stick_thrust=_STICK_THRUST,
+        heading_follows=True,
     )
 
 
@@ -217,6 +218,7 @@ def held(parameters: Mapping[str, float], *, climb_m_s: float = 3.0) -> Guidance
         stick_tilt_rad=tilt_rad,
         stick_yaw_rate_rad_s=_yaw_rate(parameters),
         stick_climb_m_s=climb_m_s,
+        heading_follows=True,
         velocity_p_1_s=parameters["MPC_XY_VEL_P_ACC"],
         velocity_i_1_s2=parameters["MPC_XY_VEL_I_ACC"],
         climb_p=per_acceleration * parameters["MPC_Z_VEL_P_ACC"],

@@ -56,6 +56,7 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "SYS_AUTOSTART": 10040.0,
         "MC_ROLL_P": 4.0,
         "MC_PITCH_P": 4.0,
+        "IMU_GYRO_CUTOFF": GYRO_CUTOFF_HZ,
         "IMU_DGYRO_CUTOFF": 20.0,
         **rotor_parameters(library_layout("quad.x").scaled(2.0**0.5)),
         "SIH_MASS": MASS_KG,
@@ -71,7 +72,10 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "SIH_T_TAU": 0.05,
     }
 )
-"""Of the log. ``CA_ROTOR`` positions are placeholders there too: one unit ahead and to each side."""
+"""Of the log, but for the filter of the gyroscopes.
+
+``CA_ROTOR`` positions are placeholders there too: one unit ahead and to each side.
+"""
 
 
 def layout() -> RotorLayout:

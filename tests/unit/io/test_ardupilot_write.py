@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from rotorid.data.channel import AXES
-from rotorid.data.flown import Flown
 from rotorid.data.maneuver import Kind, Maneuver
 from rotorid.data.record import FlightRecord, Topic
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.excitation.sweep import logarithmic_sweep
 from rotorid.io.ardupilot_injections import waveform_settings
@@ -70,7 +70,7 @@ def chirp(duration_s: float, amplitude: float = 0.1) -> FloatArray:
 
 def flight(
     duration_s: float, maneuvers: tuple[Maneuver, ...] = (), parameters: dict[str, float] | None = None
-) -> Flown:
+) -> SimulatedFlight:
     """Noise of the right size in every column, and the chirps of the maneuvers."""
     rng = np.random.default_rng(8)
     time_s = np.arange(round(duration_s * LOOP_HZ)) / LOOP_HZ
@@ -89,7 +89,7 @@ def flight(
         values = chirp(maneuver.duration_s)
         columns[f"{maneuver.axis}_excitation"][first : first + values.size] += values
     raw = {name: columns[name] + 0.1 * rng.standard_normal(time_s.size) for name in ("p", "q", "r", "ax", "ay", "az")}
-    return Flown(
+    return SimulatedFlight(
         vehicle="demo",
         autopilot="ardupilot",
         sample_rate_hz=LOOP_HZ,
@@ -105,12 +105,12 @@ RUNS = tuple(sweep(axis, 1.0 + 5.0 * place, 5.0 + 5.0 * place) for place, axis i
 
 
 @pytest.fixture(scope="module")
-def flown() -> Flown:
+def flown() -> SimulatedFlight:
     return flight(22.0, RUNS)
 
 
 @pytest.fixture(scope="module")
-def written(flown: Flown, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(flown: SimulatedFlight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("log") / "flight.BIN"
     write_ardupilot(path, flown, start_s=START_S)
     return path
@@ -121,14 +121,14 @@ def record(written: Path) -> FlightRecord:
     return read(written)
 
 
-def samples_of(topic: Topic, flown: Flown) -> Any:
+def samples_of(topic: Topic, flown: SimulatedFlight) -> Any:
     """Samples of the flight that a topic holds; every stamp is within half a microsecond of one."""
     samples = np.rint((topic.time_s - START_S) * LOOP_HZ).astype(np.int64)
     assert np.abs(topic.time_s - START_S - flown.time_s[samples]).max() < 0.5e-6
     return samples
 
 
-def test_every_channel_comes_back_to_the_rounding_of_its_field(record: FlightRecord, flown: Flown) -> None:
+def test_every_channel_comes_back_to_the_rounding_of_its_field(record: FlightRecord, flown: SimulatedFlight) -> None:
     seen = set()
     for topic in record.topics:
         source = {**flown.columns, **flown.raw} if topic.name.startswith("SIDD") else flown.columns
@@ -233,7 +233,7 @@ def test_modes_say_when_a_sweep_was_injected(written: Path) -> None:
     assert stamps_us[1:3] == [61_000_000, 65_002_500]
 
 
-def test_a_pilot_without_a_throttle_stick_holds_the_altitude(tmp_path: Path, flown: Flown) -> None:
+def test_a_pilot_without_a_throttle_stick_holds_the_altitude(tmp_path: Path, flown: SimulatedFlight) -> None:
     columns = {name: values for name, values in flown.columns.items() if not name.endswith("_stick")}
     write_ardupilot(tmp_path / "log.bin", replace(flown, columns=columns))
     tables = decode((tmp_path / "log.bin").read_bytes()).tables
@@ -252,7 +252,7 @@ def test_parameters_are_those_of_the_flight_and_what_the_log_needs(record: Fligh
     assert record.source.firmware.startswith("ArduCopter V4.5")
 
 
-def test_parameters_of_the_flight_stand_above_the_usual_ones(tmp_path: Path, flown: Flown) -> None:
+def test_parameters_of_the_flight_stand_above_the_usual_ones(tmp_path: Path, flown: SimulatedFlight) -> None:
     given = {
         "MOT_PWM_MIN": 1100.0,
         "MOT_PWM_MAX": 1900.0,
@@ -321,7 +321,9 @@ def test_sweeps_at_the_same_time_are_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_slower_messages_keep_the_stamps_of_rates_and_injection_together(tmp_path: Path, flown: Flown) -> None:
+def test_slower_messages_keep_the_stamps_of_rates_and_injection_together(
+    tmp_path: Path, flown: SimulatedFlight
+) -> None:
     write_ardupilot(tmp_path / "log.bin", flown, rates_hz={"RATE": 150.0, "SIDD": 150.0, "BAT": 1.0})
     tables = decode((tmp_path / "log.bin").read_bytes()).tables
     rate, injected = (set(tables[name].column("TimeUS").tolist()) for name in ("RATE", "SIDD"))
@@ -340,7 +342,9 @@ def test_slower_messages_keep_the_stamps_of_rates_and_injection_together(tmp_pat
         ({"IMU": math.nan}, "more than zero"),
     ],
 )
-def test_impossible_rates_are_refused(rates_hz: dict[str, float], said: str, flown: Flown, tmp_path: Path) -> None:
+def test_impossible_rates_are_refused(
+    rates_hz: dict[str, float], said: str, flown: SimulatedFlight, tmp_path: Path
+) -> None:
     with pytest.raises(UsageError, match=said):
         write_ardupilot(tmp_path / "log.bin", flown, rates_hz=rates_hz)
 
@@ -348,7 +352,7 @@ def test_impossible_rates_are_refused(rates_hz: dict[str, float], said: str, flo
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 @pytest.mark.parametrize(("where", "name"), [("columns", "theta"), ("columns", "motor_3"), ("raw", "az")])
 def test_a_flight_that_diverged_is_refused_and_nothing_is_written(
-    where: str, name: str, bad: float, flown: Flown, tmp_path: Path
+    where: str, name: str, bad: float, flown: SimulatedFlight, tmp_path: Path
 ) -> None:
     values = getattr(flown, where)[name].copy()
     values[800:] = bad
@@ -363,7 +367,7 @@ def test_a_flight_that_diverged_is_refused_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_values_beyond_their_fields_are_refused(flown: Flown, tmp_path: Path) -> None:
+def test_values_beyond_their_fields_are_refused(flown: SimulatedFlight, tmp_path: Path) -> None:
     wild = {**flown.columns, "motor_2": np.full(flown.samples, 100.0)}
 
     with pytest.raises(UsageError, match=r"RCOU\.C2 reaches"):
@@ -371,19 +375,19 @@ def test_values_beyond_their_fields_are_refused(flown: Flown, tmp_path: Path) ->
     with pytest.raises(UsageError, match="without samples"):
         write_ardupilot(
             tmp_path / "log.bin",
-            Flown(vehicle="none", autopilot="ardupilot", sample_rate_hz=1.0, time_s=[], columns={}),
+            SimulatedFlight(vehicle="none", autopilot="ardupilot", sample_rate_hz=1.0, time_s=[], columns={}),
         )
     assert not list(tmp_path.iterdir())
 
 
-def test_motors_beyond_what_the_autopilot_numbers_are_refused(flown: Flown, tmp_path: Path) -> None:
+def test_motors_beyond_what_the_autopilot_numbers_are_refused(flown: SimulatedFlight, tmp_path: Path) -> None:
     many = {**flown.columns, **{f"motor_{number}": np.zeros(flown.samples) for number in range(1, 14)}}
 
     with pytest.raises(UsageError, match="13 motors came"):
         write_ardupilot(tmp_path / "log.bin", replace(flown, columns=many))
 
 
-def test_messages_need_their_columns(flown: Flown, tmp_path: Path) -> None:
+def test_messages_need_their_columns(flown: SimulatedFlight, tmp_path: Path) -> None:
     few = {name: flown.columns[name] for name in ("p", "q", "r", "ax", "ay", "az")}
     write_ardupilot(tmp_path / "log.bin", replace(flown, columns=few, maneuvers=()))
     tables = decode((tmp_path / "log.bin").read_bytes()).tables
@@ -391,7 +395,7 @@ def test_messages_need_their_columns(flown: Flown, tmp_path: Path) -> None:
     assert set(tables) == {"FMT", "UNIT", "MULT", "FMTU", "PARM", "MSG", "ARM", "EV", "MODE", "IMU"}
 
 
-def test_equal_flights_give_equal_bytes(flown: Flown, written: Path, tmp_path: Path) -> None:
+def test_equal_flights_give_equal_bytes(flown: SimulatedFlight, written: Path, tmp_path: Path) -> None:
     write_ardupilot(tmp_path / "again.BIN", flight(22.0, RUNS), start_s=START_S)
 
     assert (tmp_path / "again.BIN").read_bytes() == written.read_bytes()
@@ -436,7 +440,7 @@ def test_climb_and_lift_are_reckoned_as_the_firmware_does(unpacked: Callable[[st
 
 def logged_of(columns: dict[str, Any], parameters: dict[str, float] | None = None) -> Logged:
     count = next(iter(columns.values())).size
-    flown = Flown(
+    flown = SimulatedFlight(
         vehicle="sitl",
         autopilot="ardupilot",
         sample_rate_hz=LOOP_HZ,
@@ -457,7 +461,7 @@ def test_a_closed_loop_flight_is_inspected_like_a_log_of_the_mode(tmp_path: Path
     )
     plan = (Excitation(maneuver=maneuver, values=values, sample_rate_hz=STEP_RATE_HZ),)
     flew = fly(s500.vehicle(), plan, sample_rate_hz=200.0, rng=np.random.default_rng(3))
-    flown = Flown(
+    flown = SimulatedFlight(
         vehicle=flew.vehicle,
         autopilot="ardupilot",
         sample_rate_hz=flew.sample_rate_hz,

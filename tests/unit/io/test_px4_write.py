@@ -15,8 +15,8 @@ import pyulog
 from pyulog.ulog2csv import convert_ulog2csv
 
 from rotorid.data.channel import AXES
-from rotorid.data.flown import Flown
 from rotorid.data.record import FlightRecord
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.excitation.doublet import doublet
 from rotorid.excitation.sweep import pilot_sweep
@@ -50,12 +50,12 @@ SINGLE = 2.0**-24
 """Half of the step from one to the next number in single precision."""
 
 
-def flight(samples: int = 2000, rate_hz: float = 1000.0, names: list[str] = NAMES, **others: Any) -> Flown:
+def flight(samples: int = 2000, rate_hz: float = 1000.0, names: list[str] = NAMES, **others: Any) -> SimulatedFlight:
     """Random signals under every name; angles far from where Euler angles lose their meaning."""
     rng = np.random.default_rng(3)
     columns = {name: LARGEST_ANGLE * rng.uniform(-1.0, 1.0, samples) for name in names}
     raw = {name: rng.normal(size=samples) for name in SENSORS}
-    return Flown(
+    return SimulatedFlight(
         **{
             "vehicle": "test",
             "autopilot": "px4",
@@ -68,7 +68,7 @@ def flight(samples: int = 2000, rate_hz: float = 1000.0, names: list[str] = NAME
     )
 
 
-def written(folder: Path, flown: Flown, **options: Any) -> FlightRecord:
+def written(folder: Path, flown: SimulatedFlight, **options: Any) -> FlightRecord:
     write_px4(folder / "flight.ulg", flown, **options)
     return read(folder / "flight.ulg")
 

@@ -33,10 +33,10 @@ def topic(name: str, time_s: np.ndarray, **channels: np.ndarray) -> Topic:
 
 
 def flight() -> FlightRecord:
-    """A multisine on roll, a gap in the gyro, a battery; names that try to act."""
+    """Motion of no pattern on roll, a gap in the gyro, a battery; names that try to act."""
     time_s = np.arange(0.0, 40.0, 0.01)
     moving = (time_s > 5.0) & (time_s < 35.0)
-    sines = sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.3, 0.5, 0.8, 1.1))
+    sines = sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.31, 0.53, 0.82, 1.13))
     motion = np.where(moving, 0.05 * sines, 0.0)
     kept = (time_s < 20.0) | (time_s > 21.0)
     return FlightRecord(
@@ -161,7 +161,7 @@ def test_the_screen_groups_motors_and_shows_the_line_to_paste(tmp_path: Path) ->
     log = tmp_path / "log.csv"
     motors = [f"motor_{n}" for n in range(1, 5)]
     time_s = np.arange(0.0, 30.0, 0.01)
-    sines = 0.05 * sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.3, 0.5, 0.8, 1.1))
+    sines = 0.05 * sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.31, 0.53, 0.82, 1.13))
     header = ",".join(["time [s]", "roll_command [1]", *(f"{name} [1]" for name in motors)])
     table = np.column_stack([time_s, sines, *(np.full(time_s.size, 0.5) for _ in motors)])
     np.savetxt(log, table, delimiter=",", header=header, comments="", fmt="%.5f")

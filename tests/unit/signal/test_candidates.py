@@ -35,9 +35,10 @@ def random_binary(seed: int, seconds: float = 20.0) -> FloatArray:
     return levels[: round(seconds * RATE_HZ)]
 
 
-def multisine(seconds: float = 20.0) -> FloatArray:
+def wandering(seconds: float = 20.0) -> FloatArray:
+    """Five sines without a common period in the time that they last."""
     time_s = np.arange(0.0, seconds, 1.0 / RATE_HZ)
-    return 0.05 * sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.3, 0.5, 0.8, 1.1, 1.3))
+    return 0.05 * sum(np.sin(2.0 * np.pi * f * time_s + f**2) for f in (0.31, 0.53, 0.82, 1.13, 1.37))
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -51,8 +52,8 @@ def test_a_binary_signal_that_fills_its_log_is_found_or_a_candidate(seed: int) -
     assert (only.start_s, only.stop_s) == (0.0, (values.size - 1) / RATE_HZ)
 
 
-def test_a_multisine_is_a_candidate_and_no_excitation() -> None:
-    flight = record(roll_command=np.concatenate([np.zeros(100), multisine(), np.zeros(100)]))
+def test_motion_of_no_pattern_is_a_candidate_and_no_excitation() -> None:
+    flight = record(roll_command=np.concatenate([np.zeros(100), wandering(), np.zeros(100)]))
     assert find_excitations(flight, "roll") == ()
     (candidate,) = candidate_excitations(flight, "roll")
     assert candidate.kind == "other"
@@ -78,13 +79,13 @@ def test_what_was_found_is_no_candidate_too() -> None:
 
 def test_a_setpoint_inside_a_quiet_one_is_feedback() -> None:
     quiet = np.zeros(400)
-    flight = record(roll_stick=quiet, phi_setpoint=multisine(), roll_command=multisine())
+    flight = record(roll_stick=quiet, phi_setpoint=wandering(), roll_command=wandering())
     assert candidate_excitations(flight, "roll") == ()
 
 
 def test_the_answer_of_a_controller_to_another_axis_is_no_candidate() -> None:
     excited = np.concatenate([np.zeros(100), random_binary(1), np.zeros(100)])
-    answer = np.concatenate([np.zeros(100), multisine(), np.zeros(100)])
+    answer = np.concatenate([np.zeros(100), wandering(), np.zeros(100)])
     flight = record(theta_setpoint=excited, phi_setpoint=answer)
     assert [m.kind for m in find_excitations(flight, "pitch")] == ["random_binary"]
     assert candidate_excitations(flight, "roll") == ()

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from tests.unit.simulate import craft
 
 from rotorid.models.controller import RateController
 from rotorid.models.rotor_layout_library import library_layout
@@ -16,7 +17,6 @@ from rotorid.simulate.linear_autopilot import feedback_of
 from rotorid.simulate.packed import Control
 from rotorid.simulate.vehicle import OUTPUTS
 from rotorid.typing import FloatArray
-from tests.unit.simulate import craft
 
 
 def controls(autopilot: Autopilot) -> Control:

@@ -7,6 +7,8 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from tests.unit.simulate import craft
+from tests.unit.simulate.test_multirotor import plus
 
 from rotorid.data.channel import AXES
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
@@ -21,8 +23,6 @@ from rotorid.simulate.packed import STATES
 from rotorid.simulate.sensors import PERFECT, Sensors
 from rotorid.simulate.vehicle import OUTPUTS
 from rotorid.typing import Axis, FloatArray
-from tests.unit.simulate import craft
-from tests.unit.simulate.test_multirotor import plus
 
 PLACE = (0.03, 0.02, -0.04)
 
@@ -153,7 +153,7 @@ def linear_flight(aircraft: Aircraft, axis: int, entry: Entry, added: FloatArray
     """Outputs of the linear loop under a test input that comes back at rest, shape ``(12, n)``."""
     autopilot = aircraft.autopilot
     plant = linearize(aircraft.vehicle, autopilot, accelerometer_m=aircraft.sensors.accelerometer_place_m)
-    omega = 2.0 * np.pi * np.fft.rfftfreq(added.size, 1.0 / autopilot.rate_hz)[1:]
+    omega = 2.0 * np.pi * autopilot.rate_hz / added.size * np.arange(1.0, added.size // 2 + 1)
     responses = np.moveaxis(plant.response(omega), -1, 0)
     feedback = np.moveaxis(feedback_of(autopilot, gyro_lag_s=aircraft.sensors.gyro_lag_s).response(omega), -1, 0)
     entering = np.moveaxis(entry_of(autopilot, entry).response(omega), -1, 0)[:, :, axis, None]

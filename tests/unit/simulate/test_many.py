@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.simulate import craft
 
 from rotorid.errors import RotoridError, UsageError
 from rotorid.simulate.many import Sortie, columns, fly_many, seed_of, whole
 from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulate.wind import Wind
-from tests.unit.simulate import craft
 
 GUSTY = Wind(north_m_s=3.0, turbulence_m_s=0.5)
 
@@ -61,7 +61,7 @@ def test_flights_that_fail_are_outcomes() -> None:
     assert [one.error is None for one in found] == [True, False, True]
     with pytest.raises(RotoridError, match="hovers at"):
         _ = found[1].result
-    missing = list(fly_many(flights[:1], columns("pp"), settle_s=0.0))[0]
+    missing = next(iter(fly_many(flights[:1], columns("pp"), settle_s=0.0)))
     assert isinstance(missing.error, UsageError)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.simulate import craft
 
 from rotorid.errors import ModelError
 from rotorid.models.physical import hover_speed, rotor_forces
@@ -16,7 +18,6 @@ from rotorid.simulate.multirotor_kernels import derivative, glide
 from rotorid.simulate.packed import STATES, Body
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
-from tests.unit.simulate import craft
 
 RNG_SEED = 3
 TUMBLING = np.array([3.0, -2.0, 4.0])
@@ -94,7 +95,7 @@ def test_order_of_the_integrator() -> None:
         flown(state, vehicle.body(), outputs, step_s=step_s, duration_s=1.6)[-1]
         for step_s in (0.016, 0.008, 0.004, 0.002)
     ]
-    first, second, third = (np.linalg.norm(one - two) for one, two in zip(ends[:-1], ends[1:], strict=True))
+    first, second, third = (np.linalg.norm(one - two) for one, two in itertools.pairwise(ends))
     assert np.log2(first / second) == pytest.approx(4.0, abs=0.2)
     assert np.log2(second / third) == pytest.approx(4.0, abs=0.1)
 
@@ -108,8 +109,17 @@ def test_the_quaternion_keeps_its_norm() -> None:
 
 def plus() -> tuple[dict[str, float], Multirotor]:
     """The quadrotor of `rotorid.models.physical`: parameters, and the same as a vehicle; front, right, rear, left."""
-    physics = dict(m=1.5, I_xx=0.03, I_yy=0.03, I_zz=0.055, c_T=0.1, dc_T_dJ=-0.13, c_H=0.05, c_P=0.04)
-    physics |= dict(D=0.25, l=0.25, z=0.03, rho=1.225, k_n=100.0)
+    physics = {
+        "m": 1.5,
+        "I_xx": 0.03,
+        "I_yy": 0.03,
+        "I_zz": 0.055,
+        "c_T": 0.1,
+        "dc_T_dJ": -0.13,
+        "c_H": 0.05,
+        "c_P": 0.04,
+    }
+    physics |= {"D": 0.25, "l": 0.25, "z": 0.03, "rho": 1.225, "k_n": 100.0}
     physics["n_h"] = hover_speed(physics)
     arm, up, full = physics["l"], -physics["z"], 200.0
     layout = RotorLayout(
@@ -129,7 +139,7 @@ def plus() -> tuple[dict[str, float], Multirotor]:
         full_speed_rad_s=2.0 * np.pi * full,
         lag_up_s=0.05,
     )
-    inertia = (physics["I_xx"], physics["I_yy"], physics["I_zz"])
+    inertia = np.diag([physics["I_xx"], physics["I_yy"], physics["I_zz"]])
     return physics, Multirotor(name="plus", mass_kg=physics["m"], inertia_kg_m2=inertia, rotors=rotors)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.simulate import craft
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
@@ -18,7 +19,6 @@ from rotorid.simulate.packed import STATES
 from rotorid.simulate.sensors import PERFECT
 from rotorid.simulate.wind import Wind
 from rotorid.typing import FloatArray
-from tests.unit.simulate import craft
 
 GUSTY = Wind(north_m_s=4.0, turbulence_m_s=0.8)
 

@@ -7,26 +7,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from tests.unit.simulate import craft
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulate.sensors import PERFECT, Sensors
-from rotorid.typing import FloatArray
-from tests.unit.simulate import craft
+from rotorid.typing import Axis, FloatArray
 
+TURNED: tuple[Axis, ...] = ("roll", "pitch", "yaw")
 RATES, FORCES = ("p", "q", "r"), ("ax", "ay", "az")
 
 
-def flown(sensors: Sensors, *, rate_hz: float = 1000.0, moving: bool = True, seed: int = 0) -> Flown:
+def flown(sensors: Sensors, *, rate_hz: float = 1000.0, moving: bool = True, seed: int = 0) -> SimulatedFlight:
     """A flight of six seconds that rolls and pitches and yaws, where it is asked to move."""
     values = 0.1 * np.sin(2.0 * np.pi * np.outer((0.7, 1.1, 0.4), np.arange(0.0, 6.0, 0.005)))
     inputs = tuple(
         PlannedInput(
             axis=axis, shape="multisine", start_s=0.0, values=one, sample_rate_hz=200.0, amplitude=0.1, entry="stick"
         )
-        for axis, one in zip(("roll", "pitch", "yaw"), values, strict=True)
+        for axis, one in zip(TURNED, values, strict=True)
     )
     # The position is not held: it would bring the noise of its sensors into the motion.
     autopilot = craft.autopilot("simple", rate_hz=rate_hz, guidance=replace(craft.HOLDING, hold_velocity=False))
@@ -35,7 +36,7 @@ def flown(sensors: Sensors, *, rate_hz: float = 1000.0, moving: bool = True, see
     return fly_multirotor(aircraft, plan, duration_s=6.0, settle_s=1.0, seed=seed)
 
 
-def table(flight: Flown, where: str, names: tuple[str, ...]) -> FloatArray:
+def table(flight: SimulatedFlight, where: str, names: tuple[str, ...]) -> FloatArray:
     return np.stack([getattr(flight, where)[name] for name in names])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -35,7 +36,7 @@ def test_spectra_are_drydens(axis: int, share: float) -> None:
     frequency, density = welch(gusts(GUSTY)[:, axis], RATE_HZ, window="hann", nperseg=segment, detrend="constant")
     # Above the resolution of the segments, and where a sampled process is not folded yet.
     bands = np.geomspace(0.02, 2.0, 9)
-    for low, high in zip(bands[:-1], bands[1:], strict=True):
+    for low, high in itertools.pairwise(bands):
         inside = (frequency >= low) & (frequency < high)
         wanted = dryden(frequency[inside], share * GUSTY.turbulence_m_s, time_s, along=axis == 0).mean()
         # Hann windows at half overlap: 1.9 of 2 segments count; neighbors in frequency share 1.5 bins.

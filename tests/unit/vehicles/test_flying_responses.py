@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
-from rotorid.data.flown import Flown
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulate.sensors import PERFECT
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -19,7 +19,7 @@ from rotorid.vehicles.catalog import aircraft
 
 def waves(
     one: Aircraft, axis: Axis, omega: FloatArray, *, amplitude: float, period_s: float, entry: Entry = "command"
-) -> Flown:
+) -> SimulatedFlight:
     """Two periods of a sum of cosines under perfect sensors; the second one is steady."""
     rate_hz = one.autopilot.rate_hz
     time_s = np.arange(round(2.0 * period_s * rate_hz)) / rate_hz
@@ -37,7 +37,7 @@ def waves(
     return fly_multirotor(replace(one, sensors=PERFECT), FlightPlan(name="waves", inputs=(planned,), trim_s=0.0))
 
 
-def ratio(flown: Flown, y: FloatArray, u: FloatArray, omega: FloatArray) -> ComplexArray:
+def ratio(flown: SimulatedFlight, y: FloatArray, u: FloatArray, omega: FloatArray) -> ComplexArray:
     """Response at the lines, from the second half."""
     half = flown.samples // 2
     turning = np.exp(-1j * np.outer(omega, flown.time_s[half:]))

@@ -14,7 +14,7 @@ from rotorid.typing import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Flown(Immutable):
+class SimulatedFlight(Immutable):
     """Signals of a flight at the rate of the control loop, before any logger has thinned them out.
 
     Parameters
@@ -44,7 +44,8 @@ class Flown(Immutable):
 
     Examples
     --------
-    >>> flown = Flown(vehicle="demo", autopilot="px4", sample_rate_hz=2.0, time_s=[0.0, 0.5], columns={"p": [0.0, 1.0]})
+    >>> flown = SimulatedFlight(vehicle="demo", autopilot="px4", sample_rate_hz=2.0, time_s=[0.0, 0.5],
+    ...                         columns={"p": [0.0, 1.0]})
     >>> flown.columns["p"].tolist(), flown.samples
     ([0.0, 1.0], 2)
     """

@@ -1,0 +1,152 @@
+"""``simulate``, ``design`` and ``vehicles``: files, words and codes, as a user meets them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.cli.commands import rotorid
+
+from rotorid import read
+
+HOVER = ("--plan", "none", "--duration", "4")
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("design")
+    ran = rotorid(
+        "design", "sweep", "--vehicle", "px4_quad", "--axis", "roll", "--band", "1:40", "--duration", "30",
+        "--doublets", "--turbulence", "0.3", "--reach", "L_roll=2", "--out", folder,
+    )  # fmt: skip
+    assert (ran.code, ran.err) == (0, "")
+    return folder
+
+
+def test_a_design_is_a_plan_its_predictions_and_files_for_pilot_and_autopilot(designed: Path) -> None:
+    document = json.loads((designed / "design.json").read_text())
+    (plan,) = document["plans"]
+    assert set(plan["files"]) == {path.name for path in designed.iterdir()} - {"design.json"}
+    assert {"plan.json", "plan.csv", "flight-card.html", "px4_fly_plan.py", "px4.params"} <= set(plan["files"])
+    assert [one["shape"] for one in plan["inputs"]] == ["pilot_sweep", "doublet", "doublet"]
+    assert plan["reached"]["tilt_rad"] <= document["limits"]["tilt_rad"]
+    (prediction,) = plan["predictions"]
+    assert prediction["model"] == "rate.roll"
+    assert prediction["parameters"]["L_roll"]["std"] > prediction["parameters"]["L_roll"]["lowest_std"] > 0.0
+    (shortest,) = plan["shortest"]
+    assert shortest["wanted_percent"] == {"L_roll": 2.0}
+
+
+def test_a_plan_is_flown_identified_and_known_about_as_well_as_was_said(designed: Path, tmp_path: Path) -> None:
+    told = json.loads((designed / "design.json").read_text())["plans"][0]["predictions"][0]["parameters"]
+    ran = rotorid("simulate", "px4_quad", "--plan", designed / "plan.json", "--turbulence", "0.3", "--out", tmp_path)
+    assert (ran.code, ran.err) == (0, "")
+    truth = json.loads((tmp_path / "simulation.json").read_text())["truth"]
+    assert read(tmp_path / "flight.ulg").source.format == "PX4 ULog"
+    ran = rotorid("identify", tmp_path / "flight.ulg", "--model", "rate.roll", "--out", tmp_path / "result", "--json")
+    found = json.loads(ran.out)["parameters"]
+    for name in ("L_roll", "T_motor"):
+        std = max(found[name]["std"], told[name]["std"])
+        assert abs(found[name]["value"] - truth[name]["value"]) < 4.0 * std + 0.005 * truth[name]["value"]
+        assert 0.2 < found[name]["std"] / told[name]["std"] < 5.0
+
+
+def test_a_previous_result_is_the_prior_of_the_next_plan(designed: Path, tmp_path: Path) -> None:
+    heavy = ("--set", "m=1.3", "--set", "I_xx=0.032")
+    plan = ("--plan", designed / "plan.json")
+    assert rotorid("simulate", "px4_quad", *heavy, *plan, "--out", tmp_path / "first").code == 0
+    ran = rotorid("identify", tmp_path / "first" / "flight.ulg", "--model", "rate.roll", "--out", tmp_path / "result")
+    assert ran.code == 0
+    given = ("--axis", "roll", "--amplitude", "roll=0.3", "--duration", "30", "--band", "1:40")
+    ran = rotorid(
+        "design", "sweep", "--vehicle", "px4_quad", *given, "--prior", tmp_path / "result", "--json",
+        "--out", tmp_path / "next",
+    )  # fmt: skip
+    assert ran.code == 0, ran.err
+    expected = json.loads(ran.out)["plans"][0]["predictions"][0]["parameters"]["L_roll"]
+    # 113.1 for the vehicle of the library.
+    assert expected["value"] == pytest.approx(113.1 * 0.025 / 0.032, rel=0.02)
+    assert expected["expected"] == pytest.approx(expected["value"], rel=0.02)
+
+
+def test_several_kinds_are_compared(tmp_path: Path) -> None:
+    ran = rotorid(
+        "design", "multisine", "binary", "--vehicle", "ardupilot_quad", "--axis", "roll", "--duration", "20",
+        "--band", "1:40", "--json", "--out", tmp_path,
+    )  # fmt: skip
+    document = json.loads(ran.out)
+    assert [plan["kind"] for plan in document["plans"]] == ["multisine", "random_binary"]
+    assert set(document["best"].values()) <= {"multisine", "random_binary"}
+    # Neither is what ArduPilot flies by itself, and that is said.
+    assert [finding["kind"] for finding in document["findings"]] == ["not_written", "not_written"]
+    assert (tmp_path / "multisine" / "plan.json").exists()
+
+
+def test_a_hover_without_a_plan_is_logged(tmp_path: Path) -> None:
+    ran = rotorid("simulate", "x500", *HOVER, "--wind", "3,1", "--turbulence", "0.5", "--out", tmp_path, "--json")
+    document = json.loads(ran.out)
+    assert document["schema"] == "rotorid.simulation/1"
+    assert document["logs"][0]["duration_s"] == pytest.approx(4.0)
+    assert {path.name for path in tmp_path.iterdir()} == {"flight.ulg", "simulation.json"}
+
+
+@pytest.mark.parametrize(("format", "name"), [("ulg", "PX4 ULog"), ("bin", "ArduPilot DataFlash"), ("csv", "CSV")])
+def test_a_flight_is_the_same_in_every_format(tmp_path: Path, format: str, name: str) -> None:
+    vehicle = "px4_quad" if format == "ulg" else "ardupilot_quad"
+    ran = rotorid("simulate", vehicle, *HOVER, "--format", format, "--out", tmp_path, "--json")
+    record = read(tmp_path / json.loads(ran.out)["logs"][0]["file"])
+    assert record.source.format == name
+    assert {"p", "q", "r", "roll_command", "thrust_command"} <= set(record.channel_names)
+
+
+def test_runs_differ_in_seed_and_draws_and_are_the_same_alone(tmp_path: Path) -> None:
+    common = ("simulate", "px4_quad", *HOVER, "--vary", "m=10", "--json", "--out")
+    many = json.loads(rotorid(*common, tmp_path / "many", "--runs", "3").out)["logs"]
+    assert [log["file"] for log in many] == ["flight_1.ulg", "flight_2.ulg", "flight_3.ulg"]
+    assert len({log["changed"]["m"] for log in many}) == 3
+    alone = json.loads(rotorid(*common, tmp_path / "alone", "--seed", "1").out)["logs"][0]
+    assert (alone["sha256"], alone["changed"]) == (many[1]["sha256"], many[1]["changed"])
+
+
+def test_numbers_of_a_vehicle_change_what_is_true(tmp_path: Path) -> None:
+    ran = rotorid("simulate", "px4_quad", *HOVER, "--set", "I_xx=0.05", "--out", tmp_path, "--json")
+    truth = json.loads(ran.out)["truth"]
+    assert truth["L_roll"]["value"] == pytest.approx(113.1 / 2.0, rel=1e-3)
+    assert np.isclose(truth["M_pitch"]["value"], 113.1, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("simulate", "x50"), "did you mean x500"),
+        (("simulate", "rig"), "does not fly"),
+        (("simulate", "x500", "--set", "mass=2"), "number of a vehicle 'mass'"),
+        (("simulate", "x500", "--set", "m=heavy"), "NAME=VALUE"),
+        (("simulate", "x500", "--wind", "strong"), "--wind NORTH"),
+        (("simulate", "x500", "--plan", "nowhere.json"), "cannot be read"),
+        (("simulate", "x500", "--plan", "none", "--format", "xml"), "format"),
+        (("simulate", "x500", "--plan", "none", "--runs", "0"), "0 runs"),
+        (("design", "wobble", "--vehicle", "x500"), "kind of test input 'wobble'"),
+        (("design", "sweep", "--vehicle", "x500", "--axis", "rol"), "did you mean roll"),
+        (("design", "sweep", "--vehicle", "x500", "--limit", "speed=3"), "limit 'speed'"),
+        (("design", "sweep", "--vehicle", "x500", "--reach", "L_rol=2"), "free parameter"),
+        (("design", "sweep", "--vehicle", "x500", "--entry", "sticks"), "did you mean stick"),
+        (("design", "sweep", "sweep", "--vehicle", "x500"), "each once"),
+    ],
+)
+def test_wrong_use_is_code_2_and_says_what_to_do(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
+    ran = rotorid(*arguments, "--out", tmp_path / "out")
+    assert ran.code == 2
+    assert words in ran.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_vehicles_are_listed_with_their_sources() -> None:
+    listed = json.loads(rotorid("vehicles", "--json").out)["vehicles"]
+    assert {"s500", "hummingbird", "bebop", "rig", "iris", "x500", "crazyflie", "ardupilot_quad"} <= {
+        one["name"] for one in listed
+    }
+    assert all(one["source"] for one in listed)
+    assert "s500" in rotorid("vehicles").out

@@ -1,0 +1,84 @@
+"""Plans from wishes: order, sizes, entries, and the limits that the whole plan keeps."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rotorid.design.amplitude import Limits, reached
+from rotorid.errors import UsageError
+from rotorid.pipeline.planning import PlanChoices, default_entry, plan_for, plan_with, sweep_of
+from rotorid.simulate.changes import piloted
+from rotorid.simulate.multirotor_flight import fly_multirotor
+from rotorid.vehicles.catalog import aircraft
+
+SIZES = {"roll": 0.1, "pitch": 0.1, "yaw": 0.1, "thrust": 0.1}
+SHORT = PlanChoices(shape="pilot_sweep", axes=("roll", "pitch"), band_rad_s=(2.0, 30.0), duration_s=15.0)
+
+
+def test_inputs_follow_each_other_with_doublets_of_both_signs_at_the_end() -> None:
+    plan = plan_with(
+        aircraft("px4_quad"), replace(SHORT, repeats=2, doublets=True), SIZES, doublets={"roll": 0.2, "pitch": 0.3}
+    )
+    assert [(one.axis, one.shape, one.amplitude) for one in plan.inputs] == [
+        ("roll", "pilot_sweep", 0.1),
+        ("roll", "pilot_sweep", 0.1),
+        ("pitch", "pilot_sweep", 0.1),
+        ("pitch", "pilot_sweep", 0.1),
+        ("roll", "doublet", 0.2),
+        ("roll", "doublet", -0.2),
+        ("pitch", "doublet", 0.3),
+        ("pitch", "doublet", -0.3),
+    ]
+    starts, stops = [one.start_s for one in plan.inputs], [one.stop_s for one in plan.inputs]
+    assert np.all(np.subtract(starts[1:], stops[:-1]) >= 3.9)
+    # Repeated sweeps carry other noise, so that the two add information.
+    assert not np.array_equal(plan.inputs[0].values, plan.inputs[1].values)
+
+
+def test_an_autopilot_gets_inputs_where_it_can_take_them() -> None:
+    px4, ardupilot = aircraft("px4_quad"), aircraft("ardupilot_quad")
+    assert [default_entry(px4, axis) for axis in ("roll", "thrust")] == ["attitude_setpoint", "command"]
+    assert default_entry(ardupilot, "roll") == "command"
+    assert (sweep_of(px4), sweep_of(ardupilot)) == ("pilot_sweep", "logarithmic_sweep")
+
+
+def test_a_chirp_begins_with_two_slow_cycles_as_ardupilots() -> None:
+    plan = plan_with(aircraft("ardupilot_quad"), replace(SHORT, shape="logarithmic_sweep", axes=("roll",)), SIZES)
+    assert plan.inputs[0].settings["constant_s"] == pytest.approx(2.0 * 2.0 * math.pi / 2.0)
+    assert plan.inputs[0].stop_s - plan.inputs[0].start_s == pytest.approx(15.0 + 2.0 * math.pi, abs=0.01)
+
+
+def test_the_whole_plan_stays_within_the_limits_and_uses_them() -> None:
+    craft = piloted(aircraft("px4_quad"))
+    limits = Limits(tilt_rad=math.radians(15.0))
+    found = plan_for(craft, replace(SHORT, shape="multisine", axes=("roll", "pitch"), duration_s=20.0, limits=limits))
+    assert found.reached.beyond(limits) == ()
+    assert found.reached == reached(fly_multirotor(craft, found.plan))
+    # Both axes tilt at the same time, so that each alone would stay far from the limit.
+    assert found.reached.tilt_rad > 0.7 * limits.tilt_rad
+    assert {found.limited_by(one) for one in found.plan.inputs} == {"tilt_rad"}
+
+
+def test_amplitudes_that_are_given_are_flown_as_they_are() -> None:
+    found = plan_for(piloted(aircraft("px4_quad")), replace(SHORT, axes=("roll",), amplitudes={"roll": 0.05}))
+    assert [one.amplitude for one in found.plan.inputs] == [0.05]
+    assert found.limited_by(found.plan.inputs[0]) == ""
+
+
+def test_a_multisine_of_axes_with_other_entries_names_the_remedy() -> None:
+    with pytest.raises(UsageError, match="leave out thrust"):
+        plan_with(aircraft("px4_quad"), replace(SHORT, shape="multisine", axes=("roll", "thrust")), SIZES)
+
+
+def test_steps_last_as_many_units_as_they_have() -> None:
+    assert [replace(SHORT, shape=shape, duration_s=None).length_s for shape in ("doublet", "three_two_one_one")] == [
+        pytest.approx(0.6),
+        pytest.approx(2.1),
+    ]
+
+
+def test_no_axes_is_no_plan() -> None:
+    with pytest.raises(UsageError, match="the axes none"):
+        replace(SHORT, axes=())
