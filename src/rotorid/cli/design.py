@@ -76,6 +76,9 @@ def design_command(
     prior: Annotated[
         Path | None, typer.Option("--prior", help="result.json of an earlier flight, or its folder: what is expected.")
     ] = None,
+    gains: Annotated[
+        Path | None, typer.Option("--gains", help="A log of your own autopilot, whose gains will fly.")
+    ] = None,
     reach: Annotated[
         list[str] | None,
         typer.Option(
@@ -91,6 +94,7 @@ def design_command(
     quiet: Quiet = False,
 ) -> None:
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
+    from rotorid.io.registry import read
     from rotorid.pipeline.design import DesignChoices, design
     from rotorid.pipeline.design_prior import read_prior
     from rotorid.report.design_output import write_design
@@ -116,6 +120,8 @@ def design_command(
         reach=named_numbers(reach, "--reach"),
         changes=named_numbers(set, "--set"),
         prior=None if prior is None else read_prior(prior),
+        gains={} if gains is None else dict(read(gains).parameters),
+        gains_source="" if gains is None else gains.name,
     )
     folder = out or Path("rotorid-out") / f"{vehicle}-design"
     with progress(quiet=quiet) as tell:

@@ -26,7 +26,7 @@ _LEAST = 1e-6
 
 
 def aircraft_loop(
-    aircraft: Aircraft, *, wind: Wind = CALM, log_rate_hz: float | None = None, filtered: bool = True
+    aircraft: Aircraft, *, wind: Wind = CALM, log_rate_hz: float | None = None, filtered: bool | None = None
 ) -> LoopModel:
     """A multirotor around hover as :func:`rotorid.simulate.multirotor_flight.fly_multirotor` flies it.
 
@@ -42,7 +42,8 @@ def aircraft_loop(
     log_rate_hz
         Rate of the log; that of the autopilot when omitted.
     filtered
-        Whether the log holds rates and accelerations behind the autopilot's filters, or as the sensors gave them.
+        Whether rates and accelerations are those behind the autopilot's filters, or those that the sensors gave. By
+        default what an identification takes: behind the filters, and for ArduPilot, which logs sweeps before them, not.
 
     Examples
     --------
@@ -54,8 +55,7 @@ def aircraft_loop(
     autopilot, sensors = aircraft.autopilot, aircraft.sensors
     plant = linearize(aircraft.vehicle, autopilot, accelerometer_m=sensors.accelerometer_place_m)
     feedback = feedback_of(autopilot, gyro_lag_s=sensors.gyro_lag_s)
-    cutoffs_hz = [autopilot.gyro_cutoff_hz] * 3 + [0.0] * 6 + [autopilot.accelerometer_cutoff_hz] * 3
-    seen = _Filters(cutoffs_hz=tuple(cutoffs_hz if filtered else [0.0] * len(OUTPUTS)), rate_hz=autopilot.rate_hz)
+    seen = _seen(aircraft, filtered=autopilot.kind != "ardupilot" if filtered is None else filtered)
     std = np.repeat(
         [
             sensors.gyro_noise_rad_s,
@@ -83,21 +83,39 @@ def aircraft_loop(
     )
 
 
+def _seen(aircraft: Aircraft, *, filtered: bool) -> _Filters:
+    autopilot, sensors = aircraft.autopilot, aircraft.sensors
+    lags = [sensors.gyro_lag_s] * 3 + [0.0] * 6 + [sensors.accelerometer_lag_s] * 3
+    cutoffs = [autopilot.gyro_cutoff_hz] * 3 + [0.0] * 6 + [autopilot.accelerometer_cutoff_hz] * 3
+    # ArduPilot's unfiltered samples are means over a turn; the force of rotors without lag does not change in one.
+    means = autopilot.kind == "ardupilot" and not filtered
+    forces = means and aircraft.vehicle.rotors.lag_up_s > 0.0
+    return _Filters(
+        lags_s=tuple(lags),
+        cutoffs_hz=tuple(cutoffs if filtered else [0.0] * len(OUTPUTS)),
+        means=(means,) * 3 + (False,) * 6 + (forces,) * 3,
+        rate_hz=autopilot.rate_hz,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Filters(Immutable):
-    """Digital second-order Butterworth filters of the outputs; zero for none."""
+    """From the motion to the log: lags of sensors, digital Butterworth filters, means of two samples; zero for none."""
 
+    lags_s: tuple[float, ...]
     cutoffs_hz: tuple[float, ...]
+    means: tuple[bool, ...]
     rate_hz: float
 
     def factors(self, omega_rad_s: FloatArray) -> ComplexArray:
         """Shape ``(y, f)``."""
-        factors = np.ones((len(self.cutoffs_hz), omega_rad_s.size), dtype=np.complex128)
+        factors = 1.0 / (1.0 + 1j * np.multiply.outer(np.array(self.lags_s), omega_rad_s))
         late = np.exp(-1j * omega_rad_s / self.rate_hz)
+        factors[np.array(self.means)] *= 0.5 * (1.0 + late)
         for row, cutoff_hz in zip(factors, self.cutoffs_hz, strict=True):
             if cutoff_hz > 0.0:
                 section = butterworth_low_pass(cutoff_hz, self.rate_hz)
-                row[:] = np.polyval(section.numerator[::-1], late) / np.polyval(section.denominator[::-1], late)
+                row *= np.polyval(section.numerator[::-1], late) / np.polyval(section.denominator[::-1], late)
         # They are zero at half of their rate, where feedback is found by dividing by them.
         return np.where(np.abs(factors) < _LEAST, _LEAST, factors)
 

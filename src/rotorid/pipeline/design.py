@@ -23,6 +23,7 @@ from rotorid.pipeline.resolve import named_model
 from rotorid.simulate.changes import changed, piloted
 from rotorid.simulate.multirotor_flight import Aircraft
 from rotorid.vehicles.catalog import aircraft as library_aircraft
+from rotorid.vehicles.gains import with_gains
 
 _LONGEST_S = 300.0
 _SHORTEST_S = 15.0
@@ -48,6 +49,10 @@ class DesignChoices(Immutable):
         Numbers of the vehicle that are to be otherwise.
     prior
         A previous result, whose values replace those of the vehicle.
+    gains
+        Parameters of an autopilot, whose gains replace those of the vehicle.
+    gains_source
+        File that they came from.
     fit
         How the flight will be identified.
     """
@@ -59,17 +64,24 @@ class DesignChoices(Immutable):
     reach: Mapping[str, float] = field(default_factory=dict)
     changes: Mapping[str, float] = field(default_factory=dict)
     prior: Prior | None = None
+    gains: Mapping[str, float] = field(default_factory=dict)
+    gains_source: str = ""
     fit: FitChoices = field(default_factory=FitChoices)
 
     def __post_init__(self) -> None:
         if not self.kinds or len(set(self.kinds)) < len(self.kinds):
             raise UsageError(f"the kinds {', '.join(self.kinds) or '(none)'} came", needed="at least one, each once")
-        self._set(kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes)
+        self._set(
+            kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes, gains=self.gains
+        )
 
     @property
     def aircraft(self) -> Aircraft:
         """What will fly."""
-        return piloted(changed(library_aircraft(self.vehicle), self.changes))
+        craft = changed(library_aircraft(self.vehicle), self.changes)
+        if self.gains_source:
+            craft = with_gains(craft, self.gains, source=self.gains_source)
+        return piloted(craft)
 
     @property
     def model_names(self) -> tuple[str, ...]:

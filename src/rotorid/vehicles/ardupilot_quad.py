@@ -157,29 +157,35 @@ def _vehicle() -> Multirotor:
     )
 
 
-def _autopilot() -> Autopilot:
-    def each(pattern: str) -> Three:
-        roll, pitch, yaw = (PARAMETERS[pattern.format(axis)] for axis in ("RLL", "PIT", "YAW"))
+def ardupilot_rates(parameters: Mapping[str, float]) -> RateLoop:
+    """The rate controllers that Copter flies with these parameters, every ``ATC_RAT_*`` of :data:`PARAMETERS`."""
+
+    def each(name: str) -> Three:
+        roll, pitch, yaw = (parameters[f"ATC_RAT_{axis}_{name}"] for axis in ("RLL", "PIT", "YAW"))
         return roll, pitch, yaw
 
+    return RateLoop(
+        proportional=each("P"),
+        integral=each("I"),
+        derivative=each("D"),
+        feedforward=each("FF"),
+        integral_limit=each("IMAX"),
+        derivative_of_error=True,
+        derivative_cutoff_hz=each("FLTD"),
+        error_cutoff_hz=each("FLTE"),
+        target_cutoff_hz=each("FLTT"),
+    )
+
+
+def _autopilot() -> Autopilot:
     tilt_rad = math.radians(PARAMETERS["ANGLE_MAX"] / 100.0)
     # What compensates voltage and density scales every demand alike.
     gain = THRUST_PER_DEMAND_N / LARGEST_THRUST_N
     return Autopilot(
         kind="ardupilot",
         rate_hz=PARAMETERS["SCHED_LOOP_RATE"],
-        rates=RateLoop(
-            proportional=each("ATC_RAT_{}_P"),
-            integral=each("ATC_RAT_{}_I"),
-            derivative=each("ATC_RAT_{}_D"),
-            feedforward=each("ATC_RAT_{}_FF"),
-            integral_limit=each("ATC_RAT_{}_IMAX"),
-            derivative_of_error=True,
-            derivative_cutoff_hz=each("ATC_RAT_{}_FLTD"),
-            error_cutoff_hz=each("ATC_RAT_{}_FLTE"),
-            target_cutoff_hz=each("ATC_RAT_{}_FLTT"),
-        ),
-        angle_1_s=each("ATC_ANG_{}_P"),
+        rates=ardupilot_rates(PARAMETERS),
+        angle_1_s=(PARAMETERS["ATC_ANG_RLL_P"], PARAMETERS["ATC_ANG_PIT_P"], PARAMETERS["ATC_ANG_YAW_P"]),
         guidance=Guidance(
             tilt_limit_rad=tilt_rad,
             stick_tilt_rad=tilt_rad,

@@ -12,10 +12,13 @@ from rotorid.data.flight_plan import Entry, FlightPlan
 from rotorid.design.aircraft_loop import aircraft_loop
 from rotorid.design.foreseen import foreseen_flight
 from rotorid.design.planned import as_planned
+from rotorid.excitation.planned import together
 from rotorid.simulate.multirotor_flight import fly_multirotor
 from rotorid.simulate.sensors import PERFECT
 from rotorid.simulate.wind import Wind
+from rotorid.typing import Axis
 from rotorid.vehicles import px4_quad
+from rotorid.vehicles.catalog import aircraft
 
 AIRCRAFT = px4_quad.aircraft()
 
@@ -55,3 +58,37 @@ def test_a_flight_in_wind_shows_the_spectra_of_its_loop(filtered: bool) -> None:
         found = [2.0 * np.mean(np.abs(one) ** 2) / (rate_hz * np.sum(taper**2)) for one in spectra]
         # Five standard deviations of a sum over so many lines, and 5 % for what the loop is not linear in.
         np.testing.assert_allclose(found / expected, 1.0, atol=5.0 / np.sqrt(0.5 * np.count_nonzero(band)) + 0.05)
+
+
+@pytest.mark.parametrize("entry", ["command", "stick", "rate_setpoint"])
+@pytest.mark.parametrize("name", ["px4_quad", "ardupilot_quad"])
+def test_a_flight_answers_multisines_as_its_loop_says(name: str, entry: Entry) -> None:
+    period_s = 10.0
+    craft = aircraft(name)
+    craft = replace(craft, sensors=replace(PERFECT, gyro_lag_s=0.002))
+    loop, rate_hz = aircraft_loop(craft), craft.autopilot.rate_hz
+    amplitudes: dict[Axis, float] = {"roll": 0.002, "pitch": 0.002}
+    inputs = together(
+        amplitudes,
+        start_s=0.0,
+        band_rad_s=(3.0, 60.0),
+        period_s=period_s,
+        sample_rate_hz=rate_hz,
+        periods=3,
+        entry=entry,
+    )
+    flown = fly_multirotor(craft, FlightPlan(name="multisine", inputs=inputs, trim_s=0.0), duration_s=3 * period_s)
+    samples = round(period_s * rate_hz)
+    last = slice(2 * samples, 3 * samples)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(samples, 1.0 / rate_hz)
+    signals = flown.raw if craft.autopilot.kind == "ardupilot" else flown.columns
+    for place, one in enumerate(inputs):
+        asked = np.fft.rfft(one.at(flown.time_s)[last])
+        lines = np.flatnonzero(np.abs(asked) > 1e-3 * np.abs(asked).max())
+        command = np.fft.rfft(flown.columns[f"{one.axis}_command"][last])[lines]
+        responses = loop.at(omega[lines])
+        entered = np.einsum("ijf,jkf->ikf", responses.excited, loop.excitation(omega[lines], entry))[place, place]
+        # What stands for turns of the loop is of second order, (60 * 0.004)^2 / 12 = 0.5 % at the highest line each.
+        assert np.median(np.abs(command / asked[lines] / entered - 1.0)) < 0.01
+        answer = np.fft.rfft(signals["pq"[place]][last])[lines] / command
+        assert np.median(np.abs(answer / responses.plant[loop.outputs.index("pq"[place]), place] - 1.0)) < 0.01
