@@ -13,7 +13,7 @@ from rotorid.cli.flight_options import Changes, Height, Turbulence, WindOption, 
 from rotorid.cli.options import Json, Out, Quiet, Seed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from rotorid.data.flight_plan import Entry, FlightPlan
     from rotorid.pipeline.simulation_document import SimulationDocument
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rotorid.simulate.wind import Wind
 
 _NO_PLAN = "none"
+RIG = "rig"
 
 
 def simulate_command(
@@ -54,11 +55,23 @@ def simulate_command(
 ) -> None:
     """Fly a vehicle of the library in simulation, and write its log as its autopilot would have."""
     from rotorid.pipeline.simulation import SimulateChoices
-    from rotorid.report.output import to_json
     from rotorid.report.simulation_output import write_simulation
     from rotorid.simulate.changes import changed, piloted
     from rotorid.vehicles.catalog import aircraft
 
+    command = ["rotorid", *sys.argv[1:]]
+    if vehicle == RIG:
+        asked = {
+            "--plan": plan,
+            "--duration": duration,
+            "--wind": wind,
+            "--set": set,
+            "--vary": vary,
+            "--format": format,
+        }
+        document = _rig(asked, out or Path("rotorid-out") / vehicle, seed=seed, command=command)
+        _tell(document, out or Path("rotorid-out") / vehicle, json=json, quiet=quiet)
+        return
     air = wind_of(wind, turbulence, height)
     changes = named_numbers(set, "--set")
     craft = piloted(changed(aircraft(vehicle), changes))
@@ -75,11 +88,30 @@ def simulate_command(
             format=format,  # type: ignore[arg-type]
             seed=seed,
         )
-        document = write_simulation(folder, choices, command=["rotorid", *sys.argv[1:]], progress=tell)
+        document = write_simulation(folder, choices, command=command, progress=tell)
+    _tell(document, folder, json=json, quiet=quiet)
+
+
+def _tell(document: SimulationDocument, folder: Path, *, json: bool, quiet: bool) -> None:
+    from rotorid.report.output import to_json
+
     if json:
         sys.stdout.write(to_json(document))
     elif not quiet:
         _print(document, folder)
+
+
+def _rig(asked: Mapping[str, object], folder: Path, *, seed: int, command: list[str]) -> SimulationDocument:
+    """The rig has one experiment of its own."""
+    from rotorid.errors import UsageError
+    from rotorid.report.simulation_output import write_rig_simulation
+
+    if given := [name for name, value in asked.items() if value is not None]:
+        raise UsageError(
+            f"{', '.join(given)} came for the rig, which does not fly",
+            needed="no more than --seed and --out: two motors are swept for 120 s, and the log is CSV",
+        )
+    return write_rig_simulation(folder, seed=seed, command=command)
 
 
 def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int, tell: Callable[[str], None]) -> FlightPlan | None:
@@ -120,6 +152,9 @@ def _print(document: SimulationDocument, folder: Path) -> None:
         table.add_column(name, justify="left" if name == "log" else "right")
     for log in document.logs:
         reached = log.reached
+        if reached is None:
+            table.add_row(log.file, f"{log.duration_s:.1f}")
+            continue
         table.add_row(
             log.file,
             f"{log.duration_s:.1f}",

@@ -17,6 +17,7 @@ AXES = ("roll", "pitch", "yaw", "thrust")
 def _standard() -> Mapping[str, str]:
     units = {f"{axis}_{kind}": "1" for axis in AXES for kind in ("command", "excitation", "stick")}
     units |= {f"motor_{number}": "1" for number in range(1, MOTORS + 1)}
+    units |= {f"motor_{number}_excitation": "1" for number in range(1, MOTORS + 1)}
     units |= {f"motor_speed_{number}": "rad/s" for number in range(1, MOTORS + 1)}
     groups = {
         "rad/s": "p q r",

@@ -130,7 +130,9 @@ def fly_run(choices: SimulateChoices, number: int) -> Run:
 
 def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLogDocument:
     """Write the log of a run, and say what it is."""
-    write_log(path, run.flown, format=choices.log_format)
+    shown = VEHICLES[choices.vehicle].shown
+    seen = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
+    write_log(path, seen, format=choices.log_format)
     return SimulatedLogDocument(
         file=path.name,
         format=choices.log_format,
@@ -238,5 +240,5 @@ def _findings(logs: Sequence[SimulatedLogDocument]) -> list[Finding]:
             numbers={"share": log.reached.saturated},
         )
         for log in logs
-        if log.reached.saturated > 0.0
+        if log.reached is not None and log.reached.saturated > 0.0
     ]

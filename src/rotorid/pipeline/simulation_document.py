@@ -38,7 +38,7 @@ class SimulatedLogDocument(Document):
     seed: int
     duration_s: float
     changed: dict[str, float] = Field(default_factory=dict)
-    reached: ReachedDocument
+    reached: ReachedDocument | None = None
 
 
 class VehicleDocument(Document):
@@ -48,7 +48,7 @@ class VehicleDocument(Document):
     description: str
     source: str
     autopilot: str
-    control_rate_hz: float
+    control_rate_hz: float | None = None
     changed: dict[str, float] = Field(default_factory=dict)
 
 

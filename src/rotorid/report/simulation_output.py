@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rotorid.io.store import write_atomically
 from rotorid.pipeline.plan_document import plan_document
+from rotorid.pipeline.rig_simulation import LOG_NAME, move_rig, rig_document, write_rig
 from rotorid.pipeline.simulation import SimulateChoices, fly_run, simulation_document, write_run
 from rotorid.pipeline.simulation_document import SimulatedLogDocument, SimulationDocument
 from rotorid.report.output import to_json, write_together
@@ -52,4 +53,17 @@ def write_simulation(
         text = to_json(plan_document(choices.plan))
         files["plan.json"] = lambda path: write_atomically(path, text)
     write_together(folder, {**files, "simulation.json": conclude})
+    return documents[0]
+
+
+def write_rig_simulation(folder: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:
+    """Move the rig on its pivot, and write its log and ``simulation.json`` into a folder."""
+    record = move_rig(seed)
+    documents: list[SimulationDocument] = []
+
+    def conclude(path: Path) -> None:
+        documents.append(rig_document(record, path.with_name(LOG_NAME), seed=seed, command=command))
+        write_atomically(path, to_json(documents[0]))
+
+    write_together(folder, {LOG_NAME: lambda path: write_rig(path, record), "simulation.json": conclude})
     return documents[0]

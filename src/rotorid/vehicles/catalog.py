@@ -6,7 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import numpy as np
+
 from rotorid.data.immutable import Immutable
+from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import ModelError
 from rotorid.models.ties import no_such
 from rotorid.simulate.multirotor_flight import Aircraft
@@ -38,12 +41,15 @@ class VehicleEntry(Immutable):
         Where its numbers come from, and which ones are ours.
     make
         What makes it; ``None`` for one that does not fly freely.
+    shown
+        What its log shows of a flight, with a generator for the jitter of its stamps; ``None`` for everything.
     """
 
     name: str
     summary: str
     source: str
     make: Callable[[], Aircraft] | None = None
+    shown: Callable[[SimulatedFlight, np.random.Generator], SimulatedFlight] | None = None
 
 
 _ENTRIES: tuple[VehicleEntry, ...] = (
@@ -58,6 +64,7 @@ _ENTRIES: tuple[VehicleEntry, ...] = (
         summary="Parrot Bebop 2 of 0.5 kg, behind set-points of attitude and vertical speed",
         source=bebop_flight.SOURCE,
         make=bebop_flight.aircraft,
+        shown=lambda flown, rng: bebop_flight.interface(flown, rng=rng),
     ),
     VehicleEntry(
         name="crazyflie",

@@ -121,7 +121,8 @@ def test_numbers_of_a_vehicle_change_what_is_true(tmp_path: Path) -> None:
     ("arguments", "words"),
     [
         (("simulate", "x50"), "did you mean x500"),
-        (("simulate", "rig"), "does not fly"),
+        (("simulate", "rig", "--wind", "3"), "does not fly"),
+        (("design", "sweep", "--vehicle", "rig"), "does not fly"),
         (("simulate", "x500", "--set", "mass=2"), "number of a vehicle 'mass'"),
         (("simulate", "x500", "--set", "m=heavy"), "NAME=VALUE"),
         (("simulate", "x500", "--wind", "strong"), "--wind NORTH"),
@@ -150,3 +151,24 @@ def test_vehicles_are_listed_with_their_sources() -> None:
     }
     assert all(one["source"] for one in listed)
     assert "s500" in rotorid("vehicles").out
+
+
+def test_the_rig_is_moved_and_its_ratio_found(tmp_path: Path) -> None:
+    ran = rotorid("simulate", "rig", "--out", tmp_path, "--json")
+    truth = {name: one["value"] for name, one in json.loads(ran.out)["truth"].items()}
+    given = ("--fix", f"L={truth['L']}", "--fix", f"J_x={truth['J_x']}")
+    given = (*given, "--segment", "roll:0:119", "--outputs", "phi", "--windows", "71,60,40")
+    given = (*given, "--instrument", "motor_3_excitation,motor_4_excitation")
+    given = (*given, "--json", "--out", str(tmp_path / "result"))
+    found = json.loads(rotorid("identify", tmp_path / "flight.csv", "--model", "rig.roll", *given).out)
+    assert found["parameters"]["K_f"]["value"] == pytest.approx(truth["K_f"], rel=0.02)
+
+
+def test_the_bebop_shows_its_interface_alone(tmp_path: Path) -> None:
+    ran = rotorid("simulate", "bebop", "--plan", "none", "--duration", "10", "--out", tmp_path, "--json")
+    record = read(tmp_path / json.loads(ran.out)["logs"][0]["file"])
+    assert {"phi_setpoint", "phi", "velocity_down_setpoint", "velocity_down"} <= set(record.channel_names)
+    assert not {"roll_command", "p"} & set(record.channel_names)
+    steps = np.diff(record.topics[0].time_s)
+    assert np.median(steps) == pytest.approx(0.05, abs=0.005)
+    assert np.std(steps) > 0.0
