@@ -20,6 +20,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.design_prior import Prior, expected_values, with_prior
 from rotorid.pipeline.planning import STEPS, PlanChoices, Planned, plan_for, plan_with
 from rotorid.pipeline.resolve import named_model
+from rotorid.pipeline.scope import INERTIAL
 from rotorid.simulate.changes import changed, piloted
 from rotorid.simulate.multirotor_flight import Aircraft
 from rotorid.vehicles.catalog import aircraft as library_aircraft
@@ -207,7 +208,9 @@ def tested(plan: FlightPlan, kind: Shape) -> FlightPlan:
 
 def _told(choices: DesignChoices, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan) -> Told:
     try:
-        prediction = predict(model, expected_values(model, craft, choices.prior), loop, plan, choices=choices.fit)
+        prediction = predict(
+            model, expected_values(model, craft, choices.prior), loop, plan, choices=_fit(choices, model)
+        )
     except InsufficientDataError as error:
         return Told(model=model.name, prediction=None, refused=str(error))
     return Told(model=model.name, prediction=prediction)
@@ -243,9 +246,15 @@ def _shortest(
                 wanted,
                 shortest_s=_SHORTEST_S,
                 longest_s=_LONGEST_S,
-                choices=choices.fit,
+                choices=_fit(choices, model),
             )
     return found
+
+
+def _fit(choices: DesignChoices, model: LinearStructure) -> FitChoices:
+    """How an identification would fit: outputs that sensors measure, unless others were asked for."""
+    measured = tuple(name for name in model.outputs if name in INERTIAL)
+    return choices.fit if choices.fit.outputs or not measured else replace(choices.fit, outputs=measured)
 
 
 def _wanted(choices: DesignChoices, model: LinearStructure) -> dict[str, float]:

@@ -40,6 +40,7 @@ from rotorid.vehicles.catalog import aircraft as library_aircraft
 
 _MOST_RUNS = 10_000
 _NOTICED = 1e-9
+_MODELS = ("hover.full", "hover.longitudinal", "hover.lateral")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,26 +176,26 @@ def simulation_document(
 
 
 def truth_of(craft: Aircraft) -> dict[str, TruthDocument]:
-    """Derivatives, lag and delays of an aircraft about hover in still air, by the names of ``hover.full``.
+    """Derivatives, lag and delays of an aircraft about hover in still air, by the names of the hover models.
 
     A delay is that of the path plus half a tick, for which commands are held on average; the filters of the autopilot's
     rates come on top. Rotors without lag push at once: the accelerometer shows their thrust at the first tick after the
     delay of the path.
     """
     derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot)
-    model = library_model("hover.full")
+    units = {one.name: one.unit for model in _MODELS for one in library_model(model).parameters}
     held_s = 0.5 / craft.autopilot.rate_hz
     delays = dict(zip(("roll", "pitch", "yaw", "thrust"), craft.autopilot.delay_s, strict=True))
     values = derivatives | {f"tau_{axis}": delay_s + held_s for axis, delay_s in delays.items()}
     if not craft.vehicle.rotors.lag_up_s:
         rate_hz = craft.autopilot.rate_hz
         values["tau_thrust"] = math.ceil(delays["thrust"] * rate_hz - _NOTICED) / rate_hz
-    found = {
-        parameter.name: TruthDocument(value=_clean(values[parameter.name]), unit=parameter.unit)
-        for parameter in model.parameters
-        if parameter.name in values
+    rotors = craft.vehicle.rotors
+    # A rotor that speeds up and slows down with different lags shows the mean of the two.
+    values["T_motor"] = 0.5 * (rotors.lag_up_s + (rotors.lag_down_s or 0.0))
+    return {
+        name: TruthDocument(value=_clean(values[name]), unit=unit) for name, unit in units.items() if name in values
     }
-    return found | {"T_motor": TruthDocument(value=number_of(craft, "T_motor"), unit="s")}
 
 
 def _clean(value: float) -> float:
