@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from benchmarks import accuracy, dataflash, frequency_response, genetic, output_error, state_space, ulog
+from benchmarks import accuracy, dataflash, flight, frequency_response, genetic, output_error, state_space, ulog
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +46,7 @@ def rows() -> Iterator[Row | str]:
         yield f"  memory {memory:.2f} GiB of {limit:.0f} GiB: {'met' if memory < limit else 'MISSED'}"
     yield from _fits()
     yield from _output_error()
+    yield from _flights()
     yield from _accuracy()
     yield from _searches()
     missing = [log.name for log in (dataflash.LOG, ulog.LOG) if not log.is_file()]
@@ -109,6 +110,21 @@ def _output_error() -> Iterator[Row]:
         peer_s=result["lsim_fit_s"],
         bar=output_error.FIT_BAR,
     )
+
+
+def _flights() -> Iterator[Row | str]:
+    result = flight.run()
+    yield Row(
+        job=f"nonlinear flight, {flight.DURATION_S:.0f} s, at equal error",
+        ours_s=result["rotorid_s"],
+        peer="solve_ivp",
+        peer_s=result["solve_ivp_s"],
+        bar=flight.RATIO_BAR,
+    )
+    rates = flight.batch()
+    for what in ("equations", "flights"):
+        verdict = "met" if rates[what] >= flight.BATCH_BAR else "MISSED"
+        yield f"  simulated seconds per core-second, {what}: {rates[what]:.0f} | {flight.BATCH_BAR:.0f} {verdict}"
 
 
 def _searches() -> Iterator[Row | str]:

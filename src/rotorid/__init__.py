@@ -6,7 +6,7 @@ Examples
 --------
 >>> import rotorid
 >>> sorted(rotorid.__all__)[:4]
-['Channel', 'Finding', 'FlightRecord', 'FrequencyResponse']
+['Channel', 'Finding', 'FlightPlan', 'FlightRecord']
 """
 
 from __future__ import annotations
@@ -17,12 +17,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rotorid.data.channel import Channel
     from rotorid.data.findings import Finding
+    from rotorid.data.flight_plan import FlightPlan
     from rotorid.data.history import TimeHistory
     from rotorid.data.maneuver import Maneuver
     from rotorid.data.record import FlightRecord
     from rotorid.data.response import FrequencyResponse
+    from rotorid.data.simulated_flight import SimulatedFlight
     from rotorid.errors import InsufficientDataError, LogError, ModelError, RotoridError, UsageError
     from rotorid.io.registry import read
+    from rotorid.io.write_log import write_log
     from rotorid.models.rate import rate_model
     from rotorid.pipeline.identify import identify
     from rotorid.pipeline.inspection import inspect
@@ -31,7 +34,10 @@ if TYPE_CHECKING:
     from rotorid.report.output import write_results
     from rotorid.signal.clock import one_clock
     from rotorid.signal.segment import find_excitations
+    from rotorid.simulate.multirotor_flight import fly_multirotor
+    from rotorid.simulate.wind import Wind
     from rotorid.spectral.estimate import frequency_response
+    from rotorid.vehicles.catalog import aircraft
     from rotorid.verify.time_domain import verify_in_time
 
 __version__ = "0.1.0"
@@ -39,6 +45,7 @@ __version__ = "0.1.0"
 _HOME = {
     "Channel": "rotorid.data.channel",
     "Finding": "rotorid.data.findings",
+    "FlightPlan": "rotorid.data.flight_plan",
     "FlightRecord": "rotorid.data.record",
     "FrequencyResponse": "rotorid.data.response",
     "IdentifySettings": "rotorid.pipeline.settings",
@@ -48,9 +55,13 @@ _HOME = {
     "ModelError": "rotorid.errors",
     "ResponseSettings": "rotorid.pipeline.settings",
     "RotoridError": "rotorid.errors",
+    "SimulatedFlight": "rotorid.data.simulated_flight",
     "TimeHistory": "rotorid.data.history",
     "UsageError": "rotorid.errors",
+    "Wind": "rotorid.simulate.wind",
+    "aircraft": "rotorid.vehicles.catalog",
     "find_excitations": "rotorid.signal.segment",
+    "fly_multirotor": "rotorid.simulate.multirotor_flight",
     "frequency_response": "rotorid.spectral.estimate",
     "identify": "rotorid.pipeline.identify",
     "inspect": "rotorid.pipeline.inspection",
@@ -59,12 +70,14 @@ _HOME = {
     "read": "rotorid.io.registry",
     "respond": "rotorid.pipeline.response",
     "verify_in_time": "rotorid.verify.time_domain",
+    "write_log": "rotorid.io.write_log",
     "write_results": "rotorid.report.output",
 }
 
 __all__ = [
     "Channel",
     "Finding",
+    "FlightPlan",
     "FlightRecord",
     "FrequencyResponse",
     "IdentifySettings",
@@ -74,9 +87,13 @@ __all__ = [
     "ModelError",
     "ResponseSettings",
     "RotoridError",
+    "SimulatedFlight",
     "TimeHistory",
     "UsageError",
+    "Wind",
+    "aircraft",
     "find_excitations",
+    "fly_multirotor",
     "frequency_response",
     "identify",
     "inspect",
@@ -85,6 +102,7 @@ __all__ = [
     "read",
     "respond",
     "verify_in_time",
+    "write_log",
     "write_results",
 ]
 

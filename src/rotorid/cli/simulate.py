@@ -65,6 +65,8 @@ def simulate_command(
             "--plan": plan,
             "--duration": duration,
             "--wind": wind,
+            "--turbulence": turbulence or None,
+            "--runs": runs if runs != 1 else None,
             "--set": set,
             "--vary": vary,
             "--format": format,

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+import numpy as np
+
 from rotorid.data.channel import AXES
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.data.immutable import Immutable
@@ -123,6 +125,11 @@ def default_entry(aircraft: Aircraft, axis: Axis) -> Entry:
     return "attitude_setpoint" if aircraft.autopilot.kind == "px4" and axis != "thrust" else "command"
 
 
+def by_hand(aircraft: Aircraft, axis: Axis) -> Entry:
+    """Where steps are added: ArduPilot flies them by no script, and a pilot by the stick."""
+    return "stick" if aircraft.autopilot.kind == "ardupilot" else default_entry(aircraft, axis)
+
+
 def sweep_of(aircraft: Aircraft) -> Shape:
     """The sweep that an autopilot can fly by itself: ArduPilot has its logarithmic chirp and no other."""
     return "logarithmic_sweep" if aircraft.autopilot.kind == "ardupilot" else "pilot_sweep"
@@ -189,9 +196,11 @@ def _largest(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape,
     """Largest amplitude of one axis on its own."""
     length_s = min(duration_s, _LONGEST_LOOK_S)
 
+    # Made once: the phases of a multisine take longer to find than a flight.
+    unit = _input(aircraft, choices, axis, shape, length_s, 1.0, repeat=0)
+
     def alone(amplitude: float) -> FlightPlan:
-        one = _input(aircraft, choices, axis, shape, length_s, amplitude, repeat=0)
-        return FlightPlan(name=f"{shape} of {axis}", inputs=(one,), trim_s=2.0)
+        return FlightPlan(name=f"{shape} of {axis}", inputs=(_scaled(unit, amplitude),), trim_s=2.0)
 
     return largest_amplitude(aircraft, alone, choices.limits, wind=choices.wind, seed=choices.seed)
 
@@ -270,7 +279,7 @@ def _input(
             "fade_out_s": min(2.0, 0.05 * duration_s),
         }
         duration_s += constant_s
-    return planned(
+    one = planned(
         axis,
         shape,
         start_s=0.0,
@@ -278,10 +287,14 @@ def _input(
         duration_s=duration_s,
         sample_rate_hz=_SAMPLE_RATE_HZ,
         band_rad_s=None if shape in STEPS else choices.band_rad_s,
-        entry=choices.entry or default_entry(aircraft, axis),
+        entry=choices.entry or (by_hand(aircraft, axis) if shape in STEPS else default_entry(aircraft, axis)),
         seed=choices.seed + AXES.index(axis) + len(AXES) * repeat,
         **settings,
     )
+    if shape == "pilot_sweep":
+        # The noise on top of the sine counts, for limits are kept by what is flown.
+        one = replace(one, values=one.values * (abs(amplitude) / np.abs(one.values).max()))
+    return one
 
 
 def _scaled(one: PlannedInput, factor: float) -> PlannedInput:

@@ -7,10 +7,13 @@ from collections.abc import Mapping
 
 from rotorid.pipeline.compare_document import CompareDocument
 from rotorid.pipeline.delay_document import DelayDocument
+from rotorid.pipeline.design_document import DesignDocument
 from rotorid.pipeline.document import ResultDocument
 from rotorid.pipeline.document_base import Document
 from rotorid.pipeline.inspection import InspectDocument
+from rotorid.pipeline.plan_document import PlanDocument
 from rotorid.pipeline.response_document import ResponseDocument
+from rotorid.pipeline.simulation_document import SimulationDocument
 from rotorid.pipeline.verify_document import VerifyDocument
 
 SCHEMAS: Mapping[str, type[Document]] = {
@@ -20,6 +23,9 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.verify-1": VerifyDocument,
     "rotorid.compare-1": CompareDocument,
     "rotorid.delay-1": DelayDocument,
+    "rotorid.simulation-1": SimulationDocument,
+    "rotorid.design-1": DesignDocument,
+    "rotorid.plan-1": PlanDocument,
 }
 
 

@@ -28,6 +28,7 @@ from rotorid.pipeline.document import ProvenanceDocument
 from rotorid.pipeline.plan_document import plan_document
 from rotorid.pipeline.simulation import vehicle_document
 from rotorid.pipeline.simulation_document import ReachedDocument
+from rotorid.report.design_page import render_design
 from rotorid.report.flight_card import flight_card, flight_card_pdf
 from rotorid.report.flight_facts import Autopilot, FlightFacts, PredictedBound, unit_of
 from rotorid.report.output import to_json, write_together
@@ -47,7 +48,7 @@ def write_design(
     autopilot: str | None,
     command: Sequence[str],
 ) -> DesignDocument:
-    """Write ``design.json``, and of every plan ``plan.json``, its samples, the flight card and files for the autopilot.
+    """Write ``design.json`` and ``design.html``; of every plan ``plan.json``, samples, flight card, autopilot's files.
 
     Parameters
     ----------
@@ -92,8 +93,13 @@ def write_design(
             seed=choices.plan.seed,
         ),
     )
-    write_together(folder, {"design.json": _writer(to_json(document))})
+    page = render_design(designed, choices, title=_title(designed, choices), document=document)
+    write_together(folder, {"design.json": _writer(to_json(document)), "design.html": _writer(page)})
     return document
+
+
+def _title(designed: Sequence[Designed], choices: DesignChoices) -> str:
+    return f"{'A flight plan' if len(designed) == 1 else f'{len(designed)} flight plans'} for {choices.vehicle}"
 
 
 def _writer(content: str | bytes) -> Callable[[Path], None]:

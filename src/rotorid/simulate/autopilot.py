@@ -31,7 +31,7 @@ from rotorid.models.rotor_mixer import ardupilot_mixer, px4_mixer
 from rotorid.signal.autopilot_mixer import Linearization
 from rotorid.signal.known_filter import butterworth_low_pass
 from rotorid.simulate.multirotor import Multirotor
-from rotorid.simulate.packed import Control
+from rotorid.simulate.packed import Control, plain
 from rotorid.typing import FloatArray
 
 Kind: TypeAlias = Literal["px4", "ardupilot", "simple"]
@@ -199,60 +199,56 @@ class Autopilot(Immutable):
         guidance, rates, line = self.guidance, self.rates, self.linearization
         return Control(
             tick_s=1.0 / self.rate_hz,
-            substeps=substeps,
-            proportional=_three(rates.proportional),
-            integral=_three(rates.integral),
-            derivative=_three(rates.derivative),
-            feedforward=_three(rates.feedforward),
-            integral_limit=_three(rates.integral_limit),
-            derivative_of_error=rates.derivative_of_error,
+            substeps=int(substeps),
+            proportional=plain(rates.proportional),
+            integral=plain(rates.integral),
+            derivative=plain(rates.derivative),
+            feedforward=plain(rates.feedforward),
+            integral_limit=plain(rates.integral_limit),
+            derivative_of_error=bool(rates.derivative_of_error),
             derivative_keep=self._keep(rates.derivative_cutoff_hz),
             error_keep=self._keep(rates.error_cutoff_hz),
             target_keep=self._keep(rates.target_cutoff_hz),
             command_keep=self._keep(rates.command_cutoff_hz),
             gyro_filter=self._section(self.gyro_cutoff_hz),
             accelerometer_filter=self._section(self.accelerometer_cutoff_hz),
-            angle=_three(self.angle_1_s),
-            rate_limit=_three(self.rate_limit_rad_s),
-            tilt_limit=guidance.tilt_limit_rad,
-            velocity_p=guidance.velocity_p_1_s,
-            velocity_i=guidance.velocity_i_1_s2,
-            position_p=guidance.position_p_1_s,
-            climb_p=guidance.climb_p,
-            climb_i=guidance.climb_i,
-            height_p=guidance.height_p_1_s,
-            hold_velocity=guidance.hold_velocity,
-            heading_follows=guidance.heading_follows,
-            hold_height=guidance.hold_height,
-            tilt_compensation=guidance.tilt_compensation,
-            stick_tilt=guidance.stick_tilt_rad,
-            stick_yaw_rate=guidance.stick_yaw_rate_rad_s,
-            stick_climb=guidance.stick_climb_m_s,
-            stick_thrust=0.0 if guidance.stick_climb_m_s else guidance.stick_thrust,
+            angle=plain(self.angle_1_s),
+            rate_limit=plain(self.rate_limit_rad_s),
+            tilt_limit=float(guidance.tilt_limit_rad),
+            velocity_p=float(guidance.velocity_p_1_s),
+            velocity_i=float(guidance.velocity_i_1_s2),
+            position_p=float(guidance.position_p_1_s),
+            climb_p=float(guidance.climb_p),
+            climb_i=float(guidance.climb_i),
+            height_p=float(guidance.height_p_1_s),
+            hold_velocity=bool(guidance.hold_velocity),
+            heading_follows=bool(guidance.heading_follows),
+            hold_height=bool(guidance.hold_height),
+            tilt_compensation=bool(guidance.tilt_compensation),
+            stick_tilt=float(guidance.stick_tilt_rad),
+            stick_yaw_rate=float(guidance.stick_yaw_rate_rad_s),
+            stick_climb=float(guidance.stick_climb_m_s),
+            stick_thrust=0.0 if guidance.stick_climb_m_s else float(guidance.stick_thrust),
             hover_thrust=float(self.hover_commands(vehicle)[AXES.index("thrust")]),
-            mixer=np.ascontiguousarray(self.mixer_for(vehicle)),
-            low=self.motor_range[0],
-            high=self.motor_range[1],
-            expo=line.expo,
-            output_low=line.low,
-            output_high=line.high,
-            voltage_max=line.voltage_max if line.compensates_voltage else 0.0,
-            voltage_min=line.voltage_min,
+            mixer=plain(self.mixer_for(vehicle)),
+            low=float(self.motor_range[0]),
+            high=float(self.motor_range[1]),
+            expo=float(line.expo),
+            output_low=float(line.low),
+            output_high=float(line.high),
+            voltage_max=float(line.voltage_max) if line.compensates_voltage else 0.0,
+            voltage_min=float(line.voltage_min),
             delay_steps=np.round(np.array(self.delay_s) / step_s).astype(np.int64),
         )
 
     def _keep(self, cutoffs_hz: Three) -> FloatArray:
         """What a first-order filter keeps of its last value, as PX4's and ArduPilot's: 1 - dt/(dt + 1/(2 pi f))."""
         tick_s = 1.0 / self.rate_hz
-        return np.array([1.0 - tick_s / (tick_s + 0.5 / (math.pi * f)) if f > 0.0 else 0.0 for f in cutoffs_hz])
+        return plain([1.0 - tick_s / (tick_s + 0.5 / (math.pi * f)) if f > 0.0 else 0.0 for f in cutoffs_hz])
 
     def _section(self, cutoff_hz: float) -> FloatArray:
         """Coefficients b0 b1 b2 a1 a2."""
         if cutoff_hz <= 0.0:
-            return np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+            return plain([1.0, 0.0, 0.0, 0.0, 0.0])
         section = butterworth_low_pass(cutoff_hz, self.rate_hz)
-        return np.array([*section.numerator, *section.denominator[1:]]) / section.denominator[0]
-
-
-def _three(values: Three) -> FloatArray:
-    return np.array(values, dtype=np.float64)
+        return plain(np.array([*section.numerator, *section.denominator[1:]]) / section.denominator[0])

@@ -1,15 +1,19 @@
 """The loop of a whole flight: sensors, controllers, mixer, vehicle. Importing this module imports Numba.
 
-What the numbers mean stands in `rotorid.simulate.packed`; columns of the log in `rotorid.simulate.logged`.
+What the numbers mean stands in `rotorid.simulate.packed`; columns of the log in `rotorid.simulate.logged`. Numba
+knows stale code by the file that holds it alone: after a change in `multirotor_kernels` or `sensor_kernels`, take the
+compiled code of this module away, too (``rm src/rotorid/simulate/__pycache__/*.nb*``).
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from rotorid.simulate.bare import bare
 from rotorid.simulate.logged import (
     ACCELERATION,
     ACCELERATION_RAW,
@@ -34,7 +38,37 @@ _LOWEST_SHARE = 0.6
 """ArduPilot's compensation takes no voltage below this share of the highest."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+class Room(NamedTuple):
+    """What a flight remembers from tick to tick, and where it works."""
+
+    now: FloatArray
+    """State, shape ``(size,)``."""
+    stages: FloatArray
+    """See :func:`~rotorid.simulate.multirotor_kernels.advance`, shape ``(5, size + 3)``."""
+    moved: FloatArray
+    """Derivative of the state and specific force at the tick, shape ``(size + 3,)``."""
+    lagged: FloatArray
+    """Rates after the lag of the sensors, specific force after it and before it, shape ``(9,)``."""
+    phases: FloatArray
+    """Angles of the rotors, shape ``(rotors,)``."""
+    seen: FloatArray
+    """Estimated quaternion."""
+    hold: FloatArray
+    """Integrals and held values of the outer loops, shape ``(5,)``."""
+    memory: FloatArray
+    """Of the rate controllers, shape ``(7, 3)``."""
+    sections: FloatArray
+    """Of the filters of rates and accelerations, shape ``(6, 2)``."""
+    outputs: FloatArray
+    """To the motors as asked for at the tick, and as they have arrived, shape ``(rotors,)``."""
+    sent: FloatArray
+    late: FloatArray
+    """Commands that have arrived, shape ``(4,)``."""
+    weights: FloatArray
+    """See :func:`~rotorid.simulate.sensor_kernels.lag_weights`."""
+
+
+@bare(forceinline=True)
 def _outer(row: FloatArray, asked: FloatArray, seen: FloatArray, hold: FloatArray, control: Control) -> float:
     """Angle set-points into a row of the log and the thrust command as result. ``hold``: integrals and held values."""
     tick = control.tick_s
@@ -74,7 +108,7 @@ def _outer(row: FloatArray, asked: FloatArray, seen: FloatArray, hold: FloatArra
     return thrust
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def _angles(row: FloatArray, asked: FloatArray, seen: FloatArray, control: Control) -> None:
     """Rate set-points: twice the vector of the attitude error's quaternion, times a gain for each axis."""
     phi, theta, psi = 0.5 * row[ANGLE_SETPOINT], 0.5 * row[ANGLE_SETPOINT + 1], 0.5 * row[ANGLE_SETPOINT + 2]
@@ -103,7 +137,7 @@ def _angles(row: FloatArray, asked: FloatArray, seen: FloatArray, control: Contr
         row[RATE_SETPOINT + axis] = min(limit, max(-limit, wanted[axis])) + asked[4 + axis]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def _rates(row: FloatArray, asked: FloatArray, memory: FloatArray, first: bool, control: Control) -> None:
     """Commands of roll, pitch, yaw. ``memory`` ``(7, 3)``: target, error, derivative, integral, last, command, cut."""
     tick = control.tick_s
@@ -130,7 +164,7 @@ def _rates(row: FloatArray, asked: FloatArray, memory: FloatArray, first: bool, 
         row[COMMAND + axis] = min(1.0, max(-1.0, command + asked[axis]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def _mixed(commands: FloatArray, control: Control, voltage_share: float, outputs: FloatArray) -> int:
     """Outputs to the motors: yaw gives way first, then thrust moves, then roll and pitch shrink. Bits: what was cut."""
     rotors = outputs.shape[0]
@@ -174,7 +208,7 @@ def _mixed(commands: FloatArray, control: Control, voltage_share: float, outputs
     return cut
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def _share(voltage: float, present: bool, control: Control) -> float:
     """What the outputs are divided by; one without a battery, whose voltage is then the rated one."""
     if control.voltage_max <= 0.0 or not present:
@@ -183,7 +217,7 @@ def _share(voltage: float, present: bool, control: Control) -> float:
     return min(control.voltage_max, max(lowest, voltage)) / control.voltage_max
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def _voltage(now: FloatArray, used_as: float, body: Body, supply: Supply) -> tuple[float, float]:
     """Voltage at the terminals and current."""
     lifted = 0.0
@@ -195,7 +229,7 @@ def _voltage(now: FloatArray, used_as: float, body: Body, supply: Supply) -> tup
     return rest - supply.resistance_ohm * current, current
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def _coast(
     k: int,
     share: float,
@@ -205,16 +239,11 @@ def _coast(
     senses: Senses,
     control: Control,
     stride: int,
-    weights: FloatArray,
     log: FloatArray,
-    late: FloatArray,
-    sent: FloatArray,
-    lagged: FloatArray,
-    phases: FloatArray,
-    room: FloatArray,
-    now: FloatArray,
+    room: Room,
 ) -> None:
     """One tick of the vehicle, in steps that end where a command arrives and take at most ``stride`` grid steps."""
+    now, lagged, phases, late, sent, weights = room.now, room.lagged, room.phases, room.late, room.sent, room.weights
     substeps = control.substeps
     shaking = senses.gyro_vibration > 0.0 or senses.accelerometer_vibration > 0.0
     shown, j = -1, 0
@@ -236,23 +265,22 @@ def _coast(
         h = n * control.tick_s / substeps
         for axis in range(3):
             lagged[axis] = weights[n, 0] * lagged[axis] + weights[n, 1] * now[10 + axis]
-        advance(now, sent, wind, gain, body, h, room)
+        advance(now, sent, wind, gain, body, h, room.stages)
         for axis in range(3):
             if senses.gyro_lag_s > 0.0:
                 for stage in range(4):
-                    lagged[axis] += weights[n, 2 + stage] * room[stage, 10 + axis]
+                    lagged[axis] += weights[n, 2 + stage] * room.stages[stage, 10 + axis]
             else:
                 lagged[axis] = now[10 + axis]
         if shaking:
             for i in range(phases.shape[0]):
-                slopes = room[1, STATES + i] + room[2, STATES + i] + room[3, STATES + i]
+                slopes = room.stages[1, STATES + i] + room.stages[2, STATES + i] + room.stages[3, STATES + i]
                 phases[i] += h * senses.blade_rad_s * (now[STATES + i] - h / 6.0 * slopes)
         j += n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def flight(
-    start: FloatArray,
+@bare(forceinline=True)
+def _fly(
     asked: FloatArray,
     winds: FloatArray,
     noise: FloatArray,
@@ -262,25 +290,15 @@ def flight(
     control: Control,
     log: FloatArray,
     truth: FloatArray,
-    stride: int = 1,
+    stride: int,
+    room: Room,
 ) -> int:
-    """Fly, and fill ``log`` and ``truth``; the number of ticks flown before the state stopped being a number.
-
-    ``asked``: test inputs ``(ticks, 16)``, four axes of command, rate, attitude and stick; ``winds`` ``(ticks, 3)``;
-    ``noise`` ``(ticks, 15)`` standard normal. ``stride``: how many of the ``substeps`` of a tick, on which delays are
-    counted, the integrator may take at once.
-    """
+    """All ticks of :func:`flight`."""
     ticks: int = asked.shape[0]
-    size: int = start.shape[0]
+    size: int = room.now.shape[0]
     rotors = size - STATES
-    step_s = control.tick_s / control.substeps
-    now, room = start.copy(), np.empty((5, size + 3))
-    moved, lagged, phases = np.zeros(size + 3), np.zeros(9), np.zeros(rotors)
-    seen, hold, memory = np.empty(4), np.zeros(5), np.zeros((7, 3))
-    sections = np.zeros((6, 2))
-    outputs, sent, late = np.empty(rotors), np.empty(rotors), np.empty(4)
-    hold[2], hold[3] = 2.0 * math.atan2(start[9], start[6]), start[2]
-    weights = lag_weights(control.substeps, step_s, max(senses.gyro_lag_s, 1e-9))
+    now, moved, lagged, seen, hold = room.now, room.moved, room.lagged, room.seen, room.hold
+    memory, sections, outputs, sent = room.memory, room.sections, room.outputs, room.sent
     force_keep = math.exp(-control.tick_s / senses.accelerometer_lag_s) if senses.accelerometer_lag_s > 0.0 else 0.0
     force_new = 1.0 - senses.accelerometer_lag_s / control.tick_s * (1.0 - force_keep)
     used_as, voltage, gain = 0.0, 0.0, 1.0
@@ -294,7 +312,7 @@ def flight(
             gain = voltage / supply.voltage_rated
         derivative(now, sent if k > 0 else now[STATES:], winds[k], gain, body, moved)
         felt(now, moved, force_keep if k > 0 else 0.0, force_new if k > 0 else 1.0, lagged, senses)
-        sense(now, lagged, phases, noise[k], senses, row)
+        sense(now, lagged, room.phases, noise[k], senses, row)
         attitude(now, noise[k], senses.attitude_noise, seen, row)
         for axis in range(3):
             row[RATE + axis] = filtered(control.gyro_filter, sections[axis], row[RATE_RAW + axis])
@@ -313,9 +331,47 @@ def flight(
             row[MOTORS + i] = outputs[i]
         for j in range(size + 3):
             truth[k, j] = now[j] if j < size else moved[j]
-        _coast(
-            k, share, winds[k], gain, body, senses, control, stride, weights, log, late, sent, lagged, phases, room, now
-        )
+        _coast(k, share, winds[k], gain, body, senses, control, stride, log, room)
         if not math.isfinite(now[10] + now[0] + now[6]):
             return k
     return ticks
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def flight(
+    start: FloatArray,
+    asked: FloatArray,
+    winds: FloatArray,
+    noise: FloatArray,
+    body: Body,
+    supply: Supply,
+    senses: Senses,
+    control: Control,
+    log: FloatArray,
+    truth: FloatArray,
+    stride: int,
+) -> int:
+    """Fly, and fill ``log`` and ``truth``; the number of ticks flown before the state stopped being a number.
+
+    ``asked``: test inputs ``(ticks, 16)``, four axes of command, rate, attitude and stick; ``winds`` ``(ticks, 3)``;
+    ``noise`` ``(ticks, 15)`` standard normal. ``stride``: how many of the ``substeps`` of a tick, on which delays are
+    counted, the integrator may take at once.
+    """
+    rotors = start.shape[0] - STATES
+    room = Room(
+        now=start.copy(),
+        stages=np.empty((5, start.shape[0] + 3)),
+        moved=np.zeros(start.shape[0] + 3),
+        lagged=np.zeros(9),
+        phases=np.zeros(rotors),
+        seen=np.empty(4),
+        hold=np.zeros(5),
+        memory=np.zeros((7, 3)),
+        sections=np.zeros((6, 2)),
+        outputs=np.empty(rotors),
+        sent=np.empty(rotors),
+        late=np.empty(4),
+        weights=lag_weights(control.substeps, control.tick_s / control.substeps, max(senses.gyro_lag_s, 1e-9)),
+    )
+    room.hold[2], room.hold[3] = 2.0 * math.atan2(start[9], start[6]), start[2]
+    return _fly(asked, winds, noise, body, supply, senses, control, log, truth, stride, room)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.data.immutable import Immutable
+from rotorid.data.immutable import Immutable, read_only
 from rotorid.data.simulated_flight import SimulatedFlight
 from rotorid.errors import RotoridError, UsageError
-from rotorid.simulate.multirotor_flight import SETTLE_S, STEP_RATE_HZ, Aircraft, fly_multirotor
+from rotorid.simulate.multirotor_flight import SETTLE_S, Aircraft, Desk, FlightTables, flight_tables
 from rotorid.simulate.wind import CALM, Wind
 from rotorid.typing import FloatArray
 
@@ -104,8 +105,23 @@ def whole(flown: SimulatedFlight) -> SimulatedFlight:
     return flown
 
 
-def columns(*names: str) -> Callable[[SimulatedFlight], Mapping[str, FloatArray]]:
-    """Keep some channels, as the autopilot had them.
+@dataclass(frozen=True)
+class Columns(Immutable):
+    """Keeps some channels. :func:`fly_many` makes no more of a flight than these."""
+
+    names: tuple[str, ...]
+
+    def __call__(self, flown: SimulatedFlight | FlightTables) -> Mapping[str, FloatArray]:
+        if missing := [name for name in self.names if name not in flown.columns]:
+            raise UsageError(
+                f"{', '.join(missing)} should be kept of a flight that has none",
+                needed=f"some of {', '.join(flown.columns)}",
+            )
+        return {name: read_only(flown.columns[name], np.float64, ndim=1) for name in self.names}
+
+
+def columns(*names: str) -> Columns:
+    """Keep some channels, as the autopilot had them; quicker than anything that takes the whole flight.
 
     Parameters
     ----------
@@ -117,16 +133,7 @@ def columns(*names: str) -> Callable[[SimulatedFlight], Mapping[str, FloatArray]
     UsageError
         From what is returned: the flight has no such channel.
     """
-
-    def keep(flown: SimulatedFlight) -> Mapping[str, FloatArray]:
-        if missing := [name for name in names if name not in flown.columns]:
-            raise UsageError(
-                f"{', '.join(missing)} should be kept of a flight that has none",
-                needed=f"some of {', '.join(flown.columns)}",
-            )
-        return {name: flown.columns[name] for name in names}
-
-    return keep
+    return Columns(names)
 
 
 def fly_many(
@@ -135,7 +142,7 @@ def fly_many(
     *,
     seed: int = 0,
     workers: int | None = None,
-    step_rate_hz: float = STEP_RATE_HZ,
+    step_rate_hz: float | None = None,
     settle_s: float = SETTLE_S,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[Outcome[Kept]]:
@@ -182,20 +189,29 @@ def fly_many(
     [0.522, 0.572]
     """
     threads = max(1, workers or os.cpu_count() or 1)
+    own_desk = threading.local()
+
+    def desk() -> Desk:
+        if not hasattr(own_desk, "desk"):
+            own_desk.desk = Desk()
+        held: Desk = own_desk.desk
+        return held
 
     def flight(index: int, sortie: Sortie) -> Outcome[Kept]:
         own = seed_of(seed, index) if sortie.seed is None else sortie.seed
         try:
-            flown = fly_multirotor(
+            flown = flight_tables(
                 sortie.aircraft,
                 sortie.plan,
+                desk(),
                 duration_s=sortie.duration_s,
                 wind=sortie.wind,
                 seed=own,
                 step_rate_hz=step_rate_hz,
                 settle_s=settle_s,
             )
-            return Outcome(index=index, seed=own, kept=keep(flown))
+            kept = cast("Kept", keep(flown)) if isinstance(keep, Columns) else keep(flown.flight())
+            return Outcome(index=index, seed=own, kept=kept)
         except RotoridError as error:
             return Outcome(index=index, seed=own, error=error)
 

@@ -30,13 +30,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from rotorid.data.immutable import Immutable, read_only
 from rotorid.errors import ModelError
 from rotorid.models.rotor_layout import RotorLayout
-from rotorid.simulate.packed import STATES, Body, Supply
+from rotorid.simulate.packed import STATES, Body, Supply, plain
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -242,7 +243,7 @@ class Multirotor(Immutable):
         layout = replace(self.rotors.layout, positions=self.hubs_m)
         return layout.effectiveness(self._hover_torque_per_thrust(layout))
 
-    @property
+    @cached_property
     def hover_shares(self) -> FloatArray:
         """Speeds of the rotors that carry the weight without turning the vehicle, shares, shape ``(rotors,)``.
 
@@ -258,7 +259,7 @@ class Multirotor(Immutable):
             raise ModelError(
                 f"{self.name} hovers at {shares.max():.2f} of full speed", needed="less weight or more thrust"
             )
-        return shares
+        return read_only(shares, np.float64, ndim=1)
 
     def _hover_torque_per_thrust(self, layout: RotorLayout) -> float:
         """Torque over thrust at the speed at which the rotors would share the weight alike."""
@@ -277,7 +278,7 @@ class Multirotor(Immutable):
     def body(self) -> Body:
         """The same as plain numbers, for the kernels."""
         rotors, layout = self.rotors, self.rotors.layout
-        hubs = np.ascontiguousarray(self.hubs_m)
+        hubs = self.hubs_m
         forces = self.effectiveness
         if forces is None:
             forces = np.concatenate([layout.thrust_axes, np.cross(hubs, layout.thrust_axes.T).T])
@@ -287,27 +288,27 @@ class Multirotor(Immutable):
         assert air is not None
         assert rotors.lag_down_s is not None
         return Body(
-            mass=self.mass_kg,
-            gravity=STANDARD_GRAVITY_M_S2,
-            inertia=np.ascontiguousarray(self.inertia_kg_m2),
-            inverse_inertia=np.asarray(np.linalg.inv(self.inertia_kg_m2), dtype=np.float64),
-            aerodynamics=np.ascontiguousarray(air),
+            mass=float(self.mass_kg),
+            gravity=float(STANDARD_GRAVITY_M_S2),
+            inertia=plain(self.inertia_kg_m2),
+            inverse_inertia=plain(np.linalg.inv(self.inertia_kg_m2)),
+            aerodynamics=plain(air),
             has_aerodynamics=bool(np.any(air)),
-            quadratic_drag=np.array(self.quadratic_drag_n_s2_m2, dtype=np.float64),
+            quadratic_drag=plain(self.quadratic_drag_n_s2_m2),
             has_quadratic_drag=any(self.quadratic_drag_n_s2_m2),
-            effectiveness=np.ascontiguousarray(forces),
-            torque_axes=np.ascontiguousarray(torques),
-            hubs=hubs,
-            thrust=np.array(rotors.thrust, dtype=np.float64),
-            torque=np.array(rotors.torque_curve, dtype=np.float64),
-            lag_up=rotors.lag_up_s or 1.0,
-            lag_down=rotors.lag_down_s or 1.0,
-            has_lag=rotors.lag_up_s > 0.0,
-            induced_drag=rotors.induced_drag_n_s_m,
-            inclined=rotors.inclined,
-            inflow=rotors.inflow_n_s_m,
+            effectiveness=plain(forces),
+            torque_axes=plain(torques),
+            hubs=plain(hubs),
+            thrust=plain(rotors.thrust),
+            torque=plain(rotors.torque_curve),
+            lag_up=float(rotors.lag_up_s or 1.0),
+            lag_down=float(rotors.lag_down_s or 1.0),
+            has_lag=bool(rotors.lag_up_s > 0.0),
+            induced_drag=float(rotors.induced_drag_n_s_m),
+            inclined=bool(rotors.inclined),
+            inflow=float(rotors.inflow_n_s_m),
             has_air=bool(rotors.induced_drag_n_s_m or rotors.inflow_n_s_m),
-            spin_momentum=np.ascontiguousarray(momentum),
+            spin_momentum=plain(momentum),
             has_spin=bool(np.any(momentum)),
         )
 
@@ -317,11 +318,11 @@ class Multirotor(Immutable):
             return Supply(1.0, 1.0, 1.0, 0.0, 1.0, 0.0, False)
         lifted = sum(self.rotors.thrust_at(float(share)) ** 1.5 for share in self.hover_shares)
         return Supply(
-            voltage_full=self.battery.full_v,
-            voltage_empty=self.battery.empty_v,
-            voltage_rated=self.battery.rated_v,
-            resistance_ohm=self.battery.resistance_ohm,
+            voltage_full=float(self.battery.full_v),
+            voltage_empty=float(self.battery.empty_v),
+            voltage_rated=float(self.battery.rated_v),
+            resistance_ohm=float(self.battery.resistance_ohm),
             capacity_as=3600.0 * self.battery.capacity_ah,
-            current_per_power=self.battery.hover_current_a / lifted,
+            current_per_power=float(self.battery.hover_current_a / lifted),
             present=True,
         )

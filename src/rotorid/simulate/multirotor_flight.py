@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -21,15 +22,17 @@ from rotorid.simulate.sensors import Sensors
 from rotorid.simulate.wind import CALM, Wind, blown
 from rotorid.typing import FloatArray
 
-STEP_RATE_HZ = 1000.0
-"""Least rate of the integrator."""
+GRID_RATE_HZ = 1000.0
+"""Least rate of the grid to which delays are rounded."""
 
 SETTLE_S = 5.0
-"""SimulatedFlight before the log begins, so that filters, integrals and the drift in wind have settled."""
+"""Flown before the log begins, so that filters, integrals and the drift in wind have settled."""
 
 _ENTRIES: tuple[Entry, ...] = ("command", "rate_setpoint", "attitude_setpoint", "stick")
 _NOISES = 15
 _STABLE_STEP = 0.5
+_STEPS_PER_LAG = 8.0
+"""A step of an eighth of a lag errs by 0.125^5/120 of the change of a speed, 3e-7."""
 
 
 class LostError(UsageError):
@@ -56,6 +59,66 @@ class Aircraft(Immutable):
         return self.vehicle.name
 
 
+class Desk:
+    """Arrays that one flight after another is written to: fresh pages of memory cost a fifth of a flight."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, FloatArray] = {}
+
+    def table(self, name: str, rows: int, columns: int) -> FloatArray:
+        """A table with whatever stands in it; good until the same name is asked for again."""
+        held = self._held.get(name)
+        if held is None or held.size < rows * columns:
+            held = self._held[name] = np.empty(rows * columns)
+        return held[: rows * columns].reshape(rows, columns)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightTables(Immutable):
+    """What the kernel of a flight wrote, row by row, before anything is picked and copied; good until the next one.
+
+    Parameters
+    ----------
+    aircraft, plan
+        What flew.
+    skipped
+        Rows before the log begins.
+    log, truth
+        Columns as in `rotorid.simulate.logged`; state, its rates being the last but the rotors', and specific force.
+    asked, winds
+        Test inputs ``(rows, 16)`` and air ``(rows, 3)``.
+    """
+
+    aircraft: Aircraft
+    plan: FlightPlan | None
+    skipped: int
+    log: FloatArray
+    truth: FloatArray
+    asked: FloatArray
+    winds: FloatArray
+
+    @cached_property
+    def columns(self) -> Mapping[str, FloatArray]:
+        """What the autopilot had, views by the names of the vocabulary."""
+        return _columns(self.aircraft, self.log[self.skipped :], self.asked[self.skipped :], self.plan)
+
+    def flight(self) -> SimulatedFlight:
+        """Everything under its name."""
+        kept, rate_hz = slice(self.skipped, None), self.aircraft.autopilot.rate_hz
+        return SimulatedFlight(
+            vehicle=self.aircraft.name,
+            autopilot=self.aircraft.autopilot.kind,
+            sample_rate_hz=rate_hz,
+            time_s=np.arange(len(self.log) - self.skipped) / rate_hz,
+            columns=self.columns,
+            raw=_raw(self.aircraft, self.log, self.skipped),
+            truth=_truth(self.truth[kept], self.winds[kept], self.aircraft.vehicle.rotors.layout.rotors),
+            maneuvers=() if self.plan is None else self.plan.maneuvers,
+            parameters=self.aircraft.autopilot.parameters,
+            saturated=float(np.mean(self.log[kept, logged.SATURATED] > 0.0)),
+        )
+
+
 def fly_multirotor(
     aircraft: Aircraft,
     plan: FlightPlan | None = None,
@@ -63,7 +126,7 @@ def fly_multirotor(
     duration_s: float | None = None,
     wind: Wind = CALM,
     seed: int = 0,
-    step_rate_hz: float = STEP_RATE_HZ,
+    step_rate_hz: float | None = None,
     settle_s: float = SETTLE_S,
 ) -> SimulatedFlight:
     """Fly and log.
@@ -84,9 +147,12 @@ def fly_multirotor(
     seed
         Of turbulence and noise. Same seed, same flight, bit for bit.
     step_rate_hz
-        Least rate of the integrator; the next whole multiple of the autopilot's is taken.
+        Least rate of the integrator and of the grid to which delays are rounded; the next whole multiple of the
+        autopilot's is taken. When none is given, delays are rounded to a grid of at least 1 kHz and a step is up to an
+        eighth of the shortest lag of a rotor, or a turn of the autopilot; then the largest error of the rates in gusts
+        and steps of a command is below 1e-5 of the largest rate.
     settle_s
-        SimulatedFlight before the log.
+        Flown before the log.
 
     Raises
     ------
@@ -108,77 +174,98 @@ def fly_multirotor(
     >>> flown.samples, round(float(flown.truth["az"].mean()), 2)
     (500, -9.81)
     """
+    return flight_tables(
+        aircraft,
+        plan,
+        Desk(),
+        duration_s=duration_s,
+        wind=wind,
+        seed=seed,
+        step_rate_hz=step_rate_hz,
+        settle_s=settle_s,
+    ).flight()
+
+
+def flight_tables(
+    aircraft: Aircraft,
+    plan: FlightPlan | None,
+    desk: Desk,
+    *,
+    duration_s: float | None,
+    wind: Wind,
+    seed: int,
+    step_rate_hz: float | None,
+    settle_s: float,
+) -> FlightTables:
+    """Fly as :func:`fly_multirotor` does, and leave it at tables, of which a few columns cost little."""
     from rotorid.simulate.flight_kernels import flight
 
-    rate_hz = aircraft.autopilot.rate_hz
+    rate_hz, vehicle = aircraft.autopilot.rate_hz, aircraft.vehicle
     if plan is None and duration_s is None:
         raise UsageError("neither a plan nor a duration came", needed="one of the two")
     length_s = duration_s if duration_s is not None else plan.duration_s if plan is not None else 0.0
-    skipped, ticks = round(settle_s * rate_hz), round(length_s * rate_hz)
-    substeps = _substeps(aircraft, step_rate_hz)
+    skipped = round(settle_s * rate_hz)
+    rows = skipped + round(length_s * rate_hz)
+    substeps, stride = _steps(aircraft, step_rate_hz)
     rng = np.random.default_rng(seed)
-    time_s = np.arange(ticks) / rate_hz
-    asked = np.zeros((skipped + ticks, len(_ENTRIES) * len(AXES)))
-    asked[skipped:] = _asked(plan, time_s)
-    winds = blown(wind, len(asked), sample_rate_hz=rate_hz, rng=rng)
-    noise = rng.standard_normal((len(asked), _NOISES))
-    rotors = aircraft.vehicle.rotors.layout.rotors
-    log = np.zeros((len(asked), logged.MOTORS + rotors))
-    truth = np.zeros((len(asked), STATES + rotors + 3))
+    asked = _asked(plan, desk.table("asked", rows, len(_ENTRIES) * len(AXES)), skipped, rate_hz)
+    winds = blown(wind, rows, sample_rate_hz=rate_hz, rng=rng)
+    noise = desk.table("noise", rows, _NOISES)
+    if aircraft.sensors.noisy:
+        rng.standard_normal(out=noise)
+    else:
+        noise.fill(0.0)
+    rotors = vehicle.rotors.layout.rotors
+    log = desk.table("log", rows, logged.MOTORS + rotors)
+    truth = desk.table("truth", rows, STATES + rotors + 3)
     flown = flight(
-        aircraft.vehicle.hovering(),
+        vehicle.hovering(),
         asked,
         winds,
         noise,
-        aircraft.vehicle.body(),
-        aircraft.vehicle.supply(),
+        vehicle.body(),
+        vehicle.supply(),
         aircraft.sensors.senses(),
-        aircraft.autopilot.control(aircraft.vehicle, substeps=substeps),
+        aircraft.autopilot.control(vehicle, substeps=substeps),
         log,
         truth,
+        stride,
     )
-    if flown < len(asked):
+    if flown < rows:
         raise LostError(
             f"{aircraft.name} left the air {flown / rate_hz - settle_s:.1f} s into the log: its state is no number",
             needed="a flight that stays within what the vehicle can do",
             remedy="lower the amplitude of the plan, the wind or the gains",
         )
-    kept = slice(skipped, None)
-    return SimulatedFlight(
-        vehicle=aircraft.name,
-        autopilot=aircraft.autopilot.kind,
-        sample_rate_hz=rate_hz,
-        time_s=time_s,
-        columns=_columns(aircraft, log[kept], asked[kept], plan),
-        raw=_raw(aircraft, log, skipped),
-        truth=_truth(truth[kept], winds[kept], rotors),
-        maneuvers=() if plan is None else plan.maneuvers,
-        parameters=aircraft.autopilot.parameters,
-        saturated=float(np.mean(log[kept, logged.SATURATED] > 0.0)),
-    )
+    return FlightTables(aircraft=aircraft, plan=plan, skipped=skipped, log=log, truth=truth, asked=asked, winds=winds)
 
 
-def _substeps(aircraft: Aircraft, step_rate_hz: float) -> int:
-    substeps = max(1, int(np.ceil(step_rate_hz / aircraft.autopilot.rate_hz - 1e-9)))
-    rotors = aircraft.vehicle.rotors
+def _steps(aircraft: Aircraft, step_rate_hz: float | None) -> tuple[int, int]:
+    """Steps of the grid in a turn of the autopilot, and how many of them the integrator takes at once at most."""
+    rate_hz, rotors = aircraft.autopilot.rate_hz, aircraft.vehicle.rotors
+    substeps = max(1, int(np.ceil((step_rate_hz or GRID_RATE_HZ) / rate_hz - 1e-9)))
+    step_s = 1.0 / (rate_hz * substeps)
     lags = [lag for lag in (rotors.lag_up_s, rotors.lag_down_s) if lag]
-    step_s = 1.0 / (aircraft.autopilot.rate_hz * substeps)
     if lags and min(lags) < _STABLE_STEP * step_s:
         raise UsageError(
             f"a rotor's lag of {1e3 * min(lags):g} ms came for steps of {1e3 * step_s:g} ms",
             needed="steps of at most twice the lag",
             remedy="raise the rate of the steps, or set the lag to zero",
         )
-    return substeps
+    if step_rate_hz is not None:
+        return substeps, 1
+    longest_s = min(lags) / _STEPS_PER_LAG if lags else np.inf
+    return substeps, int(min(substeps, max(1.0, longest_s / step_s)))
 
 
-def _asked(plan: FlightPlan | None, time_s: FloatArray) -> FloatArray:
-    """Test inputs on the ticks, shape ``(ticks, 16)``."""
-    asked = np.zeros((time_s.size, len(_ENTRIES) * len(AXES)))
+def _asked(plan: FlightPlan | None, asked: FloatArray, skipped: int, rate_hz: float) -> FloatArray:
+    """Test inputs on the ticks, into a table of shape ``(rows, 16)``; none while the flight settles."""
+    asked.fill(0.0)
+    time_s = np.arange(len(asked) - skipped) / rate_hz
     for one in plan.inputs if plan else ():
         first, last = np.searchsorted(time_s, [one.start_s, one.stop_s])
         column = len(AXES) * _ENTRIES.index(one.entry) + AXES.index(one.axis)
-        asked[first:last, column] += one.at(time_s[first:last])
+        asked[skipped + first : skipped + last, column] += one.at(time_s[first:last])
     return asked
 
 
@@ -217,10 +304,10 @@ def _columns(aircraft: Aircraft, log: FloatArray, asked: FloatArray, plan: Fligh
 
 
 def _raw(aircraft: Aircraft, log: FloatArray, skipped: int) -> dict[str, FloatArray]:
-    """Rates and accelerations before the filters; ArduPilot logs means over a turn of its loop, others samples."""
+    """Rates and accelerations before the filters: ArduPilot and PX4 log means over a turn of the loop."""
     groups = {"p q r": logged.RATE_RAW, "ax ay az": logged.ACCELERATION_RAW}
     samples = _named(log[skipped:], groups)
-    if aircraft.autopilot.kind != "ardupilot" or skipped < 1:
+    if aircraft.autopilot.kind == "simple" or skipped < 1:
         return samples
     before = _named(log[skipped - 1 : -1], groups)
     # Rotors without lag push evenly for a turn, so that its last sample of their force is its mean already.

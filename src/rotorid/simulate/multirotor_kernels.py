@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from rotorid.simulate.bare import bare
 from rotorid.simulate.packed import STATES, Body
 from rotorid.typing import FloatArray
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"}, forceinline=True)
+@bare(fastmath={"contract", "nsz"}, forceinline=True)
 def derivative(
     state: FloatArray, outputs: FloatArray, wind: FloatArray, gain: float, body: Body, out: FloatArray
 ) -> None:
@@ -111,7 +112,7 @@ def derivative(
     out[STATES + rotors], out[STATES + rotors + 1], out[STATES + rotors + 2] = ax, ay, az
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@bare()
 def advance(
     state: FloatArray, outputs: FloatArray, wind: FloatArray, gain: float, body: Body, step_s: float, room: FloatArray
 ) -> None:

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from rotorid.typing import FloatArray, IntArray
 
 STATES = 13
@@ -137,3 +140,8 @@ class Control(NamedTuple):
     voltage_min: float
     delay_steps: IntArray
     """Of each command, in steps of the integrator."""
+
+
+def plain(values: ArrayLike) -> FloatArray:
+    """A fresh array. Kernels are compiled anew for integers, for read-only arrays and for other orders in memory."""
+    return np.array(values, dtype=np.float64, order="C")

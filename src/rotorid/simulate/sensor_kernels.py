@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
+from rotorid.simulate.bare import bare
 from rotorid.simulate.logged import ACCELERATION_RAW, ANGLE, POSITION, RATE_RAW, VELOCITY
 from rotorid.simulate.packed import STATES, Senses
 from rotorid.typing import FloatArray
@@ -17,7 +18,7 @@ from rotorid.typing import FloatArray
 _SERIES = 24
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def felt(now: FloatArray, moved: FloatArray, keep: float, new: float, lagged: FloatArray, senses: Senses) -> None:
     """Specific force where the accelerometer sits, into places 6 to 8 of ``lagged``, and after its lag into 3 to 5."""
     px, py, pz = senses.accelerometer_place[0], senses.accelerometer_place[1], senses.accelerometer_place[2]
@@ -34,7 +35,7 @@ def felt(now: FloatArray, moved: FloatArray, keep: float, new: float, lagged: Fl
     lagged[5] = keep * lagged[5] + new * lagged[8] + (1.0 - keep - new) * old_z
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def sense(
     now: FloatArray, lagged: FloatArray, phases: FloatArray, noise: FloatArray, senses: Senses, row: FloatArray
 ) -> None:
@@ -59,7 +60,7 @@ def sense(
         row[POSITION + axis] = now[axis] + senses.position_noise * noise[12 + axis]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def attitude(now: FloatArray, noise: FloatArray, spread: float, seen: FloatArray, row: FloatArray) -> None:
     """The estimated quaternion, and its angles into a row of the log."""
     qw, qx, qy, qz = now[6], now[7], now[8], now[9]
@@ -76,7 +77,7 @@ def attitude(now: FloatArray, noise: FloatArray, spread: float, seen: FloatArray
     row[ANGLE + 2] = math.atan2(2.0 * (a * d + b * c), 1.0 - 2.0 * (c * c + d * d))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@bare(forceinline=True)
 def filtered(taps: FloatArray, memory: FloatArray, value: float) -> float:
     """One step of a second-order section; taps b0 b1 b2 a1 a2."""
     result: float = taps[0] * value + memory[0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from rotorid.data.immutable import Immutable
 from rotorid.errors import UsageError
-from rotorid.simulate.packed import Senses
+from rotorid.simulate.packed import Senses, plain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,24 +69,37 @@ class Sensors(Immutable):
                 f"{wrong[0]} = {sizes[wrong[0]]:g} came for a sensor", needed="a finite number from zero up"
             )
 
+    @property
+    def noisy(self) -> bool:
+        """Whether any of them has noise."""
+        return any(
+            (
+                self.gyro_noise_rad_s,
+                self.accelerometer_noise_m_s2,
+                self.attitude_noise_rad,
+                self.velocity_noise_m_s,
+                self.position_noise_m,
+            )
+        )
+
     def senses(self) -> Senses:
         """The same as plain numbers, for the kernels."""
         return Senses(
-            gyro_noise=self.gyro_noise_rad_s,
-            gyro_bias=np.array(self.gyro_bias_rad_s, dtype=np.float64),
-            gyro_lag_s=self.gyro_lag_s,
-            gyro_step=self.gyro_step_rad_s,
-            gyro_vibration=self.gyro_vibration_rad_s,
-            accelerometer_noise=self.accelerometer_noise_m_s2,
-            accelerometer_bias=np.array(self.accelerometer_bias_m_s2, dtype=np.float64),
-            accelerometer_lag_s=self.accelerometer_lag_s,
-            accelerometer_step=self.accelerometer_step_m_s2,
-            accelerometer_vibration=self.accelerometer_vibration_m_s2,
-            accelerometer_place=np.array(self.accelerometer_place_m, dtype=np.float64),
-            attitude_noise=self.attitude_noise_rad,
-            velocity_noise=self.velocity_noise_m_s,
-            position_noise=self.position_noise_m,
-            blade_rad_s=self.rotor_speed_rad_s,
+            gyro_noise=float(self.gyro_noise_rad_s),
+            gyro_bias=plain(self.gyro_bias_rad_s),
+            gyro_lag_s=float(self.gyro_lag_s),
+            gyro_step=float(self.gyro_step_rad_s),
+            gyro_vibration=float(self.gyro_vibration_rad_s),
+            accelerometer_noise=float(self.accelerometer_noise_m_s2),
+            accelerometer_bias=plain(self.accelerometer_bias_m_s2),
+            accelerometer_lag_s=float(self.accelerometer_lag_s),
+            accelerometer_step=float(self.accelerometer_step_m_s2),
+            accelerometer_vibration=float(self.accelerometer_vibration_m_s2),
+            accelerometer_place=plain(self.accelerometer_place_m),
+            attitude_noise=float(self.attitude_noise_rad),
+            velocity_noise=float(self.velocity_noise_m_s),
+            position_noise=float(self.position_noise_m),
+            blade_rad_s=float(self.rotor_speed_rad_s),
         )
 
 

@@ -28,7 +28,7 @@ def designed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_design_is_a_plan_its_predictions_and_files_for_pilot_and_autopilot(designed: Path) -> None:
     document = json.loads((designed / "design.json").read_text())
     (plan,) = document["plans"]
-    assert set(plan["files"]) == {path.name for path in designed.iterdir()} - {"design.json"}
+    assert set(plan["files"]) == {path.name for path in designed.iterdir()} - {"design.json", "design.html"}
     assert {"plan.json", "plan.csv", "flight-card.html", "px4_fly_plan.py", "px4.params"} <= set(plan["files"])
     assert [one["shape"] for one in plan["inputs"]] == ["pilot_sweep", "doublet", "doublet"]
     assert plan["reached"]["tilt_rad"] <= document["limits"]["tilt_rad"]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.simulate import craft
 
+from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import RotoridError, UsageError
 from rotorid.simulate.many import Sortie, columns, fly_many, seed_of, whole
 from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
@@ -43,6 +44,29 @@ def test_a_flight_is_the_same_alone() -> None:
     assert found.seed == seed_of(5, 3)
     alone = fly_multirotor(aircraft(1.15), duration_s=0.5, wind=GUSTY, seed=found.seed, settle_s=0.2)
     np.testing.assert_array_equal(found.result.raw["q"], alone.raw["q"])
+
+
+def test_nothing_is_left_of_the_flight_before() -> None:
+    step = PlannedInput(
+        axis="roll", shape="doublet", start_s=0.0, values=np.array([0.05]), sample_rate_hz=2.0, amplitude=0.05
+    )
+    plan = FlightPlan(name="step", inputs=(step,), trim_s=0.0)
+    flights = [Sortie(aircraft=aircraft(), plan=plan, duration_s=1.0), Sortie(aircraft=aircraft(), duration_s=0.5)]
+    _, after = fly_many(flights, columns("p", "roll_command"), seed=5, workers=1, settle_s=0.0)
+    alone = fly_multirotor(aircraft(), duration_s=0.5, seed=after.seed, settle_s=0.0)
+    for name, values in after.result.items():
+        np.testing.assert_array_equal(values, alone.columns[name])
+
+
+def test_columns_are_those_of_the_whole_flight() -> None:
+    names = ("p", "motor_1", "thrust_command")
+    few = fly_many(sorties(2), columns(*names), seed=5, settle_s=0.2)
+    for one, other in zip(few, fly_many(sorties(2), whole, seed=5, settle_s=0.2), strict=True):
+        for name in names:
+            np.testing.assert_array_equal(one.result[name], other.result.columns[name])
+        assert columns(*names)(other.result).keys() == one.result.keys()
+        with pytest.raises(ValueError, match="read-only"):
+            one.result["p"][0] = 0.0
 
 
 def test_seeds_of_their_own_are_kept_and_others_differ() -> None:

@@ -14,11 +14,12 @@ from rotorid.signal.autopilot_mixer import Linearization
 from rotorid.simulate.flight_kernels import flight
 from rotorid.simulate.logged import MOTORS
 from rotorid.simulate.multirotor import Battery
-from rotorid.simulate.multirotor_flight import Aircraft, LostError, fly_multirotor
+from rotorid.simulate.multirotor_flight import Aircraft, LostError, _steps, fly_multirotor
 from rotorid.simulate.packed import STATES
 from rotorid.simulate.sensors import PERFECT
 from rotorid.simulate.wind import Wind
 from rotorid.typing import FloatArray
+from rotorid.vehicles.catalog import aircraft
 
 GUSTY = Wind(north_m_s=4.0, turbulence_m_s=0.8)
 
@@ -59,9 +60,9 @@ def test_commands_arrive_after_their_delay(delay_ms: int, stride: int) -> None:
     assert np.abs(speeds - exact).max() < 0.05 * 40 * longest**5 / 120.0 * 1.5 + 1e-13
 
 
-def flown_at(step_rate_hz: float, *, gyro_lag_s: float) -> FloatArray:
+def flown_at(step_rate_hz: float | None, *, gyro_lag_s: float) -> FloatArray:
     """Rates of a flight through gusts, with everything in the loop."""
-    aircraft = Aircraft(
+    flying = Aircraft(
         vehicle=craft.vehicle(),
         autopilot=craft.autopilot(rate_hz=250.0, delay_s=(0.004, 0.004, 0.004, 0.008)),
         sensors=replace(PERFECT, gyro_lag_s=gyro_lag_s),
@@ -69,7 +70,7 @@ def flown_at(step_rate_hz: float, *, gyro_lag_s: float) -> FloatArray:
     values = np.repeat([0.1, -0.1, 0.1, 0.0], 100)
     one = PlannedInput(axis="roll", shape="doublet", start_s=0.1, values=values, sample_rate_hz=250.0, amplitude=0.1)
     plan = FlightPlan(name="steps", inputs=(one,), trim_s=1.0)
-    flown = fly_multirotor(aircraft, plan, wind=GUSTY, seed=1, settle_s=1.0, step_rate_hz=step_rate_hz)
+    flown = fly_multirotor(flying, plan, wind=GUSTY, seed=1, settle_s=1.0, step_rate_hz=step_rate_hz)
     return np.stack([flown.truth[name] for name in ("p", "q", "r")])
 
 
@@ -80,12 +81,37 @@ def test_a_flight_is_of_fourth_order_in_its_step(gyro_lag_s: float) -> None:
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(slopes > 3.7)
     assert errors[0] < 1e-5 * np.abs(finest).max()
+    assert np.abs(flown_at(None, gyro_lag_s=gyro_lag_s) - finest).max() < 1e-5 * np.abs(finest).max()
+
+
+def test_steps_are_an_eighth_of_the_shortest_lag_or_a_turn() -> None:
+    def steps(lag_up_s: float, rate_hz: float) -> tuple[int, int]:
+        vehicle = craft.vehicle(rotors=craft.rotors(lag_up_s=lag_up_s, lag_down_s=None))
+        return _steps(Aircraft(vehicle=vehicle, autopilot=craft.autopilot(rate_hz=rate_hz)), None)
+
+    assert steps(0.04, 250.0) == (4, 4)
+    assert steps(0.02, 250.0) == (4, 2)
+    assert steps(0.001, 250.0) == (4, 1)
+    assert steps(0.0, 50.0) == (20, 20)
+    assert steps(0.04, 2000.0) == (1, 1)
+
+
+def test_one_compilation_serves_all_vehicles() -> None:
+    fly_multirotor(aircraft("x500"), duration_s=0.1, settle_s=0.0)
+    compiled = list(flight.signatures)
+    whole = replace(
+        craft.vehicle(), mass_kg=1, quadratic_drag_n_s2_m2=(0, 0, 0), aerodynamics=np.zeros((6, 6), order="F")
+    )
+    fixed = craft.autopilot(mixer=craft.autopilot().mixer_for(whole), motor_range=(0, 1))
+    for one in (aircraft("crazyflie"), aircraft("s500"), Aircraft(vehicle=whole, autopilot=fixed)):
+        fly_multirotor(one, duration_s=0.1, settle_s=0.0)
+    assert flight.signatures == compiled
 
 
 def test_same_seed_same_flight_bit_for_bit() -> None:
-    aircraft = Aircraft(vehicle=craft.vehicle(), autopilot=craft.autopilot())
+    flying = Aircraft(vehicle=craft.vehicle(), autopilot=craft.autopilot())
     one, two, other = (
-        fly_multirotor(aircraft, duration_s=2.0, wind=GUSTY, seed=seed, settle_s=0.5) for seed in (3, 3, 4)
+        fly_multirotor(flying, duration_s=2.0, wind=GUSTY, seed=seed, settle_s=0.5) for seed in (3, 3, 4)
     )
     for where in ("columns", "raw", "truth"):
         for name, values in getattr(one, where).items():
@@ -94,10 +120,10 @@ def test_same_seed_same_flight_bit_for_bit() -> None:
 
 
 def test_wind_leaves_the_noise_as_it_was() -> None:
-    aircraft = Aircraft(vehicle=craft.vehicle(), autopilot=craft.autopilot())
+    flying = Aircraft(vehicle=craft.vehicle(), autopilot=craft.autopilot("simple"))
     noises = []
     for wind in (Wind(), GUSTY):
-        flown = fly_multirotor(aircraft, duration_s=1.0, wind=wind, settle_s=0.5)
+        flown = fly_multirotor(flying, duration_s=1.0, wind=wind, settle_s=0.5)
         noises.append(flown.raw["p"] - flown.truth["p"])
     np.testing.assert_allclose(noises[0], noises[1], atol=1e-14)
 
@@ -107,8 +133,8 @@ BATTERY = Battery(full_v=16.8, empty_v=13.2, rated_v=15.5, resistance_ohm=0.02, 
 
 def test_a_battery_sags_and_empties() -> None:
     vehicle = craft.vehicle(battery=BATTERY)
-    aircraft = Aircraft(vehicle=vehicle, autopilot=craft.autopilot(), sensors=PERFECT)
-    flown = fly_multirotor(aircraft, duration_s=10.0, settle_s=0.0)
+    flying = Aircraft(vehicle=vehicle, autopilot=craft.autopilot(), sensors=PERFECT)
+    flown = fly_multirotor(flying, duration_s=10.0, settle_s=0.0)
     voltage = flown.columns["battery_voltage"]
     # It begins with hover's current at full charge.
     assert voltage[0] == pytest.approx(16.8 - 0.02 * 18.0, abs=1e-12)

@@ -1,0 +1,340 @@
+"""Pictures of planned flights: test inputs and what they move, what they excite, what the data will tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rotorid.data.response import FrequencyResponse
+from rotorid.plot.bode import bode
+from rotorid.plot.curves import Style, magnitude_axis, points
+from rotorid.plot.curves import line as over_frequency
+from rotorid.plot.figure import Figure, Trace, numbers, stamps, text
+from rotorid.plot.quantity import quantity
+from rotorid.plot.stack import Panel, stacked
+from rotorid.plot.theme import BESIDE, DASHES, SERIES, SYMBOLS
+from rotorid.plot.ticks import frequency_ticks
+from rotorid.plot.time import line
+from rotorid.plot.view import Frequency, Magnitude, View, decibels
+from rotorid.typing import BoolArray, FloatArray
+
+_TIME_AXIS = {"title": {"text": "Time on the plan's clock [s]"}}
+_MOST_POINTS = 1500
+_ROW_PX, _LEAST_PX = 30.0, 90.0
+_APART = 0.56
+_EXPECTED = {"measured": "expected", "measured, left out": "expected, not usable"}
+
+
+class Signal(NamedTuple):
+    """A signal over time.
+
+    Parameters
+    ----------
+    words
+        Name in the legend; signals of one name have one color. Those of a panel with one name need none.
+    channel
+        Name of the vocabulary, which decides the unit of paper.
+    time_s, values
+        Shape ``(n,)``, SI.
+    """
+
+    words: str
+    channel: str
+    time_s: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Strip:
+    """One panel of a flight over time.
+
+    Parameters
+    ----------
+    label
+        Written above it, without the unit.
+    signals
+        At least one, all of one unit.
+    limits
+        Values that the flight is not to pass, SI.
+    height_px
+        Of the panel.
+    """
+
+    label: str
+    signals: Sequence[Signal]
+    limits: Sequence[float] = ()
+    height_px: float = 120.0
+
+
+def planned_flight(strips: Sequence[Strip]) -> Figure:
+    """Test inputs over time and what the simulated flight does, with its limits.
+
+    Parameters
+    ----------
+    strips
+        Panels from top to bottom.
+
+    Examples
+    --------
+    >>> time_s = np.array([0.0, 1.0])
+    >>> tilt = Strip(label="Tilt", signals=[Signal("tilt", "phi", time_s, np.array([0.0, 0.1]))], limits=[0.5])
+    >>> [trace["name"] for trace in planned_flight([tilt])["data"]]
+    ['tilt', 'limit']
+    """
+    named = [strip for strip in strips if len({one.words for one in strip.signals}) > 1]
+    names = list(dict.fromkeys(one.words for strip in named for one in strip.signals))
+    seen: set[str] = set()
+    panels = [_strip(strip, names, seen) for strip in strips]
+    return stacked(panels, x_axis=_TIME_AXIS)
+
+
+def _strip(strip: Strip, names: Sequence[str], seen: set[str]) -> Panel:
+    """One panel; ``seen`` holds what already stands in the legend."""
+    traces: list[Trace] = []
+    for one in strip.signals:
+        known = one.words in names
+        color = SERIES[names.index(one.words) % len(SERIES)] if known else SERIES[-1]
+        drawn = line(*one[2:], one.channel, words=text(one.words), color=color, width=1.0, most=_MOST_POINTS)
+        traces.append({**drawn, "showlegend": known and one.words not in seen})
+        seen.add(one.words)
+    channel = strip.signals[0].channel
+    edges = [min(one.time_s[0] for one in strip.signals), max(one.time_s[-1] for one in strip.signals)]
+    for limit in strip.limits:
+        flat = line(np.array(edges), np.full(2, limit), channel, words="limit", color=BESIDE, width=1.4, dash="2 3")
+        traces.append({**flat, "showlegend": "limit" not in seen})
+        seen.add("limit")
+    unit = quantity(channel).unit
+    return Panel(
+        label=f"{strip.label} [{unit}]" if unit else strip.label,
+        traces=traces,
+        height_px=strip.height_px,
+        axis={"zeroline": False},
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Excited:
+    """What a test input excites.
+
+    Parameters
+    ----------
+    words
+        Name in the legend.
+    channel
+        Name of the vocabulary, which decides the unit of paper.
+    omega_rad_s, density
+        One-sided density in SI units squared per hertz, shape ``(f,)``.
+    band_rad_s
+        The band that was asked for, which is shaded.
+    lines
+        Whether it excites single frequencies, which are drawn as points.
+    """
+
+    words: str
+    channel: str
+    omega_rad_s: FloatArray
+    density: FloatArray
+    band_rad_s: tuple[float, float] | None = None
+    lines: bool = False
+
+
+def excited_bands(inputs: Sequence[Excited], *, frequency: Frequency = "rad/s", magnitude: Magnitude = "dB") -> Figure:
+    """Densities of test inputs over frequency, those of one unit in one panel, their bands shaded.
+
+    Parameters
+    ----------
+    inputs
+        At least one.
+    frequency, magnitude
+        Units of the picture; decibels are :math:`10 log_{10}` of the density in units of paper.
+
+    Examples
+    --------
+    >>> step = Excited(words="roll", channel="roll_excitation", omega_rad_s=np.array([1.0, 10.0]),
+    ...                density=np.array([0.1, 0.001]))
+    >>> figure = excited_bands([step])
+    >>> figure["data"][0]["y"], figure["layout"]["annotations"][0]["text"]
+    ([-10.0, -30.0], 'Density [dB re 1/Hz]')
+    """
+    view = View(frequency=frequency, magnitude=magnitude)
+    units = list(dict.fromkeys(quantity(one.channel).unit for one in inputs))
+    panels = []
+    for unit in units:
+        density = f"({unit})²/Hz" if unit else "1/Hz"
+        shown = f"dB re {density}" if magnitude == "dB" else density
+        members = [(number, one) for number, one in enumerate(inputs) if quantity(one.channel).unit == unit]
+        bands = list(dict.fromkeys(one.band_rad_s for _, one in members if one.band_rad_s is not None))
+        traces = [_density(view, one, number, shown) for number, one in members]
+        panels.append(
+            Panel(
+                label=f"Density [{shown}]",
+                traces=traces,
+                height_px=210,
+                axis=magnitude_axis(view, traces),
+                shaded=view.bands(bands),
+            )
+        )
+    return stacked(panels, x_axis=view.axis(np.concatenate([one.omega_rad_s for one in inputs])))
+
+
+def _density(view: View, one: Excited, number: int, unit: str) -> Trace:
+    level = decibels(quantity(one.channel).factor ** 2 * one.density, of_power=True)
+    style = Style(
+        name=one.words,
+        color=SERIES[number % len(SERIES)],
+        dash=DASHES[number % len(DASHES)],
+        symbol=SYMBOLS[number % len(SYMBOLS)],
+        size=4.0,
+        legend=True,
+        unit=unit,
+    )
+    draw = points if one.lines else over_frequency
+    return draw(view, one.omega_rad_s, view.height(level, decibels=10.0), style)
+
+
+def predicted_bode(
+    response: FrequencyResponse,
+    *,
+    output: str,
+    input: str,
+    used: BoolArray,
+    least_coherence: float,
+    frequency: Frequency = "rad/s",
+    magnitude: Magnitude = "dB",
+) -> Figure:
+    """A response as a flight is expected to show it; the parameters are those of :func:`rotorid.plot.bode.bode`."""
+    figure = bode(
+        response,
+        output=output,
+        input=input,
+        fitted=used,
+        least_coherence=least_coherence,
+        frequency=frequency,
+        magnitude=magnitude,
+    )
+    names = [_EXPECTED.get(trace["name"], trace["name"]) for trace in figure["data"]]
+    traces = [{**trace, "name": name, "legendgroup": name} for trace, name in zip(figure["data"], names, strict=True)]
+    return Figure(data=traces, layout=figure["layout"])
+
+
+def percent_dots(labels: Sequence[str], percent: Mapping[str, Sequence[float]]) -> Figure:
+    """Standard deviations in percent by parameter and plan, on a logarithmic axis.
+
+    Parameters
+    ----------
+    labels
+        Of the parameters, from top to bottom.
+    percent
+        Plan to one number for each parameter; what is not finite is left out.
+
+    Examples
+    --------
+    >>> figure = percent_dots(["L_roll", "L_p"], {"sweep": [0.4, 2.0], "multisine": [0.5, math.inf]})
+    >>> [trace["x"] for trace in figure["data"]]
+    [[0.4, 2.0], [0.5, None]]
+    """
+    rows = np.arange(len(labels), dtype=np.float64)
+    offsets = _APART * (np.arange(len(percent)) - (len(percent) - 1) / 2.0) / max(len(percent), 2)
+    traces = [
+        _dots(rows + offset, name, np.asarray(found), labels, number)
+        for number, (offset, (name, found)) in enumerate(zip(offsets, percent.items(), strict=True))
+    ]
+    axis: dict[str, Any] = {
+        "tickmode": "array",
+        "tickvals": numbers(rows),
+        "ticktext": [text(label) for label in labels],
+        "range": [len(labels) - 0.5, -0.5],
+        "zeroline": False,
+    }
+    panel = Panel(
+        label="Predicted standard deviation by parameter",
+        traces=traces,
+        height_px=max(_LEAST_PX, _ROW_PX * len(labels)),
+        axis=axis,
+    )
+    return stacked([panel], x_axis=_percent_axis([value for found in percent.values() for value in found]))
+
+
+def _dots(rows: FloatArray, name: str, found: FloatArray, labels: Sequence[str], number: int) -> Trace:
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": numbers(found),
+        "y": numbers(rows),
+        "marker": {"color": SERIES[number % len(SERIES)], "symbol": SYMBOLS[number % len(SYMBOLS)], "size": 9},
+        "text": [text(label) for label in labels],
+        "hovertemplate": "%{text}<br>%{x:.3~g} %",
+        "name": text(name),
+        "legendgroup": text(name),
+        "showlegend": True,
+    }
+
+
+def _percent_axis(percent: Sequence[float]) -> dict[str, Any]:
+    return {"type": "log", "title": {"text": "Standard deviation [% of the value]"}, "tickvals": _ticks(percent)}
+
+
+def _ticks(values: Sequence[float]) -> list[float]:
+    positive = np.array([value for value in values if 0.0 < value < math.inf])
+    return frequency_ticks(positive) if positive.size else [1.0]
+
+
+def percent_over_duration(
+    duration_s: FloatArray,
+    percent: Mapping[str, FloatArray],
+    *,
+    wanted: Mapping[str, float],
+    found_s: float | None = None,
+) -> Figure:
+    """How well parameters will be known after test inputs of several durations, and how well they should be.
+
+    Parameters
+    ----------
+    duration_s
+        Those that were tried, rising, shape ``(n,)``.
+    percent
+        Parameter to its standard deviation in percent, shape ``(n,)``.
+    wanted
+        Parameter to what was asked for, in percent.
+    found_s
+        The duration that is enough, which is shaded from there on.
+
+    Examples
+    --------
+    >>> figure = percent_over_duration(np.array([15.0, 60.0]), {"L_roll": np.array([2.0, 1.0])},
+    ...                                wanted={"L_roll": 1.5}, found_s=27.0)
+    >>> [trace["name"] for trace in figure["data"]], figure["layout"]["shapes"][0]["x0"]
+    (['L_roll', 'L_roll wanted'], 27.0)
+    """
+    traces: list[Trace] = []
+    for number, (name, found) in enumerate(percent.items()):
+        color = SERIES[number % len(SERIES)]
+        traces.append(_over(duration_s, found, name, color, mode="lines+markers", dash="solid"))
+        if name in wanted:
+            level = np.full(2, wanted[name])
+            traces.append(_over(duration_s[[0, -1]], level, f"{name} wanted", color, mode="lines", dash="2 3"))
+    heights = [value for trace in traces for value in trace["y"] if value is not None]
+    axis = {"type": "log", "tickvals": _ticks(heights)}
+    enough = [] if found_s is None else [(found_s, float(duration_s[-1]))]
+    panel = Panel(label="Standard deviation [% of the value]", traces=traces, height_px=220, axis=axis, shaded=enough)
+    ticks = frequency_ticks(duration_s)
+    return stacked([panel], x_axis={"type": "log", "title": {"text": "Duration [s]"}, "tickvals": ticks})
+
+
+def _over(duration_s: FloatArray, values: FloatArray, name: str, color: str, *, mode: str, dash: str) -> Trace:
+    return {
+        "type": "scatter",
+        "mode": mode,
+        "x": stamps(duration_s),
+        "y": numbers(values),
+        "line": {"color": color, "width": 1.6, "dash": dash},
+        "marker": {"color": color, "size": 7},
+        "hovertemplate": "%{x:.1f} s<br>%{y:.3~g} %",
+        "name": text(name),
+        "legendgroup": text(name),
+        "showlegend": True,
+    }
