@@ -97,9 +97,10 @@ def design_command(
     from rotorid.io.registry import read
     from rotorid.pipeline.design import DesignChoices, design
     from rotorid.pipeline.design_prior import read_prior
-    from rotorid.report.design_output import write_design
+    from rotorid.report.design_output import require_autopilot, write_design
     from rotorid.report.output import to_json
 
+    require_autopilot(for_)
     shapes = tuple(_shape(kind, vehicle) for kind in kinds)
     choices = DesignChoices(
         vehicle=vehicle,

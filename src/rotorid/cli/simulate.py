@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -78,18 +79,19 @@ def simulate_command(
     changes = named_numbers(set, "--set")
     craft = piloted(changed(aircraft(vehicle), changes))
     folder = out or Path("rotorid-out") / vehicle
+    # Checked before the plan is made, which takes a while.
+    choices = SimulateChoices(
+        vehicle=vehicle,
+        duration_s=duration if duration is not None or plan != _NO_PLAN else 60.0,
+        wind=air,
+        changes=changes,
+        vary=named_numbers(vary, "--vary"),
+        runs=runs,
+        format=format,  # type: ignore[arg-type]
+        seed=seed,
+    )
     with progress(quiet=quiet) as tell:
-        choices = SimulateChoices(
-            vehicle=vehicle,
-            plan=_plan(plan, craft, air, seed, tell),
-            duration_s=duration if duration is not None or plan != _NO_PLAN else 60.0,
-            wind=air,
-            changes=changes,
-            vary=named_numbers(vary, "--vary"),
-            runs=runs,
-            format=format,  # type: ignore[arg-type]
-            seed=seed,
-        )
+        choices = replace(choices, plan=_plan(plan, craft, air, seed, tell))
         document = write_simulation(folder, choices, command=command, progress=tell)
     _tell(document, folder, json=json, quiet=quiet)
 

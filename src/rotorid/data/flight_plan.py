@@ -22,6 +22,9 @@ Shape: TypeAlias = Literal[
 Entry: TypeAlias = Literal["command", "rate_setpoint", "attitude_setpoint", "stick"]
 """Where a test input is added: to what the mixer receives, to a set-point of the controllers, or by the pilot."""
 
+LONGEST_S = 4.0 * 3600.0
+"""No plan lasts longer: no battery does."""
+
 _KINDS: Mapping[Shape, Kind] = MappingProxyType(
     {
         "pilot_sweep": "sweep",
@@ -81,10 +84,11 @@ class PlannedInput(Immutable):
 
     def __post_init__(self) -> None:
         values = read_only(self.values, np.float64, ndim=1)
-        if not values.size or not np.isfinite(values).all() or self.sample_rate_hz <= 0.0 or self.start_s < 0.0:
+        timed = 0.0 < self.sample_rate_hz < np.inf and 0.0 <= self.start_s <= LONGEST_S
+        if not values.size or not np.isfinite([*values, self.amplitude]).all() or not timed:
             raise UsageError(
                 f"a test input of {values.size} samples at {self.sample_rate_hz:g} Hz from {self.start_s:g} s came",
-                needed="finite samples, a positive rate, a start from zero up",
+                needed=f"finite samples, a positive rate, a start within {LONGEST_S:g} s",
             )
         self._set(values=values, settings=self.settings)
 
@@ -134,6 +138,11 @@ class FlightPlan(Immutable):
         if not self.inputs:
             raise UsageError(f"the plan {self.name} without test inputs came", needed="at least one")
         self._set(inputs=tuple(sorted(self.inputs, key=lambda one: one.start_s)))
+        if not (0.0 <= self.trim_s <= LONGEST_S and self.duration_s <= LONGEST_S):
+            raise UsageError(
+                f"the plan {self.name} lasts {self.duration_s:g} s with a rest of {self.trim_s:g} s",
+                needed=f"at most {LONGEST_S:g} s, and no negative rest",
+            )
 
     @property
     def duration_s(self) -> float:

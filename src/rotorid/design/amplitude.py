@@ -18,7 +18,6 @@ from rotorid.typing import FloatArray
 
 _TOLERANCE = 0.02
 _SMALLEST = 1e-5
-_LARGEST = 1.0
 _MOTORS = tuple(f"motor_{number}" for number in range(1, 17))
 
 
@@ -138,6 +137,7 @@ def largest_amplitude(
     limits: Limits,
     *,
     start: float = 0.02,
+    largest: float = 1.0,
     wind: Wind = CALM,
     seed: int = 0,
 ) -> Amplitude:
@@ -157,6 +157,8 @@ def largest_amplitude(
         See :class:`Limits`.
     start
         Where the search begins.
+    largest
+        Where it ends.
     wind, seed
         As :func:`~rotorid.simulate.multirotor_flight.fly_multirotor` takes them.
 
@@ -186,7 +188,7 @@ def largest_amplitude(
             high, names = value, passed
         else:
             low, low_reached = value, found
-        if low >= _LARGEST:
+        if low >= largest:
             break
         if high < _SMALLEST:
             raise UsageError(
@@ -194,15 +196,15 @@ def largest_amplitude(
                 needed="limits that a hover in this wind leaves room in",
                 remedy="raise the limits or plan for less wind",
             )
-        value = _next(low, high)
+        value = _next(low, high, largest)
     assert low_reached is not None
     return Amplitude(value=low, reached=low_reached, limited_by=names[0] if names else "", flights=count)
 
 
-def _next(low: float, high: float) -> float:
+def _next(low: float, high: float, largest: float) -> float:
     if low == 0.0:
         return 0.5 * high
-    return min(2.0 * low, _LARGEST) if high == math.inf else math.sqrt(low * high)
+    return min(2.0 * low, largest) if high == math.inf else math.sqrt(low * high)
 
 
 def _largest(values: FloatArray) -> float:

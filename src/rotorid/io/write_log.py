@@ -17,7 +17,7 @@ LogFormat: TypeAlias = Literal["ulg", "bin", "csv"]
 START_S: Mapping[LogFormat, float] = MappingProxyType({"ulg": 30.0, "bin": 60.0, "csv": 0.0})
 """Time since boot at which the first sample is stamped: autopilots have run for a while when a flight begins."""
 
-_TABLE_RATE_HZ = 250.0
+_TABLE_RATE_HZ = 500.0
 
 
 def format_of(autopilot: str) -> LogFormat:
@@ -32,6 +32,21 @@ def format_of(autopilot: str) -> LogFormat:
     return formats.get(autopilot, "csv")
 
 
+def log_rate_hz(format: LogFormat, loop_rate_hz: float) -> float:
+    """Rate at which a log holds commands and rates of a loop.
+
+    Examples
+    --------
+    >>> log_rate_hz("bin", 400.0), log_rate_hz("csv", 1000.0)
+    (400.0, 500.0)
+    """
+    return loop_rate_hz / _stride(loop_rate_hz) if format == "csv" else loop_rate_hz
+
+
+def _stride(loop_rate_hz: float) -> int:
+    return max(1, int(np.ceil(loop_rate_hz / _TABLE_RATE_HZ - 1e-9)))
+
+
 def write_log(path: Path, flown: SimulatedFlight, *, format: LogFormat) -> None:
     """Write a flight so that :func:`rotorid.io.registry.read` reads it back like any other log.
 
@@ -43,7 +58,7 @@ def write_log(path: Path, flown: SimulatedFlight, *, format: LogFormat) -> None:
         The flight.
     format
         ``ulg`` as PX4 would have logged it, ``bin`` as ArduPilot, or ``csv``: every channel at the rate of the loop, or
-        at the next part of it that is 250 Hz or less.
+        at the next part of it that is 500 Hz or less.
 
     Raises
     ------
@@ -61,7 +76,7 @@ def write_log(path: Path, flown: SimulatedFlight, *, format: LogFormat) -> None:
     elif format == "csv":
         from rotorid.io.tabular import write_csv
 
-        stride = max(1, int(np.ceil(flown.sample_rate_hz / _TABLE_RATE_HZ - 1e-9)))
+        stride = _stride(flown.sample_rate_hz)
         write_csv(path, flown.time_s[::stride], {name: row[::stride] for name, row in flown.columns.items()})
     else:
         raise UsageError(f"the format {format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}")

@@ -7,14 +7,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan, Shape
 from rotorid.data.immutable import Immutable
 from rotorid.design.aircraft_loop import aircraft_loop
+from rotorid.design.amplitude import Limits
 from rotorid.design.choices import FitChoices
 from rotorid.design.loop import LoopModel
 from rotorid.design.prediction import Prediction, predict
 from rotorid.design.shortest import Shortest, shortest
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.io.write_log import format_of, log_rate_hz
 from rotorid.models.rate import RATE_AXES
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.design_prior import Prior, expected_values, with_prior
@@ -131,9 +134,9 @@ class Designed(Immutable):
 
     @property
     def percent(self) -> dict[str, float]:
-        """Standard deviations in percent, of all parameters that any model will show."""
+        """Standard deviations in percent by model and parameter, ``rate.roll L_roll``, of all that will be shown."""
         return {
-            one.name: one.percent
+            f"{told.model} {one.name}": one.percent
             for told in self.told
             for one in (told.prediction.parameters if told.prediction is not None else ())
         }
@@ -160,12 +163,28 @@ def design(choices: DesignChoices, *, progress: Callable[[str], None] = lambda _
         There is no such vehicle or model.
     """
     craft = choices.aircraft
-    loop = aircraft_loop(craft, wind=choices.plan.wind)
+    rate_hz = craft.autopilot.rate_hz
+    logged_hz = log_rate_hz(format_of(craft.autopilot.kind), rate_hz)
+    loop = aircraft_loop(craft, wind=choices.plan.wind, log_rate_hz=logged_hz)
     if choices.prior is not None:
         loop = with_prior(loop, choices.prior)
     models = [_model(choices, name) for name in choices.model_names]
     _require_wanted(choices, models)
     return tuple(_designed(choices, craft, loop, models, kind, progress) for kind in choices.kinds)
+
+
+def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:
+    """The remark that a plan passes limits, as one with amplitudes given by hand may."""
+    passed = one.planned.reached.beyond(limits)
+    if not passed:
+        return []
+    reached = {name: float(getattr(one.planned.reached, name)) for name in passed}
+    words = ", ".join(f"{name.rpartition('_')[0] or name} {value:.3g}" for name, value in reached.items())
+    message = (
+        f"The plan passes its limits in simulation: {words} (SI units). Predictions hold for a loop that is linear, "
+        "and motors at their limits are not. Fly less, or raise the limits on purpose with --limit."
+    )
+    return [Finding(kind="beyond_limits", severity="warning", where=one.kind, message=message, numbers=reached)]
 
 
 def best_of(designed: Sequence[Designed]) -> dict[str, str]:

@@ -31,6 +31,13 @@ DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
 _SAMPLE_RATE_HZ = 250.0
 _LONGEST_LOOK_S = 400.0
 _MARGIN = 0.9
+_LARGEST: Mapping[Entry, float] = MappingProxyType(
+    {"command": 1.0, "stick": 1.0, "attitude_setpoint": 1.2, "rate_setpoint": 20.0}
+)
+"""No test input is larger, in the unit of where it is added."""
+
+_MOST_REPEATS = 20
+_LONGEST_S = 1800.0
 _REST_S = 4.0
 """Between inputs: as long as an identification wants to look before and after one."""
 
@@ -78,18 +85,28 @@ class PlanChoices(Immutable):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        wrong = [axis for axis in self.axes if axis not in AXES]
-        if wrong or not self.axes or self.repeats < 1:
+        wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
+        if wrong or not self.axes or not 1 <= self.repeats <= _MOST_REPEATS:
             raise UsageError(
                 f"the axes {', '.join(self.axes) or 'none'} with {self.repeats} repeats came",
-                needed=f"some of {', '.join(AXES)}, and one repeat or more",
+                needed=f"some of {', '.join(AXES)}, each once, and 1 to {_MOST_REPEATS} repeats",
             )
+        if not 0.0 < self.length_s <= _LONGEST_S:
+            raise UsageError(f"a duration of {self.length_s:g} s came", needed=f"above 0 and up to {_LONGEST_S:g} s")
+        for axis, size in self.amplitudes.items():
+            if axis not in self.axes or not 0.0 < size < math.inf:
+                raise UsageError(
+                    f"the amplitude {axis}={size:g} came",
+                    needed=f"a positive one for one of the axes that are flown: {', '.join(self.axes)}",
+                )
         self._set(axes=tuple(self.axes), amplitudes=self.amplitudes)
 
     @property
     def length_s(self) -> float:
         """Duration of each test input."""
-        return self.duration_s or _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
+        if self.duration_s is not None:
+            return self.duration_s
+        return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,6 +171,8 @@ def plan_for(
     progress
         Is told what is being done.
     """
+    if choices.shape == "multisine":
+        _common_entry(aircraft, choices)
     found: dict[str, Amplitude] = {}
     sizes = dict(choices.amplitudes)
     for axis in choices.axes:
@@ -202,7 +221,9 @@ def _largest(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape,
     def alone(amplitude: float) -> FlightPlan:
         return FlightPlan(name=f"{shape} of {axis}", inputs=(_scaled(unit, amplitude),), trim_s=2.0)
 
-    return largest_amplitude(aircraft, alone, choices.limits, wind=choices.wind, seed=choices.seed)
+    return largest_amplitude(
+        aircraft, alone, choices.limits, largest=_LARGEST[unit.entry], wind=choices.wind, seed=choices.seed
+    )
 
 
 def plan_with(

@@ -12,7 +12,7 @@ import numpy as np
 
 from rotorid import __version__
 from rotorid.data.findings import Finding
-from rotorid.data.flight_plan import FlightPlan
+from rotorid.data.flight_plan import LONGEST_S, FlightPlan
 from rotorid.data.immutable import Immutable
 from rotorid.data.maneuver import Maneuver
 from rotorid.data.simulated_flight import SimulatedFlight
@@ -33,6 +33,7 @@ from rotorid.pipeline.simulation_document import (
 )
 from rotorid.simulate.changes import changed, number_of, piloted
 from rotorid.simulate.linearize import hover_derivatives_of
+from rotorid.simulate.many import seed_of
 from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulate.wind import CALM, Wind
 from rotorid.vehicles.catalog import VEHICLES
@@ -40,6 +41,7 @@ from rotorid.vehicles.catalog import aircraft as library_aircraft
 
 _MOST_RUNS = 10_000
 _NOTICED = 1e-9
+_SEED_BITS_LEFT_OUT = 80
 _MODELS = ("hover.full", "hover.longitudinal", "hover.lateral")
 
 
@@ -62,7 +64,7 @@ class SimulateChoices(Immutable):
     vary
         Numbers drawn anew for every run, from a normal distribution with this standard deviation in percent.
     runs
-        Flights, each with a seed of its own: ``seed``, ``seed + 1`` and so on.
+        Flights; of several, each has a seed of its own, which follows from ``seed`` and stands in the document.
     format
         Of the logs; by default the autopilot's own.
     seed
@@ -81,6 +83,8 @@ class SimulateChoices(Immutable):
 
     def __post_init__(self) -> None:
         require_seed(self.seed)
+        if self.duration_s is not None and not 0.0 < self.duration_s <= LONGEST_S:
+            raise UsageError(f"a duration of {self.duration_s:g} s came", needed=f"above 0 and up to {LONGEST_S:g} s")
         if not 1 <= self.runs <= _MOST_RUNS:
             raise UsageError(f"{self.runs} runs came", needed=f"1 to {_MOST_RUNS}")
         if self.format is not None and self.format not in get_args(LogFormat):
@@ -121,8 +125,9 @@ class Run(Immutable):
 
 
 def fly_run(choices: SimulateChoices, number: int) -> Run:
-    """Fly one of the runs, counted from zero; the same whether it is flown alone or among others."""
-    seed = choices.seed + number
+    """Fly one of the runs, counted from zero; alone with the seed that its log names, it is the same."""
+    # Short enough for a number in JSON to be exact.
+    seed = choices.seed if choices.runs == 1 else seed_of(choices.seed, number) >> _SEED_BITS_LEFT_OUT
     drawn = _drawn(choices, seed)
     craft = changed(choices.aircraft, drawn)
     flown = fly_multirotor(craft, choices.plan, duration_s=choices.duration_s, wind=choices.wind, seed=seed)
@@ -189,7 +194,7 @@ def truth_of(craft: Aircraft) -> dict[str, TruthDocument]:
     values = derivatives | {f"tau_{axis}": delay_s + held_s for axis, delay_s in delays.items()}
     if not craft.vehicle.rotors.lag_up_s:
         rate_hz = craft.autopilot.rate_hz
-        values["tau_thrust"] = math.ceil(delays["thrust"] * rate_hz - _NOTICED) / rate_hz
+        values["tau_thrust"] = (math.floor(delays["thrust"] * rate_hz + _NOTICED) + 1) / rate_hz
     rotors = craft.vehicle.rotors
     # A rotor that speeds up and slows down with different lags shows the mean of the two.
     values["T_motor"] = 0.5 * (rotors.lag_up_s + (rotors.lag_down_s or 0.0))

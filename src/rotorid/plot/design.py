@@ -11,7 +11,7 @@ import numpy as np
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.plot.bode import bode
-from rotorid.plot.curves import Style, magnitude_axis, points
+from rotorid.plot.curves import Style, magnitude_axis, points, shown
 from rotorid.plot.curves import line as over_frequency
 from rotorid.plot.figure import Figure, Trace, numbers, stamps, text
 from rotorid.plot.quantity import quantity
@@ -26,6 +26,7 @@ _TIME_AXIS = {"title": {"text": "Time on the plan's clock [s]"}}
 _MOST_POINTS = 1500
 _ROW_PX, _LEAST_PX = 30.0, 90.0
 _APART = 0.56
+_DEEPEST_DB = 60.0
 _EXPECTED = {"measured": "expected", "measured, left out": "expected, not usable"}
 
 
@@ -123,7 +124,7 @@ class Excited:
     Parameters
     ----------
     words
-        Name in the legend.
+        Name in the legend; inputs of one first word, an axis, have one color.
     channel
         Name of the vocabulary, which decides the unit of paper.
     omega_rad_s, density
@@ -162,30 +163,43 @@ def excited_bands(inputs: Sequence[Excited], *, frequency: Frequency = "rad/s", 
     """
     view = View(frequency=frequency, magnitude=magnitude)
     units = list(dict.fromkeys(quantity(one.channel).unit for one in inputs))
+    axes = list(dict.fromkeys(_axis(one) for one in inputs))
     panels = []
     for unit in units:
         density = f"({unit})²/Hz" if unit else "1/Hz"
-        shown = f"dB re {density}" if magnitude == "dB" else density
+        drawn = f"dB re {density}" if magnitude == "dB" else density
         members = [(number, one) for number, one in enumerate(inputs) if quantity(one.channel).unit == unit]
         bands = list(dict.fromkeys(one.band_rad_s for _, one in members if one.band_rad_s is not None))
-        traces = [_density(view, one, number, shown) for number, one in members]
+        traces = [_density(view, one, number, axes.index(_axis(one)), drawn) for number, one in members]
         panels.append(
             Panel(
-                label=f"Density [{shown}]",
+                label=f"Density [{drawn}]",
                 traces=traces,
                 height_px=210,
-                axis=magnitude_axis(view, traces),
+                axis=_level_axis(view, traces),
                 shaded=view.bands(bands),
             )
         )
     return stacked(panels, x_axis=view.axis(np.concatenate([one.omega_rad_s for one in inputs])))
 
 
-def _density(view: View, one: Excited, number: int, unit: str) -> Trace:
+def _axis(one: Excited) -> str:
+    return one.words.partition(" ")[0]
+
+
+def _level_axis(view: View, traces: list[Trace]) -> dict[str, Any]:
+    """A vertical axis that does not follow what is hardly there far down."""
+    heights = shown(traces)
+    if view.magnitude == "linear" or not heights.size or np.ptp(heights) < _DEEPEST_DB:
+        return magnitude_axis(view, traces)
+    return {"range": [float(heights.max()) - _DEEPEST_DB, float(heights.max()) + 0.05 * _DEEPEST_DB]}
+
+
+def _density(view: View, one: Excited, number: int, color: int, unit: str) -> Trace:
     level = decibels(quantity(one.channel).factor ** 2 * one.density, of_power=True)
     style = Style(
         name=one.words,
-        color=SERIES[number % len(SERIES)],
+        color=SERIES[color % len(SERIES)],
         dash=DASHES[number % len(DASHES)],
         symbol=SYMBOLS[number % len(SYMBOLS)],
         size=4.0,

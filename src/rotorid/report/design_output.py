@@ -14,7 +14,7 @@ from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import UsageError
 from rotorid.io.store import write_atomically
 from rotorid.pipeline.assemble import finding_documents
-from rotorid.pipeline.design import DesignChoices, Designed, Told, best_of
+from rotorid.pipeline.design import DesignChoices, Designed, Told, best_of, beyond_limits
 from rotorid.pipeline.design_document import (
     DesignDocument,
     PlanSummaryDocument,
@@ -63,8 +63,7 @@ def write_design(
     """
     kind = autopilot or choices.aircraft.autopilot.kind
     words: Autopilot = _AUTOPILOTS.get(kind, "other")
-    if autopilot is not None and words == "other":
-        raise UsageError(f"--for {autopilot} came", needed=f"one of {', '.join(_AUTOPILOTS)}")
+    require_autopilot(autopilot)
     findings: list[Finding] = []
     summaries: list[PlanSummaryDocument] = []
     for one in designed:
@@ -88,6 +87,7 @@ def write_design(
                 "wind_north_m_s": choices.plan.wind.north_m_s,
                 "wind_east_m_s": choices.plan.wind.east_m_s,
                 "prior": choices.prior.source if choices.prior is not None else None,
+                "gains": choices.gains_source or None,
                 "autopilot": words,
             },
             seed=choices.plan.seed,
@@ -102,6 +102,12 @@ def _title(designed: Sequence[Designed], choices: DesignChoices) -> str:
     return f"{'A flight plan' if len(designed) == 1 else f'{len(designed)} flight plans'} for {choices.vehicle}"
 
 
+def require_autopilot(name: str | None) -> None:
+    """Refuse an autopilot for which there are no files."""
+    if name is not None and name not in _AUTOPILOTS:
+        raise UsageError(f"--for {name} came", needed=f"one of {', '.join(_AUTOPILOTS)}")
+
+
 def _writer(content: str | bytes) -> Callable[[Path], None]:
     return lambda path: write_atomically(path, content)
 
@@ -113,8 +119,11 @@ def _files(
     plan, facts = one.planned.plan, _facts(one, choices, autopilot)
     card = flight_card(plan, facts)
     files: dict[str, str | bytes] = {"plan.json": to_json(plan_document(plan)), **plan_csv(plan), **card}
-    findings = []
-    if find_spec("weasyprint") is not None:
+    findings = beyond_limits(one, choices.plan.limits)
+    if find_spec("weasyprint") is None:
+        message = "The flight card was not written as PDF, for weasyprint is not installed: pip install 'rotorid[pdf]'."
+        findings.append(Finding(kind="not_written", severity="info", where=one.kind, message=message))
+    else:
         try:
             files |= {f"{Path(name).stem}.pdf": flight_card_pdf(html) for name, html in card.items()}
         except UsageError as error:
@@ -143,7 +152,7 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
 def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> FlightFacts:
     reached = one.planned.reached
     bounds = [
-        PredictedBound(name=parameter.name, unit=parameter.unit, value=parameter.value, std=parameter.std)
+        PredictedBound(name=parameter.name, unit=parameter.unit, value=parameter.expected, std=parameter.std)
         for told in one.told
         for parameter in (told.prediction.parameters if told.prediction is not None else ())
     ]

@@ -47,6 +47,7 @@ _LIMITS: Mapping[str, str] = MappingProxyType(
 )
 _TURN = 2.0 * math.pi
 _INFLATED = 1.05
+_MOST_NAMED = 6
 
 
 def kind_words(kind: Shape) -> str:
@@ -166,8 +167,8 @@ def _predicted_row(one: PredictedParameter) -> PredictedRow:
         percent=percent(one.percent),
         scatter=percent(one.in_percent(one.scatter)),
         least=percent(one.in_percent(one.lowest_std)),
-        cramer_rao=Cell(percent(bound), bound > CRAMER_RAO_GUIDELINE),
-        insensitivity=Cell(percent(insensitivity), insensitivity > INSENSITIVITY_GUIDELINE),
+        cramer_rao=Cell(percent(bound), CRAMER_RAO_GUIDELINE < bound < math.inf),
+        insensitivity=Cell(percent(insensitivity), INSENSITIVITY_GUIDELINE < insensitivity < math.inf),
     )
 
 
@@ -225,7 +226,10 @@ def inflation_words(prediction: Prediction) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ComparedRow:
-    """A parameter of a model in all plans: percents, infinite where a plan does not show it, and what is written."""
+    """A parameter of a model in all plans: percents, infinite where a plan does not show it, and what is written.
+
+    ``minutes`` holds what a minute of each plan is worth.
+    """
 
     model: str
     name: str
@@ -264,10 +268,10 @@ def compared(designed: Sequence[Designed]) -> Compared:
                 percent=values,
                 texts=texts,
                 minutes=tuple(
-                    percent(value * math.sqrt(duration_s / 60.0))
+                    f"{percent(value * math.sqrt(duration_s / 60.0))} of a minute" if math.isfinite(value) else ""
                     for value, duration_s in zip(values, durations_s, strict=True)
                 ),
-                best=tuple(written == best and math.isfinite(min(values)) for written in texts),
+                best=tuple(written == best for written in texts),
             )
         )
     return Compared(
@@ -278,10 +282,12 @@ def compared(designed: Sequence[Designed]) -> Compared:
 
 
 def _percents(one: Designed) -> dict[tuple[str, str], float]:
+    """Those that there are: a parameter of the value zero has none."""
     return {
         (told.model, parameter.name): parameter.percent
         for told in one.told
         for parameter in (told.prediction.parameters if told.prediction is not None else ())
+        if math.isfinite(parameter.percent)
     }
 
 
@@ -298,6 +304,7 @@ def _plan_sentence(one: Designed) -> str:
     found = compared([one])
     lead = f"{kind_words(one.kind).capitalize()} on {_listed(plan.axes)}, {plan.duration_s:.0f} s in all: "
     refused = [told.model for told in one.told if told.prediction is None]
+    zero = sum(len(told.prediction.parameters) for told in one.told if told.prediction is not None) - len(found.rows)
     parts = []
     if found.rows:
         worst = max(found.rows, key=lambda row: row.percent[0])
@@ -306,6 +313,8 @@ def _plan_sentence(one: Designed) -> str:
         count = "1 parameter" if len(found.rows) == 1 else f"{len(found.rows)} parameters"
         least = f", {worst.label} worst" if low != high else ""
         parts.append(f"it will tell {count} with standard deviations of {spread} %{least}")
+    if zero:
+        parts.append(f"{zero} more {'is' if zero == 1 else 'are'} zero, of which there is no percent")
     if refused:
         parts.append(f"it cannot support {_listed(refused)}")
     return f"{lead}{'; '.join(parts)}."
@@ -315,12 +324,14 @@ def _best_sentences(found: Compared) -> list[str]:
     """Which plan tells most about what, but for those parameters that several tell equally well."""
     alone = [row for row in found.rows if sum(row.best) == 1]
     best = {plan: [row.label for row in alone if row.best[number]] for number, plan in enumerate(found.plans)}
-    told = {
-        plan: "every parameter" if len(labels) == len(found.rows) else _listed(labels)
-        for plan, labels in best.items()
-        if labels
-    }
+    told = {plan: _named(labels, len(found.rows)) for plan, labels in best.items() if labels}
     return [f"{plan.capitalize()} tells most about {words}." for plan, words in told.items()]
+
+
+def _named(labels: Sequence[str], of: int) -> str:
+    if len(labels) == of:
+        return "every parameter"
+    return _listed(labels) if len(labels) <= _MOST_NAMED else f"{len(labels)} of {of} parameters"
 
 
 def reach_sentences(one: Designed) -> tuple[str, ...]:

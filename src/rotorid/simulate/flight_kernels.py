@@ -332,7 +332,8 @@ def _fly(
         for j in range(size + 3):
             truth[k, j] = now[j] if j < size else moved[j]
         _coast(k, share, winds[k], gain, body, senses, control, stride, log, room)
-        if not math.isfinite(now[10] + now[0] + now[6]):
+        # Upside down, or no number: what a hover's autopilot does not come back from.
+        if not 2.0 * (now[7] * now[7] + now[8] * now[8]) < 1.0:
             return k
     return ticks
 

@@ -233,11 +233,15 @@ def flight_tables(
     )
     if flown < rows:
         raise LostError(
-            f"{aircraft.name} left the air {flown / rate_hz - settle_s:.1f} s into the log: its state is no number",
-            needed="a flight that stays within what the vehicle can do",
+            f"{aircraft.name} turned over {_when(flown / rate_hz - settle_s)}",
+            needed="a flight that stays within what the vehicle and its autopilot can do",
             remedy="lower the amplitude of the plan, the wind or the gains",
         )
     return FlightTables(aircraft=aircraft, plan=plan, skipped=skipped, log=log, truth=truth, asked=asked, winds=winds)
+
+
+def _when(time_s: float) -> str:
+    return f"{time_s:.1f} s into the log" if time_s >= 0.0 else f"{-time_s:.1f} s before the log began"
 
 
 def _steps(aircraft: Aircraft, step_rate_hz: float | None) -> tuple[int, int]:

@@ -62,12 +62,13 @@ class Sensors(Immutable):
     position_noise_m: float = 0.02
 
     def __post_init__(self) -> None:
-        sizes = {name: value for name, value in vars(self).items() if isinstance(value, float)}
-        wrong = [name for name, value in sizes.items() if not (np.isfinite(value) and value >= 0.0)]
-        if wrong:
-            raise UsageError(
-                f"{wrong[0]} = {sizes[wrong[0]]:g} came for a sensor", needed="a finite number from zero up"
-            )
+        for name, value in vars(self).items():
+            several = isinstance(value, tuple)
+            if not np.isfinite(value).all() or (not several and value < 0.0):
+                raise UsageError(
+                    f"{name} = {value} came for a sensor",
+                    needed="finite numbers" if several else "a finite number from zero up",
+                )
 
     @property
     def noisy(self) -> bool:

@@ -30,6 +30,7 @@ from rotorid.typing import FloatArray
 
 _FEET_PER_METER = 1.0 / 0.3048
 _SLOWEST_M_S = 1.0
+_SMALL = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,13 +171,23 @@ def transverse(
         return np.zeros(samples)
     # Two equal poles as a chain: x1' = -x1 + n, x2' = -x2 + x1, time in units of T; the gust is a mix of the two.
     decay = math.exp(-h)
-    steady = np.array([[0.5, 0.25], [0.25, 0.25]])
-    step = np.array([[decay, 0.0], [h * decay, decay]])
-    spread = steady - step @ steady @ step.T
-    noise = drawn @ np.linalg.cholesky(spread + 1e-18 * np.eye(2)).T
-    noise[0] = np.linalg.cholesky(steady) @ drawn[0]
+    noise = drawn @ _chain_root(h).T
+    noise[0] = np.linalg.cholesky(np.array([[0.5, 0.25], [0.25, 0.25]])) @ drawn[0]
     first = lfilter([1.0], [1.0, -decay], noise[:, 0])
     drive = noise[:, 1].copy()
     drive[1:] += h * decay * first[:-1]
     second = lfilter([1.0], [1.0, -decay], drive)
     return np.asarray(intensity * (math.sqrt(3.0) * first + (1.0 - math.sqrt(3.0)) * second))
+
+
+def _chain_root(h: float) -> FloatArray:
+    """Root of the covariance that the chain gains in a step of h, lower triangular."""
+    if h < _SMALL:
+        # The exact terms cancel; these are the first ones of their series.
+        return np.array([[math.sqrt(h), 0.0], [0.5 * h**1.5, math.sqrt(h**3 / 12.0)]])
+    fading = math.exp(-2.0 * h)
+    first = -0.5 * math.expm1(-2.0 * h)
+    both = 0.25 * (1.0 - fading * (1.0 + 2.0 * h))
+    second = 0.25 * (1.0 - fading * (1.0 + 2.0 * h + 2.0 * h * h))
+    slope = both / math.sqrt(first)
+    return np.array([[math.sqrt(first), 0.0], [slope, math.sqrt(second - slope**2)]])

@@ -74,6 +74,23 @@ def test_a_flat_density_looks_flat() -> None:
     assert high - low >= 10.0
 
 
+def test_what_is_far_down_does_not_stretch_the_axis() -> None:
+    omega = np.array([1.0, 10.0])
+    deep = Excited(words="roll", channel="roll_excitation", omega_rad_s=omega, density=np.array([1.0, 1e-14]))
+    assert excited_bands([deep])["layout"]["yaxis"]["range"] == [-60.0, 3.0]
+
+
+def test_test_inputs_of_one_axis_have_one_color() -> None:
+    omega = np.array([1.0, 10.0])
+    inputs = [
+        Excited(words=words, channel="roll_excitation", omega_rad_s=omega, density=np.ones(2))
+        for words in ("roll sweep", "pitch sweep", "roll doublet")
+    ]
+    sweep, other, doublet = (trace["line"] for trace in excited_bands(inputs)["data"])
+    assert sweep["color"] == doublet["color"] != other["color"]
+    assert len({sweep["dash"], other["dash"], doublet["dash"]}) == 3
+
+
 def test_a_predicted_response_is_not_called_measured() -> None:
     output, input = HOLLOW.split("/")
     used = np.ones((2, 2, OMEGA.size), dtype=bool)

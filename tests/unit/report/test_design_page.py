@@ -234,11 +234,38 @@ def test_plans_stand_side_by_side_and_the_best_is_marked(page: Page) -> None:
 
 
 def test_the_best_of_a_row_is_the_least_and_nothing_is_not_the_best() -> None:
-    first, second = designed(percent=(math.inf, math.inf))
-    rows = {row.name: row for row in compared([first, second]).rows}
-    assert rows["L_roll"].best == (False, False)
-    assert rows["L_roll"].texts == ("–", "–")
+    rows = {row.name: row for row in compared(designed(percent=(math.inf, 3.0))).rows}
+    assert rows["L_roll"].texts == ("–", "3")
+    assert rows["L_roll"].best == (False, True)
+    assert rows["L_roll"].minutes[0] == ""
     assert {row.name: row.best for row in compared(designed()).rows}["L_roll"] == (False, True)
+
+
+def test_a_parameter_of_the_value_zero_has_no_percent() -> None:
+    (one, _) = designed()
+    zero = PredictedParameter(
+        name="L_v",
+        unit="rad/(m s)",
+        value=0.0,
+        expected=0.1,
+        std=0.2,
+        scatter=0.1,
+        cramer_rao=0.2,
+        insensitivity=0.1,
+        lowest_std=0.1,
+    )
+    with_zero = dataclasses.replace(
+        one, told=(Told(model="rate.roll", prediction=prediction(parameter("L_roll", 2.0), zero)),), shortest={}
+    )
+    assert [row.name for row in compared([with_zero]).rows] == ["L_roll"]
+    assert design_summary([with_zero], CHOICES)[0].endswith(
+        "1 parameter with standard deviations of 2 %; 1 more is zero, of which there is no percent."
+    )
+    shown = Page(render_design([with_zero], CHOICES, title="t"))
+    assert shown.rows("Scatter")[1][2:] == ["0", "0.10 ± 0.20", "–", "–", "–", "–", "–"]
+    marked = [attributes for _, attributes in shown.elements if attributes.get("class") == "marked"]
+    # The lowest motor output alone: a dash is beyond no guideline.
+    assert len(marked) == 1
 
 
 def test_a_plan_that_is_best_in_everything_is_said_to_be() -> None:

@@ -176,7 +176,7 @@ def test_without_a_battery_its_voltage_is_not_compensated() -> None:
 def test_a_vehicle_that_tumbles_is_lost() -> None:
     autopilot = craft.idle(rates=replace(craft.autopilot().rates, proportional=(-50.0, -50.0, -50.0)))
     vehicle = craft.vehicle(quadratic_drag_n_s2_m2=(1e6, 1e6, 1e6))
-    with pytest.raises(LostError, match="left the air"):
+    with pytest.raises(LostError, match="turned over"):
         fly_multirotor(Aircraft(vehicle=vehicle, autopilot=autopilot), duration_s=20.0, wind=Wind(north_m_s=30.0))
 
 
