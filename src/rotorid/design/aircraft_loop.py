@@ -15,7 +15,7 @@ from rotorid.design.spectrum import Dryden, White
 from rotorid.models.state_space import StateSpace
 from rotorid.signal.known_filter import butterworth_low_pass
 from rotorid.simulate.linear_autopilot import entry_of, feedback_of
-from rotorid.simulate.linearize import hover_states, linearize
+from rotorid.simulate.linearize import MOTION, hover_states, linearize
 from rotorid.simulate.multirotor_flight import Aircraft
 from rotorid.simulate.vehicle import ACCELERATIONS, OUTPUTS, VELOCITIES
 from rotorid.simulate.wind import CALM, Wind
@@ -53,7 +53,8 @@ def aircraft_loop(
     (('p', 'q', 'r'), (4, 4, 1))
     """
     autopilot, sensors = aircraft.autopilot, aircraft.sensors
-    plant = linearize(aircraft.vehicle, autopilot, accelerometer_m=sensors.accelerometer_place_m)
+    system = linearize(aircraft.vehicle, autopilot, accelerometer_m=sensors.accelerometer_place_m)
+    plant = _Sampled(aircraft=aircraft, system=system)
     feedback = feedback_of(autopilot, gyro_lag_s=sensors.gyro_lag_s)
     seen = _seen(aircraft, filtered=autopilot.kind != "ardupilot" if filtered is None else filtered)
     std = np.repeat(
@@ -70,7 +71,7 @@ def aircraft_loop(
         _Before(feedback=feedback, filters=seen),
         [
             Noise(
-                source=_gusts(wind), path=_Behind(path=_wind_path(plant, hover_states(aircraft.vehicle)), filters=seen)
+                source=_gusts(wind), path=_Behind(path=_wind_path(system, hover_states(aircraft.vehicle)), filters=seen)
             ),
             Noise(source=White(std=tuple(std.tolist()), sample_rate_hz=autopilot.rate_hz), path=_Alone(filters=seen)),
         ],
@@ -87,8 +88,8 @@ def _seen(aircraft: Aircraft, *, filtered: bool) -> _Filters:
     autopilot, sensors = aircraft.autopilot, aircraft.sensors
     lags = [sensors.gyro_lag_s] * 3 + [0.0] * 6 + [sensors.accelerometer_lag_s] * 3
     cutoffs = [autopilot.gyro_cutoff_hz] * 3 + [0.0] * 6 + [autopilot.accelerometer_cutoff_hz] * 3
-    # ArduPilot's unfiltered samples are means over a turn; the force of rotors without lag does not change in one.
-    means = autopilot.kind == "ardupilot" and not filtered
+    # Unfiltered samples of both are means over a turn; the force of rotors without lag does not change in one.
+    means = autopilot.kind != "simple" and not filtered
     forces = means and aircraft.vehicle.rotors.lag_up_s > 0.0
     return _Filters(
         lags_s=tuple(lags),
@@ -118,6 +119,32 @@ class _Filters(Immutable):
                 row *= np.polyval(section.numerator[::-1], late) / np.polyval(section.denominator[::-1], late)
         # They are zero at half of their rate, where feedback is found by dividing by them.
         return np.where(np.abs(factors) < _LEAST, _LEAST, factors)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sampled(Immutable):
+    """A linear model as its samples show it: what a command does at once appears with the first tick after its delay.
+
+    The half turn that stands for held commands in the linear model is right for what follows from an integral, which
+    the force of rotors without lag does not.
+    """
+
+    aircraft: Aircraft
+    system: StateSpace
+
+    def response(self, omega_rad_s: FloatArray) -> ComplexArray:
+        answers = self.system.response(omega_rad_s)
+        vehicle, autopilot = self.aircraft.vehicle, self.aircraft.autopilot
+        if vehicle.rotors.lag_up_s > 0.0:
+            return answers
+        felt = slice(OUTPUTS.index(ACCELERATIONS[0]), None)
+        speeds = slice(len(MOTION), None)
+        at_once = self.system.H0[felt, speeds] @ self.system.G[speeds]
+        first_s = (np.floor(np.array(autopilot.delay_s) * autopilot.rate_hz + 1e-9) + 1.0) / autopilot.rate_hz
+        late = [np.exp(-1j * np.multiply.outer(delay, omega_rad_s)) for delay in (first_s, self.system.input_delays_s)]
+        answers = answers.copy()
+        answers[felt] += at_once[:, :, None] * (late[0] - late[1])[None, :, :]
+        return np.asarray(answers)
 
 
 @dataclass(frozen=True, kw_only=True)

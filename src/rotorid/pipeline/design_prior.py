@@ -101,7 +101,9 @@ def filtered_s(craft: Aircraft, axis: str) -> float:
     """How late the log shows the motion of an axis: the autopilot's filters, or the mean over a turn of its loop."""
     autopilot = craft.autopilot
     if autopilot.kind == "ardupilot":
-        return 0.5 / autopilot.rate_hz
+        # The force of rotors without lag does not change in a turn, so that its mean is not late.
+        even = axis == "thrust" and not craft.vehicle.rotors.lag_up_s
+        return 0.0 if even else 0.5 / autopilot.rate_hz
     cutoff_hz = autopilot.accelerometer_cutoff_hz if axis == "thrust" else autopilot.gyro_cutoff_hz
     lag_s = craft.sensors.accelerometer_lag_s if axis == "thrust" else craft.sensors.gyro_lag_s
     return lag_s + (butterworth_low_pass(cutoff_hz, autopilot.rate_hz).delay_s if cutoff_hz > 0.0 else 0.0)

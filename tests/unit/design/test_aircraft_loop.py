@@ -12,7 +12,7 @@ from rotorid.data.flight_plan import Entry, FlightPlan
 from rotorid.design.aircraft_loop import aircraft_loop
 from rotorid.design.foreseen import foreseen_flight
 from rotorid.design.planned import as_planned
-from rotorid.excitation.planned import together
+from rotorid.excitation.planned import planned, together
 from rotorid.simulate.multirotor_flight import fly_multirotor
 from rotorid.simulate.sensors import PERFECT
 from rotorid.simulate.wind import Wind
@@ -92,3 +92,19 @@ def test_a_flight_answers_multisines_as_its_loop_says(name: str, entry: Entry) -
         assert np.median(np.abs(command / asked[lines] / entered - 1.0)) < 0.01
         answer = np.fft.rfft(signals["pq"[place]][last])[lines] / command
         assert np.median(np.abs(answer / responses.plant[loop.outputs.index("pq"[place]), place] - 1.0)) < 0.01
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.0025, 0.004])
+def test_rotors_without_lag_are_felt_with_the_first_tick_after_the_delay(delay_s: float) -> None:
+    craft = aircraft("ardupilot_quad")
+    autopilot = replace(craft.autopilot, delay_s=(delay_s,) * 4)
+    craft = replace(craft, autopilot=autopilot, sensors=PERFECT)
+    step = planned("thrust", "doublet", start_s=1.0, amplitude=0.05, duration_s=1.0, sample_rate_hz=400.0)
+    flown = fly_multirotor(craft, FlightPlan(name="step", inputs=(step,), trim_s=1.0))
+    command, felt = (np.abs(np.diff(row)) for row in (flown.columns["thrust_command"], flown.raw["az"]))
+    ticks = int(np.argmax(felt > 0.1)) - int(np.argmax(command > 0.01))
+    omega = np.array([20.0, 40.0])
+    loop = aircraft_loop(craft)
+    answer = loop.at(omega).plant[loop.outputs.index("az"), 3]
+    # Heave damping adds a lead of 0.24/w rad, less than 0.7 degrees.
+    assert -np.angle(-answer) / omega * 400.0 == pytest.approx(ticks, abs=0.25)
