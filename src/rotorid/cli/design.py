@@ -189,6 +189,7 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
+    from rotorid.design.amplitude import limit_words
 
     console = output_console()
     reached = plan.reached
@@ -204,7 +205,7 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
             f"{one.stop_s:.1f}",
             f"{one.amplitude:.3g}",
             one.unit,
-            one.limited_by.partition("_")[0] if one.limited_by.endswith(("_rad", "_s", "_m")) else one.limited_by,
+            limit_words([one.limited_by]),
         )
     console.print(table)
     console.print(

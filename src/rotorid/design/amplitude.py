@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,6 +105,18 @@ class Amplitude(Immutable):
     flights: int
 
 
+def limit_words(names: Sequence[str]) -> str:
+    """Names of limits as a person says them.
+
+    Examples
+    --------
+    >>> limit_words(["tilt_rad", "motor_low", "position_m"])
+    'tilt, motor low, position'
+    """
+    plain = [re.sub(r"_(rad|rad_s|m)$", "", name).replace("_", " ") for name in names]
+    return ", ".join(plain)
+
+
 def reached(flown: SimulatedFlight) -> Reached:
     """Extremes of a flight, of its truth and of its motor outputs.
 
@@ -192,8 +205,8 @@ def largest_amplitude(
             break
         if high < _SMALLEST:
             raise UsageError(
-                f"{aircraft.name} passes {', '.join(names)} with no test input to speak of",
-                needed="limits that a hover in this wind leaves room in",
+                f"{aircraft.name} passes its limits of {limit_words(names)} with no test input to speak of",
+                needed="limits that a hover leaves room in, with this vehicle, its gains and this wind",
                 remedy="raise the limits or plan for less wind",
             )
         value = _next(low, high, largest)

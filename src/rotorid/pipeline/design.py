@@ -11,7 +11,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan, Shape
 from rotorid.data.immutable import Immutable
 from rotorid.design.aircraft_loop import aircraft_loop
-from rotorid.design.amplitude import Limits
+from rotorid.design.amplitude import Limits, limit_words
 from rotorid.design.choices import FitChoices
 from rotorid.design.loop import LoopModel
 from rotorid.design.prediction import Prediction, predict
@@ -179,7 +179,7 @@ def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:
     if not passed:
         return []
     reached = {name: float(getattr(one.planned.reached, name)) for name in passed}
-    words = ", ".join(f"{name.rpartition('_')[0] or name} {value:.3g}" for name, value in reached.items())
+    words = ", ".join(f"{limit_words([name])} {value:.3g}" for name, value in reached.items())
     message = (
         f"The plan passes its limits in simulation: {words} (SI units). Predictions hold for a loop that is linear, "
         "and motors at their limits are not. Fly less, or raise the limits on purpose with --limit."
