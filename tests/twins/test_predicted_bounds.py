@@ -5,27 +5,35 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.twins.twin_flights import LATERAL, record_of
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
+from rotorid.design.aircraft_loop import aircraft_loop
 from rotorid.design.choices import FitChoices
 from rotorid.design.known_loops import vehicle_loop
 from rotorid.design.prediction import Prediction, predict
+from rotorid.excitation.planned import planned
 from rotorid.excitation.sweep import pilot_sweep
+from rotorid.io.registry import read
+from rotorid.io.write_log import write_log
 from rotorid.models.catalog import library_model
 from rotorid.models.rate import RATE_AXES, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.design_prior import expected_values
 from rotorid.pipeline.identification import Identification
 from rotorid.pipeline.identify import identify
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.simulate.flight import Excitation, SensorNoise, fly
+from rotorid.simulate.multirotor_flight import fly_multirotor
 from rotorid.simulate.vehicle import HoverVehicle
+from rotorid.simulate.wind import Wind
 from rotorid.typing import Axis, FloatArray
-from rotorid.vehicles import s500
+from rotorid.vehicles import catalog, s500
 
 BAND = (2.0 * math.pi * 0.1, 2.0 * math.pi * 8.0)
 BAR = 0.25
@@ -252,3 +260,47 @@ def test_many_flights_achieve_what_was_predicted(case: Case) -> None:
             chance = 3.0 / math.sqrt(2.0 * case.flights)
             assert (1.0 - BAR) * one.scatter / (1.0 + chance) < scatter
             assert scatter < (1.0 + BAR) * one.std * (1.0 + chance)
+
+
+CRAFT, WIND = catalog.aircraft("px4_quad"), Wind(north_m_s=1.0, turbulence_m_s=0.3)
+
+
+def swept_from_outside(duration_s: float) -> FlightPlan:
+    """A sweep of the attitude set-point, as PX4 takes it from a companion computer."""
+    one = planned(
+        "roll",
+        "pilot_sweep",
+        start_s=4.0,
+        amplitude=0.18,
+        duration_s=duration_s,
+        sample_rate_hz=250.0,
+        band_rad_s=(1.0, 50.0),
+        entry="attitude_setpoint",
+        noise_fraction=0.1,
+    )
+    return FlightPlan(name="sweep", inputs=(one,), trim_s=4.0)
+
+
+def of_px4(plan: FlightPlan) -> Prediction:
+    structure = rate_model("rate.roll")
+    return predict(structure, expected_values(structure, CRAFT), aircraft_loop(CRAFT, wind=WIND), plan)
+
+
+def through_a_log(plan: FlightPlan, seed: int, folder: Path) -> Identification:
+    path = folder / f"{seed}.ulg"
+    write_log(path, fly_multirotor(CRAFT, plan, wind=WIND, seed=seed), format="ulg")
+    return identify([read(path)], "rate.roll")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("duration_s", [30.0, 40.0, 60.0, 80.0, 120.0])
+def test_sweeps_of_any_length_through_a_log_that_does_not_declare_them(duration_s: float, tmp_path: Path) -> None:
+    """The lowest frequencies of a sweep decide how badly a rate model fits, and are those that a log shows."""
+    plan = swept_from_outside(duration_s)
+    found, flown = of_px4(plan), [through_a_log(plan, seed, tmp_path) for seed in range(5)]
+    for each in flown:
+        np.testing.assert_allclose(found.response.windows_s, each.response.windows_s, rtol=1e-3)
+        np.testing.assert_allclose(found.response.omega_rad_s, each.response.omega_rad_s, rtol=1e-3)
+    for one in found.parameters:
+        stated = [each.document.parameters[one.name].std for each in flown]
+        assert one.std == pytest.approx(np.mean(np.array(stated, dtype=np.float64)), rel=BAR)

@@ -14,8 +14,12 @@ LOWEST_RATE_HZ = 40.0
 AXES = ("roll", "pitch", "yaw", "thrust")
 
 
+_OF_AXES = ("command", "excitation", "setpoint_excitation", "stick")
+"""Channels of each axis: what the mixer receives, what was added to it, what was added to a set-point, the stick."""
+
+
 def _standard() -> Mapping[str, str]:
-    units = {f"{axis}_{kind}": "1" for axis in AXES for kind in ("command", "excitation", "stick")}
+    units = {f"{axis}_{kind}": "1" for axis in AXES for kind in _OF_AXES}
     units |= {f"motor_{number}": "1" for number in range(1, MOTORS + 1)}
     units |= {f"motor_{number}_excitation": "1" for number in range(1, MOTORS + 1)}
     units |= {f"motor_speed_{number}": "rad/s" for number in range(1, MOTORS + 1)}

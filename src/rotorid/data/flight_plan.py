@@ -98,6 +98,12 @@ class PlannedInput(Immutable):
         return self.start_s + self.values.size / self.sample_rate_hz
 
     @property
+    def signal(self) -> str:
+        """Channel in which it shows alone."""
+        kinds = {"command": "excitation", "stick": "stick"}
+        return f"{self.axis}_{kinds.get(self.entry, 'setpoint_excitation')}"
+
+    @property
     def maneuver(self) -> Maneuver:
         """The interval that it excites."""
         return Maneuver(
@@ -107,7 +113,7 @@ class PlannedInput(Immutable):
             stop_s=self.stop_s,
             band_rad_s=self.band_rad_s,
             origin="declared",
-            signal=f"{self.axis}_excitation" if self.entry != "stick" else f"{self.axis}_stick",
+            signal=self.signal,
         )
 
     def at(self, time_s: FloatArray) -> FloatArray:

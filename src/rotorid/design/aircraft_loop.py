@@ -81,6 +81,9 @@ def aircraft_loop(
         entries={entry: entry_of(autopilot, entry) for entry in _ENTRIES},
         log_rate_hz=log_rate_hz or autopilot.rate_hz,
         loop_rate_hz=autopilot.rate_hz,
+        # ArduPilot announces what it adds behind the controllers, and logs fast motion only while it does.
+        declared=("command",) if autopilot.kind == "ardupilot" else (),
+        alone=autopilot.kind == "ardupilot",
     )
 
 

@@ -22,7 +22,7 @@ class FitChoices(Immutable):
     Parameters
     ----------
     band_rad_s
-        Band to look at; by default that of the sweeps.
+        Band to look at; by default that of the sweeps, as the log declares or shows it.
     windows_s
         Window lengths; by default five by rule.
     coherence

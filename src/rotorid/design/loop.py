@@ -131,6 +131,11 @@ class LoopModel(Immutable):
     loop_rate_hz
         Rate of the controller, of which the log picks samples: what the loop does above half of the rate of the log
         shows below it. ``None`` takes the noises as the log shows them.
+    declared
+        Where test inputs enter that the log declares with their band, as ArduPilot's does with its own sweeps. Of all
+        others an identification finds the band in the signals.
+    alone
+        Whether the log holds these, and what answers them, only while they are flown, as ArduPilot's fast samples are.
     """
 
     name: str
@@ -142,10 +147,12 @@ class LoopModel(Immutable):
     entries: Mapping[Entry, Responds] = field(default_factory=dict)
     log_rate_hz: float = 200.0
     loop_rate_hz: float | None = None
+    declared: tuple[Entry, ...] = ("command",)
+    alone: bool = False
 
     def __post_init__(self) -> None:
         self._set(inputs=tuple(self.inputs), outputs=tuple(self.outputs), noises=tuple(self.noises))
-        self._set(entries=self.entries)
+        self._set(entries=self.entries, declared=tuple(self.declared))
         if not self.log_rate_hz > 0.0 or (self.loop_rate_hz is not None and self.loop_rate_hz < self.log_rate_hz):
             raise UsageError(
                 f"a log at {self.log_rate_hz:g} Hz of a loop at {self.loop_rate_hz} Hz came",
@@ -223,6 +230,8 @@ def loop_model(
     entries: Mapping[Entry, Responds] | None = None,
     log_rate_hz: float = 200.0,
     loop_rate_hz: float | None = None,
+    declared: Sequence[Entry] = ("command",),
+    alone: bool = False,
 ) -> LoopModel:
     """A loop of a plant and its controller, checked for shapes.
 
@@ -234,7 +243,7 @@ def loop_model(
         From outputs to commands, its sign included; ``None`` in open loop.
     noises
         Sources of disturbance and noise, each with its path to the outputs.
-    name, inputs, outputs, entries, log_rate_hz, loop_rate_hz
+    name, inputs, outputs, entries, log_rate_hz, loop_rate_hz, declared, alone
         As in :class:`LoopModel`.
 
     Raises
@@ -267,6 +276,8 @@ def loop_model(
         entries=entries or {},
         log_rate_hz=log_rate_hz,
         loop_rate_hz=loop_rate_hz,
+        declared=tuple(declared),
+        alone=alone,
     )
     u, y, one = len(loop.inputs), len(loop.outputs), np.ones(1)
     shapes = [("the plant", plant.response(one).shape, (y, u, 1))]

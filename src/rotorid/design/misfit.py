@@ -20,12 +20,19 @@ _CHANCE = 2.0
 """An identification puts up with residuals that are larger by as many standard deviations of their sum of squares."""
 
 
-def expected_inflation(problem: FrequencyProblem, solution: Solution, weights: Weights) -> float:
-    r"""Factor on stated standard deviations, the mean of :math:`\sqrt{|r + e|^2 / E|e|^2}` over flights.
+def expected_inflation(
+    problem: FrequencyProblem, solution: Solution, weights: Weights, scattering: ResidualErrors
+) -> float:
+    r"""Factor on stated standard deviations, the mean of :math:`\sqrt{|r + e|^2 / E|e_0|^2}` over flights.
 
-    The residuals r of a fit to the expected response are what the structure cannot follow; the errors e of the flown
-    one, as far as the fit does not absorb them, come on top. It is inflated in those flights in which both together are
-    more than chance explains, and what is given is the mean over all.
+    The residuals r of a fit to the expected response are what the structure cannot follow and what windows leave of
+    leakage, both the same in every flight of a plan. What gusts and noise add, e, scatters about them,
+
+    .. math:: E|r + e|^2 = |r|^2 + \mathrm{tr} \, C, \qquad
+        \mathrm{Var} |r + e|^2 = 2 \, \mathrm{tr} \, C^2 + 4 \, r^T C r
+
+    with its covariance C as far as the fit does not absorb it. An identification compares with the errors :math:`e_0`
+    that it states: leakage counts among them, and more than chance on top of them is inflated.
 
     Parameters
     ----------
@@ -33,26 +40,31 @@ def expected_inflation(problem: FrequencyProblem, solution: Solution, weights: W
         What is fitted to the expected response, and its end.
     weights
         What the fit minimizes.
+    scattering
+        Errors of gusts and noise alone.
     """
     if weights == "cifer":
-        errors, residual, jacobian = problem.errors, solution.residual, solution.jacobian
-        squared = float(np.vdot(errors.covariance, errors.covariance))
+        stated, scattered = problem.errors.covariance, scattering.covariance
+        residual, jacobian = solution.residual, solution.jacobian
+        squared = float(np.vdot(stated, stated))
     else:
         errors = problem.errors_about(solution.theta)
         residual, jacobian = (errors.whitened(values) for values in problem.residuals(solution.theta))
-        squared = errors.whitened_trace
-    missed, left = float(residual @ residual), _left(errors, jacobian, whitened=weights == "covariance")
-    chance = math.sqrt(2.0 * squared) * _DRAWS
-    factors = np.sqrt(np.maximum(left + missed + chance, left) / left)
-    return float(_SHARES @ np.where(missed + chance > _CHANCE * math.sqrt(2.0 * squared), factors, 1.0))
-
-
-def _left(errors: ResidualErrors, jacobian: FloatArray, *, whitened: bool) -> float:
-    r"""Expected sum of squares of what a fit leaves of the errors, :math:`\mathrm{tr} C - \mathrm{tr} \, Q^T C Q`."""
-    from scipy.linalg import solve_triangular
-
+        stated, scattered = (_whitened(errors, one.covariance) for one in (errors, scattering))
+        squared = float(np.trace(stated))
     basis, _ = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))
-    total = errors.whitened_trace if whitened else float(np.trace(errors.covariance))
-    if whitened:
-        basis = solve_triangular(errors.root, basis, lower=True, trans=1, check_finite=False)
-    return total - float(np.einsum("nk,nm,mk->", basis, errors.covariance, basis, optimize=True))
+    expected, left = float(np.trace(_left(stated, basis))), _left(scattered, basis)
+    spread = math.sqrt(2.0 * float(np.vdot(left, left)) + 4.0 * float(residual @ left @ residual))
+    found = float(residual @ residual) + float(np.trace(left)) + spread * _DRAWS
+    factors = np.sqrt(np.maximum(found, expected) / expected)
+    return float(_SHARES @ np.where(found > expected + _CHANCE * math.sqrt(2.0 * squared), factors, 1.0))
+
+
+def _whitened(errors: ResidualErrors, covariance: FloatArray) -> FloatArray:
+    return errors.whitened(errors.whitened(covariance).T)
+
+
+def _left(covariance: FloatArray, basis: FloatArray) -> FloatArray:
+    r"""What a fit leaves of errors, :math:`(1 - Q Q^T) \, C \, (1 - Q Q^T)`."""
+    half = covariance - basis @ (basis.T @ covariance)
+    return np.asarray(half - (half @ basis) @ basis.T)

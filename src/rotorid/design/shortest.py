@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,7 +56,7 @@ class Shortest(Immutable):
         The parameter that asks for it, or that no duration brings to what is wanted; empty where the longest flight
         could not support the model at all.
     prediction
-        At that duration, or at the longest one.
+        At that duration, or at the best one that was tried.
     tried
         Everything that was tried, in the order of durations.
     words
@@ -87,7 +87,9 @@ def shortest(
     """Find the shortest flight after which every wanted parameter is known well enough.
 
     The interval is halved in the logarithm of the duration, down to 2 %. More time is taken to help; where window
-    rules make a longer flight a little worse, the answer is one of the durations at which it becomes good enough.
+    rules make a longer flight a little worse, the answer is one of the durations at which it becomes good enough. A
+    structure that does not fit shows that the more the longer the flight is, and may be inflated beyond what is wanted:
+    then halves of the longest duration are tried, too.
 
     Parameters
     ----------
@@ -133,10 +135,13 @@ def shortest(
         return Attempt(duration_s, excess[limiting], limiting, prediction)
 
     tried = [attempt(longest_s)]
-    if tried[0].excess > 1.0:
-        return _unreached(tried[0], wanted)
-    tried.append(attempt(shortest_s))
-    low, high = tried[1], tried[0]
+    while tried[-1].excess > 1.0 and _misfits(tried[-1]) and 0.5 * tried[-1].duration_s > shortest_s:
+        tried.append(attempt(0.5 * tried[-1].duration_s))
+    high = tried[-1]
+    if high.excess > 1.0:
+        return _unreached(tried, wanted)
+    low = attempt(shortest_s)
+    tried.append(low)
     if low.excess <= 1.0:
         high = low
     while high.duration_s > low.duration_s * (1.0 + _TOLERANCE):
@@ -152,18 +157,24 @@ def shortest(
     )
 
 
-def _unreached(longest: Attempt, wanted: Mapping[str, float]) -> Shortest:
-    prediction, name = longest.prediction, longest.limiting
+def _misfits(one: Attempt) -> bool:
+    """Whether bounds are inflated by a structure that does not fit."""
+    return one.prediction is not None and one.prediction.inflation > _MISFIT
+
+
+def _unreached(tried: Sequence[Attempt], wanted: Mapping[str, float]) -> Shortest:
+    best = min(tried, key=lambda one: one.excess)
+    prediction, name = best.prediction, best.limiting
     if prediction is None:
-        words = f"No flight up to {longest.duration_s:.0f} s could support the model."
-    elif math.isinf(longest.excess):
-        words = f"No flight up to {longest.duration_s:.0f} s shows {name} beside the other parameters."
+        words = f"No flight up to {best.duration_s:.0f} s could support the model."
+    elif math.isinf(best.excess):
+        words = f"No flight up to {best.duration_s:.0f} s shows {name} beside the other parameters."
     else:
-        reached = longest.excess * wanted[name]
-        words = f"{longest.duration_s:.0f} s bring {name} to {reached:.2g} %, and {wanted[name]:g} % are wanted."
-        if prediction.inflation > _MISFIT:
+        reached = best.excess * wanted[name]
+        words = f"{best.duration_s:.0f} s bring {name} to {reached:.2g} %, and {wanted[name]:g} % are wanted."
+        if _misfits(tried[0]):
             words += " The structure does not fit what will fly, and more time does not help against that."
-    return Shortest(duration_s=None, limiting=name, prediction=prediction, tried=(longest,), words=words)
+    return Shortest(duration_s=None, limiting=name, prediction=prediction, tried=tuple(tried), words=words)
 
 
 def _require_wanted(

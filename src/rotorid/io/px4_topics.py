@@ -104,6 +104,9 @@ RULES: tuple[Rule, ...] = (
 EXCITATION = "excite"
 """Name under which whatever excites a flight publishes what it adds to the set-points of torque and thrust."""
 
+SETPOINT_EXCITATION = "excite_sp"
+"""The same for what is added to a set-point of rate or attitude, in its unit."""
+
 EXCITATION_RULES: tuple[Rule, ...] = (
     _rule(
         "debug_vect",
@@ -111,6 +114,13 @@ EXCITATION_RULES: tuple[Rule, ...] = (
         "roll_excitation pitch_excitation yaw_excitation",
         optional=True,
         named=("name", EXCITATION),
+    ),
+    _rule(
+        "debug_vect",
+        "x y z",
+        "roll_setpoint_excitation pitch_setpoint_excitation yaw_setpoint_excitation",
+        optional=True,
+        named=("name", SETPOINT_EXCITATION),
     ),
     _rule("debug_key_value", "value", "thrust_excitation", optional=True, named=("key", EXCITATION)),
 )
@@ -122,9 +132,9 @@ ALL_RULES = (*RULES, *EXCITATION_RULES)
 # and sticks, excite every axis. The tilt set-points come last, since in stabilized flight they are the stick through a
 # fixed curve.
 _INSTRUMENTS = {
-    "roll": ("roll_excitation", "roll_stick", "phi_setpoint"),
-    "pitch": ("pitch_excitation", "pitch_stick", "theta_setpoint"),
-    "yaw": ("yaw_excitation", "yaw_stick"),
+    "roll": ("roll_excitation", "roll_setpoint_excitation", "roll_stick", "phi_setpoint"),
+    "pitch": ("pitch_excitation", "pitch_setpoint_excitation", "pitch_stick", "theta_setpoint"),
+    "yaw": ("yaw_excitation", "yaw_setpoint_excitation", "yaw_stick"),
     "thrust": ("thrust_excitation", "thrust_stick"),
 }
 

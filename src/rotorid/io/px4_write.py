@@ -137,10 +137,16 @@ def _logged(flown: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: f
     rules = [rule for rule in own if _is_held(rule, held)]
     if not rules:
         return
+    if rules[0].named:
+        # A topic holds one message a turn: what is added behind the controllers goes first.
+        rules = rules[:1]
     turns = _turns(flown, rate_hz)
     samples = _blank(layout, dtype, turns.size, 1e6 / flown.sample_rate_hz)
     for clock in {"timestamp", "timestamp_sample"} & set(dtype.names or ()):
         samples[clock] = stamps[turns]
+    if rules[0].named:
+        field, name = rules[0].named
+        samples[field] = name.encode()
     for flag, channel in layout.flags.items():
         samples[flag] = channel in held
     for rule in (*rules, *([_THRUST] if _fits(_THRUST, dtype) else [])):

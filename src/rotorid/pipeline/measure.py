@@ -224,7 +224,7 @@ def _of_input(flown: Sequence[Flown], input: str) -> Sequence[Flown]:
 
 
 def _excited_to(flown: Sequence[Flown]) -> float:
-    tops = [m.band_rad_s[1] for _, m in flown if m.kind == "sweep" and m.band_rad_s is not None]
+    tops = [m.band_rad_s[1] for _, m in flown if m.kind in ("sweep", "multisine") and m.band_rad_s is not None]
     return max(tops) if len(tops) == len(flown) else np.inf
 
 

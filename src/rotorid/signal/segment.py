@@ -48,7 +48,8 @@ def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
     command itself.
     """
     known = record.instruments.get(axis, ())
-    usual = (f"{axis}_excitation", f"{axis}_stick", *OUTER_SETPOINTS[axis]) if not known else ()
+    added = (f"{axis}_excitation", f"{axis}_setpoint_excitation")
+    usual = (*added, f"{axis}_stick", *OUTER_SETPOINTS[axis]) if not known else ()
     names = (*known, *usual, f"{axis}_command")
     return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
 
@@ -130,7 +131,7 @@ def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, .
 def _free_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
     """The injected signal and the outermost other one; the command where the log holds neither."""
     names = excitation_signals(record, axis)
-    injected = tuple(name for name in names if name == f"{axis}_excitation")
+    injected = tuple(name for name in names if name in (f"{axis}_excitation", f"{axis}_setpoint_excitation"))
     others = [name for name in names if name not in (*injected, f"{axis}_command")]
     return (*injected, *others[:1]) or names
 

@@ -20,7 +20,7 @@ from rotorid.simulate.multirotor import Multirotor
 from rotorid.simulate.packed import STATES
 from rotorid.simulate.sensors import Sensors
 from rotorid.simulate.wind import CALM, Wind, blown
-from rotorid.typing import FloatArray
+from rotorid.typing import Axis, FloatArray
 
 GRID_RATE_HZ = 1000.0
 """Least rate of the grid to which delays are rounded."""
@@ -299,11 +299,10 @@ def _columns(aircraft: Aircraft, log: FloatArray, asked: FloatArray, plan: Fligh
     if aircraft.vehicle.battery is not None:
         columns["battery_voltage"] = log[:, logged.VOLTAGE]
     if plan is not None:
-        entries = {one.entry for one in plan.inputs}
-        if "stick" in entries:
+        if any(one.entry == "stick" for one in plan.inputs):
             columns |= {f"{axis}_stick": asked[:, 12 + place] for place, axis in enumerate(AXES)}
-        if entries - {"stick"}:
-            columns |= {f"{axis}_excitation": _injected(asked, place) for place, axis in enumerate(AXES)}
+        added = {(one.signal, one.axis): one.entry for one in plan.inputs if one.entry != "stick"}
+        columns |= {signal: _added(asked, axis, entry) for (signal, axis), entry in added.items()}
     return columns
 
 
@@ -319,9 +318,12 @@ def _raw(aircraft: Aircraft, log: FloatArray, skipped: int) -> dict[str, FloatAr
     return {name: row if name in even else 0.5 * (row + before[name]) for name, row in samples.items()}
 
 
-def _injected(asked: FloatArray, place: int) -> FloatArray:
-    """What was added on an axis behind the sticks, in the unit of where it entered."""
-    return np.asarray(asked[:, place] + asked[:, 4 + place] + asked[:, 8 + place])
+def _added(asked: FloatArray, axis: Axis, entry: Entry) -> FloatArray:
+    """What was added on an axis to the command, or to its set-points in their units."""
+    place = AXES.index(axis)
+    if entry == "command":
+        return asked[:, place]
+    return np.asarray(asked[:, 4 + place] + asked[:, 8 + place])
 
 
 def _truth(truth: FloatArray, winds: FloatArray, rotors: int) -> dict[str, FloatArray]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import pytest
 from tests.unit.design.plans import STRUCTURE, TRUTH, roll_loop, sweeps
 
@@ -48,6 +51,28 @@ def test_what_no_duration_reaches_is_named() -> None:
     assert found.prediction is not None
     assert found.prediction["tau_roll"].percent > 0.001
     assert "0.001 % are wanted" in found.words
+
+
+def test_where_a_structure_does_not_fit_a_shorter_flight_may_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bounds that are inflated beyond 70 s: 60 s are enough, and the longest flight is not."""
+
+    def inflated(*arguments: object, choices: FitChoices | None = None) -> SimpleNamespace:
+        plan = arguments[3]
+        assert isinstance(plan, FlightPlan)
+        duration_s = plan.inputs[0].maneuver.duration_s
+        percent = math.sqrt(40.0 / duration_s) * (3.0 if duration_s > 70.0 else 1.0)
+        parameter = SimpleNamespace(name="L_roll", percent=percent)
+        return SimpleNamespace(parameters=(parameter,), inflation=3.0 if duration_s > 70.0 else 1.0)
+
+    monkeypatch.setattr("rotorid.design.shortest.predict", inflated)
+    found = shortest(STRUCTURE, TRUTH, LOOP, plan_of, {"L_roll": 1.0}, shortest_s=20.0, longest_s=240.0)
+    assert found.duration_s == pytest.approx(40.0, rel=0.021)
+    assert [one.duration_s for one in found.tried][-3:] == [60.0, 120.0, 240.0]
+    never = shortest(STRUCTURE, TRUTH, LOOP, plan_of, {"L_roll": 0.5}, shortest_s=20.0, longest_s=240.0)
+    assert never.duration_s is None
+    # 60 s come to 0.82 %, the longest flight to 1.2 %.
+    assert never.words.startswith("60 s bring L_roll to 0.82 %")
+    assert "does not fit" in never.words
 
 
 def test_a_parameter_that_is_left_out_is_never_reached() -> None:
