@@ -19,12 +19,13 @@ from rotorid.report.flight_words import (
     before,
     clock_words,
     how_to_fly,
+    length_words,
     shape_words,
     stop_sentence,
     stops,
 )
 from rotorid.report.frame import asset
-from rotorid.report.numbers import percent, unit, with_error
+from rotorid.report.numbers import MISSING, percent, unit, with_error
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -38,6 +39,7 @@ _ROOMY, _DENSE = 4, 6
 """Up to so many runs the pictures are large, and from so many on the rows are narrow."""
 _LONG_NAME = 34
 _LONG_S = 10.0
+_NOT_KNOWN = "not known"
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
@@ -60,6 +62,7 @@ class BoundRow:
     """What the flight will tell about one parameter."""
 
     name: str
+    model: str
     value: str
     unit: str
     percent: str
@@ -104,6 +107,8 @@ def flight_card_html(plan: FlightPlan, facts: FlightFacts) -> str:
         version=__version__,
         plan=plan,
         facts=facts,
+        height=length_words(facts.height_m),
+        climb=length_words(facts.climb_m),
         runs=runs,
         density="roomy" if len(runs) <= _ROOMY else "dense" if len(runs) >= _DENSE else "",
         long_name=len(plan.name) > _LONG_NAME,
@@ -185,15 +190,16 @@ def _run(number: int, repeats: Sequence[Sequence[PlannedInput]], zero_s: float, 
     hand = first[0] in by_hand and first[0].entry != "stick"
     pad_s = 0.02 * (end_s - begin_s)
     edges_s = (max(begin_s - pad_s, 0.0), end_s + pad_s)
+    length = f"{each_s:.0f}" if each_s >= _LONG_S else f"{each_s:.1f}"
     return Run(
         number=number,
         axes=axes.capitalize(),
         words=words,
         details=("by hand", *_details(first)[1:]) if hand else _details(first),
         begin=clock_words(begin_s - zero_s),
-        length=f"{each_s:.0f}" if each_s >= _LONG_S else f"{each_s:.1f}",
+        length=length,
         each=times > 1,
-        picture=input_picture(_strips(repeats), edges_s, description=f"{words} on {axes}, of {each_s:.3g} s"),
+        picture=input_picture(_strips(repeats), edges_s, description=f"{words} on {axes}, of {length} s"),
     )
 
 
@@ -218,12 +224,15 @@ def _edges_s(inputs: Sequence[PlannedInput]) -> tuple[float, float]:
 
 
 def _bound_rows(bounds: Sequence[PredictedBound]) -> tuple[BoundRow, ...]:
+    """The first bounds; models are named where there are several, what the data do not tell is called so."""
+    several = len({bound.model for bound in bounds}) > 1
     return tuple(
         BoundRow(
             name=bound.name,
-            value=with_error(bound.value, bound.std),
-            unit=unit(bound.unit),
-            percent=percent(bound.percent),
+            model=bound.model if several else "",
+            value=with_error(bound.value, bound.std) if bound.known else _NOT_KNOWN,
+            unit=unit(bound.unit) if bound.known else "",
+            percent=percent(bound.percent) if bound.known else MISSING,
         )
         for bound in bounds[:MOST_BOUNDS]
     )

@@ -13,6 +13,7 @@ import numpy as np
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.immutable import Immutable
 from rotorid.errors import UsageError
+from rotorid.simulate.changes import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S
 
 Autopilot: TypeAlias = Literal["ArduPilot", "PX4", "Betaflight", "other"]
 """Whose files and whose words a plan needs."""
@@ -20,9 +21,26 @@ Autopilot: TypeAlias = Literal["ArduPilot", "PX4", "Betaflight", "other"]
 STOP_MARGIN = 1.5
 """Limits at which a flight is broken off, over the largest values that were predicted for it."""
 
+HOLD: Mapping[str, float] = MappingProxyType(
+    {
+        "speed": HOLD_1_S,
+        "integral": HOLD_1_S2,
+        "place": HOLD_PLACE_1_S,
+        "climb_integral": HOLD_1_S * HOLD_PLACE_1_S,
+        "lean_deg": 10.0,
+    }
+)
+"""How scripts hold place and height: the loops of :func:`rotorid.simulate.changes.piloted`, and the largest lean.
+
+Acceleration for a drift (1/s) and for its integral (1/s²), speed for a distance (1/s), and the gain of the integral in
+height (1/s²). The lean stays below every limit of tilt, so that the hold alone breaks off no flight."""
+
 _ZERO = 1e-14
 _STOP_STEP_RAD = math.radians(5.0)
-_MOST_STOP_TILT_RAD = math.radians(60.0)
+_LEAST_STOP_TILT_RAD, _MOST_STOP_TILT_RAD = math.radians(15.0), math.radians(60.0)
+_LEAST_STOP_RATE_RAD_S = math.radians(60.0)
+_STOP_ABOVE_GROUND = 1.25
+"""Least height of the start over the loss of height that ends the flight."""
 _ENTRY_UNITS: Mapping[Entry, str] = MappingProxyType(
     {"command": "1", "rate_setpoint": "rad/s", "attitude_setpoint": "rad", "stick": "1"}
 )
@@ -40,17 +58,25 @@ class PredictedBound(Immutable):
         Expected value, in ``unit``.
     std
         Predicted standard deviation of its estimate, in ``unit``.
+    model
+        Of which model, where several are predicted.
     """
 
     name: str
     unit: str
     value: float
     std: float
+    model: str = ""
 
     @property
     def percent(self) -> float | None:
         """Predicted standard deviation over the magnitude of the expected value; ``None`` where that is zero."""
         return 100.0 * self.std / abs(self.value) if self.value else None
+
+    @property
+    def known(self) -> bool:
+        """Whether the data tell more than that the parameter may be zero: its deviation is no larger than its value."""
+        return self.std <= abs(self.value) if self.value else math.isfinite(self.std)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,13 +131,13 @@ class FlightFacts(Immutable):
 
     @property
     def stop_tilt_rad(self) -> float:
-        """Attitude angle at which to break off: the predicted one with a margin, in steps of 5°, at most 60°."""
-        return min(_stepped(STOP_MARGIN * self.tilt_rad), _MOST_STOP_TILT_RAD)
+        """Attitude angle at which to break off: the predicted one with a margin, in steps of 5° from 15° to 60°."""
+        return min(max(_stepped(STOP_MARGIN * self.tilt_rad), _LEAST_STOP_TILT_RAD), _MOST_STOP_TILT_RAD)
 
     @property
     def stop_rate_rad_s(self) -> float:
-        """Body rate at which to break off: the predicted one with a margin, in steps of 5°/s."""
-        return _stepped(STOP_MARGIN * self.rate_rad_s)
+        """Body rate at which to break off: the predicted one with a margin, in steps of 5°/s from 60°/s up."""
+        return max(_stepped(STOP_MARGIN * self.rate_rad_s), _LEAST_STOP_RATE_RAD_S)
 
     @property
     def stop_room_m(self) -> float:
@@ -120,9 +146,15 @@ class FlightFacts(Immutable):
 
     @property
     def stop_climb_m(self) -> float:
-        """Departure from the height at which to break off, whole meters, and not down to the ground."""
+        """Departure from the height at which to break off: whole meters, or half of a low height, in decimeters."""
         wanted = float(max(math.ceil(STOP_MARGIN * self.climb_m), 2))
-        return min(wanted, max(0.5 * self.height_m, 1.0))
+        return min(wanted, max(math.floor(5.0 * self.height_m + 1e-9), 1) / 10.0)
+
+    @property
+    def least_height_m(self) -> float:
+        """Height above which a script starts: half of the planned one, and more than may be lost, in decimeters."""
+        wanted = max(0.5 * self.height_m, _STOP_ABOVE_GROUND * self.stop_climb_m)
+        return math.ceil(10.0 * wanted - 1e-9) / 10.0
 
 
 def column_name(planned: PlannedInput) -> str:

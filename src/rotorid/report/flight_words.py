@@ -89,20 +89,21 @@ def how_to_fly(plan: FlightPlan, autopilot: Autopilot) -> str:
     """What the pilot does during every run."""
     if len(flown_by_hand(plan, autopilot)) == len(plan.inputs):
         return (
-            "Each run: begin and end in trimmed hover. Follow the picture with the stick of that axis; go from slow to "
-            "fast evenly, never faster than your hand stays smooth. Other sticks: small, slow corrections only."
+            "Each run: begin and end in trimmed hover. Follow the picture with the stick of that axis"
+            f"{_hand_words(plan.inputs)}. Other sticks: small, slow corrections only."
         )
     if autopilot == "ArduPilot" and _by_script(plan):
         return (
             "Hover in the middle in Loiter, switch to Guided, then turn on the switch of the script. Hands off: the "
-            "flight-mode switch takes over at any time. It ends in Loiter."
+            "script holds the place slowly, Guided the height. The flight-mode switch takes over at any time. It ends "
+            "in Loiter."
         )
     return {
         "ArduPilot": "Each run: hover in the middle, throttle near the middle, then switch to System ID (or let the "
         "script do so). It flies like Stabilize: correct drift slowly and gently, let it shake, and switch back to "
         "Loiter when the run is over.",
-        "PX4": "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off the sticks: "
-        "moving them ends the test. It hands back in Position mode.",
+        "PX4": "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off: the script "
+        "holds place and height slowly, and moving the sticks ends the test. It hands back in Position mode.",
         "Betaflight": "Each run: steady hover in ANGLE, turn CHIRP on, correct drift slowly and gently until CHIRP IS "
         "FINISHED, then off. Every turn takes the next axis.",
         "other": "Each run: begin in trimmed hover in the middle of the room, correct drift slowly and gently, end in "
@@ -135,7 +136,7 @@ def stops(facts: FlightFacts) -> list[tuple[str, str]]:
         ("tilt", f"{math.degrees(facts.stop_tilt_rad):.0f}°"),
         ("rate", f"{math.degrees(facts.stop_rate_rad_s):.0f}°/s"),
         ("from start", f"{facts.stop_room_m:.0f} m"),
-        ("height off by", f"{facts.stop_climb_m:.3g} m"),
+        ("height off by", f"{length_words(facts.stop_climb_m)} m"),
         ("battery", f"{LEAST_BATTERY_PERCENT} %"),
     ]
 
@@ -180,6 +181,27 @@ def clock_words(seconds: float) -> str:
     """
     whole = round(seconds)
     return f"{whole // 60}:{whole % 60:02d}"
+
+
+def length_words(meters: float) -> str:
+    """A length without its unit: whole meters from ten up, below in decimeters.
+
+    Examples
+    --------
+    >>> length_words(145.07), length_words(2.64), length_words(4.0), length_words(0.0)
+    ('145', '2.6', '4', '0')
+    """
+    return f"{meters:.0f}" if meters >= 9.95 else f"{meters:.1f}".removesuffix(".0")
+
+
+def _hand_words(inputs: Sequence[PlannedInput]) -> str:
+    """How the hand moves: sweeps grow faster, steps are held."""
+    kinds = {planned.maneuver.kind for planned in inputs}
+    if kinds == {"sweep"}:
+        return "; go from slow to fast evenly, never faster than your hand stays smooth"
+    if kinds <= {"doublet", "multistep"}:
+        return ": quickly to each level, hold it still as long as the picture does, then let go to the middle"
+    return ", sweeps evenly from slow to fast, steps quickly from level to level" if "sweep" in kinds else ""
 
 
 def _short(value: float) -> str:

@@ -14,10 +14,11 @@ import numpy as np
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.report.flight_facts import FlightFacts, excited_s, flown_by_hand
+from rotorid.report.flight_facts import HOLD, FlightFacts, excited_s, flown_by_hand
 from rotorid.report.plan_csv import table
 from rotorid.report.plan_system_id import SYSTEM_ID_DELAY_S, SystemId, in_words, system_id
-from rotorid.report.plan_text import file_stem, filled, number, one_line
+from rotorid.report.plan_text import file_stem, filled, number, number_above, one_line
+from rotorid.units import STANDARD_GRAVITY_M_S2
 
 SYSTEM_ID_MODE = 25
 
@@ -40,7 +41,8 @@ def ardupilot_files(
     - A plan of logarithmic sweeps gives one ``.param`` file for each, to be flown one by one, and a Lua script that
       flies them all in one flight after each other, when the pilot holds a switch.
     - A plan of other forms that enter as attitude set-points of roll, pitch and yaw gives logging parameters, a Lua
-      script for GUIDED mode and its table of attitudes.
+      script for GUIDED mode and its table of attitudes. The script holds the place as slowly as
+      :func:`rotorid.simulate.changes.piloted` does; the autopilot holds the height.
     - Inputs at the sticks, and doublets or multisteps beside sweeps, are left to the pilot's hand and the flight card.
 
     Neither ever overrides the pilot's sticks, arms or disarms: a change of the flight mode or of the switch ends the
@@ -163,7 +165,9 @@ def _attitude_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
             table=f"{stem}-attitude.csv",
             rows=len(rows),
             rate_hz=ATTITUDE_RATE_HZ,
-            largest_deg=[float(np.abs(angle).max()) for angle in angles],
+            largest_deg=[number_above(float(np.abs(angle).max())) for angle in angles],
+            hold=HOLD,
+            gravity=STANDARD_GRAVITY_M_S2,
             number=number,
         ),
     }

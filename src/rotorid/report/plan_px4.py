@@ -1,8 +1,10 @@
 """Files with which PX4 flies a plan: a MAVLink script that injects it, its table, and logging parameters.
 
-What MAVLink lets a program add to on a flying PX4: attitude and rate set-points of roll, pitch and yaw, and collective
-thrust, in Offboard mode; and the sticks, in a simulation. Nothing can add to the torque set-points that the mixer
-receives: that takes a module inside of the firmware.
+What MAVLink lets a program add to on a flying PX4: attitude set-points of roll, pitch and yaw, and collective thrust,
+in Offboard mode; and the sticks, in a simulation. Nothing can add to the torque set-points that the mixer receives:
+that takes a module inside of the firmware. Rate set-points replace PX4's loop of attitude instead of adding to what it
+asks for, so that the script would have to hold level over the link, another loop than the one that was simulated: they
+are refused.
 """
 
 from __future__ import annotations
@@ -13,9 +15,10 @@ from dataclasses import dataclass
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.report.flight_facts import FlightFacts, column_name, unit_of
+from rotorid.report.flight_facts import HOLD, FlightFacts, column_name, unit_of
 from rotorid.report.plan_csv import FILE, plan_csv
-from rotorid.report.plan_text import filled, number, one_line
+from rotorid.report.plan_text import filled, number, number_above, one_line
+from rotorid.units import STANDARD_GRAVITY_M_S2
 
 SCRIPT = "px4_fly_plan.py"
 PARAMETERS = "px4.params"
@@ -55,15 +58,16 @@ _PARAMETERS = (
 def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100.0) -> dict[str, str]:
     """Files for PX4: the script, the table it reads, and parameters as QGroundControl loads them.
 
-    The script arms nothing. It streams level set-points until the pilot switches to Offboard, adds the plan, and stops
-    for good when the flight mode changes, a limit is passed, or the link is silent. Sticks are injected in a simulation
+    The script arms nothing. It streams level set-points until the pilot switches to Offboard, adds the plan to what
+    holds place and height as slowly as :func:`rotorid.simulate.changes.piloted` does, and stops for good when the
+    flight mode changes, a limit is passed, or the link is silent. Sticks are injected in a simulation
     only: while MAVLink is the source of the sticks PX4 ignores the switches of a transmitter, the kill switch too.
 
     Parameters
     ----------
     plan
-        What is to be flown: attitude set-points, rate set-points or sticks, one kind in a plan, and thrust commands
-        beside the set-points.
+        What is to be flown: attitude set-points or sticks, one kind in a plan, and thrust commands beside the
+        set-points.
     facts
         Its limits.
     send_rate_hz
@@ -93,9 +97,11 @@ def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100
             kind=kind,
             table=FILE,
             columns={planned.axis: columns[name] for name, planned in places.items()},
-            largest={planned.axis: number(1.01 * _largest(plan, name)) for name, planned in places.items()},
+            largest={planned.axis: number_above(1.01 * _largest(plan, name)) for name, planned in places.items()},
             rate=number(send_rate_hz),
             facts=facts,
+            hold=HOLD,
+            gravity=STANDARD_GRAVITY_M_S2,
             number=number,
         ),
         PARAMETERS: filled("px4.params", **words, parameters=_PARAMETERS, number=number),
@@ -108,10 +114,17 @@ def _kind(places: Mapping[str, PlannedInput]) -> str:
     for planned in places.values():
         if planned.axis == "thrust" and planned.entry == "command":
             continue
+        if planned.entry == "rate_setpoint" and planned.axis != "thrust":
+            raise UsageError(
+                f"a rate set-point of {planned.axis} for PX4",
+                needed="attitude set-points: Offboard with rates holds neither attitude nor place, "
+                "so that the flight is not the one that was predicted",
+                remedy="plan attitude set-points; the rate set-points answer them and are logged",
+            )
         if planned.entry == "command" or (planned.axis == "thrust" and planned.entry != "stick"):
             raise UsageError(
                 f"a test input that enters as {planned.entry.replace('_', ' ')} of {planned.axis} for PX4",
-                needed="attitude or rate set-points or sticks of roll, pitch and yaw, commands or sticks of thrust: "
+                needed="attitude set-points or sticks of roll, pitch and yaw, commands or sticks of thrust: "
                 "MAVLink reaches nothing else",
                 remedy="plan another entry; the torque set-points answer it and are logged",
             )
@@ -130,7 +143,7 @@ def _require_rate(plan: FlightPlan, send_rate_hz: float) -> None:
     highest = max((planned.band_rad_s[1] for planned in plan.inputs if planned.band_rad_s), default=0.0)
     if send_rate_hz < _LEAST_SAMPLES * highest / (2.0 * math.pi):
         raise UsageError(
-            f"{send_rate_hz:g} messages a second for test inputs up to {highest:.3g} rad/s",
+            f"{send_rate_hz:g} messages a second for test inputs up to {round(highest, 1):g} rad/s",
             needed=f"at least {_LEAST_SAMPLES * highest / (2.0 * math.pi):.0f} a second: ten for a period",
             remedy="raise the rate or lower the highest frequency",
         )

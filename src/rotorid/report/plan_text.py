@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -41,15 +42,33 @@ def number(value: float) -> str:
     return f"{value:.9g}"
 
 
+def number_above(value: float) -> str:
+    """The least number of four digits that a magnitude does not exceed.
+
+    Examples
+    --------
+    >>> number_above(145.069853), number_above(0.05), number_above(0.0)
+    ('145.1', '0.05', '0')
+    """
+    if not value:
+        return "0"
+    step = 10.0 ** (math.floor(math.log10(abs(value))) - 3)
+    return f"{math.ceil(abs(value) / step - 1e-6) * step:.4g}"
+
+
 def one_line(text: str) -> str:
     r"""Text from elsewhere that may stand in a comment: no line break can end it, and nothing but plain characters.
+
+    A percent sign stands apart from what follows, so that nothing takes both for a place to fill in.
 
     Examples
     --------
     >>> one_line('my quad\nSID_AXIS,13')
     'my quad SID_AXIS,13'
+    >>> one_line("50%(prog)s")
+    '50% (prog)s'
     """
-    return re.sub(r"[^\w .,;:+\-()/=%]+", " ", text).strip()
+    return re.sub(r"%(?=\S)", "% ", re.sub(r"[^\w .,;:+\-()/=%]+", " ", text)).strip()
 
 
 def file_stem(text: str) -> str:

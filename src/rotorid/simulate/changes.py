@@ -14,7 +14,9 @@ from rotorid.simulate.multirotor import Multirotor
 from rotorid.simulate.multirotor_flight import Aircraft
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-_PILOT_1_S, _PILOT_1_S2, _PILOT_PLACE_1_S = 1.0, 0.2, 0.3
+HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S = 1.0, 0.2, 0.3
+"""Acceleration for a drift, for its integral, and speed asked for by a distance: what :func:`piloted` adds. The scripts
+that fly a plan hold with the same numbers, so that a flight may be what its prediction was."""
 
 
 def changed(aircraft: Aircraft, values: Mapping[str, float]) -> Aircraft:
@@ -75,15 +77,15 @@ def piloted(aircraft: Aircraft) -> Aircraft:
         guidance = replace(
             guidance,
             hold_velocity=True,
-            velocity_p_1_s=_PILOT_1_S,
-            velocity_i_1_s2=_PILOT_1_S2,
-            position_p_1_s=_PILOT_PLACE_1_S,
+            velocity_p_1_s=HOLD_1_S,
+            velocity_i_1_s2=HOLD_1_S2,
+            position_p_1_s=HOLD_PLACE_1_S,
         )
     if not guidance.hold_height:
         hover = float(aircraft.autopilot.hover_commands(vehicle)[AXES.index("thrust")])
-        climb = _PILOT_1_S * hover / STANDARD_GRAVITY_M_S2
+        climb = HOLD_1_S * hover / STANDARD_GRAVITY_M_S2
         guidance = replace(
-            guidance, hold_height=True, climb_p=climb, climb_i=_PILOT_PLACE_1_S * climb, height_p_1_s=_PILOT_PLACE_1_S
+            guidance, hold_height=True, climb_p=climb, climb_i=HOLD_PLACE_1_S * climb, height_p_1_s=HOLD_PLACE_1_S
         )
     return replace(aircraft, autopilot=replace(aircraft.autopilot, guidance=guidance))
 

@@ -8,7 +8,7 @@ import pytest
 
 _INTERFACE = r"""
 state = { now = 0, mode = 5, armed = true, flying = true, switch = 0, position = { 0, 0, -20 }, yaw = 0.5,
-          refuse_mode = nil, refuse_parameter = nil }
+          velocity = { 0, 0, 0 }, roll = 0, pitch = 0, home_down = 0, refuse_mode = nil, refuse_parameter = nil }
 events, targets, texts = {}, {}, {}
 
 local clock = {}
@@ -46,6 +46,16 @@ function ahrs:get_relative_position_NED_origin()
     if not state.position then return nil end
     return setmetatable({ state.position[1], state.position[2], state.position[3] }, vector)
 end
+function ahrs:get_relative_position_NED_home()
+    if not state.position then return nil end
+    return setmetatable({ state.position[1], state.position[2], state.position[3] - state.home_down }, vector)
+end
+function ahrs:get_velocity_NED()
+    if not state.velocity then return nil end
+    return setmetatable({ state.velocity[1], state.velocity[2], state.velocity[3] }, vector)
+end
+function ahrs:get_roll_rad() return state.roll end
+function ahrs:get_pitch_rad() return state.pitch end
 function ahrs:get_yaw_rad() return state.yaw end
 param = {}
 function param:set(name, value)

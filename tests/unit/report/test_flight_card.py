@@ -5,6 +5,7 @@ import math
 import re
 import sys
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from tests.unit.report.plan_sample import (
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, flight_card_pdf
-from rotorid.report.flight_facts import FlightFacts, PredictedBound, excited_s
+from rotorid.report.flight_facts import HOLD, FlightFacts, PredictedBound, excited_s
 from rotorid.report.flight_words import least_rate_hz
 from rotorid.typing import Axis
 
@@ -43,7 +44,10 @@ def at_once() -> FlightPlan:
 def crowded() -> FlightFacts:
     """As many bounds as are shown and more, two notes, and a name."""
     bounds = tuple(
-        PredictedBound(name=f"X_long_{n}", unit="rad/s^2", value=-1234.5, std=12.0) for n in range(MOST_BOUNDS + 3)
+        PredictedBound(
+            name=f"X_long_{n}", unit="rad/s^2", value=-1234.5, std=12.0, model="rate response of roll" if n else "hover"
+        )
+        for n in range(MOST_BOUNDS + 3)
     )
     return facts("other", vehicle="A vehicle of some name", bounds=bounds, notes=("One note.", "Another note, longer."))
 
@@ -123,6 +127,21 @@ def test_limits_stay_sane() -> None:
     assert math.degrees(facts(tilt_rad=1.2).stop_tilt_rad) == pytest.approx(60.0)
     assert facts(room_m=0.1).stop_room_m == 2.0
     assert facts(height_m=4.0, climb_m=3.0).stop_climb_m == 2.0  # never down to the ground
+    still = facts(tilt_rad=0.0, rate_rad_s=math.radians(3.0))
+    assert math.degrees(still.stop_tilt_rad) == pytest.approx(15.0)
+    assert math.degrees(still.stop_rate_rad_s) == pytest.approx(60.0)
+    assert math.degrees(still.stop_tilt_rad) > HOLD["lean_deg"]  # what holds the place breaks nothing off
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.15, 0.5, 1.0, 3.3, 4.0, 20.0, 31.4159, 290.139706])
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.4, 0.5, 2.0])
+def test_a_start_is_higher_than_what_may_be_lost(height_m: float, share: float) -> None:
+    about = facts(height_m=height_m, climb_m=share * height_m)
+    assert 0.0 < about.stop_climb_m < about.least_height_m
+    # Half of the height, or what is a quarter above the loss, and a rounding up.
+    assert about.least_height_m <= max(0.625 * height_m + 0.1, 0.2)
+    for number in (about.stop_climb_m, about.least_height_m):
+        assert number == round(number, 1)
 
 
 @pytest.mark.parametrize("change", [{"room_m": -1.0}, {"tilt_rad": math.nan}, {"motors": (0.1, 1.2)}])
@@ -138,6 +157,64 @@ def test_it_says_what_the_flight_will_tell() -> None:
     assert found["L_roll"] == ["437 ± 11", "rad/s²", "2.6"]
     assert "more parameters" not in " ".join(page.text)
     assert "3 more parameters" in words(many(), crowded())
+
+
+def test_what_the_flight_does_not_tell_is_not_known() -> None:
+    bounds = (
+        PredictedBound(name="X_u", unit="1/s", value=-0.2, std=0.21),
+        PredictedBound(name="Y_v", unit="1/s", value=-0.2, std=math.inf),
+        PredictedBound(name="Z_w", unit="1/s", value=-0.2, std=0.19),
+        PredictedBound(name="N_r", unit="1/s", value=0.0, std=0.1),
+    )
+    page = Page(flight_card_html(four_chirps(), facts(bounds=bounds)))
+    found = {row[0]: row[1:] for table in page.tables[1:] for row in table[1:]}
+    assert found["X_u"] == found["Y_v"] == ["not known", "", "–"]
+    assert found["Z_w"] == ["−0.20 ± 0.19", "1/s", "95"]
+    assert found["N_r"][0] == "0.00 ± 0.10"
+
+
+def test_models_are_told_apart_where_there_are_several() -> None:
+    def told(*models: str) -> list[str]:
+        bounds = tuple(PredictedBound(name="T_motor", unit="s", value=0.05, std=0.001, model=one) for one in models)
+        page = Page(flight_card_html(four_chirps(), facts(bounds=bounds)))
+        return [row[0] for table in page.tables[1:] for row in table[1:]]
+
+    assert told("roll", "pitch", "yaw") == ["T_motor roll", "T_motor pitch", "T_motor yaw"]
+    assert told("roll") == ["T_motor"]
+
+
+def test_large_numbers_are_written_out() -> None:
+    about = facts(room_m=1234.5, climb_m=150.2, height_m=1290.139706, rate_rad_s=70.0)
+    text = words(four_chirps(), about)
+    assert "height, ± 150 m" in text
+    assert "1290 m" in text
+    assert "226 m" in text  # 1.5 times the climb
+    long = by_hand("roll")
+    html = flight_card_html(
+        FlightPlan(name="long", inputs=(replace(long, values=np.tile(long.values, 40)),)), facts(climb_m=0.04)
+    )
+    for page in (flight_card_html(four_chirps(), about), html):
+        assert not re.search(r"\de[+-]?\d", re.sub(r"<style>.*</style>", "", page, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize(
+    ("inputs", "said", "unsaid"),
+    [
+        ((by_hand("roll"),), "from slow to fast evenly", "quickly to each level"),
+        ((step("roll", entry="stick"),), "quickly to each level", "slow to fast"),
+        ((by_hand("roll"), step("roll", start_s=60.0, entry="stick")), "steps quickly from level to level", "smooth"),
+    ],
+)
+def test_the_hand_is_told_what_the_picture_asks_for(inputs: tuple[PlannedInput, ...], said: str, unsaid: str) -> None:
+    text = words(FlightPlan(name="by hand", inputs=inputs), facts("other"))
+    assert said in text
+    assert unsaid not in text
+
+
+def test_it_says_what_holds_the_vehicle() -> None:
+    assert "Hands off: the script holds place and height slowly" in words(at_once(), facts("PX4"))
+    assert "Hands off: the script holds the place slowly, Guided the height" in words(at_once(), facts("ArduPilot"))
+    assert "script holds" not in words(four_chirps(), facts("ArduPilot"))  # System ID: the pilot holds it
 
 
 @pytest.mark.parametrize(

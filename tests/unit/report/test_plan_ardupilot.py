@@ -14,7 +14,6 @@ from tests.unit.report.plan_sample import (
     chirp,
     facts,
     four_chirps,
-    multisine,
     step,
     sweeps_then_doublets,
 )
@@ -199,7 +198,7 @@ def test_a_switch_position_must_exist() -> None:
 
 # The Lua script that flies all chirps.
 
-SYSTEMID, LOITER, STABILIZE, GUIDED = 25, 5, 0, 4
+SYSTEMID, LOITER, STABILIZE = 25, 5, 0
 
 
 def chirp_script() -> Autopilot:
@@ -258,6 +257,7 @@ def test_the_script_ends_at_once_and_for_good(change: dict[str, Any], reason: st
         ({"armed": False}, "not flying"),
         ({"mode": STABILIZE}, "begin in LOITER or ALT_HOLD"),
         ({"position": None}, "no position"),
+        ({"home_down": -15.0}, "begin above 10 m"),
         ({"refuse_mode": SYSTEMID}, "SYSTEMID mode was refused"),
         ({"refuse_parameter": "SID_T_REC"}, "cannot set SID_T_REC"),
     ],
@@ -281,70 +281,3 @@ def test_a_switch_that_is_on_at_boot_starts_nothing() -> None:
     autopilot.state.switch = 2
     autopilot.run(1.0)
     assert autopilot.state.mode == SYSTEMID
-
-
-# The Lua script that flies attitudes.
-
-
-def attitude_plan() -> FlightPlan:
-    return FlightPlan(
-        name="Many at once",
-        inputs=(*multisine(("roll", "pitch", "yaw")), step("roll", start_s=25.0, entry="attitude_setpoint")),
-    )
-
-
-def attitude_script(**files: str) -> Autopilot:
-    made = ardupilot_files(attitude_plan(), facts())
-    table = files.get("table", made["many-at-once-attitude.csv"])
-    autopilot = Autopilot(made["many-at-once-attitude.lua"], {"/APM/scripts/many-at-once-attitude.csv": table})
-    autopilot.state.mode = GUIDED
-    autopilot.run(3.0)
-    autopilot.state.switch = 2
-    return autopilot
-
-
-def test_the_script_asks_for_the_attitudes_of_the_plan() -> None:
-    autopilot = attitude_script()
-    autopilot.run(60.0)
-    plan = attitude_plan()
-    targets = np.array(autopilot.targets())
-    time_s = (targets[:, 0] - targets[0, 0]) / 1000.0
-    assert targets.shape[0] >= 50.0 * plan.duration_s - 2
-    for column, axis in enumerate(("roll", "pitch", "yaw"), start=1):
-        wanted = sum(one.at(time_s) for one in plan.inputs if one.axis == axis)
-        flown = targets[:, column] - (math.degrees(0.5) if axis == "yaw" else 0.0)
-        # Three decimals of a degree are written.
-        assert flown == pytest.approx(np.degrees(wanted), abs=0.00051)
-    assert not targets[:, 4].any()
-    assert autopilot.texts()[-1] == "rotorid: plan complete"
-    assert autopilot.state.mode == LOITER
-
-
-@pytest.mark.parametrize(
-    ("change", "reason", "mode"),
-    [
-        ({"mode": STABILIZE}, "the pilot took over", STABILIZE),
-        ({"switch": 1}, "switched off", LOITER),
-        ({"position": (0.0, 13.0, -20.0)}, "out of the room", LOITER),
-        ({"position": (0.0, 0.0, -15.0)}, "height", LOITER),
-    ],
-)
-def test_the_attitudes_end_at_once(change: dict[str, Any], reason: str, mode: int) -> None:
-    autopilot = attitude_script()
-    autopilot.run(10.0)
-    for name, value in change.items():
-        autopilot.state[name] = autopilot.lua.table(*value) if isinstance(value, tuple) else value
-    before = len(autopilot.targets())
-    autopilot.run(30.0)
-    assert len(autopilot.targets()) == before > 0
-    assert autopilot.texts()[-1] == f"rotorid: {reason}"
-    assert autopilot.state.mode == mode
-
-
-@pytest.mark.parametrize("row", ["0,0,60", "a,0,0", "0,0", "0,0,0,0", "nan,0,0"])
-def test_a_damaged_table_ends_the_attitudes(row: str) -> None:
-    autopilot = attitude_script(table="0,0,0\n" * 100 + row + "\n" + "0,0,0\n" * 2000)
-    autopilot.run(30.0)
-    assert len(autopilot.targets()) == 100
-    assert autopilot.texts()[-1] == "rotorid: the table is damaged"
-    assert autopilot.state.mode == LOITER

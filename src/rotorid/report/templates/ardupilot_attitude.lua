@@ -3,8 +3,9 @@
 -- and reboot. If memory is short, raise SCR_HEAP_SIZE.
 --
 -- The pilot takes off, hovers in LOITER in the middle of the room, switches to GUIDED, and turns on the switch whose
--- RCx_OPTION is 300 (Scripting1). The script asks for the attitudes of the table, added to level and to the heading of
--- the start, and for no climb: height is held, position is not, and the vehicle drifts with the wind.
+-- RCx_OPTION is 300 (Scripting1). The script asks for the attitudes of the table, added to the heading of the start and
+-- to the lean of a slow loop that holds the place, as in the simulation from which the limits of the flight come. It
+-- asks for no climb: the autopilot holds the height.
 -- The attitude controller smooths what it is asked for (ATC_INPUT_TC): the log's set-points are what was flown.
 --
 -- The pilot has the last word: any change of the flight mode by the pilot ends the plan, and so does turning the switch
@@ -18,8 +19,16 @@ local ROW_S = {{ number(1.0 / rate_hz) }}
 local PERIOD_MS = {{ number(1000.0 / rate_hz) }}
 local ROOM_M = {{ number(facts.stop_room_m) }} -- horizontal distance from the start that ends the plan
 local CLIMB_M = {{ number(facts.stop_climb_m) }} -- departure from the height of the start that ends the plan
-local LARGEST_DEG = { {{ number(largest_deg[0]) }}, {{ number(largest_deg[1]) }}, {{ number(largest_deg[2]) }} }
+local LARGEST_DEG = { {{ largest_deg | join(", ") }} }
 -- A row of the table beyond these, or one that is no number, ends the plan.
+local LEAST_HEIGHT_M = {{ number(facts.least_height_m) }} -- above home, to begin
+
+-- What holds the place: acceleration for a drift (1/s) and for its integral (1/s^2), speed for a distance (1/s).
+local SPEED_GAIN, INTEGRAL_GAIN, PLACE_GAIN = {{ number(hold.speed) }}, {{ number(hold.integral) }}, {{ number(hold.place) }}
+local GRAVITY = {{ number(gravity) }}
+local MOST = GRAVITY * math.tan(math.rad({{ number(hold.lean_deg) }})) -- acceleration of the largest lean that it adds
+local TRIM_S = 2.0 -- the lean of so long before the start is what the wind asks for
+local LONGEST_STEP_S = 0.1
 
 local WAITING, FLYING, OVER = 0, 1, 2
 local state = OVER -- until the switch was seen off: a switch that is on at boot starts nothing
@@ -29,6 +38,9 @@ local heading_deg = 0
 local file = nil
 local row = 0
 local angles = { 0, 0, 0 }
+local wind_north, wind_east = 0, 0 -- acceleration that keeps the vehicle at its place
+local seen = 0
+local held = nil -- when the hold last looked
 
 local switch = assert(rc:find_channel_for_option(300), "rotorid: no switch has RCx_OPTION 300")
 
@@ -36,13 +48,60 @@ local function say(text)
     gcs:send_text(6, "rotorid: " .. text)
 end
 
-local function yaw_deg()
-    -- The name changed between 4.6 and 4.7.
-    local found, yaw = pcall(function() return ahrs:get_yaw_rad() end)
-    if not found or not yaw then
-        yaw = ahrs:get_yaw()
+-- The names changed between 4.6 and 4.7.
+local in_radians = pcall(function() return ahrs:get_yaw_rad() end)
+
+local function attitude()
+    if in_radians then
+        return ahrs:get_roll_rad(), ahrs:get_pitch_rad(), ahrs:get_yaw_rad()
     end
-    return math.deg(yaw)
+    return ahrs:get_roll(), ahrs:get_pitch(), ahrs:get_yaw()
+end
+
+local function shorter(acceleration)
+    -- No number is none.
+    return acceleration == acceleration and math.min(math.max(acceleration, -MOST), MOST) or 0
+end
+
+local function watch()
+    -- While the autopilot still holds its place: what it leans for that.
+    local roll, pitch, yaw = attitude()
+    local ahead, right = -GRAVITY * math.tan(pitch), GRAVITY * math.tan(roll)
+    local north = math.cos(yaw) * ahead - math.sin(yaw) * right
+    local east = math.sin(yaw) * ahead + math.cos(yaw) * right
+    seen = seen + 1
+    local share = math.max(1 / seen, ROW_S / TRIM_S)
+    wind_north = shorter(wind_north + share * (north - wind_north))
+    wind_east = shorter(wind_east + share * (east - wind_east))
+end
+
+local function lean()
+    -- Degrees of roll and pitch that lead back to the place of the start; nothing where that is not known.
+    local position, velocity = ahrs:get_relative_position_NED_origin(), ahrs:get_velocity_NED()
+    if not position or not velocity then
+        return nil
+    end
+    local north = PLACE_GAIN * (origin:x() - position:x()) - velocity:x()
+    local east = PLACE_GAIN * (origin:y() - position:y()) - velocity:y()
+    local now = millis()
+    local step_s = held and math.min((now - held):tofloat() * 0.001, LONGEST_STEP_S) or 0
+    held = now
+    local wanted_north, wanted_east = SPEED_GAIN * north + wind_north, SPEED_GAIN * east + wind_east
+    local size = math.sqrt(wanted_north * wanted_north + wanted_east * wanted_east)
+    if not (size < math.huge) then -- also when it is no number
+        return nil
+    end
+    if size <= MOST then
+        -- An integral that leans cannot follow would only have to be taken back.
+        wind_north = wind_north + INTEGRAL_GAIN * step_s * north
+        wind_east = wind_east + INTEGRAL_GAIN * step_s * east
+    else
+        wanted_north, wanted_east = wanted_north * MOST / size, wanted_east * MOST / size
+    end
+    local _, _, yaw = attitude()
+    local ahead = math.cos(yaw) * wanted_north + math.sin(yaw) * wanted_east
+    local right = -math.sin(yaw) * wanted_north + math.cos(yaw) * wanted_east
+    return math.deg(math.atan(right / GRAVITY)), -math.deg(math.atan(ahead / GRAVITY))
 end
 
 local function outside()
@@ -104,8 +163,13 @@ local function fly()
             return
         end
     end
+    local roll, pitch = lean()
+    if not roll then
+        finish("no velocity")
+        return
+    end
     local heading = (heading_deg + angles[3]) % 360
-    if not vehicle:set_target_angle_and_climbrate(angles[1], angles[2], heading, 0, false, 0) then
+    if not vehicle:set_target_angle_and_climbrate(roll + angles[1], pitch + angles[2], heading, 0, false, 0) then
         finish("the attitude was refused")
     end
 end
@@ -115,16 +179,21 @@ local function start()
     file = io.open(TABLE, "r")
     row = 0
     since = millis()
+    held = nil
+    local home = ahrs:get_relative_position_NED_home()
     if not arming:is_armed() or not vehicle:get_likely_flying() then
         finish("not flying")
     elseif vehicle:get_mode() ~= GUIDED then
         finish("begin in GUIDED")
-    elseif not origin then
+    elseif not origin or not home then
         finish("no position")
+    elseif not (-home:z() >= LEAST_HEIGHT_M) then
+        finish(string.format("begin above %g m", LEAST_HEIGHT_M))
     elseif not file then
         finish("no table " .. TABLE)
     else
-        heading_deg = yaw_deg()
+        local _, _, yaw = attitude()
+        heading_deg = math.deg(yaw)
         say("plan begins")
         state = FLYING
         fly()
@@ -137,7 +206,11 @@ local function update()
         if state == FLYING then
             finish("switched off")
         end
+        if state ~= WAITING then
+            seen, wind_north, wind_east = 0, 0, 0
+        end
         state = WAITING
+        watch()
     elseif state == WAITING then
         start()
     elseif state == FLYING then

@@ -13,6 +13,7 @@ local SYSTEMID = {{ mode }}
 local START_MODES = { [2] = true, [5] = true } -- ALT_HOLD and LOITER
 local ROOM_M = {{ number(facts.stop_room_m) }} -- horizontal distance from the start that ends the plan
 local CLIMB_M = {{ number(facts.stop_climb_m) }} -- departure from the height of the start that ends the plan
+local LEAST_HEIGHT_M = {{ number(facts.least_height_m) }} -- above home, to begin
 local PERIOD_MS = 50
 local MARGIN_S = 0.5 -- in the mode after the end of a chirp
 
@@ -90,12 +91,15 @@ end
 local function start()
     home_mode = vehicle:get_mode()
     origin = ahrs:get_relative_position_NED_origin()
+    local home = ahrs:get_relative_position_NED_home()
     if not arming:is_armed() or not vehicle:get_likely_flying() then
         finish("not flying")
     elseif not START_MODES[home_mode] then
         finish("begin in LOITER or ALT_HOLD")
-    elseif not origin then
+    elseif not origin or not home then
         finish("no position")
+    elseif not (-home:z() >= LEAST_HEIGHT_M) then
+        finish(string.format("begin above %g m", LEAST_HEIGHT_M))
     else
         run = 1
         begin_run()
