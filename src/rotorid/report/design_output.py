@@ -152,7 +152,13 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
 def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> FlightFacts:
     reached = one.planned.reached
     bounds = [
-        PredictedBound(name=parameter.name, unit=parameter.unit, value=parameter.expected, std=parameter.std)
+        PredictedBound(
+            name=parameter.name,
+            unit=parameter.unit,
+            value=parameter.expected,
+            std=parameter.std,
+            model=told.model,
+        )
         for told in one.told
         for parameter in (told.prediction.parameters if told.prediction is not None else ())
     ]
@@ -160,7 +166,7 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> Fligh
         vehicle=choices.vehicle,
         autopilot=autopilot,
         room_m=reached.position_m,
-        height_m=max(choices.plan.wind.height_m, 2.0 * reached.height_m),
+        height_m=max(choices.plan.wind.height_m, 3.0 * reached.height_m),
         climb_m=reached.height_m,
         tilt_rad=reached.tilt_rad,
         rate_rad_s=reached.rate_rad_s,
