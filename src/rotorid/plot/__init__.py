@@ -20,6 +20,9 @@ function for each picture:
 ``rotorid.plot.motors.rotor_layout``                   rotors from above with their numbers and directions
 ``rotorid.plot.motors.thrust_curve``                   thrust of a rotor by its output
 ``rotorid.plot.motors.made_by_motors``                 accelerations measured and made by motors
+``rotorid.plot.design.planned_flight``                 test inputs and the simulated flight over time
+``rotorid.plot.design.predicted_bode``                 the response that a planned flight is expected to show
+``rotorid.plot.design.percent_dots``                   predicted deviations of parameters, plan beside plan
 ``rotorid.plot.overview.overview_png``                 an identification as a PNG
 =====================================================  =============================================================
 
