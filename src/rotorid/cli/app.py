@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-import signal
 import sys
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -19,6 +17,7 @@ from rotorid.cli.demo import demo_command
 from rotorid.cli.design import design_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
+from rotorid.cli.interrupt import listen
 from rotorid.cli.models import models_command
 from rotorid.cli.response import response_command
 from rotorid.cli.simulate import simulate_command
@@ -69,17 +68,12 @@ def _main(
     pass
 
 
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    """End like Ctrl-C does, so that temporary files are removed."""
-    raise KeyboardInterrupt
-
-
 def main() -> None:
     """Entry point: errors become one sentence and an exit code."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal that cannot show a sign shows a question mark; results are not lost over a unit.
         sys.stdout.reconfigure(errors="replace")
-    signal.signal(signal.SIGTERM, _interrupt)
+    listen()
     try:
         app()
     except RotoridError as error:

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rotorid.cli.interrupt import check
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -59,10 +61,15 @@ def print_findings(findings: Sequence[FindingDocument]) -> None:
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal that says what is being done; nothing in a pipe."""
+    """A line on a terminal that says what is being done; nothing in a pipe. A lost interrupt is raised here."""
     console = error_console()
     if quiet or not console.is_terminal:
-        yield lambda _: None
+        yield lambda _: check()
         return
     with console.status("reading") as status:
-        yield lambda text: status.update(text)
+
+        def tell(text: str) -> None:
+            check()
+            status.update(text)
+
+        yield tell
