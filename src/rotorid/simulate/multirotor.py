@@ -28,8 +28,7 @@ Left out: blade flapping beyond the induced drag, inflow of one rotor into anoth
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -206,7 +205,6 @@ class Multirotor(Immutable):
     effectiveness: FloatArray | None = None
     battery: Battery | None = None
     source: str = ""
-    facts: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         inertia = np.array(self.inertia_kg_m2, dtype=np.float64)
@@ -227,7 +225,6 @@ class Multirotor(Immutable):
             inertia_kg_m2=read_only(inertia, np.float64, ndim=2),
             aerodynamics=read_only(air, np.float64, ndim=2),
             effectiveness=None if self.effectiveness is None else read_only(self.effectiveness, np.float64, ndim=2),
-            facts=self.facts,
         )
 
     @property

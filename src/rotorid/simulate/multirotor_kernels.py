@@ -21,6 +21,9 @@ def derivative(
     """Write the time derivative of ``state`` to the first places of ``out``, and the specific force after it.
 
     ``out`` has ``13 + rotors + 3`` places, ``gain`` is what the voltage makes of the outputs to the motors.
+
+    One function, however long: its uncompiled form takes complex numbers, for which any kernel that it called would be
+    compiled anew.
     """
     rotors = outputs.shape[0]
     qw, qx, qy, qz = state[6], state[7], state[8], state[9]
