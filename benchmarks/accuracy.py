@@ -18,22 +18,16 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.accuracy_peers import INSTALL, Peer, missing, peers, sampled
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
-from rotorid.fit.black_box import fit_black_box
-from rotorid.fit.black_box_starts import StartPlan
-from rotorid.fit.identify import fit
-from rotorid.fit.innovations import InnovationsProblem
-from rotorid.fit.innovations_fit import fit_prediction_error
-from rotorid.fit.output_error import fit_output_error
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.subspace import fit_subspace
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.response import response_model
+from rotorid.data.record import Channel, TimeHistory
+from rotorid.fitting.black_box.fit import StartPlan, fit_black_box
+from rotorid.fitting.black_box.subspace import fit_subspace
+from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
+from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
+from rotorid.models.library import response_model
 from rotorid.models.state_space import StateSpace
-from rotorid.simulate.hold import discretize
-from rotorid.simulate.linear import simulate_linear
+from rotorid.simulation.linear import discretize, simulate_linear
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import ComplexArray, FloatArray
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.fit.time_data import TimeData
+from rotorid.fitting.time.output_error import TimeData
 from rotorid.typing import ComplexArray, FloatArray
 
 Setting = tuple[int, ...]

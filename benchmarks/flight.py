@@ -15,14 +15,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rotorid.models.rotor_layout_library import library_layout
-from rotorid.simulate.autopilot import Autopilot, Guidance, RateLoop
-from rotorid.simulate.many import Sortie, columns, fly_many
-from rotorid.simulate.multirotor import Multirotor, Rotors
-from rotorid.simulate.multirotor_flight import Aircraft
-from rotorid.simulate.multirotor_kernels import glide
-from rotorid.simulate.packed import STATES
-from rotorid.simulate.wind import Wind
+from rotorid.models.rotors import library_layout
+from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
+from rotorid.simulation.flight_kernels import glide
+from rotorid.simulation.multirotor import STATES, Multirotor, Rotors
+from rotorid.simulation.multirotor_flight import Aircraft, Sortie, columns, fly_many
+from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray
 
 DURATION_S, RATE_HZ, REPEATS = 60.0, 250.0, 9
@@ -94,14 +92,14 @@ def right_hand_side() -> Callable[[float, FloatArray, FloatArray], FloatArray]:
         moment[2] += spins @ (rotors.torque_per_thrust_m * lift) + momentum @ changing
         own = inertia @ rates + np.array([0.0, 0.0, -momentum @ speeds])
         p, q, r = rates
-        turning = 0.5 * np.array(
+        motor_speed = 0.5 * np.array(
             [-x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p]
         )
         return np.concatenate(
             [
                 state[3:6],
                 turn @ force.sum(axis=0) / craft.mass_kg + gravity,
-                turning,
+                motor_speed,
                 inverse @ (moment - np.cross(rates, own)),
                 changing,
             ]

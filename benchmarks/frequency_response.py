@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from scipy import signal
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.spectral.spectra import spectral_matrices
 from rotorid.spectral.windows import HANN
 from rotorid.typing import FloatArray

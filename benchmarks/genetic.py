@@ -33,8 +33,8 @@ import numpy as np
 
 from rotorid.search.acceleration import AccelerationProblem, hover_parameters
 from rotorid.search.catalog import search
-from rotorid.search.methods.genetic import Genetic
-from rotorid.search.result import SearchResult
+from rotorid.search.objective import SearchResult
+from rotorid.search.population import Genetic
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles import hover_quadrotor

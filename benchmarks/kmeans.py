@@ -22,21 +22,19 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.record import FlightRecord
-from rotorid.fit.identify import fit
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.structural_zeros import without_structural_zeros
-from rotorid.models.catalog import library_model
-from rotorid.models.description import from_toml
+from rotorid.fitting.frequency.fit import fit, without_structural_zeros
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.search.box import search_box
 from rotorid.search.catalog import search
-from rotorid.search.design_of_starts import Scale, StartBox
-from rotorid.search.frequency_objective import FrequencyObjective
-from rotorid.search.result import Progress
+from rotorid.search.objective import Progress
+from rotorid.search.objectives import FrequencyObjective
+from rotorid.search.starts import Scale, StartBox, search_box
 from rotorid.typing import FloatArray
 from rotorid.vehicles import rig
 

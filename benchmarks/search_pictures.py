@@ -10,10 +10,10 @@ import numpy as np
 
 from benchmarks.search_problems import PROBLEMS
 from benchmarks.searches import OWN, POPULATIONS, Run, points
+from rotorid.plot.figure import BESIDE, INPUT, MEASURED, MODEL, SERIES
 from rotorid.plot.paper import PAPER_STYLE, matplotlib_or_remedy
-from rotorid.plot.theme import BESIDE, INPUT, MEASURED, MODEL, SERIES
 from rotorid.search.catalog import search
-from rotorid.search.frequency_objective import FrequencyObjective
+from rotorid.search.objectives import FrequencyObjective
 from rotorid.search.spread import Share
 from rotorid.typing import FloatArray
 

@@ -12,23 +12,19 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.fit.identify import fit
-from rotorid.fit.levenberg_marquardt import LevenbergMarquardt, Residuals
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.solution import Solution
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.fit.time_start import own_starts
-from rotorid.models.catalog import library_model
-from rotorid.models.description import from_toml
+from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import LevenbergMarquardt, Residuals, Solution
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, own_starts
+from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.rate import rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
 from rotorid.search.acceleration import AccelerationProblem, hover_parameters
-from rotorid.search.design_of_starts import Scale, StartBox
 from rotorid.search.objective import Objective
-from rotorid.search.pose import objective_of
-from rotorid.simulate.linear import simulate_linear
+from rotorid.search.objectives import objective_of
+from rotorid.search.starts import Scale, StartBox
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 from rotorid.vehicles import hover_quadrotor, s500
 

@@ -4,8 +4,9 @@ Twenty seeds of every problem of :mod:`benchmarks.search_problems`, each with it
 that of the search. A search succeeds if its cost is within 1 % of the lowest that any search of the study, or a local
 search from the truth, found with these data. Evaluations are costs plus residuals with Jacobians, each counted once,
 local searches at the end included; what a residual with its Jacobian takes, in costs, is measured for each problem.
-Time is process time on one core. ``own starts`` are what the package does by itself: :func:`rotorid.fit.identify.fit`,
-the starts of an output-error fit, and the middle of the ranges for accelerations.
+Time is process time on one core. ``own starts`` are what the package does by itself:
+:func:`rotorid.fitting.frequency.fit.fit`, the starts of an output-error fit, and the middle of the ranges for
+accelerations.
 
 Run ``python -m benchmarks.searches``: tables only, some ten minutes. ``--runs FILE`` keeps every run as JSON, and takes
 them from there if the file is there already; ``--pictures FOLDER`` draws.
@@ -25,7 +26,7 @@ import numpy as np
 from benchmarks.search_problems import PROBLEMS, Posed
 from rotorid.errors import UsageError
 from rotorid.search.catalog import search, searches
-from rotorid.search.result import Progress
+from rotorid.search.objective import Progress
 from rotorid.search.spread import Share, wilson
 
 SEEDS = 20

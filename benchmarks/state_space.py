@@ -19,12 +19,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.fit.identify import fit
-from rotorid.fit.log_errors import Points
-from rotorid.fit.many import fit_many
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.models.description import from_toml
+from rotorid.fitting.frequency.fit import fit, fit_many
+from rotorid.fitting.frequency.problem import FrequencyProblem, Points
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
 from rotorid.typing import FloatArray
 
 AVAILABLE = importlib.util.find_spec("control") is not None

@@ -15,35 +15,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rotorid.data.channel import Channel
     from rotorid.data.findings import Finding
-    from rotorid.data.flight_plan import FlightPlan
-    from rotorid.data.history import TimeHistory
-    from rotorid.data.maneuver import Maneuver
-    from rotorid.data.record import FlightRecord
+    from rotorid.data.flight_plan import FlightPlan, SimulatedFlight
+    from rotorid.data.record import Channel, FlightRecord, Maneuver, TimeHistory
     from rotorid.data.response import FrequencyResponse
-    from rotorid.data.simulated_flight import SimulatedFlight
     from rotorid.errors import InsufficientDataError, LogError, ModelError, RotoridError, UsageError
-    from rotorid.io.registry import read
-    from rotorid.io.write_log import write_log
-    from rotorid.models.rate import rate_model
-    from rotorid.pipeline.identify import identify
+    from rotorid.io.registry import read, write_log
+    from rotorid.models.library import rate_model
+    from rotorid.pipeline.identification import identify
     from rotorid.pipeline.inspection import inspect
-    from rotorid.pipeline.response import respond
+    from rotorid.pipeline.responses import response
     from rotorid.pipeline.settings import IdentifySettings, ResponseSettings
-    from rotorid.report.output import write_results
-    from rotorid.signal.clock import one_clock
-    from rotorid.signal.segment import find_excitations
-    from rotorid.simulate.multirotor_flight import fly_multirotor
-    from rotorid.simulate.wind import Wind
+    from rotorid.report.files import write_results
+    from rotorid.signal.clock import resample
+    from rotorid.signal.excitations import find_excitations
+    from rotorid.simulation.multirotor_flight import fly_multirotor
+    from rotorid.simulation.wind import Wind
     from rotorid.spectral.estimate import frequency_response
     from rotorid.vehicles.catalog import aircraft
-    from rotorid.verify.time_domain import verify_in_time
+    from rotorid.verification.time_domain import verify_in_time
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "Channel": "rotorid.data.channel",
+    "Channel": "rotorid.data.record",
     "Finding": "rotorid.data.findings",
     "FlightPlan": "rotorid.data.flight_plan",
     "FlightRecord": "rotorid.data.record",
@@ -51,27 +46,27 @@ _HOME = {
     "IdentifySettings": "rotorid.pipeline.settings",
     "InsufficientDataError": "rotorid.errors",
     "LogError": "rotorid.errors",
-    "Maneuver": "rotorid.data.maneuver",
+    "Maneuver": "rotorid.data.record",
     "ModelError": "rotorid.errors",
     "ResponseSettings": "rotorid.pipeline.settings",
     "RotoridError": "rotorid.errors",
-    "SimulatedFlight": "rotorid.data.simulated_flight",
-    "TimeHistory": "rotorid.data.history",
+    "SimulatedFlight": "rotorid.data.flight_plan",
+    "TimeHistory": "rotorid.data.record",
     "UsageError": "rotorid.errors",
-    "Wind": "rotorid.simulate.wind",
+    "Wind": "rotorid.simulation.wind",
     "aircraft": "rotorid.vehicles.catalog",
-    "find_excitations": "rotorid.signal.segment",
-    "fly_multirotor": "rotorid.simulate.multirotor_flight",
+    "find_excitations": "rotorid.signal.excitations",
+    "fly_multirotor": "rotorid.simulation.multirotor_flight",
     "frequency_response": "rotorid.spectral.estimate",
-    "identify": "rotorid.pipeline.identify",
+    "identify": "rotorid.pipeline.identification",
     "inspect": "rotorid.pipeline.inspection",
-    "one_clock": "rotorid.signal.clock",
-    "rate_model": "rotorid.models.rate",
+    "resample": "rotorid.signal.clock",
+    "rate_model": "rotorid.models.library",
     "read": "rotorid.io.registry",
-    "respond": "rotorid.pipeline.response",
-    "verify_in_time": "rotorid.verify.time_domain",
-    "write_log": "rotorid.io.write_log",
-    "write_results": "rotorid.report.output",
+    "response": "rotorid.pipeline.responses",
+    "verify_in_time": "rotorid.verification.time_domain",
+    "write_log": "rotorid.io.registry",
+    "write_results": "rotorid.report.files",
 }
 
 __all__ = [
@@ -97,10 +92,10 @@ __all__ = [
     "frequency_response",
     "identify",
     "inspect",
-    "one_clock",
     "rate_model",
     "read",
-    "respond",
+    "resample",
+    "response",
     "verify_in_time",
     "write_log",
     "write_results",

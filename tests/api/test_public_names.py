@@ -11,8 +11,8 @@ import pytest
 from pydantic import ValidationError
 
 import rotorid
+from rotorid.documents.result import FindingDocument
 from rotorid.errors import RotoridError
-from rotorid.pipeline.document import FindingDocument
 
 PUBLIC = {name: getattr(rotorid, name) for name in rotorid.__all__}
 FUNCTIONS = [name for name, thing in PUBLIC.items() if inspect.isfunction(thing)]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rotorid.pipeline.document import ResultDocument
+from rotorid.documents.result import ResultDocument
 
 NAMES = {
     "ResultDocument": {

@@ -10,11 +10,10 @@ import pytest
 from tests.browser.chromium import dump
 from tests.unit.cli.commands import rotorid
 
-from rotorid.data.channel import Channel
-from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.io.tabular import write_csv
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
+from rotorid.io.tables.csv import write_csv
 from rotorid.pipeline.inspection import inspect
-from rotorid.report.inspection_page import render_inspection
+from rotorid.report.inspection import render_inspection
 
 HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=document.title='run'>"
 

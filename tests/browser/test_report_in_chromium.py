@@ -9,7 +9,7 @@ from tests.browser.chromium import dump
 from tests.unit.report.hover_sample import hover_identification
 from tests.unit.report.sample import HOSTILE, doublet, identification
 
-from rotorid.report.page import render_report
+from rotorid.report.identification import render_report
 
 
 def test_pictures_are_drawn_and_hostile_text_stays_text(chromium: str, tmp_path: Path) -> None:

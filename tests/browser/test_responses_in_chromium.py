@@ -14,10 +14,8 @@ from tests.browser.chromium import dump
 from tests.unit.report.response_sample import responses
 from tests.unit.report.sample import HOSTILE
 
-from rotorid.report.frame import policy
-from rotorid.report.picture import Picture
-from rotorid.report.response_page import render_responses
-from rotorid.report.response_pictures import bands_picture, loop_pictures, response_pictures, window_pictures
+from rotorid.report.frame import Picture, policy
+from rotorid.report.response import bands_picture, loop_pictures, render_responses, response_pictures, window_pictures
 
 PROBE = """
 document.documentElement.dataset.probe = "waiting";

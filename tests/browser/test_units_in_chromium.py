@@ -13,10 +13,9 @@ import pytest
 from tests.browser.chromium import dump
 from tests.unit.report.sample import identification
 
-from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.results import Identification
 from rotorid.report.frame import policy
-from rotorid.report.page import render_report
-from rotorid.report.section import section
+from rotorid.report.identification import render_report, section
 
 PROBE = """
 document.documentElement.dataset.probe = "waiting";

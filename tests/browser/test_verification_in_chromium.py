@@ -12,7 +12,7 @@ from tests.unit.report.sample import HOSTILE
 from tests.unit.report.verification_sample import verified
 
 from rotorid.report.frame import policy
-from rotorid.report.verification_page import render_verification
+from rotorid.report.verification import render_verification
 
 PROBE = """
 document.documentElement.dataset.probe = "waiting";

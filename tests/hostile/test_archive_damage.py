@@ -18,7 +18,7 @@ from tests.hostile.samples import csv, zipped
 
 from rotorid.errors import LogError
 from rotorid.io import read
-from rotorid.io.archive import UnpackLimits, compression_of, unpacked
+from rotorid.io.files import UnpackLimits, compression_of, unpacked
 
 MIB = 1 << 20
 PACKERS: dict[str, Callable[[bytes], bytes]] = {

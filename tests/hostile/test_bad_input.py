@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, fly_roll_sweeps, rotorid
 
-from rotorid.io.tabular import write_csv
-from rotorid.pipeline.document import ResultDocument
+from rotorid.documents.result import ResultDocument
+from rotorid.io.tables.csv import write_csv
 
 NOTHING_FLOWN_S = 60.0
 RATE_HZ = 100.0
@@ -250,7 +250,7 @@ def test_a_report_that_fails_leaves_no_half_result(flight: Path, here: Path, mon
     def fail(*_: object, **__: object) -> str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rotorid.report.output.render_report", fail)
+    monkeypatch.setattr("rotorid.report.files.render_report", fail)
     ran = rotorid("identify", flight, *ROLL, "--out", "results")
     assert ran.code == 130
     assert list((here / "results").iterdir()) == []

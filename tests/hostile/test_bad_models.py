@@ -10,7 +10,7 @@ import pytest
 from tests.hostile.test_bad_input import assert_one_sentence
 from tests.unit.cli.commands import fly_roll_sweeps, rotorid
 
-from rotorid.pipeline.document import ResultDocument
+from rotorid.documents.result import ResultDocument
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io.blackbox import FORMAT, read
-from rotorid.io.blackbox_decode import decode
+from rotorid.io.betaflight.blackbox import decode
+from rotorid.io.betaflight.log import FORMAT, read
 
 FIELDS = """H Product:Blackbox flight data recorder by Nicholas Sherlock
 H Data version:2

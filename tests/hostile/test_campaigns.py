@@ -56,7 +56,7 @@ def test_damage_is_a_sound_record_or_one_sentence_and_is_said(name: str, campaig
 
 def test_truncations_of_a_real_px4_log_are_said(unpacked: Callable[[str], Path]) -> None:
     """The bar is 95 of 100; a cut that is not seen is one that falls between two messages."""
-    from rotorid.io.ulog_walk import walk
+    from rotorid.io.px4.ulog import walk
 
     whole = unpacked("px4/sample_log_small.ulg").read_bytes()
     cuts = list(Campaign(truncations=200, flips=0).variants(whole))[1:]

@@ -14,7 +14,7 @@ import pytest
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
 from rotorid.io import crazyflie
-from rotorid.io.crazyflie_walk import decode
+from rotorid.io.crazyflie import decode
 
 SOURCE = Source(name="log00", format=crazyflie.FORMAT, sha256="")
 SAMPLES = 60

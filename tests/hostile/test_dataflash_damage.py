@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from rotorid.data.record import Source
 from rotorid.errors import LogError
-from rotorid.io.ardupilot import FORMAT, read
-from rotorid.io.dataflash import DataFlashLog, decode
+from rotorid.io.ardupilot.dataflash import DataFlashLog, decode
+from rotorid.io.ardupilot.log import FORMAT, read
 
 MAGIC = b"\xa3\x95"
 FMT_BYTES = 89

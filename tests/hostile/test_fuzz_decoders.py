@@ -21,8 +21,12 @@ from tests.hostile.damage import Sample, assert_complete, hang_limit, malformed
 from tests.hostile.samples import SAMPLES
 
 from rotorid.errors import LogError, RotoridError
-from rotorid.io import blackbox_decode, crazyflie_walk, dataflash, mavlink, read
-from rotorid.io.ulog_walk import walk
+from rotorid.io import crazyflie as crazyflie_walk
+from rotorid.io import read
+from rotorid.io.ardupilot import dataflash
+from rotorid.io.betaflight import blackbox as blackbox_decode
+from rotorid.io.mavlink import messages as mavlink
+from rotorid.io.px4.ulog import walk
 
 MIB = 1 << 20
 OWN = ("DataFlash", "blackbox", "Crazyflie", "tlog", "NPZ", "CSV", "ulog2csv", "mapping")

@@ -11,7 +11,7 @@ import pytest
 from rotorid.data.record import FlightRecord
 from rotorid.errors import LogError, RotoridError
 from rotorid.io import read
-from rotorid.io.hdf5 import numbers_of
+from rotorid.io.tables.matlab import numbers_of
 
 h5py = pytest.importorskip("h5py", reason="the extra [hdf5] is not installed")
 

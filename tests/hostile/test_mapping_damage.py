@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.hostile.damage import assert_complete, hang_limit
 
 from rotorid.errors import UsageError
-from rotorid.io.mapping import ChannelMapping, parse_mapping, read_mapping
+from rotorid.io.tables.mapping import ChannelMapping, parse_mapping, read_mapping
 
 
 def refusal(folder: Path, text: str | bytes) -> str:

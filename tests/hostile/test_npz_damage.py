@@ -12,7 +12,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import RotoridError
-from rotorid.io import npz
+from rotorid.io.tables import npz
 
 SOURCE = Source(name="flight.npz", format=npz.FORMAT, sha256="")
 MIB = 1 << 20

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.io.tabular import write_csv
+from rotorid.io.tables.csv import write_csv
 
 COMMAND = [sys.executable, "-m", "rotorid"]
 UNIX = pytest.mark.skipif(os.name != "posix", reason="signals and /dev/full are those of Unix")

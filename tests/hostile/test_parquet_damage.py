@@ -12,7 +12,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import RotoridError
-from rotorid.io import parquet
+from rotorid.io.tables import parquet
 
 pa = pytest.importorskip("pyarrow", reason="the extra [parquet] is not installed")
 pq = pytest.importorskip("pyarrow.parquet", reason="the extra [parquet] is not installed")

@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import px4_folder
+from rotorid.io.px4 import folder as px4_folder
 
 SOURCE = Source(name="flight", format=px4_folder.FORMAT, sha256="")
 FILE = "log_vehicle_torque_setpoint_0.csv"

@@ -12,8 +12,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import rosbag
-from rotorid.io.bag_container import LARGEST_CHUNK_BYTES, MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, decompressed
+from rotorid.io.ros import bag as rosbag
+from rotorid.io.ros.containers import LARGEST_CHUNK_BYTES, MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, decompressed
 
 pytest.importorskip("rosbags", reason="the extra [ros] is not installed")
 

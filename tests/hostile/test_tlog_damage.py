@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import tlog
-from rotorid.io.mavlink import LAYOUTS, STAMP_BYTES, checksum, decode
+from rotorid.io.mavlink import tlog
+from rotorid.io.mavlink.messages import LAYOUTS, STAMP_BYTES, checksum, decode
 
 SOURCE = Source(name="flight.tlog", format=tlog.FORMAT, sha256="")
 STAMP_US = 1_790_000_000_000_000

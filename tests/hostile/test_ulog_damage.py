@@ -11,8 +11,9 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import px4, read
-from rotorid.io.ulog_walk import HEADER_BYTES, MAGIC, walk
+from rotorid.io import read
+from rotorid.io.px4 import log as px4
+from rotorid.io.px4.ulog import HEADER_BYTES, MAGIC, walk
 
 LOG = "px4/sample_log_small.ulg"
 SOURCE = Source(name="flight.ulg", format=px4.FORMAT, sha256="")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
 from rotorid.spectral.windows import HALF_SINE, HANN, Taper

@@ -9,12 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rotorid.data.channel import Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.excitation.doublet import doublet
+from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.signal.segment import find_excitations
+from rotorid.excitation.switching import doublet
+from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
 
 BAND = (2.0 * math.pi * 0.2, 2.0 * math.pi * 4.0)

@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rotorid.fit.inverse_controller import inverse_controller
+from rotorid.fitting.inverse_controller import inverse_controller
 from rotorid.models.controller import RateController
-from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.vehicles import s500

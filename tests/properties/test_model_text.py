@@ -11,11 +11,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rotorid.errors import ModelError
-from rotorid.models.description import from_toml, to_toml
 from rotorid.models.expression import FUNCTIONS, Expression
+from rotorid.models.library import rate_model
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rate import rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml, to_toml
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 NAMES = st.from_regex(r"[A-Za-z_][A-Za-z_0-9]{0,8}", fullmatch=True).filter(lambda name: name not in FUNCTIONS)

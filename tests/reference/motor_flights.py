@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import rotorid
-from rotorid.data.motor_record import MotorRecord
-from rotorid.data.record import FlightRecord
-from rotorid.models.rotor_layout import RotorLayout
-from rotorid.models.rotor_layout_log import layout_of
-from rotorid.models.rotor_mixer import mixer_of
-from rotorid.signal.interpolated import interpolated
-from rotorid.signal.motor_reconstruction import motor_history
+from rotorid.data.record import FlightRecord, MotorRecord
+from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
+from rotorid.signal.clock import interpolated
+from rotorid.signal.motors import motor_history
 from rotorid.typing import FloatArray
 
 Span = tuple[float, float]

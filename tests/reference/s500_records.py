@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import rotorid
-from rotorid.fit.time_data import TimeData
+from rotorid.fitting.time.output_error import TimeData
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 RATE_HZ = 200.0

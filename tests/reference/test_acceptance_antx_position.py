@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 
 import rotorid
-from rotorid.fit.output_error import fit_output_error
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.response import response_model
-from rotorid.verify.cross_validation import cross_validate
-from rotorid.verify.frozen import FrozenScores, score_frozen
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
+from rotorid.models.library import response_model
+from rotorid.verification.fixed_parameters import FixedParameterScores, cross_validate, score_frozen
 
 STRETCHES = {"sweep.mat": (132.9, 158.0), "prbs.mat": (50.0, 76.0)}
 RATE_HZ = 100.0
@@ -36,7 +33,7 @@ def fit(records: tuple[TimeData, ...]) -> dict[str, float]:
     return fit_output_error(problem).parameters.values
 
 
-def score(values: dict[str, float], one: TimeData) -> list[FrozenScores]:
+def score(values: dict[str, float], one: TimeData) -> list[FixedParameterScores]:
     return [score_frozen(MODEL, values, one)]
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 
 import rotorid
-from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.results import Identification
 
 TAU_S = 2.45e-3
 """Middle of the 2.4 to 2.5 ms that the simulator shows."""

@@ -9,19 +9,23 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.models.state_space import StateSpace
-from rotorid.signal.cross_terms import CrossTerms, cross_terms
-from rotorid.signal.derotate import to_heading
-from rotorid.signal.reconstruct import derivative
-from rotorid.signal.step_response import StepResponse, rise_time_bandwidth, step_responses
-from rotorid.signal.thrust import thrust_limit, thrust_over_weight
-from rotorid.simulate.kalman import StateEstimate, kalman_start, least_squares_start
-from rotorid.simulate.linear import simulate_linear
+from rotorid.signal.kinematics import derivative, to_heading
+from rotorid.signal.step_response import (
+    CrossTerms,
+    StepResponse,
+    cross_terms,
+    rise_time_bandwidth,
+    step_responses,
+    thrust_limit,
+    thrust_over_weight,
+)
+from rotorid.simulation.linear import simulate_linear
+from rotorid.simulation.predictor import StateEstimate, kalman_start, least_squares_start
 from rotorid.typing import FloatArray
 from rotorid.vehicles import bebop
-from rotorid.verify.scores import nrmse_fit_percent
+from rotorid.verification.scores import nrmse_fit_percent
 
 RECORDS = ("120935", "121028", "121250", "122633")
 COMMANDS = tuple(command for command, _ in bebop.PAIRS)

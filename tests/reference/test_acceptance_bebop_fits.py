@@ -17,16 +17,13 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.fit.black_box import fit_black_box
-from rotorid.fit.output_error import fit_output_error
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
+from rotorid.fitting.black_box.fit import fit_black_box
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
+from rotorid.models.library import response_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.response import response_model
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import FloatArray
-from rotorid.verify.cross_validation import CrossValidation, cross_validate
-from rotorid.verify.frozen import FrozenScores, score_frozen
+from rotorid.verification.fixed_parameters import CrossValidation, FixedParameterScores, cross_validate, score_frozen
 
 NAMES = ("120935", "121028", "121250", "122633")
 PAIRS = tuple((f"{name}_setpoint", name) for name in ("phi", "theta", "velocity_down"))
@@ -88,7 +85,7 @@ def black(order: int, output: str) -> Fit:
     return fit
 
 
-def score(model: Identified, one: TimeData) -> list[FrozenScores]:
+def score(model: Identified, one: TimeData) -> list[FixedParameterScores]:
     structure, parameters = model
     return [score_frozen(structure, parameters.values, one, hold="zero", unknowns=("initial_state",))]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rotorid
-from rotorid.pipeline.delay import Delays, delays
+from rotorid.pipeline.delays import Delays, delays
 from rotorid.pipeline.settings import MeasureSettings, parse_segment
 
 LONGEST_S = 10.0

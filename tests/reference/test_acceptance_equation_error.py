@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 from tests.reference.s500_records import record_of
 
-from rotorid.fit.regression import CONSTANT
-from rotorid.fit.structure_equation_error import EquationErrorFit, fit_equation_error
-from rotorid.fit.structure_equation_stepwise import stepwise_equation
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_equation_error import InBand, InTime
-from rotorid.models.catalog import library_model
+from rotorid.fitting.equations.equation_error import EquationErrorFit, fit_equation_error, stepwise_equation
+from rotorid.fitting.equations.regression import CONSTANT, InBand, InTime
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.models.library import library_model
 from rotorid.models.structure import LinearStructure
 
 BAND = InBand(band_rad_s=(0.6, 20.0))

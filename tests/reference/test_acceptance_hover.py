@@ -12,20 +12,17 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.data.channel import Channel
-from rotorid.data.record import FlightRecord
-from rotorid.fit.frequency_cost import pair_costs
-from rotorid.models.catalog import library_model
-from rotorid.models.rate import rate_model
-from rotorid.models.transfer_function import speed_damping
-from rotorid.pipeline.document import ParameterDocument, ResultDocument
-from rotorid.pipeline.identification import Identification
+from rotorid.data.record import Channel, FlightRecord
+from rotorid.documents.result import ParameterDocument, ResultDocument
+from rotorid.fitting.frequency.problem import pair_costs
+from rotorid.models.library import library_model, rate_model, speed_damping
+from rotorid.pipeline.frequency_fit import first_step
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.speed_damping import first_step
-from rotorid.pipeline.unseen_sweeps import judge_sweeps
+from rotorid.pipeline.unseen import check_sweeps
 from rotorid.typing import Axis
-from rotorid.verify.verification import Verification
+from rotorid.verification.verification import Verification
 
 GRAVITY_M_S2 = 9.80665
 GOOD_TIC = 0.12
@@ -172,7 +169,7 @@ def test_s500_sweeps_of_one_axis_alone_judge_the_true_model_as_good(
     structure = whole.select(outputs=[name for name in whole.outputs if name in record.channel_names])
     parameters = structure.parameters.with_values(dict.fromkeys(structure.parameters.names, 0.0) | truth)
     sweeps = select_maneuvers([record], [axis], IdentifySettings()).fitted
-    judged = judge_sweeps(structure, parameters, sweeps, band_rad_s=(1.0, 60.0), settings=IdentifySettings())
+    judged = check_sweeps(structure, parameters, sweeps, band_rad_s=(1.0, 60.0), settings=IdentifySettings())
     assert judged.costs.keys() == {f"{output}/{axis}_command" for output in structure.outputs}
     assert max(judged.costs.values()) < 10.0
 
@@ -233,7 +230,7 @@ def test_speed_damping_of_one_response_has_the_bias_of_what_it_leaves_out(
     record = with_acceleration(read(f"s500/{case.motion.axes[0]}_sweeps.csv"), *case.made_of)
     settings = IdentifySettings(band_rad_s=case.band_rad_s)
     flown = select_maneuvers([record], case.motion.axes[:1], settings).fitted
-    (finding,) = first_step(library_model(case.motion.model), flown, settings, lambda _: None).findings
+    (finding,) = first_step(library_model(case.motion.model), flown, settings).findings
     assert (finding.kind, finding.severity, finding.where) == ("speed_damping_biased", "warning", case.name)
     biased = noise_free(case, truth, finding.numbers["low_rad_s"], finding.numbers["high_rad_s"])
     assert biased == pytest.approx(case.biased_1_s, abs=0.01)

@@ -22,17 +22,13 @@ from tests.reference.motor_flights import (
 )
 
 import rotorid
-from rotorid.data.motor_record import MotorRecord
+from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.motor_both_ways import BothWays, both_ways, judge_both_ways
-from rotorid.fit.motor_excitation import LEAST_CORRELATION, excitations
-from rotorid.fit.motor_fit import MotorFit, excited_axes, fit_motors
-from rotorid.fit.motor_problem import MotorProblem
-from rotorid.models.motor_constants import check_motor_constants
-from rotorid.models.motor_parameters import Curve, motor_parameters
-from rotorid.models.rotor_layout_log import layout_of
-from rotorid.models.rotor_mixer import mixer_of
-from rotorid.signal.motor_reconstruction import motor_history
+from rotorid.fitting.motors.fit import LEAST_CORRELATION, MotorFit, MotorProblem, excitations, excited_axes, fit_motors
+from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
+from rotorid.models.motors import Curve, check_motor_constants, motor_parameters
+from rotorid.models.rotors import layout_of, mixer_of
+from rotorid.signal.motors import motor_history
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -64,8 +60,8 @@ class Identified:
         return dict(zip(self.fit.moving, np.sqrt(np.diag(covariance)), strict=True))
 
     @cached_property
-    def ways(self) -> Mapping[str, BothWays]:
-        return {one.axis: one for one in both_ways(self.fit)}
+    def ways(self) -> Mapping[str, InertiaRegression]:
+        return {one.axis: one for one in inertia_regressions(self.fit)}
 
     def thrust(self, outputs: FloatArray) -> FloatArray:
         return thrust(tuple(self.values.get(name, 0.0) for name in ("c_0", "c_1", "c_2")), outputs)

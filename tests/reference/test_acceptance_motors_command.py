@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
+from rotorid.documents.result import ResultDocument
 from rotorid.errors import InsufficientDataError
 from rotorid.io.registry import read
-from rotorid.pipeline.document import ResultDocument
-from rotorid.pipeline.motor_choices import MotorChoices
-from rotorid.pipeline.motor_identify import identify_motors
+from rotorid.pipeline.motor_identification import identify_motors
+from rotorid.pipeline.settings import MotorChoices
 
 INERTIA, LAG, THRUST = 0.05, 0.15, 0.03
 """How far identified values may lie from the truth."""

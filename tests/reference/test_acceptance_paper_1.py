@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from benchmarks.kmeans import Case, attitude, late, roll
 
-from rotorid.fit.identify import fit
-from rotorid.search.box import search_box
+from rotorid.fitting.frequency.fit import fit
 from rotorid.search.catalog import search
-from rotorid.search.frequency_objective import FrequencyObjective
+from rotorid.search.objectives import FrequencyObjective
+from rotorid.search.starts import search_box
 from rotorid.vehicles import rig
 
 RATIO_BAR = 0.02

@@ -15,7 +15,7 @@ import pytest
 from rotorid.models.parameter import ParameterSet
 from rotorid.search.acceleration import AccelerationProblem, hover_parameters
 from rotorid.search.catalog import search
-from rotorid.search.result import SearchResult
+from rotorid.search.objective import SearchResult
 from rotorid.search.spread import spread_over_starts
 from rotorid.typing import FloatArray
 from rotorid.vehicles import hover_quadrotor

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.fit.polynomial import PolynomialModel, PolynomialOrders
-from rotorid.fit.polynomial_output_error import fit_polynomial_output_error
-from rotorid.fit.time_data import TimeData
+from rotorid.fitting.black_box.polynomial import PolynomialModel, PolynomialOrders, fit_polynomial_output_error
+from rotorid.fitting.time.output_error import TimeData
 
 MAPPING = Path(__file__).resolve().parents[2] / "docs" / "mappings" / "pitch_rig_two_files.toml"
 RATE_HZ = 5.0

@@ -11,14 +11,10 @@ import numpy as np
 import pytest
 from tests.reference.s500_records import record_of
 
-from rotorid.fit.innovations import InnovationsProblem
-from rotorid.fit.innovations_fit import fit_prediction_error
-from rotorid.fit.innovations_solution import PredictionErrorFit
-from rotorid.fit.output_error import fit_output_error
-from rotorid.fit.solution import Outcome
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.catalog import library_model
+from rotorid.fitting.least_squares import Outcome
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
+from rotorid.fitting.time.prediction_error import InnovationsProblem, PredictionErrorFit, fit_prediction_error
+from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import FloatArray

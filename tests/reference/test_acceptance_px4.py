@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 
 import rotorid
-from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.results import Identification
 
 LAG_S = 48e-3
 """Motor lag of the simulator at its 4 ms steps."""

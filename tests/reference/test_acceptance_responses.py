@@ -13,7 +13,7 @@ import pytest
 import rotorid
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.response import Responses
+from rotorid.pipeline.responses import Responses
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -49,7 +49,7 @@ def simulated_quad(axis: str, omega_rad_s: FloatArray) -> ComplexArray:
 @pytest.mark.parametrize("bar", BARS, ids=lambda bar: bar.axis)
 def test_joint_response_in_wind_is_the_simulators(bar: Bar, shared_data: Path) -> None:
     record = rotorid.read(shared_data / "ardupilot_sitl" / f"{bar.log}.BIN.xz")
-    found = rotorid.respond([record], inputs=[f"{bar.axis}_command"], outputs=[bar.output])
+    found = rotorid.response([record], inputs=[f"{bar.axis}_command"], outputs=[bar.output])
     assert found.response.estimate == "joint"
     omega = found.response.omega_rad_s
     inside = found.used[0, 0] & (omega >= bar.band_rad_s[0]) & (omega <= bar.band_rad_s[1])
@@ -103,7 +103,7 @@ def s500(request: pytest.FixtureRequest, shared_data: Path) -> tuple[str, Respon
     motion = MOTIONS[request.param]
     records = [rotorid.read(shared_data / "s500" / f"{axis}_sweeps.csv") for axis in motion.axes]
     inputs = [f"{axis}_command" for axis in motion.axes]
-    return request.param, rotorid.respond(records, inputs=inputs, outputs=motion.outputs)
+    return request.param, rotorid.response(records, inputs=inputs, outputs=motion.outputs)
 
 
 def certain(response: FrequencyResponse) -> np.ndarray:
@@ -147,7 +147,7 @@ def test_stated_errors_are_those_of_the_best_single_window(s500: tuple[str, Resp
 def test_yaw_of_a_quad_that_hovers_in_wind_is_its_controller_above_five_and_not_below_three(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "ardupilot_sitl" / "x_wind_yawthrust.BIN.xz")
     hover = rotorid.Maneuver(axis="yaw", kind="other", start_s=30.0, stop_s=93.0, origin="given")
-    found = rotorid.respond(
+    found = rotorid.response(
         [record],
         inputs=["yaw_command"],
         outputs=["r"],
@@ -165,7 +165,7 @@ def test_yaw_of_a_quad_that_hovers_in_wind_is_its_controller_above_five_and_not_
 def test_yaw_of_an_ordinary_flight_is_refused_as_the_inverse_of_the_controller(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "px4" / "zmr250")
     with pytest.raises(InsufficientDataError, match=r"the inverse of the controller.*not the vehicle") as caught:
-        rotorid.respond([record], inputs=["yaw_command"], outputs=["r"])
+        rotorid.response([record], inputs=["yaw_command"], outputs=["r"])
     assert caught.value.exit_code == 1
     assert "inverse_controller" in [finding.kind for finding in caught.value.findings]
 
@@ -178,7 +178,7 @@ def test_roll_and_pitch_of_the_same_flight_are_the_vehicle(
     axis: str, output: str, phases_deg: Mapping[float, float], shared_data: Path
 ) -> None:
     record = rotorid.read(shared_data / "px4" / "zmr250")
-    found = rotorid.respond([record], inputs=[f"{axis}_command"], outputs=[output])
+    found = rotorid.response([record], inputs=[f"{axis}_command"], outputs=[output])
     document = found.document
     assert "inverse_controller" not in {finding.kind for finding in document.findings}
     assert "no_excitation" in {finding.kind for finding in document.findings}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import FlightRecord, Source
-from rotorid.io.blackbox import FORMAT, read
-from rotorid.io.blackbox_decode import Flight, flights
-from rotorid.signal.clock import one_clock
+from rotorid.io.betaflight.blackbox import Flight, flights
+from rotorid.io.betaflight.log import FORMAT, read
+from rotorid.signal.clock import resample
 from rotorid.spectral.estimate import frequency_response
 
 LANDING_S = 71.0
@@ -82,7 +82,7 @@ def test_units_are_those_of_flight(record: FlightRecord) -> None:
 
 @pytest.mark.parametrize(("command", "rate"), [("roll_command", "p"), ("pitch_command", "q")])
 def test_motor_mix_moves_the_gyro(record: FlightRecord, command: str, rate: str) -> None:
-    clock = one_clock(record, channels=[command, rate], start_s=record.start_s, stop_s=LANDING_S)
+    clock = resample(record, channels=[command, rate], start_s=record.start_s, stop_s=LANDING_S)
 
     response = frequency_response(
         clock.histories,
@@ -110,7 +110,7 @@ def test_motor_mix_moves_the_gyro(record: FlightRecord, command: str, rate: str)
     ],
 )
 def test_signs_are_those_of_the_conventions(record: FlightRecord, command: str, output: str, turn: complex) -> None:
-    clock = one_clock(record, channels=[command, output], start_s=record.start_s, stop_s=LANDING_S)
+    clock = resample(record, channels=[command, output], start_s=record.start_s, stop_s=LANDING_S)
 
     response = frequency_response(
         clock.histories,

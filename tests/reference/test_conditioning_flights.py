@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 
 import rotorid
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.signal.airborne import airborne
-from rotorid.signal.clock import one_clock
+from rotorid.signal.clock import resample
 from rotorid.signal.kinematics import kinematic_consistency
 from rotorid.signal.quality import battery_sag, quality_findings
 from rotorid.signal.skew import TimeSkew, skew_change, time_skew
@@ -34,7 +32,7 @@ def ardupilot(unpacked: Callable[[str], Path]) -> FlightRecord:
 
 
 def on_one_clock(record: FlightRecord, channels: tuple[str, ...], start_s: float, stop_s: float) -> TimeHistory:
-    return one_clock(record, channels=channels, start_s=start_s, stop_s=stop_s).histories[0]
+    return resample(record, channels=channels, start_s=start_s, stop_s=stop_s).histories[0]
 
 
 def without(record: FlightRecord, topic: str) -> FlightRecord:

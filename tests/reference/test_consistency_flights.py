@@ -9,14 +9,12 @@ from pathlib import Path
 import pytest
 
 import rotorid
-from rotorid.data.channel import AXES
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import AXES, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.consistency import ChannelSkew, Consistency, check_consistency, stretches
-from rotorid.pipeline.cutting import cut
+from rotorid.pipeline.segments import cut
 from rotorid.signal.airborne import Airborne, airborne
-from rotorid.signal.segment import find_excitations
+from rotorid.signal.excitations import find_excitations
 
 HEALTHY = (
     *(f"ardupilot_sitl/x_{name}.BIN.xz" for name in ("calm_thrust", "calm_verify", "wind_rollpitch", "wind_yawthrust")),

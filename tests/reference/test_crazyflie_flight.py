@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.data.history import TimeHistory
-from rotorid.data.record import FlightRecord, Source
+from rotorid.data.record import FlightRecord, Source, TimeHistory
 from rotorid.io import crazyflie
-from rotorid.signal.clock import one_clock
+from rotorid.signal.clock import resample
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import FloatArray
 
@@ -26,7 +25,7 @@ def record(shared_data: Path) -> FlightRecord:
 
 @pytest.fixture(scope="module")
 def flown(record: FlightRecord) -> TimeHistory:
-    (history,) = one_clock(record, channels=["thrust_command", "az", *MOTORS], start_s=35.0, stop_s=65.0).histories
+    (history,) = resample(record, channels=["thrust_command", "az", *MOTORS], start_s=35.0, stop_s=65.0).histories
     return history
 
 

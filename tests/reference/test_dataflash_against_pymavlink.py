@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rotorid.io.dataflash import DataFlashLog, decode
-from rotorid.io.dataflash_formats import Table
+from rotorid.io.ardupilot.dataflash import DataFlashLog, Table, decode
 
 PREFIX_BYTES = 3_000_000
 """Enough of the large log for nearly all of its message types, and ten thousand messages of the fast ones."""

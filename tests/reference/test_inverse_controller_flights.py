@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
-from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.pipeline.inverse import Screened, pose_screened
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.selection import select_maneuvers

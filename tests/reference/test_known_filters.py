@@ -14,7 +14,7 @@ import rotorid
 from rotorid.data.record import FlightRecord, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
-from rotorid.signal.clock import one_clock
+from rotorid.signal.clock import resample
 from rotorid.spectral.derived import corrected, ratio, selected
 from rotorid.spectral.estimate import frequency_response
 
@@ -83,7 +83,7 @@ def without(topic: Topic, name: str) -> Topic:
 def seen_by(record: FlightRecord, pair: Pair, topic: str) -> tuple[FrequencyResponse, str]:
     """The response with the output out of one topic, and where exactly that is."""
     topics = tuple(t if t.name.startswith(topic) else without(t, pair.output) for t in record.topics)
-    (history,) = one_clock(
+    (history,) = resample(
         replace(record, topics=topics),
         channels=[pair.input, pair.output],
         followers=[pair.instrument],

@@ -16,17 +16,14 @@ import pytest
 from scipy.optimize import brentq
 
 import rotorid
-from rotorid.data.history import TimeHistory
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.models.controller import RateController, rate_controller
-from rotorid.signal.clock import one_clock
-from rotorid.spectral.attitude_bandwidth import attitude_bandwidth
+from rotorid.signal.clock import resample
 from rotorid.spectral.estimate import frequency_response
-from rotorid.spectral.loop import sensitivity, series
-from rotorid.spectral.margins import disturbance_rejection, loop_margins
-from rotorid.spectral.measured_loop import error_loop, feedback_controller, injected_loop
+from rotorid.spectral.loops import error_loop, feedback_controller, injected_loop, sensitivity, series
+from rotorid.spectral.margins import attitude_bandwidth, disturbance_rejection, loop_margins
 from rotorid.typing import ComplexArray, FloatArray
 
 OMEGA = np.geomspace(0.7, 120.0, 60)
@@ -59,7 +56,7 @@ def ardupilot(
     record = rotorid.read(unpacked(f"ardupilot_sitl/{log}"))
     channels = (f"{axis}_command", f"{axis}_excitation", output)
     histories = [
-        one_clock(record, channels=channels, start_s=start_s, stop_s=stop_s, sample_rate_hz=200.0).histories[0]
+        resample(record, channels=channels, start_s=start_s, stop_s=stop_s, sample_rate_hz=200.0).histories[0]
         for start_s, stop_s in intervals
     ]
     loop = injected_loop(
@@ -119,7 +116,7 @@ PX4 = {"omega_rad_s": PX4_OMEGA, "windows_s": WINDOWS_S}
 @pytest.fixture(scope="module")
 def px4(unpacked: Callable[[str], Path]) -> tuple[FlightRecord, list[TimeHistory]]:
     record = rotorid.read(unpacked("px4_sitl/roll.ulg"))
-    histories = one_clock(
+    histories = resample(
         record,
         channels=("roll_command", "p"),
         followers=("roll_stick", "p_setpoint"),
@@ -191,7 +188,7 @@ def test_px4_attitude_bandwidth_is_that_of_its_loops_behind_a_late_stick(unpacke
     record = rotorid.read(unpacked("px4_sitl/roll.ulg"))
     controller = rate_controller(record.parameters, "roll")
     assert controller is not None
-    histories = one_clock(
+    histories = resample(
         record, channels=("roll_command", "phi"), followers=("roll_stick",), start_s=40.54, stop_s=122.54
     ).histories
     quality = attitude_bandwidth(frequency_response(histories, inputs=["roll_stick"], outputs=["phi"], **PX4))

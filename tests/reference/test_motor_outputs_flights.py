@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 
 from rotorid.io.registry import read
-from rotorid.models.rotor_layout_library import library_layout
-from rotorid.models.rotor_layout_log import layout_of
-from rotorid.models.rotor_mixer import mixer_of
-from rotorid.signal.motor_outputs import MotorHistory
-from rotorid.signal.motor_reconstruction import motor_history, reconstructed_demands, reconstructed_outputs
+from rotorid.models.rotors import layout_of, library_layout, mixer_of
+from rotorid.signal.motors import MotorHistory, motor_history, reconstructed_demands, reconstructed_outputs
 from rotorid.typing import FloatArray
 
 Unpacked = Callable[[str], Path]
@@ -30,7 +27,7 @@ def smooth(samples: FloatArray, width: int) -> FloatArray:
     return np.convolve(samples, np.hanning(width + 2) / np.hanning(width + 2).sum(), mode="same")
 
 
-def turning(motors: MotorHistory, moments: FloatArray, time_s: FloatArray, rate: FloatArray) -> float:
+def motor_speed(motors: MotorHistory, moments: FloatArray, time_s: FloatArray, rate: FloatArray) -> float:
     """Correlation of a moment with the angular acceleration that follows it, within a tenth of a second."""
     rate_hz = min(200.0, motors.sample_rate_hz)
     clock = np.arange(max(time_s[0], motors.time_s[0]), min(time_s[-1], motors.time_s[-1]), 1.0 / rate_hz)
@@ -70,7 +67,7 @@ def test_moments_of_the_layout_turn_the_vehicle(
         row = gyro.row(axis)
         assert row is not None
         rate = gyro.values[row, inside]
-        assert turning(motors, moments["pqr".index(axis)], gyro.time_s[inside], rate) > 0.3, axis
+        assert motor_speed(motors, moments["pqr".index(axis)], gyro.time_s[inside], rate) > 0.3, axis
 
 
 def test_ardupilot_demands_agree_with_slow_outputs(unpacked: Unpacked, shared_data: Path) -> None:

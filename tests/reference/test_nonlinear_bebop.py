@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from rotorid.fit.nonlinear_fit import fit_nonlinear
-from rotorid.fit.nonlinear_problem import NonlinearProblem
-from rotorid.fit.time_data import TimeData
+from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.models.library import nonlinear_library_text, nonlinear_model
 from rotorid.models.nonlinear import NonlinearStructure
-from rotorid.models.nonlinear_catalog import nonlinear_library_text, nonlinear_model
-from rotorid.models.nonlinear_description import nonlinear_from_toml
+from rotorid.models.nonlinear_toml import nonlinear_from_toml
 from rotorid.models.parameter import ParameterSet
-from rotorid.simulate.nonlinear import Scheme, simulate_nonlinear
-from rotorid.simulate.nonlinear_adaptive import simulate_adaptive
+from rotorid.simulation.nonlinear import Scheme, simulate_adaptive, simulate_nonlinear
 from rotorid.typing import FloatArray
-from rotorid.verify.scores import nrmse_fit_percent
+from rotorid.verification.scores import nrmse_fit_percent
 
 RECORDS = ("120935", "121028", "121250", "122633")
 AXES = ("phi", "theta", "down")

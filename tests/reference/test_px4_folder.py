@@ -9,8 +9,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.data.response import FrequencyResponse
-from rotorid.io import px4_folder
-from rotorid.signal.clock import one_clock
+from rotorid.io.px4 import folder as px4_folder
+from rotorid.signal.clock import resample
 from rotorid.spectral.estimate import frequency_response
 
 PILOTED_S = (65.0, 105.0)
@@ -26,7 +26,7 @@ def record(shared_data: Path) -> FlightRecord:
 
 def response(record: FlightRecord, command: str, rate: str, omega_rad_s: list[float]) -> FrequencyResponse:
     start_s, stop_s = PILOTED_S
-    flown = one_clock(record, channels=[command, rate], start_s=start_s, stop_s=stop_s).histories
+    flown = resample(record, channels=[command, rate], start_s=start_s, stop_s=stop_s).histories
     return frequency_response(
         flown, inputs=[command], outputs=[rate], omega_rad_s=np.array(omega_rad_s), windows_s=[8.0, 4.0, 2.0]
     )

@@ -17,13 +17,12 @@ from tests.reference.two_simulators import (
 )
 
 import rotorid
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
-from rotorid.pipeline.response import Responses
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.pipeline.responses import Responses
 from rotorid.pipeline.settings import ResponseSettings
-from rotorid.simulate.wind import CALM, Wind
+from rotorid.simulation.wind import CALM, Wind
 from rotorid.typing import Axis, BoolArray, FloatArray
-from rotorid.verify.scores import theil_inequality
+from rotorid.verification.scores import theil_inequality
 
 DECIBELS, DEGREES, COHERENCE = 0.5, 3.0, 0.8
 
@@ -58,7 +57,7 @@ ARDUPILOT = (
 
 def measured(record: FlightRecord, sweep: Sweep) -> Responses:
     given = Maneuver(axis=sweep.axis, kind="sweep", start_s=sweep.start_s, stop_s=sweep.stop_s, origin="given")
-    return rotorid.respond(
+    return rotorid.response(
         [record],
         inputs=[f"{sweep.axis}_command"],
         outputs=[sweep.output],

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import Source
-from rotorid.io import px4
-from rotorid.io.privacy import without_places
-from rotorid.io.ulog import extract
+from rotorid.io.files import without_places
+from rotorid.io.px4 import log as px4
+from rotorid.io.px4.ulog import extract
 
 LOGS = (
     *(f"px4/{name}.ulg" for name in ("s250_2017", "sample", "sample_log_small", "sample_old_1MB")),

@@ -9,12 +9,13 @@ import numpy as np
 
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.record import FlightRecord
-from rotorid.io.px4_write import write_px4
+from rotorid.io.px4.writer import write_px4
 from rotorid.io.registry import read
-from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
-from rotorid.simulate.wind import CALM, Wind
+from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
+from rotorid.simulation.wind import CALM, Wind
 from rotorid.typing import Axis, FloatArray
-from rotorid.vehicles import ardupilot_quad, px4_quad
+from rotorid.vehicles import ardupilot as ardupilot_quad
+from rotorid.vehicles import px4 as px4_quad
 
 SAMPLE_RATE_HZ = 250.0
 MANUAL_YAW_LAG_S = 0.08
@@ -94,7 +95,7 @@ def flown_again_ardupilot(
     record: FlightRecord, axis: Axis, start_s: float, stop_s: float, path: Path, wind: Wind = CALM
 ) -> FlightRecord:
     """A chirp of ArduPilot's simulator flown again in ours, on the same clock; height is held, as its pilot did."""
-    from rotorid.io.ardupilot_write import write_ardupilot
+    from rotorid.io.ardupilot.writer import write_ardupilot
 
     aircraft = held_in_height(ardupilot_quad.aircraft())
     flown = fly_multirotor(aircraft, ardupilot_chirp(record, axis, start_s, stop_s), wind=wind)
@@ -105,7 +106,7 @@ def flown_again_ardupilot(
 
 def flown_setpoints_ardupilot(record: FlightRecord, start_s: float, stop_s: float, path: Path) -> FlightRecord:
     """Stick doublets of ArduPilot's simulator flown again in ours from the rates that its input shaper asked for."""
-    from rotorid.io.ardupilot_write import write_ardupilot
+    from rotorid.io.ardupilot.writer import write_ardupilot
 
     time_s = np.arange(start_s, stop_s, 1.0 / SAMPLE_RATE_HZ)
     channels: dict[Axis, str] = {"roll": "p_setpoint", "pitch": "q_setpoint", "yaw": "r_setpoint"}

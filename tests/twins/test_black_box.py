@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.fit.black_box import BlackBoxFit, fit_black_box, fit_black_box_pairs
-from rotorid.fit.black_box_starts import StartPlan
-from rotorid.fit.time_data import TimeData
+from rotorid.fitting.black_box.fit import BlackBoxFit, StartPlan, fit_black_box, fit_black_box_pairs
+from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.state_space import StateSpace
-from rotorid.simulate.linear import simulate_linear
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 
 RATE_HZ = 50.0

@@ -12,20 +12,15 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.fit.identify import fit
-from rotorid.fit.output_error import OutputErrorFit, fit_output_error
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.rate import rate_model
-from rotorid.models.response import response_model
-from rotorid.simulate.linear import simulate_linear
+from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.time.output_error import OutputErrorFit, TimeData, TimeProblem, fit_output_error
+from rotorid.models.library import rate_model, response_model
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import BoolArray, FloatArray
-from rotorid.uncertainty.bootstrap import bootstrap_responses
-from rotorid.uncertainty.bootstrap_in_time import bootstrap_outputs, bootstrap_records
-from rotorid.uncertainty.output_noise import BlockNoise
-from rotorid.uncertainty.resampling import resample_records
-from rotorid.uncertainty.spread_table import SpreadTable
+from rotorid.uncertainty.bootstrap import bootstrap_outputs, bootstrap_records, bootstrap_responses
+from rotorid.uncertainty.colored import BlockNoise
+from rotorid.uncertainty.resampling import SpreadTable, resample_records
 
 OMEGA = np.geomspace(1.5, 50.0, 40)
 RATE = rate_model("rate.roll")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag
+from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag
 
-from rotorid.fit.delay import estimate_delay
+from rotorid.fitting.delay.estimate import estimate_delay
 
 SEEDS = 200
 

@@ -10,11 +10,10 @@ import pytest
 
 from rotorid.data.flight_plan import Shape
 from rotorid.io.registry import read
-from rotorid.pipeline.design import DesignChoices, Designed, design
-from rotorid.pipeline.identify import identify
-from rotorid.pipeline.planning import PlanChoices
+from rotorid.pipeline.designs import DesignChoices, Designed, PlanChoices, design
+from rotorid.pipeline.identification import identify
 from rotorid.pipeline.simulation import SimulateChoices, fly_run, write_run
-from rotorid.simulate.wind import Wind
+from rotorid.simulation.wind import Wind
 from rotorid.typing import Axis
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rotorid.fit.structure_equation_error import EquationErrorFit, fit_equation_error
-from rotorid.fit.structure_equation_rows import EquationDomain
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_equation_error import InBand, InTime
+from rotorid.fitting.equations.equation_error import EquationErrorFit, fit_equation_error
+from rotorid.fitting.equations.regression import InBand, InTime
+from rotorid.fitting.equations.rows import EquationDomain
+from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.simulate.linear import simulate_linear
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 
 RATE_HZ, SAMPLES, RECORDS = 100.0, 4000, 2

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import csd
 
-from rotorid.data.channel import AXES
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import AXES, Maneuver
 from rotorid.excitation.sweep import pilot_sweep
 from rotorid.models.state_space import StateSpace
-from rotorid.simulate.flight import SILENT, Excitation, Flight, fly
-from rotorid.simulate.linear import simulate_linear
-from rotorid.simulate.vehicle import OUTPUTS
+from rotorid.simulation.hover_flight import OUTPUTS, SILENT, Excitation, Flight, fly
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import Axis, ComplexArray
 from rotorid.vehicles import demo_plan, s500
 

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.models.rate import rate_model
+from rotorid.models.library import rate_model
 from rotorid.pipeline.inverse import Screened, pose_screened
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.spectral.estimate import Leakage, frequency_response
 from rotorid.typing import ComplexArray, FloatArray

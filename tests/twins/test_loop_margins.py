@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from scipy import optimize, signal
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.data.response import FrequencyResponse
+from rotorid.spectral.derived import Estimated
 from rotorid.spectral.estimate import frequency_response
-from rotorid.spectral.log_curve import Estimated
-from rotorid.spectral.loop import closed_loop, sensitivity, series
+from rotorid.spectral.loops import closed_loop, error_loop, feedback_controller, injected_loop, sensitivity, series
 from rotorid.spectral.margins import disturbance_rejection, loop_margins
-from rotorid.spectral.measured_loop import error_loop, feedback_controller, injected_loop
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 RATE_HZ = 200.0

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.motor_record import MotorRecord
-from rotorid.fit.motor_both_ways import both_ways
-from rotorid.fit.motor_fit import MotorFit, fit_motors
-from rotorid.fit.motor_problem import MotorProblem
-from rotorid.models.motor_constants import check_motor_constants, yaw_range
-from rotorid.models.motor_parameters import motor_parameters
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.motors.fit import MotorFit, MotorProblem, fit_motors
+from rotorid.fitting.motors.inertia import inertia_regressions
+from rotorid.models.motors import check_motor_constants, motor_parameters, yaw_range
 from rotorid.uncertainty.colored import colored_apart
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
@@ -65,7 +63,7 @@ def test_two_flights_know_more_than_one(found: MotorFit) -> None:
 
 
 def test_plain_regression_is_biased_both_ways_and_the_corrected_one_is_not() -> None:
-    ways = [both_ways(identify(record))[0] for record in flights(3, seed=23, duration_s=20.0)]
+    ways = [inertia_regressions(identify(record))[0] for record in flights(3, seed=23, duration_s=20.0)]
     direct, reverse = np.mean([one.plain for one in ways], axis=0) / TRUTH["I_xx"] - 1.0
     assert reverse < -0.2
     assert direct > 0.01
@@ -90,5 +88,5 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 @pytest.mark.slow
 def test_both_ways_agree_as_often_as_their_intervals_say() -> None:
     """They share most of the motion, so that they agree more often than independent answers would."""
-    ways = [one for record in flights(40, seed=25, duration_s=20.0) for one in both_ways(identify(record))]
+    ways = [one for record in flights(40, seed=25, duration_s=20.0) for one in inertia_regressions(identify(record))]
     assert np.mean([one.agrees for one in ways]) >= 0.95

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rotorid.fit.nonlinear_fit import NonlinearFit, fit_nonlinear
-from rotorid.fit.nonlinear_problem import NonlinearProblem
-from rotorid.fit.solution import Outcome
-from rotorid.fit.time_data import TimeData
+from rotorid.fitting.least_squares import Outcome
+from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.models.library import nonlinear_model
 from rotorid.models.nonlinear import NonlinearStructure
-from rotorid.models.nonlinear_catalog import nonlinear_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.simulate.nonlinear import Scheme, simulate_nonlinear
+from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 from rotorid.typing import FloatArray
 
 RATE_HZ = 20.0

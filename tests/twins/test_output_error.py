@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from rotorid.fit.output_error import fit_output_error
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.response import response_model
-from rotorid.simulate.linear import simulate_linear
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
+from rotorid.models.library import response_model
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_covariance
 

@@ -12,26 +12,23 @@ import pytest
 from tests.twins.twin_flights import LATERAL, record_of
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
-from rotorid.design.aircraft_loop import aircraft_loop
-from rotorid.design.choices import FitChoices
-from rotorid.design.known_loops import vehicle_loop
-from rotorid.design.prediction import Prediction, predict
-from rotorid.excitation.planned import planned
+from rotorid.excitation.plan import planned
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.io.registry import read
-from rotorid.io.write_log import write_log
-from rotorid.models.catalog import library_model
-from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.io.registry import read, write_log
+from rotorid.models.library import RATE_AXES, library_model, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.design_prior import expected_values
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.designs import expected_values
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.simulate.flight import Excitation, SensorNoise, fly
-from rotorid.simulate.multirotor_flight import fly_multirotor
-from rotorid.simulate.vehicle import HoverVehicle
-from rotorid.simulate.wind import Wind
+from rotorid.planning.aircraft_loop import aircraft_loop
+from rotorid.planning.expected import FitChoices
+from rotorid.planning.loop import vehicle_loop
+from rotorid.planning.prediction import Prediction, predict
+from rotorid.simulation.hover_flight import Excitation, HoverVehicle, SensorNoise, fly
+from rotorid.simulation.multirotor_flight import fly_multirotor
+from rotorid.simulation.wind import Wind
 from rotorid.typing import Axis, FloatArray
 from rotorid.vehicles import catalog, s500
 

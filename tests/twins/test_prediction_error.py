@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rotorid.fit.innovations import InnovationsProblem
-from rotorid.fit.innovations_fit import fit_prediction_error
-from rotorid.fit.output_error import fit_output_error
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
+from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
+from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.rate import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.simulate.hold import discretize
+from rotorid.simulation.linear import discretize
 from rotorid.typing import FloatArray
 
 TRUTH = {"L_p": 2.0, "L_roll": 40.0, "tau_roll": 0.023}

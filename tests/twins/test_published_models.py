@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.twins.twin_flights import TWINS, Result, identify
 
-from rotorid.uncertainty.bounds import Weights
+from rotorid.uncertainty.cramer_rao import Weights
 
 FLIGHTS = 400
 LEAST_COVERAGE, LARGEST_COVERAGE = 0.91, 0.985

@@ -7,17 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.fit.identify import fit
-from rotorid.fit.problem import FrequencyProblem, usable_points
-from rotorid.models.rate import rate_model
-from rotorid.simulate.hold import discretize
-from rotorid.simulate.turbulence import gauss_markov
+from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
+from rotorid.models.library import rate_model
+from rotorid.simulation.hover_flight import gauss_markov
+from rotorid.simulation.linear import discretize
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.bounds import bounds
+from rotorid.uncertainty.cramer_rao import bounds
 
 TRUTH = {"L_roll": 80.0, "L_p": -4.0, "T_motor": 0.05, "tau_roll": 0.006}
 STRUCTURE = rate_model("rate.roll")

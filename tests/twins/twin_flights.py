@@ -13,28 +13,25 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.fit.covariance_fit import refine
-from rotorid.fit.identify import fit
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.models.catalog import library_model
-from rotorid.pipeline.fitting import pose
+from rotorid.fitting.frequency.fit import fit, refine
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.models.library import library_model
+from rotorid.pipeline.frequency_fit import pose
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.simulate.flight import Excitation, fly
-from rotorid.simulate.linear_loop import LinearLoop, fly_linear
+from rotorid.simulation.hover_flight import Excitation, fly
+from rotorid.simulation.linear_loop import LinearLoop, fly_linear
 from rotorid.typing import Axis, FloatArray
-from rotorid.uncertainty.bounds import Weights, bounds
+from rotorid.uncertainty.cramer_rao import Weights, bounds
 from rotorid.vehicles import hummingbird, rig, s500
 
 STEP_HZ = 1000.0
 BAND = (2.0 * math.pi * 0.1, 2.0 * math.pi * 8.0)
 SWEEP_S, REST_S = 50.0, 5.0
 GYRO, ATTITUDE, SPEED, ACCELEROMETER = 0.01, 0.002, 0.03, 0.1
-"""Standard deviations of the noise of a sample, those of :class:`rotorid.simulate.flight.SensorNoise`."""
+"""Standard deviations of the noise of a sample, those of :class:`rotorid.simulation.hover_flight.SensorNoise`."""
 
 
 @dataclass(frozen=True, kw_only=True)

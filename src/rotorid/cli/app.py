@@ -11,13 +11,12 @@ import typer
 
 from rotorid import __version__
 from rotorid.cli.compare import compare_command
-from rotorid.cli.console import say
+from rotorid.cli.console import listen, say
 from rotorid.cli.delay import delay_command
 from rotorid.cli.demo import demo_command
 from rotorid.cli.design import design_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
-from rotorid.cli.interrupt import listen
 from rotorid.cli.models import models_command
 from rotorid.cli.response import response_command
 from rotorid.cli.simulate import simulate_command

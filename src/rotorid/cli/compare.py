@@ -13,7 +13,7 @@ from rotorid.cli.options import Hold, Json, Map, Out, Quiet, Segments, Shifts
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
-    from rotorid.pipeline.compare_document import CompareDocument
+    from rotorid.documents.compare import CompareDocument
 
 DEFAULT_FOLDER = Path("rotorid-out") / "compare"
 
@@ -34,11 +34,10 @@ def compare_command(
     """Put models and methods side by side, on the same data with --log."""
     from rotorid.errors import InsufficientDataError
     from rotorid.io.registry import read
-    from rotorid.pipeline.compare import compare, refused_comparison
-    from rotorid.pipeline.compare_results import read_results
+    from rotorid.pipeline.comparison import compare, read_results, refused_comparison
     from rotorid.pipeline.settings import IdentifySettings, parse_segment, parse_shifts
-    from rotorid.report.compare_page import JSON, write_comparison
-    from rotorid.report.output import to_json
+    from rotorid.report.compare import JSON, write_comparison
+    from rotorid.report.files import to_json
 
     settings = IdentifySettings(
         segments=tuple(parse_segment(text) for text in segment or ()),
@@ -54,7 +53,7 @@ def compare_command(
             for path in log or ():
                 tell(f"reading {path.name}")
                 records.append(read(path, mapping=map))
-            compared = compare(entries, records, settings=settings, command=command, progress=tell)
+            compared = compare(entries, records, settings=settings, command=command)
             tell("drawing the report")
             write_comparison(folder, compared, title=f"{len(entries)} models side by side")
     except InsufficientDataError as error:
@@ -74,8 +73,15 @@ def _print(document: CompareDocument, folder: Path) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console, print_findings
-    from rotorid.report.compare_page import JSON, PAGE, comparison_summary
-    from rotorid.report.compare_rows import maneuver_rows, model_rows, scored_words, shared_rows
+    from rotorid.report.compare import (
+        JSON,
+        PAGE,
+        comparison_summary,
+        maneuver_rows,
+        model_rows,
+        scored_words,
+        shared_rows,
+    )
 
     console = output_console()
     labels = [one.label for one in document.models]

@@ -1,20 +1,61 @@
-"""How commands speak: results to standard output, everything else to standard error."""
+"""How commands speak: results to standard output, everything else to standard error.
+
+Names of the folders that commands write to.
+
+Ctrl-C that is not lost.
+
+Python raises an interrupt wherever it happens to be. While a kernel is compiled that may be inside of a callback from
+compiled code, which prints the exception and goes on: the interrupt would be gone. So it is remembered, and raised
+again with the next thing that a command says about its progress.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import logging
+import re
+import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
-
-from rotorid.cli.interrupt import check
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from rotorid.documents.result import FindingDocument
     from rotorid.errors import RotoridError
-    from rotorid.pipeline.document import FindingDocument
+
+
+_asked = threading.Event()
+
+
+def listen() -> None:
+    """End on SIGINT and SIGTERM as on Ctrl-C, so that temporary files are removed."""
+    _asked.clear()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+
+
+def check() -> None:
+    """Raise an interrupt that was asked for and lost.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Somebody asked for it.
+    """
+    if _asked.is_set():
+        raise KeyboardInterrupt
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    _asked.set()
+    raise KeyboardInterrupt
 
 
 _PIPE_WIDTH = 240
@@ -59,17 +100,70 @@ def print_findings(findings: Sequence[FindingDocument]) -> None:
         console.print(message, markup=False)
 
 
+class _Status(logging.Handler):
+    """Shows each message of the pipeline as what is being done, with the time that is left where it is counted."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        super().__init__()
+        self._show = show
+        self._begun: tuple[str, float] | None = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show a message; a lost interrupt is raised here."""
+        check()
+        self._show(record.getMessage() + self._left(record))
+
+    def _left(self, record: logging.LogRecord) -> str:
+        done, total = getattr(record, "done", 0), getattr(record, "total", 0)
+        what, now = record.getMessage().partition(":")[0], time.monotonic()
+        if self._begun is None or self._begun[0] != what:
+            self._begun = what, now
+        if not 0 < done < total or now <= self._begun[1]:
+            return ""
+        return f", about {(now - self._begun[1]) * (total - done) / done:.0f} s left"
+
+
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal that says what is being done; nothing in a pipe. A lost interrupt is raised here."""
+    """A line on a terminal that says what is being done; nothing in a pipe."""
     console = error_console()
-    if quiet or not console.is_terminal:
-        yield lambda _: check()
-        return
-    with console.status("reading") as status:
+    logger = logging.getLogger("rotorid.progress")
+    with contextlib.ExitStack() as stack:
+        if quiet or not console.is_terminal:
+            handler = _Status(lambda _: None)
+        else:
+            handler = _Status(stack.enter_context(console.status("reading")).update)
+        before = logger.level, logger.propagate
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+        logger.propagate = False
+        try:
+            yield logger.info
+        finally:
+            logger.removeHandler(handler)
+            logger.setLevel(before[0])
+            logger.propagate = before[1]
 
-        def tell(text: str) -> None:
-            check()
-            status.update(text)
 
-        yield tell
+_PACKED = (".gz", ".xz", ".bz2", ".zip")
+
+
+def default_folder(log: Path, what: str) -> Path:
+    """Where the results from a log go when the user does not say.
+
+    Examples
+    --------
+    >>> default_folder(Path("logs/roll.ulg.xz"), "rate.roll").as_posix()
+    'rotorid-out/roll-rate.roll'
+    """
+    return Path("rotorid-out") / _file_name(f"{_stem(log)}-{what}")
+
+
+def _file_name(text: str) -> str:
+    """Text as the name of a folder: a model file may call itself anything."""
+    return re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "result"
+
+
+def _stem(log: Path) -> str:
+    """Name of a log without the extensions of its compression and its format."""
+    return Path(log.stem if log.suffix.lower() in _PACKED else log.name).stem

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import progress, say_refused
-from rotorid.cli.measure_options import measure_choices
-from rotorid.cli.names import default_folder
+from rotorid.cli.console import default_folder, progress, say_refused
 from rotorid.cli.options import (
     Band,
     Coherence,
@@ -25,11 +23,12 @@ from rotorid.cli.options import (
     Segments,
     Shifts,
     Windows,
+    measure_choices,
 )
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
-    from rotorid.pipeline.delay_document import DelayDocument, DelayEstimateDocument
+    from rotorid.documents.delay import DelayDocument, DelayEstimateDocument
 
 
 def delay_command(
@@ -55,11 +54,11 @@ def delay_command(
 ) -> None:
     """Estimate delays between channels as fractions of a sample, with an interval and what they mean."""
     from rotorid.errors import InsufficientDataError
+    from rotorid.io.files import write_atomically
     from rotorid.io.registry import read
-    from rotorid.io.store import write_atomically
-    from rotorid.pipeline.delay import delays, refused_delay
+    from rotorid.pipeline.delays import delays, refused_delay
     from rotorid.pipeline.settings import MeasureSettings
-    from rotorid.report.output import to_json, write_together
+    from rotorid.report.files import to_json, write_together
 
     settings = MeasureSettings(
         **measure_choices(
@@ -81,7 +80,7 @@ def delay_command(
             for log in logs:
                 tell(f"reading {log.name}")
                 records.append(read(log, mapping=map))
-            result = delays(records, input=input, output=output, settings=settings, command=command, progress=tell)
+            result = delays(records, input=input, output=output, settings=settings, command=command)
             write_together(folder, {"delay.json": lambda path: write_atomically(path, to_json(result.document))})
     except InsufficientDataError as error:
         document = refused_delay(error, records, settings=settings, command=command)

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 def demo_command(out: Out = None, seed: Seed = 0, json: Json = False, quiet: Quiet = False) -> None:
     """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
+    from rotorid.io.files import write_atomically
     from rotorid.io.registry import read
-    from rotorid.io.store import write_atomically
     from rotorid.pipeline.demo import LOG_NAME, fly_demo, identify_demo
-    from rotorid.report.output import write_overview_report, write_results
+    from rotorid.report.files import write_overview_report, write_results
 
     folder = out or Path("rotorid-out") / "demo"
     log = folder / LOG_NAME
@@ -27,14 +27,14 @@ def demo_command(out: Out = None, seed: Seed = 0, json: Json = False, quiet: Qui
         tell("flying the S500 in gusts")
         fly_demo(log, seed=seed)
         record = read(log)
-        demo = identify_demo(record, seed=seed, command=("rotorid", *sys.argv[1:]), progress=tell)
+        demo = identify_demo(record, seed=seed, command=("rotorid", *sys.argv[1:]))
         tell("writing the report")
         title = "S500 in hover: a simulated flight, identified"
         for result in demo.identifications:
             write_results(folder / result.document.model, result, title=result.document.model, truth=demo.truth)
         write_overview_report(folder / "report.html", demo.identifications, title=title, truth=demo.truth)
         if find_spec("matplotlib") is not None:
-            from rotorid.plot.overview import overview_png
+            from rotorid.plot.paper import overview_png
 
             write_atomically(folder / "overview.png", overview_png(demo.identifications))
     if json:

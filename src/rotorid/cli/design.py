@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rotorid.cli.console import print_findings, progress
-from rotorid.cli.flight_options import (
+from rotorid.cli.options import (
     Changes,
     Height,
+    Json,
     LimitOptions,
+    Out,
+    Quiet,
+    Seed,
     Turbulence,
     WindOption,
     axes_of,
@@ -22,13 +26,11 @@ from rotorid.cli.flight_options import (
     shape_of,
     wind_of,
 )
-from rotorid.cli.options import Json, Out, Quiet, Seed
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Shape
-    from rotorid.pipeline.design import DesignChoices
-    from rotorid.pipeline.design_document import DesignDocument, PlanSummaryDocument, PredictionDocument
-    from rotorid.pipeline.planning import PlanChoices
+    from rotorid.documents.design import DesignDocument, PlanSummaryDocument, PredictionDocument
+    from rotorid.pipeline.designs import DesignChoices, PlanChoices
 
 
 def design_command(
@@ -95,10 +97,8 @@ def design_command(
 ) -> None:
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
     from rotorid.io.registry import read
-    from rotorid.pipeline.design import DesignChoices, design
-    from rotorid.pipeline.design_prior import read_prior
-    from rotorid.report.design_output import require_autopilot, write_design
-    from rotorid.report.output import to_json
+    from rotorid.pipeline.designs import DesignChoices, design, read_prior
+    from rotorid.report.files import require_autopilot, to_json, write_design
 
     require_autopilot(for_)
     shapes = tuple(_shape(kind, vehicle) for kind in kinds)
@@ -126,7 +126,7 @@ def design_command(
     )
     folder = out or Path("rotorid-out") / f"{vehicle}-design"
     with progress(quiet=quiet) as tell:
-        designed = design(choices, progress=tell)
+        designed = design(choices)
         tell("writing the files")
         command = ["rotorid", *sys.argv[1:]]
         document = write_design(folder, choices, designed, autopilot=for_, command=command)
@@ -138,7 +138,7 @@ def design_command(
 
 def _shape(kind: str, vehicle: str) -> Shape:
     """The shape that a kind names; a plain sweep is the one that the autopilot can fly."""
-    from rotorid.pipeline.planning import sweep_of
+    from rotorid.pipeline.designs import sweep_of
     from rotorid.vehicles.catalog import aircraft
 
     return sweep_of(aircraft(vehicle)) if kind == "sweep" else shape_of(kind)
@@ -148,8 +148,8 @@ def _plan_choices(*, duration_s: float | None, entry: str | None, **given: Any) 
     from typing import get_args
 
     from rotorid.data.flight_plan import Entry
-    from rotorid.models.ties import no_such
-    from rotorid.pipeline.planning import PlanChoices
+    from rotorid.models.parameter import no_such
+    from rotorid.pipeline.designs import PlanChoices
 
     if entry is not None and entry not in get_args(Entry):
         raise no_such("entry of a test input", entry, get_args(Entry))
@@ -189,7 +189,7 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
-    from rotorid.design.amplitude import limit_words
+    from rotorid.planning.amplitude import limit_words
 
     console = output_console()
     reached = plan.reached

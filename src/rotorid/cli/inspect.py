@@ -16,7 +16,7 @@ from rotorid.cli.options import Json, Log, Map, Quiet
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rotorid.pipeline.document import FindingDocument, ManeuverDocument
+    from rotorid.documents.result import FindingDocument, ManeuverDocument
     from rotorid.pipeline.inspection import ChannelDocument, InspectDocument, SkewDocument
 
 Plot: TypeAlias = Annotated[
@@ -33,8 +33,8 @@ def inspect_command(log: Log, map: Map = None, plot: Plot = None, json: Json = F
     """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
-    from rotorid.report.inspection_page import require_suffix, write_inspection
-    from rotorid.report.output import to_json
+    from rotorid.report.files import to_json
+    from rotorid.report.inspection import require_suffix, write_inspection
 
     if plot is not None:
         require_suffix(plot)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from rotorid.cli.measure_options import channel_names
-from rotorid.cli.motor_options import MODEL
+from rotorid.cli.options import MODEL, channel_names
 
 if TYPE_CHECKING:
     from rotorid.models.structure import LinearStructure
@@ -79,9 +78,7 @@ def models_command(
 
 
 def _library() -> list[_Listed]:
-    from rotorid.models.catalog import library_model, library_text, model_names
-    from rotorid.models.rate import RATE_AXES, rate_model
-    from rotorid.models.response import RESPONSE_MODELS
+    from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_model, library_text, model_names, rate_model
 
     return [
         *(_Listed(name, _ABOUT_RATE, rate_model(name)) for name in RATE_AXES),
@@ -109,10 +106,8 @@ def _first_sentence(text: str) -> str:
 def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[str, str, LinearStructure]:
     """A model as TOML text, what it is, and its structure."""
     from rotorid.errors import UsageError
-    from rotorid.models.catalog import library_text, model_names
-    from rotorid.models.description import from_toml, to_toml
-    from rotorid.models.rate import RATE_AXES
-    from rotorid.models.response import RESPONSE_MODELS
+    from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_text, model_names
+    from rotorid.models.toml import from_toml, to_toml
     from rotorid.pipeline.resolve import named_model
 
     if name == MODEL:

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import progress, say_refused
-from rotorid.cli.measure_options import measure_choices
-from rotorid.cli.names import default_folder
+from rotorid.cli.console import default_folder, progress, say_refused
 from rotorid.cli.options import (
     Band,
     Coherence,
@@ -26,11 +24,12 @@ from rotorid.cli.options import (
     Segments,
     Shifts,
     Windows,
+    measure_choices,
 )
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
-    from rotorid.pipeline.response_document import LoopDocument, ResponseDocument
+    from rotorid.documents.response import LoopDocument, ResponseDocument
     from rotorid.pipeline.settings import ResponseSettings
 
 
@@ -57,9 +56,8 @@ def response_command(
     """Estimate frequency responses with coherence and random error, and the margins of the loop."""
     from rotorid.errors import InsufficientDataError
     from rotorid.io.registry import read
-    from rotorid.pipeline.response import refused_response, respond
-    from rotorid.report.output import to_json
-    from rotorid.report.response_output import write_responses
+    from rotorid.pipeline.responses import refused_response, response
+    from rotorid.report.files import to_json, write_responses
 
     settings = _settings(band, windows, coherence, estimate, instrument, correct_filters, segment, shift, seed)
     drivers, answers = _channels(inputs, "--inputs"), _channels(outputs, "--outputs")
@@ -71,9 +69,7 @@ def response_command(
             for log in logs:
                 tell(f"reading {log.name}")
                 records.append(read(log, mapping=map))
-            result = respond(
-                records, inputs=drivers, outputs=answers, settings=settings, command=command, progress=tell
-            )
+            result = response(records, inputs=drivers, outputs=answers, settings=settings, command=command)
             tell("writing the report")
             write_responses(folder, result, title=f"Responses from {', '.join(log.name for log in logs)}")
     except InsufficientDataError as error:
@@ -164,7 +160,7 @@ def _print(document: ResponseDocument, folder: Path) -> None:
 
 def _print_loop(axis: str, loop: LoopDocument) -> None:
     from rotorid.cli.console import output_console
-    from rotorid.report.response_rows import loop_rows, unseen
+    from rotorid.report.response import loop_rows, unseen
 
     console = output_console()
     console.print(f"{axis} loop ({loop.method})", markup=False, highlight=False, soft_wrap=True)

@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.console import print_findings, progress
-from rotorid.cli.flight_options import Changes, Height, Turbulence, WindOption, named_numbers, wind_of
-from rotorid.cli.options import Json, Out, Quiet, Seed
+from rotorid.cli.options import Changes, Height, Json, Out, Quiet, Seed, Turbulence, WindOption, named_numbers, wind_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from rotorid.data.flight_plan import Entry, FlightPlan
-    from rotorid.pipeline.simulation_document import SimulationDocument
-    from rotorid.simulate.multirotor_flight import Aircraft
-    from rotorid.simulate.wind import Wind
+    from rotorid.documents.design import SimulationDocument
+    from rotorid.simulation.multirotor_flight import Aircraft
+    from rotorid.simulation.wind import Wind
 
 _NO_PLAN = "none"
 RIG = "rig"
@@ -56,8 +55,8 @@ def simulate_command(
 ) -> None:
     """Fly a vehicle of the library in simulation, and write its log as its autopilot would have."""
     from rotorid.pipeline.simulation import SimulateChoices
-    from rotorid.report.simulation_output import write_simulation
-    from rotorid.simulate.changes import changed, piloted
+    from rotorid.report.files import write_simulation
+    from rotorid.simulation.multirotor_flight import changed, piloted
     from rotorid.vehicles.catalog import aircraft
 
     command = ["rotorid", *sys.argv[1:]]
@@ -90,14 +89,14 @@ def simulate_command(
         format=format,  # type: ignore[arg-type]
         seed=seed,
     )
-    with progress(quiet=quiet) as tell:
-        choices = replace(choices, plan=_plan(plan, craft, air, seed, tell))
-        document = write_simulation(folder, choices, command=command, progress=tell)
+    with progress(quiet=quiet):
+        choices = replace(choices, plan=_plan(plan, craft, air, seed))
+        document = write_simulation(folder, choices, command=command)
     _tell(document, folder, json=json, quiet=quiet)
 
 
 def _tell(document: SimulationDocument, folder: Path, *, json: bool, quiet: bool) -> None:
-    from rotorid.report.output import to_json
+    from rotorid.report.files import to_json
 
     if json:
         sys.stdout.write(to_json(document))
@@ -108,7 +107,7 @@ def _tell(document: SimulationDocument, folder: Path, *, json: bool, quiet: bool
 def _rig(asked: Mapping[str, object], folder: Path, *, seed: int, command: list[str]) -> SimulationDocument:
     """The rig has one experiment of its own."""
     from rotorid.errors import UsageError
-    from rotorid.report.simulation_output import write_rig_simulation
+    from rotorid.report.files import write_rig_simulation
 
     if given := [name for name, value in asked.items() if value is not None]:
         raise UsageError(
@@ -118,10 +117,10 @@ def _rig(asked: Mapping[str, object], folder: Path, *, seed: int, command: list[
     return write_rig_simulation(folder, seed=seed, command=command)
 
 
-def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int, tell: Callable[[str], None]) -> FlightPlan | None:
+def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int) -> FlightPlan | None:
     """The plan that the user named, none, or a sweep and two doublets of each axis."""
-    from rotorid.pipeline.plan_document import read_plan
-    from rotorid.pipeline.planning import PlanChoices, plan_for, sweep_of
+    from rotorid.documents.design import read_plan
+    from rotorid.pipeline.designs import PlanChoices, plan_for, sweep_of
 
     if given == _NO_PLAN:
         return None
@@ -130,7 +129,7 @@ def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int, tell: Callab
     # A pilot flies what PX4 cannot be told: sticks are its instrument.
     entry: Entry | None = "stick" if craft.autopilot.kind == "px4" else None
     choices = PlanChoices(shape=sweep_of(craft), doublets=True, entry=entry, wind=air, seed=seed)
-    return plan_for(craft, choices, progress=tell).plan
+    return plan_for(craft, choices).plan
 
 
 def _print(document: SimulationDocument, folder: Path) -> None:

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import progress, say_refused
-from rotorid.cli.measure_options import measure_choices
-from rotorid.cli.names import default_folder
+from rotorid.cli.console import default_folder, progress, say_refused
 from rotorid.cli.options import (
     Band,
     Coherence,
@@ -25,13 +23,14 @@ from rotorid.cli.options import (
     Segments,
     Shifts,
     Windows,
+    measure_choices,
 )
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
-    from rotorid.pipeline.verify import VerifySettings
+    from rotorid.pipeline.verification import VerifySettings
     from rotorid.pipeline.verify_document import VerifyDocument
-    from rotorid.verify.matching import LowPass
+    from rotorid.verification.sampled import LowPass
 
 FILE, REPORT = "verification.json", "report.html"
 
@@ -62,12 +61,12 @@ def verify_command(
 ) -> None:
     """Judge an identified model on data that it has not seen."""
     from rotorid.errors import InsufficientDataError
+    from rotorid.io.files import write_atomically
     from rotorid.io.registry import read
-    from rotorid.io.store import write_atomically
-    from rotorid.pipeline.verify import refused_verification, verify
-    from rotorid.pipeline.verify_model import read_candidate
-    from rotorid.report.output import to_json, write_together
-    from rotorid.report.verification_page import render_verification
+    from rotorid.pipeline.candidate import read_candidate
+    from rotorid.pipeline.verification import refused_verification, verify
+    from rotorid.report.files import to_json, write_together
+    from rotorid.report.verification import render_verification
 
     settings = _settings(band, windows, coherence, estimate, instrument, segment, shift, low_pass, scale, controller)
     candidate = read_candidate(result)
@@ -79,7 +78,7 @@ def verify_command(
             for log in logs:
                 tell(f"reading {log.name}")
                 records.append(read(log, mapping=map))
-            verified = verify(candidate, records, settings=settings, command=command, progress=tell)
+            verified = verify(candidate, records, settings=settings, command=command)
             text = to_json(verified.document)
             tell("drawing the report")
             page = render_verification(verified, title=f"{candidate.structure.name} on unseen flight")
@@ -114,8 +113,8 @@ def _settings(
     scale: float | None,
     controller: Path | None,
 ) -> VerifySettings:
-    from rotorid.pipeline.verify import VerifySettings
-    from rotorid.pipeline.verify_controller import read_controllers
+    from rotorid.pipeline.candidate import read_controllers
+    from rotorid.pipeline.verification import VerifySettings
 
     return VerifySettings(
         **measure_choices(

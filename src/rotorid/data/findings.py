@@ -1,12 +1,12 @@
-"""Findings: what a careful engineer would remark on, with the numbers."""
+"""Findings: what a careful engineer would remark on, with the numbers, and the kinds that there are."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
-from rotorid.data.immutable import Immutable
+from rotorid.data.base import Immutable
 
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
@@ -18,7 +18,7 @@ class Finding(Immutable):
     Parameters
     ----------
     kind
-        A snake_case word that scripts may rely on: ``no_excitation``, ``low_coherence``, ``uncertain_parameter``, ...
+        A snake_case word that scripts may rely on, one of :data:`KINDS`.
     severity
         ``info`` explains, ``warning`` limits the trust, ``error`` says that there is no answer.
     where
@@ -37,3 +37,272 @@ class Finding(Immutable):
 
     def __post_init__(self) -> None:
         self._set(numbers={name: float(value) for name, value in self.numbers.items()})
+
+
+def remark(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
+    """A finding that explains.
+
+    Examples
+    --------
+    >>> remark("trim", "theta", "The vehicle flew forward.", theta_rad=-0.1).severity
+    'info'
+    """
+    return Finding(kind=kind, severity="info", where=where, message=message, numbers=numbers)
+
+
+def warn(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
+    """A finding that limits the trust in a number.
+
+    Examples
+    --------
+    >>> warn("gap", "p", "0.4 s are missing.", longest_s=0.4).numbers["longest_s"]
+    0.4
+    """
+    return Finding(kind=kind, severity="warning", where=where, message=message, numbers=numbers)
+
+
+def refusal(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
+    """A finding that says why there is no answer.
+
+    Examples
+    --------
+    >>> refusal("never_airborne", "flight.ulg", "It never flew.").severity
+    'error'
+    """
+    return Finding(kind=kind, severity="error", where=where, message=message, numbers=numbers)
+
+
+class Kind(NamedTuple):
+    """What findings of a kind have in common.
+
+    Parameters
+    ----------
+    severity
+        The usual one.
+    heading
+        A few words for a person.
+    meaning
+        What such a finding says.
+    """
+
+    severity: Severity
+    heading: str
+    meaning: str
+
+
+KINDS: Mapping[str, Kind] = {
+    "acausal_output": Kind(
+        "warning", "Acausal output", "An output that moves before its input, as behind a zero-phase filter."
+    ),
+    "airborne": Kind(
+        "info",
+        "Reaches beyond the flight",
+        "A maneuver reaches beyond the flight; as a warning, a part of it lay on the ground and was cut.",
+    ),
+    "assumed_curve": Kind(
+        "warning", "Assumed curve", "The curve of thrust over motor output was assumed, not identified."
+    ),
+    "assumed_geometry": Kind(
+        "info", "The order of the motors was assumed", "The order or the places of the motors were assumed."
+    ),
+    "battery_sag": Kind(
+        "info",
+        "The battery sagged",
+        "The battery lost voltage over the flight, which changes what a motor output does.",
+    ),
+    "beyond_limits": Kind(
+        "warning", "Beyond limits", "With the amplitudes given by hand a plan passes its limits in simulation."
+    ),
+    "biased_by_noise": Kind(
+        "warning", "Biased by noise", "A value of equation error that noise moves by more than one standard deviation."
+    ),
+    "biased_parameter": Kind(
+        "warning",
+        "Biased parameter",
+        "A parameter that a planned flight will miss by more than two standard deviations.",
+    ),
+    "bootstrap_disagrees": Kind(
+        "warning", "Bootstrap disagrees", "The spread of refits to noise drawn anew is not what the bounds say."
+    ),
+    "bootstrap_incomplete": Kind(
+        "warning", "Bootstrap incomplete", "More than 5 % of the refits of a bootstrap had no answer."
+    ),
+    "both_ways_disagree": Kind(
+        "warning",
+        "Both ways disagree",
+        "The two regressions of torque and acceleration disagree, also without their bias.",
+    ),
+    "clock_disorder": Kind("warning", "Stamps out of order", "Stamps repeat or step back."),
+    "clock_skew": Kind(
+        "info",
+        "Times of two channels",
+        "How far two channels lie apart in time; a warning names the --shift that takes it out.",
+    ),
+    "closed_loop_bias": Kind(
+        "warning",
+        "Feedback in this response",
+        "Feedback pulls the response toward the inverse of the controller, as far as is known.",
+    ),
+    "colored_residuals": Kind(
+        "info",
+        "Residuals that remember",
+        "Residuals that are correlated in time, and how much wider that makes the errors than white noise would.",
+    ),
+    "correlated_inputs": Kind(
+        "warning",
+        "Inputs moved together",
+        "Other inputs moved along with the excitation, or inputs cannot be separated.",
+    ),
+    "corrupt_log": Kind("warning", "The log is damaged", "A part of the file is damaged and was left out."),
+    "decimated": Kind(
+        "info",
+        "Logged without a filter in front",
+        "The log keeps every n-th sample without a filter in front, so that faster motion is folded into it.",
+    ),
+    "delay_or_lag": Kind("info", "Delay or lag", "A delay that a model of another order would take for a lag."),
+    "delays_disagree": Kind("warning", "Delays disagree", "Estimates of one delay lie apart."),
+    "different_outputs": Kind("warning", "Different outputs", "Models of different outputs, which do not compare."),
+    "disturbed_verification": Kind(
+        "warning", "A flight that cannot judge the model", "An unseen flight that was too disturbed to judge the model."
+    ),
+    "dropped_parameter": Kind("info", "A parameter was dropped", "A parameter that the data do not show was dropped."),
+    "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
+    "gap": Kind("warning", "A gap in the data", "Samples are missing."),
+    "held_out": Kind(
+        "info",
+        "Judged on a held-out maneuver",
+        "Nothing was left unseen: a second model without one maneuver was judged on that.",
+    ),
+    "implausible_physics": Kind("info", "Implausible physics", "A value that is rare among vehicles that fly."),
+    "impossible_physics": Kind(
+        "warning", "A value that physics does not allow", "A value that physics does not allow."
+    ),
+    "insensitive_parameter": Kind(
+        "warning", "The data hardly feel this parameter", "The data hardly depend on this parameter."
+    ),
+    "interpolated_channel": Kind(
+        "warning", "Interpolated channel", "A channel was logged so slowly that lines between its samples were taken."
+    ),
+    "inverse_controller": Kind(
+        "warning",
+        "This looks like the inverse of the controller",
+        "The response is the inverse of the controller, not the vehicle.",
+    ),
+    "kinematic_consistency": Kind("info", "Sensors against each other", "How well sensors agree with each other."),
+    "kinematic_inconsistency": Kind("warning", "Sensors contradict each other", "Sensors contradict each other."),
+    "kinematics_unchecked": Kind(
+        "info", "Sensors that could not be checked", "Sensors that could not be held against each other."
+    ),
+    "known_filter": Kind(
+        "info", "A known filter", "The filters that a channel has passed, as far as the log says, and their delay."
+    ),
+    "lag_plus_delay": Kind(
+        "info", "Lag and delay together", "The sum of motor lag and delay, which is known better than either."
+    ),
+    "legacy_units": Kind("info", "Units of an older firmware", "Units of an older firmware were converted."),
+    "low_coherence": Kind(
+        "warning", "Low coherence", "A response, or a part of the band, is not coherent enough to be used."
+    ),
+    "methods_disagree": Kind(
+        "warning",
+        "Two methods disagree",
+        "Values that differ from those of the frequency domain by more than three standard deviations.",
+    ),
+    "missing_channel": Kind(
+        "warning", "A channel is missing", "A channel that is needed, or would help, is not in the log."
+    ),
+    "motor_reconstruction": Kind(
+        "info",
+        "Motors computed from commands",
+        "Motor outputs were computed from faster commands, and whether they agree with those logged.",
+    ),
+    "never_airborne": Kind("error", "The vehicle never flew", "The vehicle never flew in this log."),
+    "no_controller": Kind(
+        "info", "Not flown in closed loop", "Why nothing was flown in closed loop: no controller is known."
+    ),
+    "no_delay": Kind("warning", "No delay", "No delay can be seen."),
+    "no_excitation": Kind("warning", "No excitation found", "Nothing excites this axis, or nothing above a frequency."),
+    "noisy_acceleration": Kind(
+        "info", "Noisy acceleration", "How far noise parts the two plain regressions of torque and acceleration."
+    ),
+    "noisy_regressors": Kind(
+        "warning", "Noisy regressors", "Noise on the right side of an equation pulls values toward zero."
+    ),
+    "not_compared": Kind("info", "No second opinion", "Results without a common ground to compare on."),
+    "not_converged": Kind("warning", "The fit did not converge", "The solver ended before it found a minimum."),
+    "not_identifiable": Kind(
+        "warning", "Parameters that cannot be told apart", "Parameters that the data cannot tell apart."
+    ),
+    "not_in_measured_equations": Kind(
+        "warning", "Not in measured equations", "Parameters that no measured equation holds."
+    ),
+    "not_verified": Kind("warning", "Not verified", "A log, or a part of it, could not verify the model, and why."),
+    "not_written": Kind("warning", "Not written", "A file was not written, and why."),
+    "off_axis_input": Kind("info", "Another axis moved too", "Another axis was moved too."),
+    "open_loop_diverges": Kind(
+        "info",
+        "An unstable airframe, not a bad model",
+        "An unstable airframe leaves any open-loop prediction: no blame to the model.",
+    ),
+    "order_too_high": Kind("warning", "More order than the data show", "More states than the data show."),
+    "other_controller": Kind(
+        "info", "Another controller flew", "Why nothing was flown in closed loop: another controller flew."
+    ),
+    "other_minimum": Kind(
+        "warning",
+        "Other minimum",
+        "Another minimum, of nearly the same cost and with clearly other parameters.",
+    ),
+    "other_source": Kind(
+        "warning",
+        "Channels from different sources",
+        "One channel comes from different places in the logs, and may be filtered in one of them.",
+    ),
+    "outputs_left_out": Kind("info", "Outputs that were not fitted", "Outputs of the model that were not fitted."),
+    "parameter_at_bound": Kind(
+        "warning",
+        "A parameter stands at its bound",
+        "A parameter ended on a bound of its range, so that its value says no more than that.",
+    ),
+    "poor_fit": Kind("warning", "The model misses the measurement", "The model misses what was measured."),
+    "poor_verification": Kind(
+        "warning", "The model misses the unseen flight", "The model misses what was flown unseen."
+    ),
+    "rate_too_low": Kind("warning", "Logged too slowly", "A channel was logged too slowly, and the setting to change."),
+    "receive_time": Kind("info", "Stamps of the receiver", "Stamps are those of the receiver, not of the vehicle."),
+    "reconstructed": Kind(
+        "info", "A channel was computed", "A channel that is not logged was made of others, which it names."
+    ),
+    "record_too_short": Kind("warning", "The record is short", "The record is too short for what was asked."),
+    "rotor_layout": Kind("info", "Where the rotors are", "Where the rotors stand, as far as the log says."),
+    "saturation": Kind("warning", "Saturation", "Motors or commands stood at their limits."),
+    "seen_data": Kind(
+        "warning",
+        "Data that the model has seen",
+        "A log or stretch that the model was identified on, which is no test of it.",
+    ),
+    "segment_trimmed": Kind(
+        "warning", "A segment was cut", "A part of a segment lies outside of the log or in a gap, and was cut."
+    ),
+    "sensor_clipping": Kind("warning", "A sensor clipped", "A sensor stood at the end of its range."),
+    "several_flights": Kind("info", "Several flights in one log", "The log holds several flights."),
+    "several_vehicles": Kind("warning", "Several vehicles in one log", "The log holds several vehicles."),
+    "singular_mixer": Kind("warning", "Singular mixer", "The mixer of these rotors cannot move all axes."),
+    "speed_damping_biased": Kind(
+        "warning", "Speed damping is biased", "Speed damping was taken from one response, and is biased."
+    ),
+    "sweep_ended_early": Kind("warning", "A sweep ended early", "A sweep ended before it reached its last frequency."),
+    "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight stays on a plateau."),
+    "trim": Kind("info", "Not a hover", "The trim of the flight is no hover."),
+    "uncertain_parameter": Kind(
+        "warning", "An uncertain parameter", "A parameter that trades against others: its Cramér–Rao bound is large."
+    ),
+    "unknown_column": Kind("info", "A column that is not known", "A column that is not known was left out."),
+    "unknown_filter": Kind("warning", "A filter that is not known", "A filter of the autopilot that is not known."),
+    "unknown_topic": Kind("info", "A topic that is not known", "A topic that is not known was left out."),
+    "unused_choice": Kind("warning", "Unused choice", "A choice that nothing used."),
+    "vibration_filtered": Kind(
+        "info", "Vibration was filtered out", "Vibration was filtered out of measured and predicted outputs alike."
+    ),
+}
+"""Every kind of finding, by the word that scripts rely on."""

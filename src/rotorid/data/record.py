@@ -1,17 +1,121 @@
-"""A flight record: what a log holds, in the vocabulary of the package, each topic on its own clock."""
+"""A channel: what a row of numbers is, in which unit, and where it came from.
+
+A flight record: what a log holds, in the vocabulary of the package, each topic on its own clock.
+
+A maneuver: an interval of a flight in which an axis was excited. It holds no data.
+
+A time history: channels on one uniform clock.
+
+A flight as the physics of motors needs it: outputs, rates, specific force on one clock.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.data.channel import Channel
+from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding
-from rotorid.data.immutable import Immutable, read_only
-from rotorid.data.maneuver import Maneuver
-from rotorid.typing import FloatArray
+from rotorid.errors import UsageError
+from rotorid.typing import Axis, FloatArray
+
+MOTORS = 16
+
+LOWEST_RATE_HZ = 40.0
+"""Rates and commands logged more slowly show neither motor lag nor delay of a small multirotor."""
+
+AXES = ("roll", "pitch", "yaw", "thrust")
+
+
+_OF_AXES = ("command", "excitation", "setpoint_excitation", "stick")
+"""Channels of each axis: what the mixer receives, what was added to it, what was added to a set-point, the stick."""
+
+
+def _standard() -> Mapping[str, str]:
+    units = {f"{axis}_{kind}": "1" for axis in AXES for kind in _OF_AXES}
+    units |= {f"motor_{number}": "1" for number in range(1, MOTORS + 1)}
+    units |= {f"motor_{number}_excitation": "1" for number in range(1, MOTORS + 1)}
+    units |= {f"motor_speed_{number}": "rad/s" for number in range(1, MOTORS + 1)}
+    groups = {
+        "rad/s": "p q r",
+        "rad": "phi theta psi",
+        "m/s": "u v w velocity_north velocity_east velocity_down",
+        "m": "north east down",
+        "m/s^2": "ax ay az",
+    }
+    controlled = {name: unit for unit, names in groups.items() for name in names.split()}
+    units |= controlled
+    units |= {f"{name}_setpoint": unit for name, unit in controlled.items() if unit != "m/s^2"}
+    units |= {f"{name}_dot": "rad/s^2" for name in "pqr"} | {f"{name}_dot": "m/s^2" for name in "uvw"}
+    return MappingProxyType(units | {"battery_voltage": "V"})
+
+
+STANDARD_UNITS: Mapping[str, str] = _standard()
+"""Every channel name of the vocabulary and its SI unit. Axes are FRD/NED, angles radians."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Channel:
+    """Name, unit and origin of one row of samples.
+
+    Parameters
+    ----------
+    name
+        A name of the vocabulary (``STANDARD_UNITS``) or one that the user gave.
+    unit
+        SI unit of the values.
+    source
+        Where the values stand in the log, as the log names it: ``SIDD.Gx``, ``vehicle_angular_velocity.xyz[0]``.
+    """
+
+    name: str
+    unit: str
+    source: str = ""
+
+
+Kind: TypeAlias = Literal["sweep", "random_binary", "multisine", "doublet", "multistep", "other"]
+Origin: TypeAlias = Literal["declared", "found", "given"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Maneuver:
+    """An excited interval on the log's own clock.
+
+    Parameters
+    ----------
+    axis
+        The excited axis.
+    kind
+        What was flown. ``other`` is an excitation that fits no pattern, or one that the user gave by hand.
+    start_s, stop_s
+        Interval on the log's own clock, never shifted.
+    band_rad_s
+        Lowest and highest excited frequency, or ``None`` when it is not known.
+    origin
+        ``declared`` by the log itself, ``found`` in the signals, or ``given`` by the user.
+    signal
+        Channel in which the excitation was seen.
+    """
+
+    axis: Axis
+    kind: Kind
+    start_s: float
+    stop_s: float
+    band_rad_s: tuple[float, float] | None = None
+    origin: Origin = "found"
+    signal: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.start_s < self.stop_s:
+            raise ValueError(f"a maneuver must stop after it starts; {self.start_s} s to {self.stop_s} s came")
+
+    @property
+    def duration_s(self) -> float:
+        return self.stop_s - self.start_s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,3 +228,127 @@ class FlightRecord(Immutable):
     def stop_s(self) -> float:
         """Last stamp of any topic."""
         return max((float(topic.time_s[-1]) for topic in self.topics if topic.time_s.size), default=0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimeHistory(Immutable):
+    """Samples of several channels at one rate, without a gap.
+
+    Parameters
+    ----------
+    values
+        Shape ``(channels, samples)``, SI units.
+    channels
+        What the rows are.
+    sample_rate_hz
+        One rate for all.
+    start_s
+        Time of the first sample on the log's own clock.
+    processing
+        What was done to the data since they were read, oldest first.
+    """
+
+    values: FloatArray
+    channels: tuple[Channel, ...]
+    sample_rate_hz: float
+    start_s: float
+    processing: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        values = read_only(self.values, np.float64, ndim=2)
+        if values.shape[0] != len(self.channels):
+            raise ValueError(f"{len(self.channels)} channels were announced and {values.shape[0]} rows came")
+        if not self.sample_rate_hz > 0.0:
+            raise ValueError(f"the sample rate must be positive; {self.sample_rate_hz} Hz came")
+        self._set(values=values, channels=tuple(self.channels), processing=tuple(self.processing))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(channel.name for channel in self.channels)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Stamps on the log's own clock, shape ``(samples,)``."""
+        return self.start_s + np.arange(self.values.shape[1]) / self.sample_rate_hz
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.values.shape[1] / self.sample_rate_hz)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Samples of one channel, shape ``(samples,)``."""
+        try:
+            row = self.names.index(name)
+        except ValueError:
+            raise KeyError(f"no channel {name!r}; there are {', '.join(self.names)}") from None
+        samples: FloatArray = self.values[row]
+        return samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotorRecord(Immutable):
+    """Motor outputs and what the vehicle did, sample by sample.
+
+    Parameters
+    ----------
+    name
+        Where it comes from.
+    sample_rate_hz
+        Of everything.
+    outputs
+        Of the motors, each held until the next sample, shape ``(motors, n)``.
+    rates
+        Body rates p, q, r in rad/s, shape ``(3, n)``.
+    az
+        Specific force along the body's z axis in m/s², shape ``(n,)``; -9.81 in hover.
+    w
+        Velocity along the body's z axis in m/s, shape ``(n,)``; empty where it was not logged.
+    strength
+        Thrust at a given output relative to that at the reference voltage, shape ``(n,)``; one by default.
+    gyro_taps, accel_taps
+        Impulse responses, at this rate, of known filters that rates and specific force have passed; none by default.
+    start_s
+        Time of the first sample on the log's own clock.
+
+    Raises
+    ------
+    UsageError
+        Lengths differ, or a sample is no number.
+    """
+
+    name: str
+    sample_rate_hz: float
+    outputs: FloatArray
+    rates: FloatArray
+    az: FloatArray
+    w: FloatArray = field(default_factory=lambda: np.zeros(0))
+    strength: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gyro_taps: FloatArray = field(default_factory=lambda: np.ones(1))
+    accel_taps: FloatArray = field(default_factory=lambda: np.ones(1))
+    start_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        outputs, rates = (read_only(values, np.float64, ndim=2) for values in (self.outputs, self.rates))
+        samples = outputs.shape[1]
+        strength = self.strength if self.strength.size else np.ones(samples)
+        az, w, strength = (read_only(values, np.float64, ndim=1) for values in (self.az, self.w, strength))
+        sizes = {"rates": rates.shape[1], "az": az.size, "w": w.size or samples, "strength": strength.size}
+        for name, size in sizes.items():
+            if size != samples:
+                raise UsageError(f"{self.name} has {size} samples of {name} and {samples} of motor outputs")
+        if not all(np.isfinite(values).all() for values in (outputs, rates, az, w, strength)):
+            raise UsageError(f"{self.name} holds samples that are no numbers", needed="records without gaps")
+        gyro, accel = (read_only(taps, np.float64, ndim=1) for taps in (self.gyro_taps, self.accel_taps))
+        self._set(outputs=outputs, rates=rates, az=az, w=w, strength=strength, gyro_taps=gyro, accel_taps=accel)
+
+    @property
+    def samples(self) -> int:
+        return int(self.outputs.shape[1])
+
+    @property
+    def duration_s(self) -> float:
+        return self.samples / self.sample_rate_hz
+
+    @property
+    def time_s(self) -> FloatArray:
+        return self.start_s + np.arange(self.samples) / self.sample_rate_hz

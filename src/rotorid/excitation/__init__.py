@@ -1,18 +1,27 @@
 """Test inputs: what is added to a command so that a flight can answer. Pure functions, no vehicle, no data."""
 
-from rotorid.excitation.doublet import (
+from rotorid.excitation.multisines import (
+    Multisine,
+    energy_share,
+    halved,
+    harmonics_in,
+    interleaved,
+    multisine,
+    power_law,
+    relative_peak_factor,
+)
+from rotorid.excitation.plan import planned, sequence, together
+from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
+from rotorid.excitation.switching import (
     balanced_three_two_one_one,
+    band_of_rise_time,
     doublet,
     multistep,
+    random_binary,
+    share_of_sign,
     three_two_one_one,
     two_one_one,
 )
-from rotorid.excitation.harmonics import halved, harmonics_in, interleaved, power_law
-from rotorid.excitation.multisine import Multisine, multisine
-from rotorid.excitation.planned import planned, sequence, together
-from rotorid.excitation.random_binary import band_of_rise_time, random_binary, share_of_sign
-from rotorid.excitation.spectrum import energy_share, relative_peak_factor
-from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
 
 __all__ = [
     "Multisine",

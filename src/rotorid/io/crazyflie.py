@@ -1,21 +1,269 @@
-"""Logs of a Crazyflie's uSD deck: firmware variables as a flight record in the vocabulary of the package."""
+"""Logs of a Crazyflie's uSD deck: firmware variables as a flight record in the vocabulary of the package.
+
+The container of a Crazyflie uSD log: what it says about itself, and where its records stand.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+import struct
+import zlib
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.channel import LOWEST_RATE_HZ, STANDARD_UNITS, Channel
-from rotorid.data.findings import Finding
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import LOWEST_RATE_HZ, STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import LogError
-from rotorid.io.crazyflie_walk import Event, UsdLog, decode, sniff
-from rotorid.typing import AnyArray, FloatArray
+from rotorid.typing import AnyArray, FloatArray, IntArray
 from rotorid.units import parse_unit
+
+MAGIC = 0xBC
+_STAMPS = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
+"""Version to the type of its stamps and their unit in seconds."""
+
+_TYPES = {"b": "i1", "B": "u1", "?": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}
+_TYPES |= {"q": "<i8", "Q": "<u8", "e": "<f2", "f": "<f4", "d": "<f8"}
+_LONGEST_NAME = 255
+_CHECKSUM_BYTES = 4
+
+_USUAL_STEP_S = 1.0
+_LONGEST_PAUSE_S = 60.0
+_LONGEST_FLIGHT_S = 1e8
+_CHAIN = 3
+_MOST_TRIES = 200_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Event:
+    """All records of one event type.
+
+    Parameters
+    ----------
+    name
+        ``fixedFrequency`` for the periodic records, else the event that triggers them.
+    time_s
+        Stamps in s since the start of the firmware, shape ``(records,)``.
+    columns
+        Variable, such as ``acc.x``, to its values as logged, shape ``(records,)``.
+    """
+
+    name: str
+    time_s: FloatArray
+    columns: Mapping[str, AnyArray]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UsdLog:
+    """The events of a log, the byte intervals that were left out, and whether the checksum holds."""
+
+    events: tuple[Event, ...]
+    gaps: tuple[tuple[int, int], ...]
+    checksum_holds: bool
+    size_bytes: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Kind:
+    number: int
+    name: str
+    variables: tuple[str, ...]
+    layout: np.dtype[np.void]
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a Crazyflie uSD log: the magic byte, a known version, a readable name."""
+    if len(head) < 8 or head[0] != MAGIC or int.from_bytes(head[1:3], "little") not in _STAMPS:
+        return False
+    name = head[7:].partition(b"\0")[0]
+    return name.isascii() and name.decode("ascii").isprintable() and any(head[3:5])
+
+
+def decode(data: bytes) -> UsdLog:
+    r"""Take a log apart.
+
+    A record carries no mark of its own, only the number of its type. After damage the walk goes on where three records
+    in a row have known types and stamps that rise; what lies between is a gap. The checksum covers the whole file, so
+    that it tells of damage inside of values, which the walk cannot see.
+
+    Parameters
+    ----------
+    data
+        The file.
+
+    Raises
+    ------
+    LogError
+        The file ends inside its header, or the header contradicts itself.
+
+    Examples
+    --------
+    >>> header = b"\xbc" + struct.pack("<HHH", 2, 1, 7) + b"tick\0" + struct.pack("<H", 1) + b"pm.vbat(f)\0"
+    >>> body = header + b"".join(struct.pack("<HQf", 7, 1000 * n, 4.0) for n in range(3))
+    >>> log = decode(body + struct.pack("<I", zlib.crc32(body)))
+    >>> log.events[0].time_s.tolist(), log.checksum_holds
+    ([0.0, 0.001, 0.002], True)
+    """
+    version, kinds, start = _header(data)
+    body = len(data) - _CHECKSUM_BYTES
+    holds = body >= start and zlib.crc32(memoryview(data)[:body]) == int.from_bytes(data[body:], "little")
+    places, gaps = _Walk(data=data, kinds=kinds, version=version, stop=body if holds else len(data)).run(start)
+    if not holds and gaps and gaps[-1] == (body, len(data)):
+        gaps.pop()  # The records are all there; what does not hold is the checksum behind them.
+    events = tuple(_event(data, kind, places[kind.number], version) for kind in kinds)
+    return UsdLog(events=events, gaps=tuple(gaps), checksum_holds=holds, size_bytes=len(data))
+
+
+def _header(data: bytes) -> tuple[int, tuple[_Kind, ...], int]:
+    """Version, event types, and the place after them."""
+    try:
+        version, n_kinds = struct.unpack_from("<HH", data, 1)
+        place, kinds = 5, []
+        for _ in range(n_kinds):
+            (number,) = struct.unpack_from("<H", data, place)
+            name, place = _text(data, place + 2)
+            (n_variables,) = struct.unpack_from("<H", data, place)
+            texts, place = _texts(data, place + 2, n_variables)
+            kinds.append(_kind(number, name, texts, version))
+    except struct.error as error:
+        raise LogError(
+            f"the Crazyflie log of {len(data)} bytes ends inside its header",
+            needed="a whole log",
+            remedy="copy it again from the card",
+        ) from error
+    if len({kind.number for kind in kinds}) < len(kinds):
+        raise _contradiction("two event types have the same number")
+    return version, tuple(kinds), place
+
+
+def _text(data: bytes, place: int) -> tuple[str, int]:
+    stop = data.find(b"\0", place, place + _LONGEST_NAME + 1)
+    if stop < 0:
+        if place + _LONGEST_NAME >= len(data):
+            raise struct.error
+        raise _contradiction("a name has no end")
+    return data[place:stop].decode("ascii", errors="replace"), stop + 1
+
+
+def _texts(data: bytes, place: int, count: int) -> tuple[list[str], int]:
+    texts = []
+    for _ in range(count):
+        text, place = _text(data, place)
+        texts.append(text)
+    return texts, place
+
+
+def _kind(number: int, name: str, texts: Sequence[str], version: int) -> _Kind:
+    pairs = [text.removesuffix(")").rpartition("(") for text in texts]
+    variables, letters = tuple(pair[0] for pair in pairs), tuple(pair[2] for pair in pairs)
+    strange = [text for text, letter in zip(texts, letters, strict=True) if letter not in _TYPES]
+    if strange:
+        raise _contradiction(f"the variable {strange[0][:40]!r} has no known type")
+    if len(set(variables)) < len(variables):
+        raise _contradiction(f"the event {name[:40]!r} names a variable twice")
+    fields = [("number", "<u2"), ("stamp", _STAMPS[version][0])]
+    fields += [(f"v{index}", _TYPES[letter]) for index, letter in enumerate(letters)]
+    return _Kind(number=number, name=name, variables=variables, layout=np.dtype(fields))
+
+
+def _contradiction(reason: str) -> LogError:
+    return LogError(
+        f"the header of the Crazyflie log is damaged: {reason}",
+        needed="an undamaged header, without which no record can be read",
+        remedy="copy the log again from the card",
+    )
+
+
+class _Walk:
+    """One pass over the records of a log; the lengths of their types are all that leads from one to the next."""
+
+    def __init__(self, *, data: bytes, kinds: Sequence[_Kind], version: int, stop: int) -> None:
+        self._data, self._stop = data, stop
+        self._lengths = {kind.number: kind.layout.itemsize for kind in kinds}
+        self._longest = max(self._lengths.values(), default=0)
+        self._known = np.zeros(1 << 16, dtype=np.bool_)
+        self._known[list(self._lengths)] = True
+        code, self._tick_s = ("<HI", 1e-3) if version == 1 else ("<HQ", 1e-6)
+        self._head = struct.Struct(code)
+        self._tries = 0
+
+    def run(self, place: int) -> tuple[Mapping[int, IntArray], list[tuple[int, int]]]:
+        """Places of the records of each type, and the gaps between them."""
+        places = {number: array("q") for number in self._lengths}
+        gaps: list[tuple[int, int]] = []
+        last_s: float | None = None
+        while place < self._stop:
+            number, length, stamp_s = self._peek(place)
+            near = last_s is not None and abs(stamp_s - last_s) <= _USUAL_STEP_S
+            if length and (near or self._is_chain(place, last_s)):
+                places[number].append(place)
+                place, last_s = place + length, stamp_s
+                continue
+            found = self._next_chain(place + 1, last_s)
+            gaps.append((place, found))
+            place = found
+        return {number: np.frombuffer(held, dtype=np.int64) for number, held in places.items()}, gaps
+
+    def _peek(self, place: int) -> tuple[int, int, float]:
+        """Type, length and stamp of the record here; the length is zero where none fits."""
+        if place + self._head.size > self._stop:
+            return 0, 0, 0.0
+        number, stamp = self._head.unpack_from(self._data, place)
+        length = self._lengths.get(number, 0)
+        return number, length if place + length <= self._stop else 0, stamp * self._tick_s
+
+    def _is_chain(self, place: int, last_s: float | None) -> bool:
+        """Whether records follow each other from here in rising time, three of them or up to the end."""
+        for count in range(_CHAIN):
+            _, length, stamp_s = self._peek(place)
+            if not length:
+                # The last records before a cut are followed by less than a record.
+                return count > 0 and self._stop - place < self._longest
+            low = 0.0 if last_s is None else last_s - _USUAL_STEP_S
+            # Only from one record to the next is a long pause suspicious; what lies before may have been lost.
+            high = last_s + _LONGEST_PAUSE_S if count and last_s is not None else _LONGEST_FLIGHT_S
+            if not low <= stamp_s <= high:
+                return False
+            place, last_s = place + length, stamp_s
+        return True
+
+    def _next_chain(self, place: int, last_s: float | None) -> int:
+        for candidate in self._candidates(place):
+            self._tries += 1
+            # A log of nothing but near hits is no log; without an end to the search it would take hours.
+            if self._tries > _MOST_TRIES:
+                return self._stop
+            if self._is_chain(candidate, last_s):
+                return candidate
+        return self._stop
+
+    def _candidates(self, place: int) -> Iterator[int]:
+        """Places from here on where the number of a known type stands, looked for in growing pieces."""
+        size = 256
+        while place < self._stop - 1:
+            piece = np.frombuffer(self._data[place : min(place + size, self._stop) + 1], dtype=np.uint8).astype(
+                np.uint16
+            )
+            yield from (place + np.flatnonzero(self._known[piece[:-1] | piece[1:] << 8])).tolist()
+            place, size = place + size, min(2 * size, 1 << 20)
+
+
+def _event(data: bytes, kind: _Kind, places: IntArray, version: int) -> Event:
+    length = kind.layout.itemsize
+    if not places.size:
+        rows = np.empty(0, dtype=kind.layout)
+    else:
+        windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, dtype=np.uint8), length)
+        rows = windows[places].view(kind.layout)[:, 0]
+    return Event(
+        name=kind.name,
+        time_s=rows["stamp"].astype(np.float64) * _STAMPS[version][1],
+        columns={name: rows[f"v{index}"] for index, name in enumerate(kind.variables)},
+    )
+
 
 __all__ = ["FORMAT", "read", "sniff"]
 
@@ -157,7 +405,7 @@ def _finite(topics: tuple[Topic, ...]) -> tuple[tuple[Topic, ...], tuple[Finding
         if lost:
             message = f"{lost} samples of {topic.name} are not numbers and were left out."
             numbers = {"lost_samples": float(lost)}
-            findings.append(Finding(kind="gap", severity="info", where=topic.name, message=message, numbers=numbers))
+            findings.append(remark("gap", topic.name, message, **numbers))
         kept.append(replace(topic, time_s=topic.time_s[good], values=topic.values[:, good]) if lost else topic)
     return tuple(kept), tuple(findings)
 
@@ -168,14 +416,16 @@ def _damage(log: UsdLog) -> Iterator[Finding]:
     lost = sum(stop - start for start, stop in log.gaps)
     first = log.gaps[0][0] if log.gaps else log.size_bytes
     what = "does not match the content" if not log.checksum_holds else "matches, but records are of unknown types"
-    yield Finding(
-        kind="corrupt_log",
-        severity="warning",
-        where=f"byte {first}",
-        message=f"The checksum at the end of the log {what}: values may be wrong anywhere. {lost} bytes in "
+    yield warn(
+        "corrupt_log",
+        f"byte {first}",
+        f"The checksum at the end of the log {what}: values may be wrong anywhere. {lost} bytes in "
         f"{len(log.gaps)} places were left out and the rest was read. A vehicle that loses power before the log is "
         "stopped writes none; otherwise copy the log again from the card.",
-        numbers={"first_byte": first, "lost_bytes": lost, "places": len(log.gaps), "size_bytes": log.size_bytes},
+        first_byte=first,
+        lost_bytes=lost,
+        places=len(log.gaps),
+        size_bytes=log.size_bytes,
     )
 
 
@@ -183,11 +433,10 @@ def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
     held = {channel.name for topic in topics for channel in topic.channels}
     for name, meaning in _NEEDED.items():
         if name not in held:
-            yield Finding(
-                kind="missing_channel",
-                severity="warning",
-                where=name,
-                message=f"The log does not hold {meaning}. Name them in config.txt on the card before the next flight.",
+            yield warn(
+                "missing_channel",
+                name,
+                f"The log does not hold {meaning}. Name them in config.txt on the card before the next flight.",
             )
 
 
@@ -195,11 +444,11 @@ def _slow(topics: tuple[Topic, ...]) -> Iterator[Finding]:
     for topic in topics:
         rate_hz = topic.sample_rate_hz
         if 0.0 < rate_hz < LOWEST_RATE_HZ and any(topic.row(name) is not None for name in _NEEDED):
-            yield Finding(
-                kind="rate_too_low",
-                severity="warning",
-                where=topic.name,
-                message=f"{topic.name} was logged at {rate_hz:.1f} Hz, too slow for motor-level work, which needs at "
+            yield warn(
+                "rate_too_low",
+                topic.name,
+                f"{topic.name} was logged at {rate_hz:.1f} Hz, too slow for motor-level work, which needs at "
                 f"least {LOWEST_RATE_HZ:.0f} Hz; set a higher frequency in config.txt on the card.",
-                numbers={"rate_hz": rate_hz, "needed_hz": LOWEST_RATE_HZ},
+                rate_hz=rate_hz,
+                needed_hz=LOWEST_RATE_HZ,
             )

@@ -2,24 +2,29 @@
 
 The format is judged by the content, never by the extension. Readers do not know each other; this module knows them all,
 and imports only the one that is needed.
+
+A simulated flight as a log file, in the format of an autopilot or as a table.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias, get_args
 
+import numpy as np
+
+from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io.archive import compression_of, unpacked
-from rotorid.io.mapped import joined
-from rotorid.io.mapping import ChannelMapping, read_mapping
-from rotorid.io.store import sha256_of
+from rotorid.io.files import compression_of, sha256_of, unpacked
+from rotorid.io.tables.mapped import joined
+from rotorid.io.tables.mapping import ChannelMapping, read_mapping
 
 _HEAD_BYTES = 4096
 
@@ -34,17 +39,17 @@ class Reader:
 
 
 READERS: Sequence[Reader] = (
-    Reader(module="rotorid.io.px4"),
-    Reader(module="rotorid.io.ardupilot"),
-    Reader(module="rotorid.io.blackbox"),
+    Reader(module="rotorid.io.px4.log"),
+    Reader(module="rotorid.io.ardupilot.log"),
+    Reader(module="rotorid.io.betaflight.log"),
     Reader(module="rotorid.io.crazyflie"),
-    Reader(module="rotorid.io.rosbag", takes_mapping=True, takes_sandbox=True),
-    Reader(module="rotorid.io.tlog"),
-    Reader(module="rotorid.io.mat", takes_mapping=True, takes_sandbox=True),
-    Reader(module="rotorid.io.npz", takes_mapping=True),
-    Reader(module="rotorid.io.parquet", takes_mapping=True, takes_sandbox=True),
+    Reader(module="rotorid.io.ros.bag", takes_mapping=True, takes_sandbox=True),
+    Reader(module="rotorid.io.mavlink.tlog"),
+    Reader(module="rotorid.io.tables.matlab", takes_mapping=True, takes_sandbox=True),
+    Reader(module="rotorid.io.tables.npz", takes_mapping=True),
+    Reader(module="rotorid.io.tables.parquet", takes_mapping=True, takes_sandbox=True),
     # Last, since nearly every text looks like a table.
-    Reader(module="rotorid.io.tabular", takes_mapping=True),
+    Reader(module="rotorid.io.tables.csv", takes_mapping=True),
 )
 """In the order in which they are asked."""
 
@@ -76,8 +81,8 @@ def read(
         extension does not matter.
     mapping
         Names the channels of a CSV, MATLAB, NPZ, Parquet or ROS file: the path of a TOML file, or what
-        `rotorid.io.mapping.read_mapping` made of it. Some of the channels may stand in other files below the folder of
-        the log.
+        `rotorid.io.tables.mapping.read_mapping` made of it. Some of the channels may stand in other files below the
+        folder of the log.
     sandbox
         Let foreign parsers run in a child process with limits of memory and time. Switch it off only for files that you
         trust, where processes cannot be started.
@@ -155,7 +160,7 @@ def _below(folder: Path, file: str) -> Path:
 
 def _read_folder(path: Path) -> FlightRecord:
     """The log that was exported into a folder, topic by topic."""
-    from rotorid.io.px4_folder import FORMAT, is_folder_log, read_folder
+    from rotorid.io.px4.folder import FORMAT, is_folder_log, read_folder
 
     if not is_folder_log(path):
         raise LogError(
@@ -172,7 +177,7 @@ def _opened(path: Path) -> Iterator[tuple[Path, bytes]]:
     head = _head(path, path.name)
     compression = compression_of(head)
     # An NPZ file is a zip archive itself.
-    if not compression or import_module("rotorid.io.npz").sniff(head):
+    if not compression or import_module("rotorid.io.tables.npz").sniff(head):
         yield path, head
         return
     with unpacked(path, compression) as log:
@@ -214,3 +219,73 @@ def _reader_of(head: bytes, name: str) -> tuple[Reader, Any]:
         if compression_of(head):
             came, remedy = "an archive inside an archive", "unpack it and give the log itself"
     raise LogError(f"{name} is {came}", needed=f"a flight log: {_READ}", remedy=remedy)
+
+
+LogFormat: TypeAlias = Literal["ulg", "bin", "csv"]
+
+START_S: Mapping[LogFormat, float] = MappingProxyType({"ulg": 30.0, "bin": 60.0, "csv": 0.0})
+"""Time since boot at which the first sample is stamped: autopilots have run for a while when a flight begins."""
+
+_TABLE_RATE_HZ = 500.0
+
+
+def format_of(autopilot: str) -> LogFormat:
+    """The format in which an autopilot logs; a table for one without a format of its own.
+
+    Examples
+    --------
+    >>> format_of("px4"), format_of("ardupilot"), format_of("simple")
+    ('ulg', 'bin', 'csv')
+    """
+    formats: Mapping[str, LogFormat] = {"px4": "ulg", "ardupilot": "bin"}
+    return formats.get(autopilot, "csv")
+
+
+def log_rate_hz(format: LogFormat, loop_rate_hz: float) -> float:
+    """Rate at which a log holds commands and rates of a loop.
+
+    Examples
+    --------
+    >>> log_rate_hz("bin", 400.0), log_rate_hz("csv", 1000.0)
+    (400.0, 500.0)
+    """
+    return loop_rate_hz / _stride(loop_rate_hz) if format == "csv" else loop_rate_hz
+
+
+def _stride(loop_rate_hz: float) -> int:
+    return max(1, int(np.ceil(loop_rate_hz / _TABLE_RATE_HZ - 1e-9)))
+
+
+def write_log(path: Path, flown: SimulatedFlight, *, format: LogFormat) -> None:
+    """Write a flight so that :func:`rotorid.io.registry.read` reads it back like any other log.
+
+    Parameters
+    ----------
+    path
+        File to write or replace, whole or not at all.
+    flown
+        The flight.
+    format
+        ``ulg`` as PX4 would have logged it, ``bin`` as ArduPilot, or ``csv``: every channel at the rate of the loop, or
+        at the next part of it that is 500 Hz or less.
+
+    Raises
+    ------
+    UsageError
+        There is no such format, a signal holds something that is no number, or the place cannot be written.
+    """
+    if format == "ulg":
+        from rotorid.io.px4.writer import write_px4
+
+        write_px4(path, flown, start_s=START_S["ulg"])
+    elif format == "bin":
+        from rotorid.io.ardupilot.writer import write_ardupilot
+
+        write_ardupilot(path, flown, start_s=START_S["bin"])
+    elif format == "csv":
+        from rotorid.io.tables.csv import write_csv
+
+        stride = _stride(flown.sample_rate_hz)
+        write_csv(path, flown.time_s[::stride], {name: row[::stride] for name, row in flown.columns.items()})
+    else:
+        raise UsageError(f"the format {format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}")

@@ -26,9 +26,9 @@ from rotorid.typing import AnyArray
 Parser: TypeAlias = Literal["mat", "rosbag", "parquet"]
 
 PARSERS: Mapping[str, str] = {
-    "mat": "rotorid.io.mat",
-    "rosbag": "rotorid.io.bag_extract",
-    "parquet": "rotorid.io.parquet",
+    "mat": "rotorid.io.tables.matlab",
+    "rosbag": "rotorid.io.ros.containers",
+    "parquet": "rotorid.io.tables.parquet",
 }
 """Parser to the module whose ``extract(path, options)`` does the work, imported by the child alone."""
 

@@ -6,12 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from rotorid.errors import ModelError
-from rotorid.models.condense import Row
-from rotorid.models.expression import Expression
-from rotorid.models.expression_parser import is_symbol, parse_expression
-from rotorid.models.parameter import ParameterSet
-from rotorid.models.structure import LinearStructure
-from rotorid.models.ties import no_such
+from rotorid.models.expression import Expression, is_symbol, parse_expression
+from rotorid.models.parameter import ParameterSet, no_such
+from rotorid.models.structure import LinearStructure, Row
 
 
 class Symbols(NamedTuple):

@@ -1,23 +1,27 @@
-"""Nonlinear structures: equations of states, inputs and parameters. A structure holds no data and no result."""
+"""Nonlinear structures: equations of states, inputs and parameters. A structure holds no data and no result.
+
+Nonlinear structures from their equations as a paper prints them: ``vx' = -k*vx + (g + vz')*tan(theta)``.
+
+A multirotor under its own attitude controller, from any linear model of each axis to speeds and positions.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable
+from rotorid.data.base import Immutable
 from rotorid.errors import ModelError
-from rotorid.models.condense import Row
-from rotorid.models.entries import Entries
-from rotorid.models.expression import Expression
-from rotorid.models.parameter import ParameterSet
-from rotorid.models.tape import Tape, tape
-from rotorid.models.ties import no_such
+from rotorid.models.compiled import Entries, Tape, tape
+from rotorid.models.equations import Symbols
+from rotorid.models.expression import Expression, is_symbol, parse_expression
+from rotorid.models.parameter import Parameter, ParameterSet, no_such
+from rotorid.models.structure import LinearStructure, Row
 from rotorid.typing import FloatArray, IntArray
 
 
@@ -248,3 +252,328 @@ class NonlinearStructure(Immutable):
         slots = whole.results[len(expressions) :]
         table = [(row, place, slot) for (row, place, _), slot in zip(found, slots.tolist(), strict=True)]
         return Program(whole, len(expressions), np.array(table, dtype=np.int64).reshape(-1, 3))
+
+
+def nonlinear_structure(
+    *,
+    name: str,
+    inputs: Sequence[str],
+    states: Sequence[str],
+    equations: Sequence[str],
+    outputs: Sequence[str],
+    parameters: ParameterSet,
+    delays: Mapping[str, str | float] | None = None,
+    constants: Mapping[str, float] | None = None,
+    starts: Mapping[str, str | float] | None = None,
+    source: str = "",
+) -> NonlinearStructure:
+    """A nonlinear structure from its equations.
+
+    Parameters
+    ----------
+    name
+        Name of the model.
+    inputs, states
+        Names of the inputs and of the states.
+    equations
+        One for each state: its derivative, written with a prime, on the left, times a factor where it has one. On the
+        right any expression of states, inputs, parameters and constants; a derivative there stands for what its own
+        equation says.
+    outputs
+        A state's name, or ``name = ...`` with an expression, derivatives included.
+    parameters
+        Every parameter.
+    delays
+        Delays of inputs, by their names; zero for the others.
+    constants, source
+        See :class:`~rotorid.models.nonlinear.NonlinearStructure`.
+    starts
+        What the first sample says of the states, as expressions of outputs, inputs and constants.
+
+    Raises
+    ------
+    ModelError
+        An equation cannot be read, names something unknown, stands twice or is missing, or derivatives go in a loop.
+
+    Examples
+    --------
+    >>> from rotorid.models.parameter import Parameter
+    >>> pendulum = nonlinear_structure(
+    ...     name="pendulum", inputs=["torque"], states=["angle", "rate"],
+    ...     equations=["angle' = rate", "J*rate' = torque - 2*sin(angle)"], outputs=["angle"],
+    ...     parameters=ParameterSet([Parameter(name="J", value=0.1, unit="kg m^2")]), starts={"angle": "angle"})
+    >>> [str(equation) for equation in pendulum.equations]
+    ['rate', '(torque - 2*sin(angle))/J']
+    """
+    symbols = Symbols(tuple(inputs), tuple(states), (*parameters.names, *(constants or {})))
+    for symbol in (*inputs, *states, *symbols.coefficients):
+        symbols.check(symbol)
+    rates = explicit([equation(text, symbols) for text in equations], symbols.states)
+    seen = [output(text, symbols, rates) for text in outputs]
+    late = {key: Expression.parse(value) for key, value in (delays or {}).items()}
+    for key in late:
+        check_late(key, symbols)
+    return NonlinearStructure(
+        name=name,
+        inputs=symbols.inputs,
+        states=symbols.states,
+        outputs=tuple(one for one, _ in seen),
+        equations=tuple(rates[f"{state}'"] for state in symbols.states),
+        output_equations=tuple(expression for _, expression in seen),
+        input_delays=tuple(late.get(key, Expression()) for key in symbols.inputs),
+        parameters=parameters,
+        constants=constants or {},
+        starts={state: Expression.parse(value) for state, value in (starts or {}).items()},
+        source=source,
+    )
+
+
+def equation(text: str, symbols: Symbols) -> tuple[str, Expression]:
+    """The derivative that an equation says, with its prime, and what it is.
+
+    Raises
+    ------
+    ModelError
+        It is no such equation.
+    """
+    sides = text.split("=")
+    if len(sides) != 2:
+        raise ModelError(f"the equation {text!r} has {len(sides) - 1} signs of equality", needed='one: "x\' = ..."')
+    left, right = (parse_expression(side, derivatives=True) for side in sides)
+    for side in (left, right):
+        _check_names(side, symbols, text)
+    rest, factors = left.linear_in(frozenset(symbols.derivatives))
+    if len(factors) != 1 or not rest.is_zero:
+        raise ModelError(
+            f"the left side of {text!r} is {left}", needed="one derivative, times a factor where it has one"
+        )
+    ((derivative, factor),) = factors.items()
+    return derivative, right / factor
+
+
+def explicit(rows: Iterable[tuple[str, Expression]], states: Sequence[str]) -> dict[str, Expression]:
+    """What each derivative is, without any derivatives on the right.
+
+    Raises
+    ------
+    ModelError
+        A derivative has two equations or none, or derivatives stand for each other in a loop.
+    """
+    said: dict[str, Expression] = {}
+    for derivative, expression in rows:
+        if derivative in said:
+            raise ModelError(f"two equations say what {derivative} is", needed="one equation for each state")
+        said[derivative] = expression
+    if lost := [f"{state}'" for state in states if f"{state}'" not in said]:
+        raise ModelError(f"no equation says what {' and '.join(lost)} is", needed="one equation for each state")
+    done: dict[str, Expression] = {}
+
+    def resolve(derivative: str, path: tuple[str, ...]) -> Expression:
+        if derivative in path:
+            loop = " -> ".join([*path[path.index(derivative) :], derivative])
+            raise ModelError(f"the derivatives go in a loop: {loop}", remedy="solve the equations for them")
+        if derivative not in done:
+            inner = sorted(name for name in said[derivative].names if name.endswith("'"))
+            meant = {name: resolve(name, (*path, derivative)) for name in inner}
+            done[derivative] = said[derivative].substitute(meant)
+        return done[derivative]
+
+    for derivative in said:
+        resolve(derivative, ())
+    return done
+
+
+def output(text: str, symbols: Symbols, rates: Mapping[str, Expression]) -> tuple[str, Expression]:
+    """Name of an output, and what it is.
+
+    Raises
+    ------
+    ModelError
+        It is neither the name of a state nor a name and what it is.
+    """
+    if "=" not in text:
+        name = text.strip()
+        if name not in symbols.states:
+            error = no_such("state", name, symbols.states)
+            remedy = f"{error.remedy} or say what it is: 'name = ...'".strip()
+            raise ModelError(error.came, needed=error.needed, remedy=remedy)
+        return name, Expression.symbol(name)
+    name, right = (part.strip() for part in text.split("=", 1))
+    if not is_symbol(name):
+        raise ModelError(f"the output {text!r} has no name", needed="a name in front of the first =")
+    expression = parse_expression(right, derivatives=True)
+    _check_names(expression, symbols, text)
+    return name, expression.substitute(dict(rates))
+
+
+def check_late(name: str, symbols: Symbols) -> None:
+    """See that a name that is said to be late is an input.
+
+    Raises
+    ------
+    ModelError
+        It is not.
+    """
+    if name not in symbols.inputs:
+        error = no_such("input", name, symbols.inputs)
+        raise ModelError(error.came, needed=error.needed, remedy=error.remedy)
+
+
+def _check_names(expression: Expression, symbols: Symbols, text: str) -> None:
+    known = (*symbols.states, *symbols.derivatives, *symbols.inputs, *symbols.coefficients)
+    for name in sorted(expression.names - set(known)):
+        if name.endswith("'") and name[:-1] in known:
+            raise ModelError(f"{name} stands in {text!r}", needed="derivatives of states only")
+        unknown = no_such("symbol", name, known)
+        raise ModelError(f"{name} in {text!r} is not known", needed=unknown.needed, remedy=unknown.remedy)
+
+
+AXES = ("phi", "theta", "psi_dot", "velocity_down")
+"""What the attitude controller is commanded: two angles, the yaw rate and the vertical speed."""
+
+_DRAG = ("k_Dx", "k_Dy")
+_PLAIN = ("north", "east", "down", "velocity_north", "velocity_east")
+_OUTPUTS = ("north", "east", "down", "velocity_north", "velocity_east", "velocity_down", "phi", "theta", "psi")
+_FORWARD = "(velocity_north*cos(psi) + velocity_east*sin(psi))"
+_RIGHT = "(velocity_east*cos(psi) - velocity_north*sin(psi))"
+_LIFT = "-(g - acceleration_down)"
+_NORTH = (
+    f"{_LIFT}*(cos(psi)*tan(theta) + sin(psi)*tan(phi)/cos(theta)) - k_Dx*cos(psi)*{_FORWARD} + k_Dy*sin(psi)*{_RIGHT}"
+)
+_EAST = (
+    f"{_LIFT}*(sin(psi)*tan(theta) - cos(psi)*tan(phi)/cos(theta)) - k_Dx*sin(psi)*{_FORWARD} - k_Dy*cos(psi)*{_RIGHT}"
+)
+
+
+class _Part(NamedTuple):
+    """One axis in the names of the whole: its input, states and their derivatives, its output, delay and parameters."""
+
+    input: str
+    states: tuple[str, ...]
+    rates: Row
+    output: Expression
+    delay: Expression
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def output_rate(self) -> Expression:
+        slopes = (self.output.derivative(name) * rate for name, rate in zip(self.states, self.rates, strict=True))
+        return sum(slopes, Expression())
+
+
+def flight_structure(
+    axes: Mapping[str, LinearStructure],
+    *,
+    drag_per_s: tuple[float, float] = (0.25, 0.33),
+    gravity_m_s2: float = 9.80665,
+    name: str = "flight",
+) -> NonlinearStructure:
+    r"""The whole motion from a linear model of each axis.
+
+    .. math:: \dot v = R_z(\psi) \left[ -(g - \dot v_d) \begin{pmatrix} \tan\theta \\ -\tan\phi / \cos\theta
+        \end{pmatrix} - \begin{pmatrix} k_{Dx} & 0 \\ 0 & k_{Dy} \end{pmatrix} R_z(\psi)^T v \right]
+
+    with v to north and east: the thrust carries the weight and the vertical acceleration, and its tilt accelerates.
+    Drag is linear and acts along the heading; still air is assumed. Euler angles are in the order yaw, pitch, roll.
+
+    Parameters
+    ----------
+    axes
+        A model of one input and one output for ``phi``, ``theta``, ``psi_dot`` and ``velocity_down``, with the
+        parameters it shall start from. States and parameters get the name of their axis: ``T`` becomes ``T_phi``.
+    drag_per_s
+        Start values of ``k_Dx`` and ``k_Dy``.
+    gravity_m_s2
+        Gravity.
+    name
+        Of the model.
+
+    Returns
+    -------
+    NonlinearStructure
+        Inputs as in ``axes``; outputs ``north``, ``east``, ``down``, their velocities, ``phi``, ``theta`` and ``psi``.
+        States of an axis that are not its output have unknown starts.
+
+    Raises
+    ------
+    ModelError
+        An axis is missing or unknown, has several inputs or outputs, or lags that are not one for each state; or the
+        vertical speed follows its command at once, so that its derivative is none.
+
+    References
+    ----------
+    Bebop 2 identification from motion capture in the time domain, eqs 6 to 18 and appendix B; there with z up, and with
+    :math:`v_z + g` printed for :math:`\dot v_z + g` in equation 11.
+
+    Examples
+    --------
+    >>> from rotorid.models.equations import structure_from_equations
+    >>> lags = {axis: structure_from_equations(
+    ...     name="lag", inputs=[f"{axis}_setpoint"], states=["x"], equations=[f"T*x' = -x + {axis}_setpoint"],
+    ...     outputs=["x"], parameters=ParameterSet([Parameter(name="T", value=0.2, unit="s")])) for axis in AXES}
+    >>> flight = flight_structure(lags)
+    >>> flight.parameters.names
+    ('k_Dx', 'k_Dy', 'T_phi', 'T_theta', 'T_psi_dot', 'T_velocity_down')
+    >>> len(flight.states)
+    10
+    """
+    for axis in axes:
+        if axis not in AXES:
+            raise no_such("axis", axis, AXES)
+    if missing := [axis for axis in AXES if axis not in axes]:
+        raise ModelError(f"the flight lacks the axis {', '.join(missing)}", needed=", ".join(AXES))
+    parts = {axis: _part(axis, axes[axis]) for axis in AXES}
+    vertical = parts["velocity_down"]
+    if vertical.input in vertical.output.names:
+        raise ModelError("the vertical speed follows its command at once", needed="an output of states only")
+    meant = {axis: part.output for axis, part in parts.items()}
+    meant["acceleration_down"] = vertical.output_rate
+    drag = tuple(Parameter(name=k, value=value, unit="1/s") for k, value in zip(_DRAG, drag_per_s, strict=True))
+    parsed = {text: Expression.parse(text).substitute(meant) for text in (*_OUTPUTS, _NORTH, _EAST)}
+    rates = [parsed[text] for text in ("velocity_north", "velocity_east", "velocity_down", _NORTH, _EAST)]
+    inner = [state for part in parts.values() for state in part.states]
+    measured = dict.fromkeys((*_PLAIN, "psi"))
+    own = {str(part.output): axis for axis, part in parts.items() if axis != "psi_dot" and str(part.output) in inner}
+    return NonlinearStructure(
+        name=name,
+        inputs=tuple(part.input for part in parts.values()),
+        states=(*_PLAIN, *inner, "psi"),
+        outputs=_OUTPUTS,
+        equations=(*rates, *(rate for part in parts.values() for rate in part.rates), meant["psi_dot"]),
+        output_equations=tuple(parsed[output] for output in _OUTPUTS),
+        input_delays=tuple(part.delay for part in parts.values()),
+        parameters=ParameterSet((*drag, *(one for part in parts.values() for one in part.parameters))),
+        constants={"g": gravity_m_s2},
+        starts={state: Expression.symbol(output) for state, output in ({s: s for s in measured} | own).items()},
+        source="Bebop 2 identification from motion capture in the time domain, appendix B",
+    )
+
+
+def _part(axis: str, model: LinearStructure) -> _Part:
+    """One axis, its names made unique."""
+    if len(model.inputs) != 1 or len(model.outputs) != 1:
+        came = f"the axis {axis} has {len(model.inputs)} inputs and {len(model.outputs)} outputs"
+        raise ModelError(came, needed="one of each", remedy="select them")
+    lags = [[j for j, entry in enumerate(row) if not entry.is_zero] for row in model.M]
+    if sorted(lags) != [[j] for j in range(len(model.states))]:
+        raise ModelError(f"the equations of the axis {axis} hold several derivatives", needed="one derivative in each")
+    states = tuple(f"{axis}_{state}" for state in model.states)
+    new = {one: Expression.symbol(f"{one}_{axis}") for one in model.parameters.names}
+    inside: dict[str, Expression | float] = {**model.constants, **new}
+    signals = [Expression.symbol(state) for state in (*states, *model.inputs)]
+    rates = dict.fromkeys(range(len(states)), Expression())
+    for (j,), M, F, G in zip(lags, model.M, model.F, model.G, strict=True):
+        rates[j] = _total((*F, *G), signals, inside) / M[j].substitute(inside)
+    ordered = tuple(rates[j] for j in range(len(states)))
+    output = _total((*model.H0[0], *model.H1[0]), [*signals[:-1], *ordered], inside)
+    parameters = tuple(
+        replace(one, name=f"{one.name}_{axis}", tied=one.tied.substitute(inside) if one.tied is not None else None)
+        for one in model.parameters
+    )
+    delay = (model.input_delays[0] + model.output_delays[0]).substitute(inside)
+    return _Part(model.inputs[0], states, ordered, output, delay, parameters)
+
+
+def _total(factors: Row, signals: list[Expression], inside: Mapping[str, Expression | float]) -> Expression:
+    terms = (factor.substitute(inside) * signal for factor, signal in zip(factors, signals, strict=True))
+    return sum(terms, Expression())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable, read_only
+from rotorid.data.base import Immutable, read_only
 from rotorid.errors import ModelError
 from rotorid.typing import ComplexArray, FloatArray
 

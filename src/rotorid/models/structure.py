@@ -1,25 +1,200 @@
-"""Model structures: which parameter stands where. A structure holds no data and no result."""
+"""Model structures: which parameter stands where. A structure holds no data and no result.
+
+How a frequency response moves with the entries of its matrices.
+
+States that have become algebraic, because a lag is zero, leave the equations.
+
+The part of a structure that leads from its inputs to its outputs.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable
+from rotorid.data.base import Immutable
 from rotorid.errors import ModelError
-from rotorid.models.condense import Matrices, Row, Rows, condense
-from rotorid.models.entries import Entries
+from rotorid.models.compiled import Entries
 from rotorid.models.expression import Expression
-from rotorid.models.parameter import ParameterSet
-from rotorid.models.sensitivity import Places
+from rotorid.models.parameter import ParameterSet, no_such
 from rotorid.models.state_space import StateSpace
-from rotorid.models.ties import no_such
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places(Immutable):
+    r"""Where the entries stand that move, those of matrices first and the delays behind them.
+
+    An entry in row :math:`a` and column :math:`b` moves the response by :math:`l_a x_b^T`, and one in front of a
+    derivative by :math:`j\omega` times as much. The left factor has a column for each state and then for each output,
+    the right one a row for each state and then for each input.
+
+    Parameters
+    ----------
+    rows, columns
+        Column of the left and row of the right factor, shape ``(n,)``.
+    signs
+        Minus one for the entries of ``M``, shape ``(n,)``.
+    derivative
+        Whether the entry stands in front of a derivative, shape ``(n,)``.
+    late
+        Which responses a delay makes later, shape ``(y, u, delays)``.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    signs: FloatArray
+    derivative: BoolArray
+    late: FloatArray
+
+    @classmethod
+    def of(cls, moving: BoolArray, states: int, inputs: int, outputs: int) -> Places:
+        """The places of the moving ones among all entries: M, F, G, H0, H1 row by row, then delays."""
+        blocks = (
+            ("M", states, states),
+            ("F", states, states),
+            ("G", states, inputs),
+            ("H0", outputs, states),
+            ("H1", outputs, states),
+        )
+        every = [(name, i, j) for name, height, width in blocks for i, j in np.ndindex(height, width)]
+        moved = [place for place, moves in zip(every, moving, strict=False) if moves]
+        late = np.zeros((outputs, inputs, inputs + outputs))
+        late[:, range(inputs), range(inputs)] = 1.0
+        late[range(outputs), :, range(inputs, inputs + outputs)] = 1.0
+        return cls(
+            rows=np.array([states + i if name in ("H0", "H1") else i for name, i, _ in moved], dtype=int),
+            columns=np.array([states + j if name == "G" else j for name, _, j in moved], dtype=int),
+            signs=np.array([-1.0 if name == "M" else 1.0 for name, _, _ in moved]),
+            derivative=np.array([name in ("M", "H1") for name, _, _ in moved], dtype=bool),
+            late=late[:, :, moving[len(every) :]],
+        )
+
+    def jacobian(
+        self,
+        moves: FloatArray,
+        jw: ComplexArray,
+        left: tuple[ComplexArray, ComplexArray],
+        right: tuple[ComplexArray, ComplexArray],
+        response: ComplexArray,
+    ) -> ComplexArray:
+        """Derivatives of the response along the directions in which the entries move.
+
+        Parameters
+        ----------
+        moves
+            Derivatives of the moving entries, shape ``(n + delays, k)``.
+        jw
+            Imaginary frequency, shape ``(f,)``.
+        left, right
+            Factors of shapes ``(x, y, f)`` and ``(x, u, f)`` and the delays of outputs and inputs, ``(y, f)`` and
+            ``(u, f)``.
+        response
+            With its delays, shape ``(y, u, f)``.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape ``(k, y, u, f)``.
+        """
+        n, (y, u, f), k = self.rows.size, response.shape, moves.shape[1]
+        each = _with_diagonal(*left)[self.rows][:, :, None] * _with_diagonal(*right)[self.columns][:, None]
+        each[self.derivative] *= jw
+        # The moves are real: a real product is half the work.
+        moved = (moves[:n] * self.signs[:, None]).T @ each.reshape(n, y * u * f).view(np.float64)
+        jacobian = moved.view(np.complex128).reshape(k, y, u, f)
+        delays = moves[n:]
+        for direction in np.flatnonzero(delays.any(axis=0)):
+            later = self.late @ delays[:, direction]
+            jacobian[direction] -= later[..., None] * (jw * response)
+        return jacobian
+
+
+def _with_diagonal(factor: ComplexArray, late: ComplexArray) -> ComplexArray:
+    """The factor, and under it the diagonal matrix of the delays: shape ``(x + n, n, f)``."""
+    states, channels, points = factor.shape
+    whole = np.zeros((states + channels, channels, points), dtype=np.complex128)
+    whole[:states] = factor
+    whole[range(states, states + channels), range(channels)] = late
+    return whole
+
+
+Row = tuple[Expression, ...]
+Rows = tuple[Row, ...]
+
+_MINUS_ONE = Expression(number=-1.0)
+
+
+class Matrices(NamedTuple):
+    """The entries of a structure, and which of its states they still have."""
+
+    states: tuple[str, ...]
+    M: Rows
+    F: Rows
+    G: Rows
+    H0: Rows
+    H1: Rows
+
+
+def condense(matrices: Matrices, zero: Set[str]) -> Matrices:
+    """The same equations without the states that follow the inputs at once.
+
+    A row :math:`0 = -x_j + G_i u`, which is one only because parameters are zero, says what :math:`x_j` is; it then
+    stands for it in the others, as long as no output and no derivative needs the state itself.
+
+    Parameters
+    ----------
+    matrices
+        Entries of the structure.
+    zero
+        Parameters that are zero for good.
+    """
+    while (found := _algebraic(matrices, zero)) is not None:
+        matrices = _without(matrices, *found)
+    return matrices
+
+
+def _algebraic(matrices: Matrices, zero: Set[str]) -> tuple[int, int] | None:
+    """The first row that says what a state is, and that state."""
+    nothing = dict.fromkeys(zero, 0.0)
+    lags = [[entry.substitute(nothing) if entry.names & zero else entry for entry in row] for row in matrices.M]
+    for i, row in enumerate(matrices.F):
+        own = [j for j, entry in enumerate(row) if not entry.is_zero]
+        became = any(entry.names & zero for entry in matrices.M[i]) and all(lag.is_zero for lag in lags[i])
+        if not became or len(own) != 1 or row[own[0]] != _MINUS_ONE:
+            continue
+        j = own[0]
+        columns = (*lags, *matrices.H0, *matrices.H1)
+        if all(column[j].is_zero for column in columns):
+            return i, j
+    return None
+
+
+def _without(matrices: Matrices, i: int, j: int) -> Matrices:
+    """The equations with row ``i`` used up to replace state ``j`` by the inputs."""
+
+    def cut(row: Row) -> Row:
+        return row[:j] + row[j + 1 :]
+
+    rows = [r for r in range(len(matrices.F)) if r != i]
+    said = matrices.G[i]
+    return Matrices(
+        states=tuple(state for k, state in enumerate(matrices.states) if k != j),
+        M=tuple(cut(matrices.M[r]) for r in rows),
+        F=tuple(cut(matrices.F[r]) for r in rows),
+        G=tuple(
+            tuple(own + matrices.F[r][j] * through for own, through in zip(matrices.G[r], said, strict=True))
+            for r in rows
+        ),
+        H0=tuple(cut(row) for row in matrices.H0),
+        H1=tuple(cut(row) for row in matrices.H1),
+    )
+
 
 _DELAYS = ("input_delays", "output_delays")
 
@@ -312,3 +487,87 @@ def _slots(kind: str, chosen: Sequence[str], known: Sequence[str]) -> list[int]:
     if not chosen or len(set(chosen)) < len(chosen):
         raise ModelError(f"the {kind}s {', '.join(chosen) or '(none)'} were selected", needed="at least one, each once")
     return [known.index(name) for name in chosen]
+
+
+_T = TypeVar("_T")
+
+
+def connected(structure: LinearStructure) -> LinearStructure:
+    """A structure without what no response of it can show.
+
+    States that no input moves stay at rest, and states that no output follows from change nothing; both go, with the
+    parameters that then stand nowhere. Inputs and outputs without a response go too, unless none has one.
+
+    Parameters
+    ----------
+    structure
+        Such as one of which some inputs and outputs were selected. Entries count as they stand, whatever the values.
+
+    Examples
+    --------
+    Without a command in yaw nothing moves its motors:
+
+    >>> from rotorid.models.library import library_model
+    >>> roll = connected(library_model("hover.lateral").select(inputs=["roll_command"]))
+    >>> "motor_yaw" in roll.states, "L_yaw" in roll.parameters.names
+    (False, False)
+    """
+    links = _filled(structure.M) | _filled(structure.F)
+    moved = _spread(_filled(structure.G), links)
+    seen = _spread((_filled(structure.H0) | _filled(structure.H1)).T, links.T)
+    # From each input to each output there is a response where one state is both moved and seen.
+    responses = np.asarray(seen.T @ moved)
+    if not responses.any():
+        return structure
+    inputs, outputs = np.asarray(responses.any(axis=0)), np.asarray(responses.any(axis=1))
+    states = np.asarray(moved[:, inputs].any(axis=1) & seen[:, outputs].any(axis=1))
+    if states.all() and inputs.all() and outputs.all():
+        return structure
+    return _part(structure, states, inputs, outputs)
+
+
+def _filled(rows: Rows) -> BoolArray:
+    return np.array([[not entry.is_zero for entry in row] for row in rows], dtype=np.bool_)
+
+
+def _spread(first: BoolArray, links: BoolArray) -> BoolArray:
+    """States reached from each column of ``first`` along links from column to row, shape ``(x, n)``."""
+    reached = first
+    for _ in range(len(links)):
+        reached = reached | (links @ reached)
+    return reached
+
+
+def _part(structure: LinearStructure, states: BoolArray, inputs: BoolArray, outputs: BoolArray) -> LinearStructure:
+    """Some states, inputs and outputs, and the parameters that stand there."""
+    change: dict[str, Any] = {
+        "M": _block(structure.M, states, states),
+        "F": _block(structure.F, states, states),
+        "G": _block(structure.G, states, inputs),
+        "H0": _block(structure.H0, outputs, states),
+        "H1": _block(structure.H1, outputs, states),
+        "input_delays": _kept(structure.input_delays, inputs),
+        "output_delays": _kept(structure.output_delays, outputs),
+    }
+    rows = [row for name in ("M", "F", "G", "H0", "H1") for row in change[name]]
+    entries = [entry for row in (*rows, change["input_delays"], change["output_delays"]) for entry in row]
+    used = frozenset[str]().union(*(entry.names for entry in entries))
+    left = structure.parameters.only(name for name in structure.parameters.names if name in used)
+    return replace(
+        structure,
+        **change,
+        states=_kept(structure.states, states),
+        inputs=_kept(structure.inputs, inputs),
+        outputs=_kept(structure.outputs, outputs),
+        parameters=left,
+        gain=structure.gain if structure.gain in left.names else None,
+        optional=tuple(name for name in structure.optional if name in left.names),
+    )
+
+
+def _block(rows: Rows, kept_rows: BoolArray, kept_columns: BoolArray) -> Rows:
+    return tuple(_kept(row, kept_columns) for row in _kept(rows, kept_rows))
+
+
+def _kept(items: tuple[_T, ...], kept: BoolArray) -> tuple[_T, ...]:
+    return tuple(item for item, stays in zip(items, kept, strict=True) if stays)

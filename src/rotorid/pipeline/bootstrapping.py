@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
-from rotorid.data.immutable import Immutable
 from rotorid.errors import UsageError
-from rotorid.pipeline.fitting import Fitted
+from rotorid.pipeline.frequency_fit import Fitted
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.time_fit import TimeFitted
-from rotorid.uncertainty.bounds import Bounds
-from rotorid.uncertainty.resampling import RunProgress
-from rotorid.uncertainty.spread_table import SpreadTable
+from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.resampling import SpreadTable
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
 
 Source: TypeAlias = Literal["responses", "outputs"]
 
@@ -41,9 +43,7 @@ class Bootstrapped(Immutable):
     findings: tuple[Finding, ...]
 
 
-def bootstrap(
-    fitted: Fitted | TimeFitted, settings: IdentifySettings, progress: Callable[[str], None]
-) -> Bootstrapped | None:
+def bootstrap(fitted: Fitted | TimeFitted, settings: IdentifySettings) -> Bootstrapped | None:
     """Refit noise drawn anew as often as the settings ask; nothing where they ask for none.
 
     Parameters
@@ -52,8 +52,6 @@ def bootstrap(
         In the frequency domain, or in time by output error.
     settings
         ``bootstrap`` runs from ``seed``.
-    progress
-        Told how many are done.
 
     Raises
     ------
@@ -65,18 +63,17 @@ def bootstrap(
     runs = settings.bootstrap
     if runs is None:
         return None
-    told = _told(progress)
     if isinstance(fitted, Fitted):
         from rotorid.uncertainty.bootstrap import bootstrap_responses
 
         table = bootstrap_responses(
-            fitted.problem, fitted.final, runs=runs, seed=settings.seed, weights=fitted.weights, progress=told
+            fitted.problem, fitted.final, runs=runs, seed=settings.seed, weights=fitted.weights, progress=_say
         )
         return _judged("responses", table, fitted.bounds)
     require_bootstrap(settings, fitted.method)
-    from rotorid.uncertainty.bootstrap_in_time import bootstrap_outputs
+    from rotorid.uncertainty.bootstrap import bootstrap_outputs
 
-    table = bootstrap_outputs(fitted.problem, fitted.solution, runs=runs, seed=settings.seed, progress=told)
+    table = bootstrap_outputs(fitted.problem, fitted.solution, runs=runs, seed=settings.seed, progress=_say)
     return _judged("outputs", table, fitted.bounds)
 
 
@@ -96,12 +93,12 @@ def require_bootstrap(settings: IdentifySettings, method: str) -> None:
         )
 
 
-def _told(progress: Callable[[str], None]) -> RunProgress:
-    return lambda done, runs: progress(f"bootstrap: {done} of {runs} runs")
+def _say(done: int, runs: int) -> None:
+    _PROGRESS.info(f"bootstrap: {done} of {runs} runs", extra={"done": done, "total": runs})
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # a parameter on its bound may not scatter at all
 def _judged(source: Source, table: SpreadTable, bounds: Bounds) -> Bootstrapped:
-    from rotorid.uncertainty.bootstrap_findings import judge_spread
+    from rotorid.uncertainty.bootstrap import judge_spread
 
     return Bootstrapped(source=source, table=table, findings=judge_spread(table, bounds.std))

@@ -1,4 +1,7 @@
-"""Whether the sensors and clocks of a log agree with each other, over the stretches that matter."""
+"""Whether the sensors and clocks of a log agree with each other, over the stretches that matter.
+
+Remarks on the data of the maneuvers that are used: saturation, other inputs, the battery, sensors and clocks.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,26 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.data.channel import AXES, LOWEST_RATE_HZ, MOTORS, Channel
-from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Topic
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.results import Segment
 from rotorid.signal.airborne import Airborne
 from rotorid.signal.autopilot_filters import known_filters
-from rotorid.signal.clock import one_clock
-from rotorid.signal.kinematics import KinematicCheck, kinematic_consistency
-from rotorid.signal.known_filter import combined_response
-from rotorid.signal.reconstruct import ACCELERATIONS, ATTITUDE, EARTH_VELOCITIES, RATES, VELOCITIES, derivative
+from rotorid.signal.clock import resample
+from rotorid.signal.filters import combined_response
+from rotorid.signal.kinematics import (
+    ACCELERATIONS,
+    ATTITUDE,
+    EARTH_VELOCITIES,
+    RATES,
+    VELOCITIES,
+    KinematicCheck,
+    derivative,
+    kinematic_consistency,
+)
+from rotorid.signal.quality import battery_sag, quality_findings
 from rotorid.signal.skew import Relation, TimeSkew, time_skew
 from rotorid.typing import Axis
 
@@ -312,7 +323,7 @@ def _mixed(history: TimeHistory, motors: Sequence[str], output: str) -> TimeHist
 
 
 def _longest(record: FlightRecord, names: Sequence[str], stretch: Stretch) -> TimeHistory:
-    parts = one_clock(record, channels=names, start_s=stretch.start_s, stop_s=stretch.stop_s).histories
+    parts = resample(record, channels=names, start_s=stretch.start_s, stop_s=stretch.stop_s).histories
     if not parts:
         raise InsufficientDataError(f"gaps leave nothing of {', '.join(names)}", needed="a stretch without gaps")
     return max(parts, key=lambda history: history.duration_s)
@@ -358,11 +369,8 @@ def _motors(record: FlightRecord) -> tuple[str, ...]:
 
 def _unchecked(names: Sequence[str], error: InsufficientDataError) -> Finding:
     where = ", ".join(names)
-    return Finding(
-        kind="kinematics_unchecked",
-        severity="info",
-        where=where,
-        message=f"{where} could not be checked against the kinematics: {error.came.rstrip('.')}.",
+    return remark(
+        "kinematics_unchecked", where, f"{where} could not be checked against the kinematics: {error.came.rstrip('.')}."
     )
 
 
@@ -384,16 +392,41 @@ def _skew_finding(item: ChannelSkew) -> Finding:
                 f" One sample is {1e3 * item.sample_s:.2f} ms. If the stamps of {item.reference} are the wrong ones, "
                 f"give rotorid identify {item.remedy}."
             )
-    return Finding(
-        kind="clock_skew",
-        severity="warning" if item.suspicious else "info",
-        where=f"{item.delayed}/{item.reference}: {item.channel}",
-        message=message,
-        numbers={
-            "skew_s": skew.seconds,
-            "std_s": skew.std,
-            "sample_s": item.sample_s,
-            "known_low_s": low,
-            "known_high_s": high,
-        },
+    return (warn if item.suspicious else remark)(
+        "clock_skew",
+        f"{item.delayed}/{item.reference}: {item.channel}",
+        message,
+        skew_s=skew.seconds,
+        std_s=skew.std,
+        sample_s=item.sample_s,
+        known_low_s=low,
+        known_high_s=high,
     )
+
+
+_REMARKED_SAG_PERCENT = 1.0
+
+
+def data_quality(flown: Sequence[Flown], segments: Sequence[Segment], inputs: Sequence[str]) -> tuple[Finding, ...]:
+    """Remarks on all maneuvers, each kind and place once; of several maneuvers the first that shows it speaks."""
+    remarks = [
+        finding
+        for segment in segments
+        for finding in quality_findings(segment.history, axis=segment.maneuver.axis, accounted=inputs)
+    ]
+    sags = (battery_sag(record, maneuver) for record, maneuver in flown)
+    remarks += [sag for sag in sags if sag and abs(sag.numbers["change_percent"]) >= _REMARKED_SAG_PERCENT]
+    remarks += _consistency(flown)
+    return tuple({(finding.kind, finding.where): finding for finding in reversed(remarks)}.values())
+
+
+def _consistency(flown: Sequence[Flown]) -> list[Finding]:
+    """Whether sensors and clocks agree over the longest maneuver of each axis, in each log."""
+    records = {id(record): record for record, _ in flown}
+    groups = [(record, [m for r, m in flown if r is record]) for record in records.values()]
+    return [
+        finding
+        for record, maneuvers in groups
+        if max(maneuver.duration_s for maneuver in maneuvers) >= SHORTEST_S
+        for finding in check_consistency(record, stretches(record, maneuvers)).findings
+    ]

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.channel import AXES
-from rotorid.data.history import TimeHistory
-from rotorid.data.immutable import Immutable
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.base import Immutable
+from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.instruments import Flown
 from rotorid.typing import FloatArray
@@ -81,7 +78,7 @@ def covered(histories: Sequence[TimeHistory]) -> dict[str, Range]:
 
     Examples
     --------
-    >>> from rotorid.data.channel import Channel
+    >>> from rotorid.data.record import Channel
     >>> u = (Channel(name="u", unit="m/s"),)
     >>> history = TimeHistory(values=np.array([[-1.0, 2.0, 2.0]]), channels=u, sample_rate_hz=1.0, start_s=0.0)
     >>> covered([history])["u"]

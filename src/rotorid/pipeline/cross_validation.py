@@ -1,35 +1,172 @@
-"""Cross-validate a model with the method of a run: identify on some logs, score on the others."""
+"""Cross-validate a model with the method of a run: identify on some logs, score on the others.
+
+An identification with its cross-validation, by the same model, method and choices.
+
+Score identified models on maneuvers, every parameter frozen: the same data and the same rules for any method.
+"""
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import get_args
 
-from rotorid.data.findings import Finding
-from rotorid.data.immutable import Immutable
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.description import from_toml
-from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.cross_validation_document import (
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.documents.result import (
     CrossValidationDocument,
     FoldParameterDocument,
+    ParameterDocument,
+    ResultDocument,
     cross_validation_document,
 )
-from rotorid.pipeline.document import ParameterDocument
-from rotorid.pipeline.frozen import common_horizon_s, fitted_band, score_flown
-from rotorid.pipeline.identification import Identification
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.assemble import finding_documents
+from rotorid.pipeline.identification import identify, logged_by_all
 from rotorid.pipeline.instruments import Flown, is_command
 from rotorid.pipeline.resolve import resolve_model
-from rotorid.pipeline.selection import each_once
+from rotorid.pipeline.results import Identification
+from rotorid.pipeline.segments import require_channels, time_records
+from rotorid.pipeline.selection import each_once, select_records
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.time_selection import select_records
-from rotorid.verify import cross_validation as engine
-from rotorid.verify.cross_validation import CrossValidation, Fold, Kind
-from rotorid.verify.frozen import FrozenScores
+from rotorid.pipeline.time_fit import nothing_unseen, unknowns_of
+from rotorid.pipeline.unseen import nothing_left
+from rotorid.verification import fixed_parameters as engine
+from rotorid.verification.fixed_parameters import CrossValidation, FixedParameterScores, Fold, Kind, score_frozen
+from rotorid.verification.sampled import band_pass
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def score_flown(
+    structure: LinearStructure,
+    flown: Sequence[Flown],
+    settings: IdentifySettings,
+    *,
+    horizon_s: float | None = None,
+    band_rad_s: tuple[float, float] | None = None,
+) -> tuple[FixedParameterScores, ...]:
+    """Scores of a model on each maneuver, with its outputs that the logs hold.
+
+    Without a band nothing is filtered, and noise counts as error for every model alike. With a band inputs and outputs
+    pass the same zero-phase filter first, as in a verification: a model of frequency responses is judged where it was
+    identified, and what it leaves out below its band, such as speed modes, is no fault of it.
+
+    With a band and a finite horizon a filter without phase goes before the prediction: at every sample it has mixed in
+    what comes after, over about one period of the edges of the band. Such a prediction is no longer made of the past
+    alone. Its scores compare models, and are higher than those of a prediction in flight.
+
+    Parameters
+    ----------
+    structure
+        The model; its parameters have their values.
+    flown
+        Maneuvers.
+    settings
+        Whose hold and shifts count.
+    horizon_s
+        How far ahead to predict, infinite for a simulation; by default what the poles of the model ask for.
+    band_rad_s
+        What to look at; everything by default.
+
+    Raises
+    ------
+    InsufficientDataError
+        A log lacks an input or all outputs, is too short, or moves no input.
+    """
+    there = held_outputs(structure, flown)
+    kept = structure if there == structure.outputs else structure.select(outputs=there)
+    records = time_records(kept, flown, settings, every_input=False)
+    # A record in which nothing moves says nothing of the model, and would be scored on its noise.
+    moved = [one for one in zip(records.segments, records.data, strict=True) if one[1].inputs.any()]
+    scores = (
+        score_frozen(
+            kept,
+            kept.parameters.values,
+            data if band_rad_s is None else _within(band_rad_s, data),
+            horizon_s=horizon_s,
+            # A filtered command no longer stands still between its samples.
+            hold=records.hold if band_rad_s is None else "first",
+            unknowns=unknowns_of(kept),
+        )
+        for _, data in moved
+    )
+    return tuple(
+        replace(one, record=segment.record, time_s=one.time_s + segment.history.start_s)
+        for one, (segment, _) in zip(scores, moved, strict=True)
+    )
+
+
+def _within(band_rad_s: tuple[float, float], data: TimeData) -> TimeData:
+    """A record within a band: the model is linear, so filtered inputs drive it to filtered outputs."""
+    filtered = band_pass(band_rad_s, data.sample_rate_hz, data.duration_s)
+    inputs = filtered(data.inputs)
+    return replace(data, inputs=inputs, outputs=filtered(data.outputs), before=inputs[:, 0])
+
+
+def fitted_band(documents: Sequence[ResultDocument]) -> tuple[float, float] | None:
+    """The band that all models of frequency responses were fitted in; ``None`` without such, or without a common one.
+
+    Examples
+    --------
+    >>> fitted_band(()) is None
+    True
+    """
+    bands = [
+        [pair.band_rad_s for pair in one.cost.pairs.values()]
+        for one in documents
+        if one.method == "frequency" and one.cost and one.cost.pairs
+    ]
+    low = max((min(low for low, _ in pairs) for pairs in bands), default=0.0)
+    high = min((max(high for _, high in pairs) for pairs in bands), default=0.0)
+    return (low, high) if 0.0 < low < high else None
+
+
+def held_outputs(structure: LinearStructure, flown: Sequence[Flown]) -> tuple[str, ...]:
+    """Outputs of a model that all logs hold.
+
+    Raises
+    ------
+    InsufficientDataError
+        An input is missing, or there is no output.
+    """
+    for record, _ in flown:
+        require_channels(record, structure.inputs)
+    there = tuple(name for name in structure.outputs if _holds(name, flown))
+    if not there:
+        for record, _ in flown:
+            require_channels(record, structure.outputs)
+    return there
+
+
+def _holds(name: str, flown: Sequence[Flown]) -> bool:
+    try:
+        for record, _ in flown:
+            require_channels(record, [name])
+    except InsufficientDataError:
+        return False
+    return True
+
+
+def common_horizon_s(scores: Sequence[FixedParameterScores]) -> float | None:
+    """The horizon over which all can be judged, where they were judged over different ones; ``None`` where they agree.
+
+    Examples
+    --------
+    >>> common_horizon_s(()) is None
+    True
+    """
+    horizons_s = {one.horizon_s for one in scores}
+    return min(horizons_s, default=math.inf) if len(horizons_s) > 1 else None
+
 
 Identify = Callable[[Sequence[FlightRecord], IdentifySettings], Identification]
 
@@ -68,7 +205,6 @@ def cross_validate(
     identify: Identify,
     kind: Kind,
     settings: IdentifySettings,
-    progress: Callable[[str], None] = lambda _: None,
 ) -> CrossValidated:
     """Identify a model on some logs and score it on the others, each in its turn, with any method.
 
@@ -89,8 +225,6 @@ def cross_validate(
         On ``each`` one alone, or on all but one.
     settings
         Choices of the run.
-    progress
-        Told what is being done.
 
     Raises
     ------
@@ -115,17 +249,17 @@ def cross_validate(
         chosen = replace(settings, segments=tuple(m for _, m in flown)) if len(records) == 1 else settings
         return identify(kept, chosen)
 
-    def score(model: Identification, group: _Group) -> tuple[FrozenScores, ...]:
+    def score(model: Identification, group: _Group) -> tuple[FixedParameterScores, ...]:
         return score_flown(_structure(model), group.flown, settings)
 
     found = engine.cross_validate(
-        groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=progress
+        groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=_PROGRESS.info
     )
     horizon_s = common_horizon_s([one for fold in found.folds for scores in fold.scores for one in scores])
     band_rad_s = fitted_band([fold.model.document for fold in found.folds if fold.model])
     if horizon_s is not None or band_rad_s is not None:
         # Known only when all models are: what they have in common.
-        def alike(model: Identification, group: _Group) -> tuple[FrozenScores, ...]:
+        def alike(model: Identification, group: _Group) -> tuple[FixedParameterScores, ...]:
             return score_flown(_structure(model), group.flown, settings, horizon_s=horizon_s, band_rad_s=band_rad_s)
 
         found = engine.rescored(found, groups, alike)
@@ -207,4 +341,61 @@ def _lacks(fold: Fold[Identification]) -> str:
 
 
 def _left_out(name: str, message: str) -> Finding:
-    return Finding(kind="not_verified", severity="warning", where=name, message=f"{message.rstrip('.')}.")
+    return warn("not_verified", name, f"{message.rstrip('.')}.")
+
+
+def parse_kind(text: str | None) -> Kind | None:
+    """Read ``each`` or ``leave_one_out``; ``None`` for no cross-validation.
+
+    Examples
+    --------
+    >>> parse_kind("each")
+    'each'
+    """
+    if text is None or text in get_args(Kind):
+        return text  # type: ignore[return-value]
+    raise UsageError(f"the cross-validation {text!r} came", needed=f"one of {', '.join(get_args(Kind))}")
+
+
+def cross_validated(
+    identified: Identification,
+    records: Sequence[FlightRecord],
+    model: str | Path | LinearStructure,
+    *,
+    kind: Kind,
+    settings: IdentifySettings,
+) -> Identification:
+    """The same identification with a cross-validation in its document.
+
+    Parameters
+    ----------
+    identified
+        The model of all records.
+    records, model, settings
+        What it came from.
+    kind
+        Which records each model is identified on.
+
+    Raises
+    ------
+    InsufficientDataError
+        No fold has a model that could be scored.
+    UsageError
+        There is one record only.
+    """
+    structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    crossed = cross_validate(
+        records,
+        structure,
+        identify=lambda some, choices: identify(some, structure, settings=choices),
+        kind=kind,
+        settings=settings,
+    )
+    document = identified.document
+    own = [finding for finding in finding_documents(crossed.findings) if finding not in document.findings]
+    # A model that was judged on unseen records is verified; why another log failed to verify it stays of interest.
+    names = [one.record for one in identified.segments]
+    answered = finding_documents([nothing_unseen(names), nothing_left()])
+    kept = [finding for finding in document.findings if finding not in answered]
+    update = {"cross_validation": crossed.document, "findings": [*kept, *own]}
+    return replace(identified, document=document.model_copy(update=update))

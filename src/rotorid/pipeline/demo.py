@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import FlightRecord
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
-from rotorid.pipeline.planning import PlanChoices, plan_with
+from rotorid.pipeline.designs import PlanChoices, plan_with
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.settings import IdentifySettings, require_seed
 from rotorid.pipeline.simulation import truth_of
-from rotorid.simulate.multirotor_flight import Aircraft
+from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.vehicles.catalog import aircraft as library_aircraft
 
 LOG_NAME = "flight.ulg"
@@ -54,7 +53,7 @@ class Demonstration:
 def demo_plan(aircraft: Aircraft) -> FlightPlan:
     """Sweeps of the sticks, two on every axis, and two doublets that no model is fitted to; eight minutes.
 
-    As large as keeps the tilt below 25°, found with :func:`rotorid.pipeline.planning.plan_for`.
+    As large as keeps the tilt below 25°, found with :func:`rotorid.pipeline.designs.plan_for`.
     """
     choices = PlanChoices(
         shape="pilot_sweep", band_rad_s=SWEEP_BAND_RAD_S, duration_s=50.0, repeats=2, doublets=True, entry="stick"
@@ -72,9 +71,9 @@ def fly_demo(path: Path, *, seed: int) -> None:
     seed
         Seed of gusts and sensor noise.
     """
-    from rotorid.io.write_log import write_log
-    from rotorid.simulate.multirotor_flight import fly_multirotor
-    from rotorid.simulate.wind import Wind
+    from rotorid.io.registry import write_log
+    from rotorid.simulation.multirotor_flight import fly_multirotor
+    from rotorid.simulation.wind import Wind
 
     require_seed(seed)
     craft = library_aircraft(VEHICLE)
@@ -82,14 +81,12 @@ def fly_demo(path: Path, *, seed: int) -> None:
     write_log(path, flown, format="ulg")
 
 
-def identify_demo(
-    record: FlightRecord, *, seed: int, command: tuple[str, ...], progress: Callable[[str], None]
-) -> Demonstration:
+def identify_demo(record: FlightRecord, *, seed: int, command: tuple[str, ...]) -> Demonstration:
     """Identify a rate model of each axis from the log of the demonstration."""
     results = []
     for model, band in BANDS_RAD_S.items():
         settings = IdentifySettings(band_rad_s=band, seed=seed)
-        results.append(identify([record], model, settings=settings, command=command, progress=progress))
+        results.append(identify([record], model, settings=settings, command=command))
     names = {name for result in results for name in result.document.parameters}
     truth = {name: one.value for name, one in truth_of(library_aircraft(VEHICLE)).items() if name in names}
     return Demonstration(identifications=tuple(results), truth=truth)

@@ -8,20 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.findings import Finding, Severity
+from rotorid.data.findings import Finding, Severity, warn
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.frequency_cost import EXCELLENT_COST
-from rotorid.fit.inverse_controller import SubBand, inverse_controller
-from rotorid.fit.problem import FrequencyProblem
+from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem
+from rotorid.fitting.inverse_controller import SubBand, inverse_controller
 from rotorid.models.controller import RateController, rate_controller
-from rotorid.models.rate import RATE_AXES
+from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fitting import pose
+from rotorid.pipeline.frequency_fit import pose, require_support
 from rotorid.pipeline.instruments import Flown, axis_of
 from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
-from rotorid.pipeline.support import require_support
 from rotorid.typing import BoolArray, FloatArray
 
 _FED_BACK: Mapping[str, tuple[str, float]] = {
@@ -238,13 +236,9 @@ def _sentence(data: FrequencyResponse, trap: _Trap) -> str:
 
 
 def _finding(data: FrequencyResponse, trap: _Trap, severity: Severity, consequence: str) -> Finding:
-    return Finding(
-        kind="inverse_controller",
-        severity=severity,
-        where=_name(data, trap),
-        message=f"{_sentence(data, trap)} {consequence} To see the vehicle, {_REMEDY}.",
-        numbers=_numbers(data, trap),
-    )
+    message = f"{_sentence(data, trap)} {consequence} To see the vehicle, {_REMEDY}."
+    found = warn("inverse_controller", _name(data, trap), message, **_numbers(data, trap))
+    return replace(found, severity=severity)
 
 
 def _name(data: FrequencyResponse, trap: _Trap) -> str:

@@ -7,22 +7,25 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from rotorid.data.history import TimeHistory
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
+from rotorid.documents.response import EstimatedDocument, LoopDocument
 from rotorid.errors import InsufficientDataError
 from rotorid.models.controller import rate_controller
-from rotorid.pipeline.cutting import histories
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.measure import Measured
-from rotorid.pipeline.response_document import EstimatedDocument, LoopDocument
-from rotorid.spectral.attitude_bandwidth import AttitudeBandwidth, attitude_bandwidth
-from rotorid.spectral.derived import selected
+from rotorid.pipeline.segments import histories
+from rotorid.spectral.derived import Estimated, selected
 from rotorid.spectral.estimate import frequency_response
-from rotorid.spectral.log_curve import Estimated
-from rotorid.spectral.loop import sensitivity, series
-from rotorid.spectral.margins import DisturbanceRejection, LoopMargins, disturbance_rejection, loop_margins
-from rotorid.spectral.measured_loop import injected_loop
+from rotorid.spectral.loops import injected_loop, sensitivity, series
+from rotorid.spectral.margins import (
+    AttitudeBandwidth,
+    DisturbanceRejection,
+    LoopMargins,
+    attitude_bandwidth,
+    disturbance_rejection,
+    loop_margins,
+)
 from rotorid.typing import Axis
 
 ATTITUDE: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}

@@ -1,28 +1,37 @@
-"""From selected maneuvers to frequency responses: windows, grid, joint and direct estimates."""
+"""From selected maneuvers to frequency responses: windows, grid, joint and direct estimates.
+
+Known filters of the autopilot, taken off measured responses.
+
+Remarks on feedback in the input.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rotorid.data.channel import AXES
-from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import AXES, TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.fit.problem import usable_points
-from rotorid.pipeline.building import require_known
-from rotorid.pipeline.cutting import cut, histories
-from rotorid.pipeline.identification import Segment
+from rotorid.errors import UsageError
+from rotorid.fitting.frequency.problem import usable_points
+from rotorid.pipeline.consistency import data_quality
 from rotorid.pipeline.instruments import Flown, choose_instruments, no_instrument
-from rotorid.pipeline.quality import data_quality
+from rotorid.pipeline.results import Segment
+from rotorid.pipeline.segments import cut, histories, require_known, source_of, with_surroundings
 from rotorid.pipeline.settings import MeasureSettings
-from rotorid.pipeline.surroundings import with_surroundings
-from rotorid.spectral.diagnostics import Diagnostics
-from rotorid.spectral.estimate import diagnosed_response
+from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.filters import KnownFilter
+from rotorid.spectral.derived import corrected
+from rotorid.spectral.estimate import Diagnostics, diagnosed_response
 from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, given_windows, plan_windows
 from rotorid.typing import BoolArray, FloatArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
 
 POINTS = 100
 HIGHEST_DEFAULT_RAD_S = 100.0
@@ -112,7 +121,6 @@ def measure(
     outputs: tuple[str, ...],
     settings: MeasureSettings,
     also: Sequence[str] = (),
-    progress: Callable[[str], None] = lambda _: None,
 ) -> Measured:
     """Frequency responses of the outputs to the inputs over all maneuvers together.
 
@@ -135,12 +143,12 @@ def measure(
     wider = flown
     if instruments:
         wider = with_surroundings(flown, _margin_s(flown, settings), (*channels, *instruments))
-    segments, findings = cut(wider, channels=channels, followers=followers, shifts=settings.shifts, progress=progress)
+    segments, findings = cut(wider, channels=channels, followers=followers, shifts=settings.shifts)
     records = histories(segments)
     band = settings.band_rad_s or default_band(flown, records[0].sample_rate_hz)
     plan = _windows(records, band, settings)
     omega = _grid(band, plan)
-    progress("frequency responses")
+    _PROGRESS.info("frequency responses")
     direct, diagnostics = _respond(records, inputs, outputs, omega, plan)
     joint = None
     if instruments:
@@ -232,3 +240,95 @@ def _other_commands(flown: Sequence[Flown], inputs: Sequence[str]) -> tuple[str,
     """Commands of the other axes that every record holds."""
     names = [f"{axis}_command" for axis in AXES]
     return tuple(n for n in names if n not in inputs and all(n in record.channel_names for record, _ in flown))
+
+
+def without_known_filters(measured: Measured, flown: Sequence[Flown]) -> Measured:
+    """Responses as they would be without the filters that the logs say stood in front of their outputs.
+
+    Parameters
+    ----------
+    measured
+        The responses.
+    flown
+        Records and maneuvers behind them; the filters follow from the parameters of the records.
+
+    Raises
+    ------
+    UsageError
+        The records were filtered differently, so that one response of all of them cannot be corrected.
+    """
+    chains: dict[str, tuple[KnownFilter, ...]] = {}
+    findings: list[Finding] = []
+    for output in measured.response.outputs:
+        sources = {source_of(segment, output) for segment in measured.segments}
+        found = [known_filters(record, source) for source in sorted(sources) for record, _ in flown]
+        if any(chain != found[0] for chain in found):
+            raise UsageError(
+                f"{output} was filtered differently in the logs",
+                needed="one set of filters for all logs",
+                remedy="estimate each log by itself, or leave out --correct-filters",
+            )
+        if found[0]:
+            chains[output] = found[0]
+        findings += [f for source in sorted(sources) for f in filter_findings(flown[0][0], source)]
+    remarked = replace(measured, findings=(*measured.findings, *findings))
+    if not chains:
+        return remarked
+    beside = None if measured.beside is None else corrected(measured.beside, chains)
+    return replace(remarked, response=corrected(measured.response, chains), beside=beside)
+
+
+def filter_delays(measured: Measured, flown: Sequence[Flown]) -> dict[str, float]:
+    """Output to the delay in seconds of the known filters in front of it, where all logs had the same ones.
+
+    Parameters
+    ----------
+    measured
+        The responses.
+    flown
+        Records and maneuvers behind them.
+    """
+    delays: dict[str, float] = {}
+    for output in measured.response.outputs:
+        sources = sorted({source_of(segment, output) for segment in measured.segments})
+        chains = [known_filters(record, source) for source in sources for record, _ in flown]
+        if chains[0] and all(chain == chains[0] for chain in chains):
+            delays[output] = sum(known.delay_s for known in chains[0])
+    return delays
+
+
+_BIAS_LIMIT_DB = 1.0
+
+
+def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
+    """How far direct estimates lie from the joint ones where those were used.
+
+    One warning for each response that feedback biases seriously; where there is none, one remark on the worst.
+    """
+    if measured.beside is None or not used.any():
+        return ()
+    pairs = np.argwhere(used.any(axis=-1))
+    judged = [_judged(measured.response, measured.beside, used, int(y), int(u)) for y, u in pairs]
+    serious = tuple(finding for finding in judged if finding.severity == "warning")
+    return serious or (max(judged, key=lambda finding: finding.numbers["rms_db"]),)
+
+
+def _judged(response: FrequencyResponse, beside: FrequencyResponse, used: BoolArray, y: int, u: int) -> Finding:
+    points = used[y, u]
+    decibel = 20.0 * np.log10(np.abs(beside.values[y, u, points] / response.values[y, u, points]))
+    worst = float(decibel[np.argmax(np.abs(decibel))])
+    typical = float(np.sqrt(np.mean(decibel**2)))
+    serious = typical > _BIAS_LIMIT_DB
+    return (warn if serious else remark)(
+        "closed_loop_bias",
+        f"{response.outputs[y]}/{response.inputs[u]}",
+        f"The joint estimate with {', '.join(response.instruments)} was used. A direct estimate would differ by "
+        f"{typical:.1f} dB rms and {worst:+.1f} dB at most in the used band"
+        + (
+            ": feedback biases it, unless the instrument contains feedback itself."
+            if serious
+            else ", so feedback hardly biases this flight."
+        ),
+        largest_db=worst,
+        rms_db=typical,
+    )

@@ -7,18 +7,23 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorid.data.findings import Finding
+from rotorid.data.findings import refusal
 from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError
 from rotorid.models.black_box import black_box, black_box_pairs
-from rotorid.models.catalog import library_model, model_names
-from rotorid.models.description import from_toml
-from rotorid.models.parameter import ParameterSet
-from rotorid.models.rate import RATE_AXES, rate_model
-from rotorid.models.response import RESPONSE_MODELS, response_model, response_pairs
+from rotorid.models.library import (
+    RATE_AXES,
+    RESPONSE_MODELS,
+    library_model,
+    model_names,
+    rate_model,
+    response_model,
+    response_pairs,
+    transfer_function,
+)
+from rotorid.models.parameter import ParameterSet, no_such
 from rotorid.models.structure import LinearStructure
-from rotorid.models.ties import no_such
-from rotorid.models.transfer_function import transfer_function
-from rotorid.pipeline.motor_choices import MODEL as MOTORS
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.settings import MODEL as MOTORS
 from rotorid.pipeline.settings import IdentifySettings
 
 _TRANSFER = re.compile(r"transfer:(\d+)/(\d+)")
@@ -185,7 +190,7 @@ def _no_pair(name: str, outputs: Sequence[str], logged: Sequence[str]) -> Rotori
         return UsageError(f"{name} came without channels", needed=needed, remedy=remedy)
     which = f" of {', '.join(outputs)}" if outputs else ""
     message = f"No logged channel{which} has a set-point beside it."
-    finding = Finding(kind="missing_channel", severity="error", where=name, message=message)
+    finding = refusal("missing_channel", name, message)
     return InsufficientDataError(message, needed=needed, remedy=remedy, findings=[finding])
 
 
@@ -202,7 +207,7 @@ def _unknown(model: str) -> ModelError:
         return ModelError(
             f"{MOTORS} came, which is no linear structure",
             needed="a linear structure",
-            remedy=f"rotorid identify LOG --model {MOTORS}, in Python rotorid.pipeline.motor_identify.identify_motors",
+            remedy=f"rotorid identify LOG --model {MOTORS}, in Python rotorid.pipeline.identify_motors",
         )
     names = (*RATE_AXES, *model_names(), MOTORS, *RESPONSE_MODELS)
     near = difflib.get_close_matches(model, (*names, "black_box:2"), n=1)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
-from rotorid.pipeline.compare_document import CompareDocument
-from rotorid.pipeline.delay_document import DelayDocument
-from rotorid.pipeline.design_document import DesignDocument
-from rotorid.pipeline.document import ResultDocument
-from rotorid.pipeline.document_base import Document
+from rotorid.documents.base import Document
+from rotorid.documents.compare import CompareDocument
+from rotorid.documents.delay import DelayDocument
+from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
+from rotorid.documents.response import ResponseDocument
+from rotorid.documents.result import ResultDocument
 from rotorid.pipeline.inspection import InspectDocument
-from rotorid.pipeline.plan_document import PlanDocument
-from rotorid.pipeline.response_document import ResponseDocument
-from rotorid.pipeline.simulation_document import SimulationDocument
 from rotorid.pipeline.verify_document import VerifyDocument
 
 SCHEMAS: Mapping[str, type[Document]] = {

@@ -1,19 +1,25 @@
-"""What of a model the flown data can speak about: the inputs that were excited, and the outputs that are there."""
+"""What of a model the flown data can speak about: the inputs that were excited, and the outputs that are there.
+
+The trim of a model: speeds and angles about which it was linearized, from the record or given.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
-from rotorid.data.findings import Finding
+import numpy as np
+
+from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.connected import connected
 from rotorid.models.expression import Expression
-from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.building import require_channels
-from rotorid.pipeline.instruments import axis_of, is_command
+from rotorid.models.structure import LinearStructure, connected
+from rotorid.pipeline.coverage import HOVER_M_S
+from rotorid.pipeline.instruments import Flown, axis_of, is_command
 from rotorid.pipeline.resolve import require_known
+from rotorid.pipeline.segments import require_channels
 from rotorid.pipeline.selection import Selection
 from rotorid.pipeline.settings import IdentifySettings
 
@@ -142,14 +148,11 @@ def _not_excited(names: Sequence[str], lost: Sequence[str]) -> list[Finding]:
     gone = f" Without {'it' if len(names) == 1 else 'them'} {', '.join(lost)} cannot be identified." if lost else ""
     inputs = "that input" if len(names) == 1 else "those inputs"
     return [
-        Finding(
-            kind="no_excitation",
-            severity="warning",
-            where=", ".join(names),
-            message=(
-                f"No sweep, multisine or random binary signal of {' or '.join(names)} came, so the model is fitted "
-                f"without {inputs}.{gone}"
-            ),
+        warn(
+            "no_excitation",
+            ", ".join(names),
+            f"No sweep, multisine or random binary signal of {' or '.join(names)} came, so the model is fitted "
+            f"without {inputs}.{gone}",
         )
     ]
 
@@ -158,14 +161,11 @@ def _without_response(names: Sequence[str], asked: Sequence[str], left: LinearSt
     """What to say about inputs, and outputs that were asked for, between which the model has no response at all."""
     names = [*names, *(name for name in asked if name not in left.outputs)]
     return [
-        Finding(
-            kind="not_identifiable",
-            severity="warning",
-            where=name,
-            message=(
-                f"The model leads from {', '.join(left.inputs)} to {', '.join(left.outputs)} without {name}, so it "
-                "takes no part in the fit."
-            ),
+        warn(
+            "not_identifiable",
+            name,
+            f"The model leads from {', '.join(left.inputs)} to {', '.join(left.outputs)} without {name}, so it "
+            "takes no part in the fit.",
         )
         for name in names
     ]
@@ -179,13 +179,82 @@ def _without(
         return []
     gone = f" With them go {', '.join(lost)}." if lost else ""
     return [
-        Finding(
-            kind="outputs_left_out",
-            severity="info",
-            where=", ".join(passed),
-            message=(
-                f"Fitted are {', '.join(smaller.outputs)}. The log does not hold {', '.join(passed)}, or as estimates "
-                f"of a filter with a delay of its own; name them with --outputs to fit them too.{gone}"
-            ),
+        remark(
+            "outputs_left_out",
+            ", ".join(passed),
+            f"Fitted are {', '.join(smaller.outputs)}. The log does not hold {', '.join(passed)}, or as estimates "
+            f"of a filter with a delay of its own; name them with --outputs to fit them too.{gone}",
         )
     ]
+
+
+_CHANNELS = {"U0": "u", "V0": "v", "W0": "w", "theta0": "theta", "phi0": "phi"}
+_SPEEDS = ("U0", "V0", "W0")
+_LEVEL_RAD = 0.05
+"""Up to here the cosine is one within a thousandth, and gravity along the body a twentieth of itself."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trimmed:
+    """A structure at a trim, with the remark on it where it is no hover."""
+
+    structure: LinearStructure
+    findings: tuple[Finding, ...] = ()
+
+
+def trimmed(structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings) -> Trimmed:
+    """A structure with its trim constants set.
+
+    Given constants count. The others are means over the maneuvers, where the record holds them: speeds below 0.5 m/s
+    and angles below 3° are hover, and stay zero.
+
+    Parameters
+    ----------
+    structure
+        Its constants ``U0 V0 W0 theta0 phi0`` are set; one without them stays as it is.
+    flown
+        Maneuvers.
+    settings
+        Whose ``constants`` were given.
+
+    Raises
+    ------
+    ModelError
+        A constant was given that the structure does not have.
+    """
+    measured = {}
+    for name, channel in _CHANNELS.items():
+        if name in structure.constants and name not in settings.constants:
+            limit = HOVER_M_S if name in _SPEEDS else _LEVEL_RAD
+            value = _mean(flown, channel)
+            if abs(value) >= limit:
+                measured[name] = value
+    constants = {**measured, **settings.constants}
+    if not constants:
+        return Trimmed(structure=structure)
+    return Trimmed(structure=structure.with_constants(constants), findings=(_finding(measured),) if measured else ())
+
+
+def _mean(flown: Sequence[Flown], channel: str) -> float:
+    parts = []
+    for record, maneuver in flown:
+        for topic, row in islice(record.holding(channel), 1):
+            inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
+            values = topic.values[row, inside]
+            parts.append(values[np.isfinite(values)])
+    together = np.concatenate(parts) if parts else np.zeros(0)
+    return float(together.mean()) if together.size else 0.0
+
+
+def _finding(trim: dict[str, float]) -> Finding:
+    parts = ", ".join(
+        f"{name} = {value:.2f} m/s" if name in _SPEEDS else f"{name} = {np.degrees(value):.1f}°"
+        for name, value in trim.items()
+    )
+    return remark(
+        "trim",
+        ", ".join(trim),
+        f"The record is no hover: {parts} on average, and the model is linearized there. Give other values with "
+        "--constant NAME=VALUE.",
+        **trim,
+    )

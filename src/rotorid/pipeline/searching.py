@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.data.findings import Finding
-from rotorid.data.immutable import Immutable
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn
 from rotorid.errors import UsageError
-from rotorid.fit.minima import same_cost
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.time_problem import TimeProblem
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import same_cost
+from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.search_choices import EVALUATIONS
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.search.result import Basin, Progress, SearchResult
+from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings
+from rotorid.search.objective import Basin, Progress, SearchResult
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.uncertainty.cramer_rao import Bounds
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
 
 Cost: TypeAlias = Literal["frequency", "output_error"]
 
@@ -82,9 +85,7 @@ class Searched(Immutable):
         return dict(zip(self.parameters.free, map(float, basin.theta), strict=True))
 
 
-def searched(
-    problem: FrequencyProblem | TimeProblem, settings: IdentifySettings, progress: Callable[[str], None]
-) -> Searched | None:
+def searched(problem: FrequencyProblem | TimeProblem, settings: IdentifySettings) -> Searched | None:
     """Search a problem as the settings ask; nothing where they ask for none.
 
     Parameters
@@ -93,8 +94,6 @@ def searched(
         Long records of one in time are searched on their first part.
     settings
         ``search`` with its budget, or ``starts``, which is a search from all points of a design.
-    progress
-        Told evaluations and the best cost.
 
     Raises
     ------
@@ -107,17 +106,17 @@ def searched(
     if name is None or not problem.parameters.free:
         return None
     from rotorid.search.catalog import search
-    from rotorid.search.pose import objective_of
+    from rotorid.search.objectives import objective_of
 
-    def tell(at: Progress) -> None:
-        progress(f"searching by {name}: {at.evaluations} evaluations, best cost {at.best:.4g}")
+    def say(at: Progress) -> None:
+        _PROGRESS.info(f"searching by {name}: {at.evaluations} evaluations, best cost {at.best:.4g}")
 
     in_time = isinstance(problem, TimeProblem)
     result = search(name).run(
         objective_of(problem.shortened(_SEARCHED) if isinstance(problem, TimeProblem) else problem),
         budget=settings.evaluations or (EVALUATIONS if settings.search else _WITHOUT_LIMIT),
         seed=settings.seed,
-        progress=tell,
+        progress=say,
     )
     return Searched(
         name=name,
@@ -216,10 +215,9 @@ def _other_minimum(found: Searched, lowest: Basin, one: Basin, moved: dict[str, 
         else "Which is true only other data can tell: fix what is known, widen the band, or verify both on an unseen "
         "flight."
     )
-    return Finding(
-        kind="other_minimum",
-        severity="warning",
-        where=next(iter(moved)),
-        message=f"The search by {found.name} found another minimum with {how_good}, at {named}{others}. {ending}",
-        numbers={"cost": one.cost, "lowest_cost": lowest.cost, "share": one.share, "more": more, **moved},
+    return warn(
+        "other_minimum",
+        next(iter(moved)),
+        f"The search by {found.name} found another minimum with {how_good}, at {named}{others}. {ending}",
+        **{"cost": one.cost, "lowest_cost": lowest.cost, "share": one.share, "more": more, **moved},
     )

@@ -1,22 +1,33 @@
-"""Which stretches of which logs are fitted, and which are kept unseen."""
+"""Which stretches of which logs are fitted, and which are kept unseen.
+
+Which stretches of which logs a time-domain fit uses.
+
+Which channels and which stretches of a log tell a delay.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.findings import Finding
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.flights import flights_by_thrust
-from rotorid.pipeline.instruments import Flown, find_instrument, is_injection
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.instruments import Flown, axes_of, find_instrument, flights_by_thrust, is_command, is_injection
+from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import missing_channel
-from rotorid.signal.segment import classify, excitation_signals, find_excitations
+from rotorid.signal.excitations import (
+    LEAST_MOTION,
+    candidate_excitations,
+    classify,
+    excitation_signals,
+    find_excitations,
+)
 from rotorid.typing import Axis
 
 RICH_KINDS = ("sweep", "random_binary", "multisine")
@@ -196,5 +207,221 @@ def _nothing_flown(
         came,
         needed=needed,
         remedy=remedy,
-        findings=[Finding(kind="no_excitation", severity="error", where=wanted, message=f"{came}.")],
+        findings=[refusal("no_excitation", wanted, f"{came}.")],
+    )
+
+
+class TimeSelection(NamedTuple):
+    """Maneuvers to fit, those that are kept unseen, and remarks."""
+
+    selection: Selection
+    findings: tuple[Finding, ...] = ()
+
+
+def select_records(
+    structure: LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings
+) -> TimeSelection:
+    """The stretches to fit.
+
+    For commands of the mixer those that the frequency domain fits too. For set-points the segments that were given,
+    the excitations that stand in a single set-point itself, or whole records: to a response in time any motion of
+    its inputs is an excitation.
+
+    Raises
+    ------
+    InsufficientDataError
+        Nothing was flown that shows the model, or a record holds one sample.
+    UsageError
+        No record came, or the same one twice.
+    """
+    axes = axes_of(structure.inputs, structure.outputs)
+    for record in records:
+        _require_duration(record)
+    if all(is_command(name) for name in structure.inputs):
+        return TimeSelection(select_maneuvers(records, axes, settings))
+    each_once(records)
+    if settings.segments:
+        return TimeSelection(Selection(fitted=_given_records(records, settings.segments), unseen=()))
+    single = structure.inputs[0] if len(structure.inputs) == 1 else ""
+    found = [(record, m) for record in records for m in _seen_in(record, single)]
+    if found:
+        return TimeSelection(Selection(fitted=tuple(found), unseen=()))
+    whole = [_whole_record(record, axes) for record in records]
+    return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(*item) for item in whole))
+
+
+def _require_duration(record: FlightRecord) -> None:
+    if record.start_s < record.stop_s:
+        return
+    name = record.source.name
+    message = f"{name} holds one sample"
+    raise InsufficientDataError(
+        message,
+        needed="a flight of some seconds",
+        remedy="give another log",
+        findings=[refusal("record_too_short", name, f"{message}.")],
+    )
+
+
+def _given_records(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flown, ...]:
+    flown = tuple((record, described(record, m)) for record in records for m in segments if inside(record, m))
+    if not flown:
+        spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
+        raise UsageError("no given segment lies inside the records", needed=f"segments within {spans}")
+    return flown
+
+
+def _seen_in(record: FlightRecord, input: str) -> list[Maneuver]:
+    """Excitations that were seen in an input itself, each interval once."""
+    found = [m for axis in AXES for m in find_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
+    return sorted({(m.start_s, m.stop_s): m for m in found}.values(), key=lambda m: m.start_s)
+
+
+def _whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flown:
+    try:
+        start_s, stop_s = airborne(record).longest
+    except InsufficientDataError as error:
+        if any(finding.kind == "never_airborne" for finding in error.findings):
+            raise
+        # Nothing in the log tells take-off and landing, as in records that were cut for identification.
+        start_s, stop_s = record.start_s, record.stop_s
+    return record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found")
+
+
+def _fitted_whole(record: FlightRecord, maneuver: Maneuver) -> Finding:
+    return remark(
+        "no_excitation",
+        record.source.name,
+        f"No excitation of all inputs stands out in {record.source.name}, so all of it was fitted, "
+        f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s. Choose a part with --segment.",
+        start_s=maneuver.start_s,
+        stop_s=maneuver.stop_s,
+    )
+
+
+_SETPOINT = "_setpoint"
+_RATES = {"roll_command": "p", "pitch_command": "q", "yaw_command": "r"}
+
+
+def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
+    """Every set-point that moves, with its response; commands with their rates where no set-point does.
+
+    Where any axis was excited on purpose, only pairs of such axes count: what feedback moves tells no delay.
+
+    Raises
+    ------
+    InsufficientDataError
+        No such pair is logged.
+    """
+    setpoints = [(name, name.removesuffix(_SETPOINT)) for name in STANDARD_UNITS if name.endswith(_SETPOINT)]
+    for offered in (setpoints, list(_RATES.items())):
+        pairs = [pair for pair in offered if all(_logged(record, *pair) for record in records)]
+        excited = [pair for pair in pairs if any(_excited(record, *pair) for record in records)]
+        if excited or pairs:
+            return tuple(excited or pairs)
+    message = "The log holds neither a set-point that moves with its response nor a command with its rate."
+    raise InsufficientDataError(
+        "no pair of set-point and response is logged",
+        needed="channels such as phi_setpoint and phi",
+        remedy="name a pair with --input and --output, or the channels with --map",
+        findings=[refusal("missing_channel", "set-points", message)],
+    )
+
+
+def chosen_maneuvers(
+    records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings
+) -> tuple[tuple[Flown, ...], tuple[Finding, ...]]:
+    """Stretches to use for one pair: given ones, excitations, what looks like one, or else whole records.
+
+    Raises
+    ------
+    InsufficientDataError
+        No given segment lies inside a record.
+    """
+    axes = axes_of((input,), (output,))
+    if settings.segments:
+        return _given_delays(records, axes, settings), ()
+    parts = [_of_record(record, axes, input) for record in records]
+    return tuple(item for flown, _ in parts for item in flown), tuple(f for _, findings in parts for f in findings)
+
+
+def _of_record(record: FlightRecord, axes: Sequence[Axis], input: str) -> tuple[list[Flown], list[Finding]]:
+    """Excitations of one record, or what looks like some, or all of it with a remark."""
+    rich = [(record, m) for axis in axes for m in find_excitations(record, axis) if _is_rich(m)]
+    likely = rich or [(record, m) for axis in axes for m in candidate_excitations(record, axis)]
+    if likely:
+        return likely, []
+    whole = _whole_for_delay(record, axes)
+    return whole, [_delay_read_whole(record, maneuver, input) for _, maneuver in whole]
+
+
+def _is_rich(maneuver: Maneuver) -> bool:
+    return maneuver.kind in RICH_KINDS or maneuver.origin == "given"
+
+
+def _given_delays(
+    records: Sequence[FlightRecord], axes: Sequence[Axis], settings: MeasureSettings
+) -> tuple[Flown, ...]:
+    segments = of_axes(settings.segments, axes)
+    flown = tuple((record, described(record, m)) for record in records for m in segments if inside(record, m))
+    if flown:
+        return flown
+    spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
+    message = f"No given segment lies inside {spans}."
+    raise InsufficientDataError(
+        "no given segment lies inside the records",
+        needed=f"a segment of {' or '.join(axes)} within {spans}",
+        remedy="see the excitations that rotorid inspect finds",
+        findings=[refusal("no_excitation", ", ".join(axes), message)],
+    )
+
+
+def _whole_for_delay(record: FlightRecord, axes: Sequence[Axis]) -> list[Flown]:
+    try:
+        return whole_flights([record], axes)
+    except InsufficientDataError:
+        # Nothing in the log tells take-off and landing.
+        start_s, stop_s = record.start_s, record.stop_s
+        if stop_s <= start_s:
+            raise _one_sample(record) from None
+        return [(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))]
+
+
+def _one_sample(record: FlightRecord) -> InsufficientDataError:
+    message = f"{record.source.name} holds samples of one moment only"
+    return InsufficientDataError(
+        message,
+        needed="a record of some seconds",
+        remedy="check how it was written",
+        findings=[refusal("no_delay", record.source.name, f"{message}.")],
+    )
+
+
+def _delay_read_whole(record: FlightRecord, maneuver: Maneuver, input: str) -> Finding:
+    return remark(
+        "no_excitation",
+        record.source.name,
+        f"No excitation was found in {record.source.name}, so {input} is read from {maneuver.start_s:.1f} to "
+        f"{maneuver.stop_s:.1f} s.",
+        start_s=maneuver.start_s,
+        stop_s=maneuver.stop_s,
+    )
+
+
+def _logged(record: FlightRecord, input: str, output: str) -> bool:
+    """Whether both channels are there and the input moves."""
+    if output not in record.channel_names:
+        return False
+    least = LEAST_MOTION.get(STANDARD_UNITS.get(input, "1"), 0.0)
+    return any(
+        values.size > 1 and float(np.ptp(values)) > least
+        for topic, row in record.holding(input)
+        if (values := topic.values[row][np.isfinite(topic.values[row])]).size
+    )
+
+
+def _excited(record: FlightRecord, input: str, output: str) -> bool:
+    axes = axes_of((input,), (output,))
+    return any(_is_rich(m) for axis in axes for m in find_excitations(record, axis)) or any(
+        candidate_excitations(record, axis) for axis in axes
     )

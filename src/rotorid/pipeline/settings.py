@@ -1,18 +1,73 @@
-"""What a user may choose about an identification; everything else follows from the data."""
+"""What a user may choose about an identification; everything else follows from the data.
+
+What can be asked of searches and bootstraps, and what goes together.
+
+What a user chooses for the physics of motors.
+"""
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
-from rotorid.data.channel import AXES
-from rotorid.data.immutable import Immutable
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.base import Immutable
+from rotorid.data.record import AXES, Maneuver
 from rotorid.errors import UsageError
-from rotorid.pipeline.search_choices import require_runs, require_search
+from rotorid.models.motors import CURVE_TERMS, Curve
+from rotorid.models.rotors import RotorLayout, layout_from_toml, layout_names, library_layout
+
+EVALUATIONS = 2000
+"""Budget of a search unless another is asked for."""
+
+_FEWEST_RUNS = 2
+
+
+def require_search(search: str | None, evaluations: int | None, starts: str) -> None:
+    """Refuse searches that there are not, and options that need one.
+
+    Parameters
+    ----------
+    search
+        A name of :func:`rotorid.search.catalog.searches` with its options.
+    evaluations
+        Its budget, where one was asked for.
+    starts
+        The design of starts, ``default`` for none.
+
+    Raises
+    ------
+    UsageError
+        There is no such search, or what came does not go together.
+    """
+    if search is None:
+        if evaluations is not None:
+            raise UsageError("--evaluations came without a search", needed="--search NAME beside it")
+        return
+    if starts != "default":
+        raise UsageError("--search and --starts came", needed="one of them: a design of starts is a search too")
+    if evaluations is not None and evaluations < 1:
+        raise UsageError(f"a budget of {evaluations} evaluations came", needed="1 or more")
+    from rotorid.search.catalog import search as known
+
+    known(search)
+
+
+def require_runs(runs: int | None) -> None:
+    """Refuse a bootstrap of less than two runs.
+
+    Raises
+    ------
+    UsageError
+        There are fewer.
+    """
+    if runs is not None and runs < _FEWEST_RUNS:
+        raise UsageError(f"a bootstrap of {runs} runs came", needed="two or more, and some hundred for intervals")
+
 
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
 
@@ -380,3 +435,99 @@ def parse_shifts(texts: tuple[str, ...]) -> dict[str, float]:
             raise UsageError(f"two shifts of {name.strip()} came", needed="one for each channel", remedy="add them up")
         shifts[name.strip()] = seconds
     return shifts
+
+
+MODEL = "physical.motors"
+"""Name of the model, which is no linear structure."""
+
+ChosenCurve: TypeAlias = Literal["auto"] | Curve
+"""``auto``: linear for demands of thrust, quadratic for speeds, and for outputs all that the flight can tell."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorChoices:
+    """Choices of one run.
+
+    Parameters
+    ----------
+    known
+        Values that were measured otherwise, by parameter.
+    layout
+        Name of a layout or a TOML file of rotors; what the log says by default.
+    arm_m
+        Horizontal distance of the farthest rotor from the center of gravity.
+    curve
+        Thrust of a rotor by its output.
+    rotor_diameter_m
+        Of each rotor, to judge its figure of merit where speeds were measured.
+    segments
+        Stretches to use instead of the excitations that are found.
+    voltage
+        Whether thrust follows the voltage of the battery, where outputs of motors were logged.
+    seed
+        Nothing is drawn; it stands in the provenance.
+
+    Raises
+    ------
+    UsageError
+        A length is not positive, or there is no such curve.
+    """
+
+    known: Mapping[str, float] = field(default_factory=dict)
+    layout: str | None = None
+    arm_m: float | None = None
+    curve: ChosenCurve = "auto"
+    rotor_diameter_m: float | None = None
+    segments: tuple[Maneuver, ...] = ()
+    voltage: bool = True
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, length_m in (("an arm", self.arm_m), ("a rotor diameter", self.rotor_diameter_m)):
+            if length_m is not None and not length_m > 0.0:
+                raise UsageError(f"{name} of {length_m:g} m came", needed="a positive length")
+        if self.curve not in ("auto", *CURVE_TERMS):
+            near = difflib.get_close_matches(self.curve, ["auto", *CURVE_TERMS], n=1)
+            raise UsageError(
+                f"the curve {self.curve!r} came",
+                needed=f"auto, {', '.join(CURVE_TERMS)}",
+                remedy=f"did you mean {near[0]}?" if near else "",
+            )
+
+    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+        """The choices for a provenance."""
+        return {
+            "known": [f"{name}={value:g}" for name, value in self.known.items()],
+            "layout": self.layout,
+            "arm_m": self.arm_m,
+            "curve": self.curve,
+            "rotor_diameter_m": self.rotor_diameter_m,
+            "segments": [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in self.segments],
+            "voltage": self.voltage,
+        }
+
+
+def chosen_layout(text: str) -> RotorLayout:
+    """A layout of the library by its name, or that of a TOML file.
+
+    Raises
+    ------
+    UsageError
+        There is neither; the nearest name is suggested.
+    ModelError
+        The file does not describe rotors.
+    """
+    if text in layout_names():
+        return library_layout(text)
+    path = Path(text)
+    if path.suffix != ".toml":
+        near = difflib.get_close_matches(text, layout_names(), n=1)
+        raise UsageError(
+            f"there is no layout {text!r}",
+            needed=f"a TOML file, or one of {', '.join(layout_names())}",
+            remedy=f"did you mean {near[0]}?" if near else "",
+        )
+    try:
+        return layout_from_toml(path.read_text(encoding="utf-8"), where=path.name)
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} cannot be read: {error}", needed="a TOML file of [[rotor]] tables") from error

@@ -1,4 +1,7 @@
-"""The public verb `simulate`: a vehicle of the library flies, and what an autopilot would have logged is written."""
+"""The public verb `simulate`: a vehicle of the library flies, and what an autopilot would have logged is written.
+
+The rig on its pivot in simulation: two of its motors swept at once, one upward in frequency and one downward.
+"""
 
 from __future__ import annotations
 
@@ -11,31 +14,30 @@ from typing import get_args
 import numpy as np
 
 from rotorid import __version__
-from rotorid.data.findings import Finding
-from rotorid.data.flight_plan import LONGEST_S, FlightPlan
-from rotorid.data.immutable import Immutable
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.simulated_flight import SimulatedFlight
-from rotorid.design.amplitude import reached
-from rotorid.errors import UsageError
-from rotorid.io.store import sha256_of
-from rotorid.io.write_log import START_S, LogFormat, format_of, write_log
-from rotorid.models.catalog import library_model
-from rotorid.pipeline.assemble import finding_documents
-from rotorid.pipeline.document import ManeuverDocument, ProvenanceDocument
-from rotorid.pipeline.settings import require_seed
-from rotorid.pipeline.simulation_document import (
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn
+from rotorid.data.flight_plan import LONGEST_S, FlightPlan, SimulatedFlight
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.documents.design import (
     ReachedDocument,
     SimulatedLogDocument,
     SimulationDocument,
     TruthDocument,
     VehicleDocument,
 )
-from rotorid.simulate.changes import changed, number_of, piloted
-from rotorid.simulate.linearize import hover_derivatives_of
-from rotorid.simulate.many import seed_of
-from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
-from rotorid.simulate.wind import CALM, Wind
+from rotorid.documents.result import ManeuverDocument, ProvenanceDocument
+from rotorid.errors import UsageError
+from rotorid.io.files import sha256_of
+from rotorid.io.registry import START_S, LogFormat, format_of, write_log
+from rotorid.io.tables.csv import write_csv
+from rotorid.models.library import library_model
+from rotorid.pipeline.assemble import finding_documents
+from rotorid.pipeline.settings import require_seed
+from rotorid.planning.amplitude import reached
+from rotorid.simulation.linearization import hover_derivatives_of
+from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, piloted, seed_of
+from rotorid.simulation.wind import CALM, Wind
+from rotorid.vehicles import rig
 from rotorid.vehicles.catalog import VEHICLES
 from rotorid.vehicles.catalog import aircraft as library_aircraft
 
@@ -60,7 +62,7 @@ class SimulateChoices(Immutable):
     wind
         Steady part and turbulence.
     changes
-        Numbers of the vehicle that are to be otherwise, see :func:`rotorid.simulate.changes.changed`.
+        Numbers of the vehicle that are to be otherwise, see :func:`rotorid.simulation.multirotor_flight.changed`.
     vary
         Numbers drawn anew for every run, from a normal distribution with this standard deviation in percent.
     runs
@@ -237,14 +239,69 @@ def _on_log(maneuver: Maneuver, start_s: float, file: str) -> ManeuverDocument:
 
 def _findings(logs: Sequence[SimulatedLogDocument]) -> list[Finding]:
     return [
-        Finding(
-            kind="saturation",
-            severity="warning",
-            where=log.file,
-            message=f"The motors could not do what was asked of them during {100.0 * log.reached.saturated:.1f} % of "
+        warn(
+            "saturation",
+            log.file,
+            f"The motors could not do what was asked of them during {100.0 * log.reached.saturated:.1f} % of "
             f"{log.file}: their outputs went from {log.reached.motor_low:.2f} to {log.reached.motor_high:.2f}.",
-            numbers={"share": log.reached.saturated},
+            share=log.reached.saturated,
         )
         for log in logs
         if log.reached is not None and log.reached.saturated > 0.0
     ]
+
+
+RIG = "rig"
+SWEPT = ("motor_3", "motor_4")
+LOG_NAME = "flight.csv"
+
+
+def move_rig(seed: int) -> FlightRecord:
+    """A record of 120 s in which the motors of roll are swept."""
+    require_seed(seed)
+    return rig.fly(SWEPT, np.random.default_rng(seed))
+
+
+def write_rig(path: Path, record: FlightRecord) -> None:
+    """Write the record as CSV: motors and what was added to them, angles and rates."""
+    topic = record.topics[0]
+    write_csv(path, topic.time_s, {channel.name: topic.values[row] for row, channel in enumerate(topic.channels)})
+
+
+def rig_document(record: FlightRecord, path: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:
+    """What moved, what was true, and where the log is."""
+    topic, known = record.topics[0], VEHICLES[RIG]
+    model = library_model("rig.roll")
+    return SimulationDocument(
+        vehicle=VehicleDocument(name=RIG, description=known.summary, source=known.source, autopilot="simple"),
+        logs=[
+            SimulatedLogDocument(
+                file=path.name,
+                format="csv",
+                sha256=sha256_of(path),
+                seed=seed,
+                duration_s=float(topic.time_s[-1] - topic.time_s[0]),
+            )
+        ],
+        maneuvers=[
+            ManeuverDocument(
+                record=path.name,
+                axis=one.axis,
+                kind=one.kind,
+                start_s=one.start_s,
+                stop_s=one.stop_s,
+                band_rad_s=one.band_rad_s,
+                origin=one.origin,
+                signal=one.signal,
+            )
+            for one in record.declared
+        ],
+        truth={
+            parameter.name: TruthDocument(value=rig.TRUTH[parameter.name], unit=parameter.unit)
+            for parameter in model.parameters
+            if parameter.name in rig.TRUTH
+        },
+        provenance=ProvenanceDocument(
+            version=__version__, command=list(command), inputs={}, settings={"swept": list(SWEPT)}, seed=seed
+        ),
+    )

@@ -1,33 +1,130 @@
-"""From records in time to a fitted model with bounds."""
+r"""From records in time to a fitted model with bounds.
+
+Where a time-domain fit begins: the frequency-domain fit of the same data, and the start values of the structure.
+
+Bounds of parameters that were fitted in time: by what is left of outputs, or of equations of motion.
+
+What a careful engineer would remark on a time-domain fit.
+
+Whether inputs follow the errors of the outputs: then a controller was at work, and output error is biased.
+
+.. math:: r_k = \frac{1}{N \sigma_e \sigma_u} \sum_t e_t u_{t+k}, \qquad Q = N \sum_{k=1}^{K} r_k^2 \sim \chi^2_K
+
+for residuals and inputs that are both whitened by an autoregression of their own: without feedback no input knows
+what the model could not explain before it. After Haugh, *Checking the Independence of Two Covariance-Stationary Time
+Series*, 1976.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rotorid.data.findings import Finding
-from rotorid.data.immutable import Immutable
-from rotorid.errors import UsageError
-from rotorid.fit.output_error import OutputErrorFit, fit_output_error, log_likelihood
-from rotorid.fit.solution import Solution
-from rotorid.fit.structure_equation_error import EquationErrorFit, EquationScore, fit_equation_error
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_equation_error import InBand, InTime
-from rotorid.fit.time_problem import Part, TimeProblem, Unknown
-from rotorid.fit.time_start import own_starts
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
+from rotorid.fitting.equations.regression import InBand, InTime
+from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.fitting.time.output_error import (
+    InitialCondition,
+    OutputErrorFit,
+    Part,
+    TimeData,
+    TimeProblem,
+    fit_output_error,
+    log_likelihood,
+    own_starts,
+)
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fitting import Fitted
-from rotorid.pipeline.instruments import is_command
+from rotorid.pipeline.frequency_fit import Fitted, fit_with_bounds, judge_parameters
+from rotorid.pipeline.instruments import Flown, is_command
+from rotorid.pipeline.inverse import pose_screened
+from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.resolve import black_box_order, chosen_parameters
 from rotorid.pipeline.searching import Searched, refuse_search, searched
+from rotorid.pipeline.segments import TimeRecords
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.time_bounds import equation_bounds, time_bounds
-from rotorid.pipeline.time_records import TimeRecords
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.typing import ComplexArray, FloatArray
+from rotorid.uncertainty.colored import autoregression, colored_covariance
+from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.verification.scores import GOOD_FIT_PERCENT
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def time_bounds(parts: Sequence[Part], parameters: ParameterSet) -> tuple[Bounds, int]:
+    r"""Bounds from the Fisher matrix :math:`F = \sum_i S_i^T S_i`, and the memory of the residuals.
+
+    Cramér–Rao and insensitivity are CIFER's, :math:`2 \sqrt{(F^{-1})_{ii}}` and :math:`1 / \sqrt{F_{ii}}`, so that the
+    same guidelines apply. Columns of the slopes beyond the free parameters are those of a noise model, which is
+    estimated with them. The covariance is corrected for the color of the residuals; ``inflation`` is how much
+    larger than for white ones the standard deviations are, in the geometric mean.
+
+    Raises
+    ------
+    InsufficientDataError
+        A parameter has no effect, or several cannot be told apart at all.
+    """
+    free = parameters.free
+    count = len(free)
+    slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
+    fisher = slopes.T @ slopes
+    silent = [name for name, size in zip(free, fisher.diagonal()[:count], strict=True) if size == 0.0]
+    if silent:
+        raise _unseen(silent)
+    try:
+        colored = colored_covariance(parts)
+    except np.linalg.LinAlgError as error:
+        raise _unseen(free) from error
+    length = np.sqrt(fisher.diagonal())
+    inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / fisher.diagonal()
+    corrected, white = colored.corrected[:count, :count], colored.white[:count, :count]
+    ratio = np.log(corrected.diagonal() / white.diagonal())
+    bounds = Bounds(
+        names=free,
+        cramer_rao=2.0 * np.sqrt(inverse[:count]),
+        insensitivity=1.0 / length[:count],
+        covariance=corrected,
+        inflation=math.exp(0.5 * float(np.mean(ratio))),
+    )
+    return bounds, colored.memory
+
+
+def equation_bounds(fit: EquationErrorFit) -> Bounds:
+    r"""Bounds of an equation-error fit, from :math:`F = J^T J` of its weighted equations.
+
+    Percents are formed as by :func:`time_bounds`. The covariance is that of the fit, for residuals of any color, and
+    ``inflation`` compares it with white ones. None of them knows the bias by noise in measured states.
+    """
+    fisher = fit.solution.jacobian.T @ fit.solution.jacobian
+    length = np.sqrt(fisher.diagonal())
+    white = np.sqrt(np.linalg.inv(fisher / np.outer(length, length)).diagonal()) / length
+    ratio = np.log(fit.covariance.diagonal() / white**2)
+    return Bounds(
+        names=fit.names,
+        cramer_rao=2.0 * white,
+        insensitivity=1.0 / length,
+        covariance=fit.covariance,
+        inflation=math.exp(0.5 * float(np.mean(ratio))),
+    )
+
+
+def _unseen(names: Sequence[str]) -> InsufficientDataError:
+    message = f"The records do not determine {', '.join(names)}."
+    return InsufficientDataError(
+        message,
+        needed="parameters that the data can see",
+        remedy="fix some with --fix NAME=VALUE, or take a smaller model",
+        findings=[refusal("not_identifiable", name, message) for name in names],
+    )
+
 
 TimeMethod: TypeAlias = Literal["output_error", "prediction_error", "equation_error"]
 
@@ -118,7 +215,6 @@ def fit_in_time(
     *,
     method: TimeMethod,
     frequency: Fitted | None = None,
-    progress: Callable[[str], None] = lambda _: None,
 ) -> TimeFitted:
     """Fit a structure to records in time and bound its parameters.
 
@@ -138,8 +234,6 @@ def fit_in_time(
         How.
     frequency
         The fit of the same data in the frequency domain.
-    progress
-        Told what is being done.
 
     Raises
     ------
@@ -152,12 +246,12 @@ def fit_in_time(
     if frequency is not None:
         structure, parameters = _begun(structure, parameters, frequency)
     whole = frequency.parameters if frequency is not None else chosen_parameters(structure, settings)
-    progress(f"fitting {structure.name} by {method.replace('_', ' ')}")
+    _PROGRESS.info(f"fitting {structure.name} by {method.replace('_', ' ')}")
     seeded = frequency is not None
     if method == "prediction_error":
-        ended = _predicting(structure, parameters, records, settings, progress, seeded=seeded)
+        ended = _predicting(structure, parameters, records, settings, seeded=seeded)
     elif method == "output_error":
-        ended = _simulating(structure, parameters, records, settings, progress, seeded=seeded)
+        ended = _simulating(structure, parameters, records, settings, seeded=seeded)
     else:
         ended = _by_equations(structure, parameters, records, settings, frequency)
     search = frequency.search if frequency is not None else None
@@ -185,7 +279,6 @@ def _simulating(
     parameters: ParameterSet,
     records: TimeRecords,
     settings: IdentifySettings,
-    progress: Callable[[str], None],
     *,
     seeded: bool,
 ) -> _Ended:
@@ -200,7 +293,7 @@ def _simulating(
     for _ in range(_ROUNDS):
         fitted_s = length_s
         problem = _posed(structure, parameters, records, fitted_s)
-        search = search or searched(problem, settings, progress)
+        search = search or searched(problem, settings)
         starts = [parameters.pack()] if seeded else []
         # The own starts of a large model lead nowhere that its responses have not shown.
         if not seeded or any(parameters[name].starts for name in parameters.free):
@@ -235,17 +328,15 @@ def _predicting(
     parameters: ParameterSet,
     records: TimeRecords,
     settings: IdentifySettings,
-    progress: Callable[[str], None],
     *,
     seeded: bool,
 ) -> _Ended:
     """Prediction error, from the values of the frequency domain or of an output-error fit."""
-    from rotorid.fit.innovations import InnovationsProblem
-    from rotorid.fit.innovations_fit import fit_prediction_error
+    from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
 
     search = None
     if not seeded:
-        begun = _simulating(structure, parameters, records, settings, progress, seeded=False)
+        begun = _simulating(structure, parameters, records, settings, seeded=False)
         structure, parameters, search = begun.problem.structure, begun.problem.parameters, begun.search
     problem = InnovationsProblem(
         structure=structure,
@@ -310,11 +401,10 @@ def _black_box(
     order: int,
     records: TimeRecords,
     settings: IdentifySettings,
-    unknowns: tuple[Unknown, ...],
+    unknowns: tuple[InitialCondition, ...],
 ) -> _Ended:
     """A black box without values: its starts come from subspaces."""
-    from rotorid.fit.black_box import fit_black_box, fit_black_box_pairs
-    from rotorid.fit.black_box_starts import StartPlan
+    from rotorid.fitting.black_box.fit import StartPlan, fit_black_box, fit_black_box_pairs
 
     if settings.fix or settings.ties or settings.free:
         raise UsageError(
@@ -345,7 +435,7 @@ def _black_box(
     return _ended(found.fit, findings=found.findings)
 
 
-def unknowns_of(structure: LinearStructure) -> tuple[Unknown, ...]:
+def unknowns_of(structure: LinearStructure) -> tuple[InitialCondition, ...]:
     """What is estimated beside the parameters: for commands also their trim, which a vehicle integrates."""
     if all(is_command(name) for name in structure.inputs) and black_box_order(structure) is None:
         return ("initial_state", "output_shift", "state_bias")
@@ -388,4 +478,367 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFitt
         findings=ended.findings,
         equations=() if by is None else by.equations,
         search=ended.search,
+    )
+
+
+class FrequencySide(NamedTuple):
+    """What the frequency domain says about the same data.
+
+    Parameters
+    ----------
+    measured
+        Responses, or ``None`` where they could not be estimated.
+    fitted
+        The fit in the frequency domain, or ``None`` where there is none.
+    why_not
+        Why there is no fit, in words; empty where there is one.
+    """
+
+    measured: Measured | None = None
+    fitted: Fitted | None = None
+    why_not: str = ""
+
+
+def frequency_side(
+    structure: LinearStructure,
+    flown: Sequence[Flown],
+    settings: IdentifySettings,
+    *,
+    fits: bool = True,
+    searches: bool = False,
+) -> FrequencySide:
+    """Measure responses and fit them, as far as the data support that.
+
+    Parameters
+    ----------
+    structure, flown, settings
+        As for :func:`rotorid.pipeline.identification.identify`.
+    fits
+        Whether to fit the structure; one without start values of its own cannot be.
+    searches
+        Whether the search that the settings ask for belongs here, and not to the fit in time.
+    """
+    measured = None
+    try:
+        measured = measure(flown, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        if not fits:
+            return FrequencySide(measured)
+        _PROGRESS.info(f"fitting {structure.name} in the frequency domain")
+        problem = pose_screened(structure, measured, settings, flown).problem
+        own = settings if searches else replace(settings, search=None, evaluations=None, starts="default")
+        return FrequencySide(measured, fit_with_bounds(problem, measured, own))
+    except (InsufficientDataError, ModelError) as error:
+        return FrequencySide(measured, None, error.came.rstrip("."))
+
+
+def held_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray:
+    r"""Response of the hold of the inputs, :math:`(1 - e^{-j \omega T}) / (j \omega T)`, shape ``(f,)``.
+
+    It is one for inputs that were joined by lines. Responses between samples contain it. A simulation with held inputs
+    has it apart from the model.
+    """
+    if records.hold == "first":
+        return np.ones(omega_rad_s.size, dtype=np.complex128)
+    half = 0.5 * omega_rad_s / records.data[0].sample_rate_hz
+    return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half), dtype=np.complex128)
+
+
+_APART = 3.0
+"""Combined standard deviations beyond which two methods disagree."""
+
+_COLORED = 1.2
+_SETTLED = 1e-6
+
+
+class Compared(NamedTuple):
+    """One parameter in the frequency domain, and what of the difference the hold of the inputs explains."""
+
+    value: float
+    std: float | None
+    hold_s: float = 0.0
+
+
+def judge_time_fit(fitted: TimeFitted, records: TimeRecords, fit_percent: Mapping[str, float]) -> tuple[Finding, ...]:
+    """Remarks on the fit, its residuals and its parameters; those of a black box mean nothing one by one."""
+    black_box = black_box_order(fitted.problem.structure) is not None
+    return (
+        *fitted.findings,
+        *_pieces(fitted),
+        *_poor(fit_percent, fitted),
+        *_colored(fitted, records),
+        *_solver(fitted),
+        *(() if black_box else judge_parameters(fitted.parameters, fitted.bounds)),
+    )
+
+
+def _pieces(fitted: TimeFitted) -> list[Finding]:
+    if fitted.pieces_s is None:
+        return []
+    rate = growth(fitted.problem.structure, fitted.parameters)
+    why = (
+        f"The fastest mode grows e-fold in {1.0 / rate:.2g} s, and over a whole record any error would explode."
+        if rate > 0.0
+        else "Pieces were asked for."
+    )
+    count = len(fitted.problem.records)
+    cut = f"in {count} pieces of about {fitted.pieces_s:.2g} s, each with an initial state of its own"
+    return [
+        remark(
+            "fitted_in_pieces",
+            fitted.problem.structure.name,
+            f"{why} The records were fitted {cut}; fits in percent are those of the pieces."
+            if fitted.method == "output_error"
+            else f"{why} The fit takes the records whole; to show it they were simulated {cut}.",
+            pieces=float(count),
+            length_s=fitted.pieces_s,
+            growth_1_s=rate,
+        )
+    ]
+
+
+def _poor(fit_percent: Mapping[str, float], fitted: TimeFitted) -> list[Finding]:
+    simulated = fitted.method == "output_error"
+    why = (
+        "Dynamics are missing, or other things than the inputs move it."
+        if simulated
+        else "The fit looks at each sample by itself; in a simulation gusts add up, and so does what is missing."
+    )
+    return [
+        (warn if simulated else remark)(
+            "poor_fit",
+            name,
+            f"Simulated, the model explains {percent:.0f} % of {name} in the records it was fitted to (good: "
+            f"{GOOD_FIT_PERCENT:g} % and more). {why}",
+            fit_percent=percent,
+        )
+        for name, percent in fit_percent.items()
+        if percent < GOOD_FIT_PERCENT
+    ]
+
+
+def _colored(fitted: TimeFitted, records: TimeRecords) -> list[Finding]:
+    factor = fitted.bounds.inflation
+    if factor < _COLORED:
+        return []
+    memory_s = fitted.memory / records.data[0].sample_rate_hz
+    color = (
+        f"Residuals remember their past over some {fitted.memory} samples ({memory_s:.2g} s), as in every real flight."
+        if fitted.memory
+        else "Errors of the equations are not white, as in every real flight."
+    )
+    return [
+        remark(
+            "colored_residuals",
+            fitted.problem.structure.name,
+            f"{color} Standard deviations count that: they are {factor:.2g} times as large as for white residuals.",
+            factor=factor,
+            memory=float(fitted.memory),
+        )
+    ]
+
+
+def _solver(fitted: TimeFitted) -> list[Finding]:
+    solution, structure = fitted.solution, fitted.problem.structure
+    delays = {str(entry) for entry in structure.input_delays}
+    findings = [
+        _at_bound(name, late=name in delays and fitted.parameters[name].value == 0.0)
+        for name, at_bound in zip(fitted.parameters.free, solution.at_bound, strict=False)
+        if at_bound
+    ]
+    if solution.outcome is not Outcome.CONVERGED and left_to_gain(solution) > _SETTLED:
+        findings.append(warn("not_converged", structure.name, solution.outcome.value))
+    return findings
+
+
+def _at_bound(name: str, *, late: bool) -> Finding:
+    why = (
+        " The outputs answer no later than they are asked, or earlier: so do outputs that passed a zero-phase filter "
+        "which the inputs did not, or commands that were stamped late."
+        if late
+        else ""
+    )
+    return warn(
+        "parameter_at_bound", name, f"{name} ended on a bound of the search; its value says no more than that.{why}"
+    )
+
+
+def left_to_gain(solution: Solution) -> float:
+    """Share of the sum of squares that one more step promises; bounds are respected."""
+    inner = ~np.array(solution.at_bound, dtype=np.bool_)
+    if not inner.any() or solution.cost <= 0.0:
+        return 0.0
+    J = solution.jacobian[:, inner]
+    step = np.linalg.lstsq(J, solution.residual, rcond=None)[0]
+    return float(np.sum((J @ step) ** 2)) / solution.cost
+
+
+def compare_with(
+    frequency: Fitted, structure: LinearStructure, fitted: TimeFitted, records: TimeRecords
+) -> dict[str, Compared]:
+    """Parameters of the frequency-domain fit that the time-domain fit has too.
+
+    A response between samples contains the hold of the inputs, half a step of delay, which a simulation with held
+    inputs has apart. That much of a delay is no disagreement.
+    """
+    half_s = 0.5 / records.data[0].sample_rate_hz if records.hold == "zero" else 0.0
+    delays = {str(entry) for entry in structure.input_delays}
+    std = dict(zip(frequency.bounds.names, map(float, frequency.bounds.std), strict=True))
+    return {
+        parameter.name: Compared(parameter.value, std.get(parameter.name), half_s * (parameter.name in delays))
+        for parameter in frequency.parameters
+        if parameter.name in fitted.parameters.names and parameter.status != "dropped"
+    }
+
+
+def judge_agreement(fitted: TimeFitted, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
+    """A warning for each parameter that time and frequency domain know, and know differently."""
+    std = dict(zip(fitted.bounds.names, map(float, fitted.bounds.std), strict=True))
+    findings = []
+    for name, other in others.items():
+        if name not in std or other.std is None:
+            continue
+        value, combined = fitted.parameters[name].value, math.hypot(std[name], other.std)
+        distance = abs(value + other.hold_s - other.value) / combined if combined > 0.0 else 0.0
+        if distance > _APART:
+            unit = fitted.parameters[name].unit
+            held = (
+                f" Of that, {1e3 * other.hold_s:.3g} ms are the hold of the input, which the response contains."
+                if other.hold_s
+                else ""
+            )
+            findings.append(
+                warn(
+                    "methods_disagree",
+                    name,
+                    f"{name} is {value:.4g} ± {std[name]:.2g} {unit} in the time domain and {other.value:.4g} ± "
+                    f"{other.std:.2g} {unit} in the frequency domain, {distance:.1f} standard deviations apart."
+                    f"{held} They weigh what the structure leaves out differently, or feedback biases one of them.",
+                    time=value,
+                    frequency=other.value,
+                    distance_std=distance,
+                    hold_s=other.hold_s,
+                )
+            )
+    return tuple(findings)
+
+
+def nothing_unseen(names: Sequence[str]) -> Finding:
+    """What to say where a model was judged on nothing that it had not seen."""
+    return warn(
+        "not_verified",
+        ", ".join(names),
+        "Everything that was flown was fitted, so nothing is left to judge the model on. Give another log with "
+        "--verify.",
+    )
+
+
+_REACH_S = 0.5
+_MOST_LAGS = 40
+_LEAST_LAGS = 5
+_CHANCE = 1e-4
+_MOST_LEVELS = 8
+_SHARE, _SHARE_OF_SETPOINTS = 0.01, 0.05
+"""Least share that counts. Resampled set-points are smeared over the samples around them by some percent."""
+
+
+class Following(NamedTuple):
+    """How an input follows an output's errors: share of its motion, and the chance of that without feedback."""
+
+    output: str
+    input: str
+    share: float
+    chance: float
+
+
+def following(
+    errors: Sequence[FloatArray],
+    inputs: Sequence[FloatArray],
+    *,
+    input_names: Sequence[str],
+    output_names: Sequence[str],
+    sample_rate_hz: float,
+) -> tuple[Following, ...]:
+    """Every input against the past errors of every output; one of a few levels is a test signal, which follows nothing.
+
+    A zero-phase filter on the outputs makes errors that know the inputs to come, which looks the same.
+
+    Parameters
+    ----------
+    errors
+        Output errors of each record, shape ``(y, n)``.
+    inputs
+        Inputs of the same records, shape ``(u, n)``.
+    input_names, output_names
+        Names of the rows.
+    sample_rate_hz
+        Of all records.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> error = rng.standard_normal(3000)
+    >>> command = rng.standard_normal(3000)
+    >>> command[2:] -= 0.5 * error[:-2]
+    >>> found = following(
+    ...     [error[None]], [command[None]], input_names=["roll_command"], output_names=["p"], sample_rate_hz=50.0
+    ... )
+    >>> round(found[0].share, 1), found[0].chance < 1e-6
+    (0.2, True)
+    """
+    lags = int(np.clip(round(_REACH_S * sample_rate_hz), _LEAST_LAGS, _MOST_LAGS))
+    found = []
+    for y, output in enumerate(output_names):
+        e = _whitened([one[y] for one in errors])
+        for u, name in enumerate(input_names):
+            if all(np.unique(one[u]).size <= _MOST_LEVELS for one in inputs):
+                continue
+            share, chance = _test(e, _whitened([one[u] for one in inputs]), lags)
+            found.append(Following(output, name, share, chance))
+    return tuple(found)
+
+
+def _test(errors: Sequence[FloatArray], inputs: Sequence[FloatArray], lags: int) -> tuple[float, float]:
+    from scipy.stats import chi2
+
+    count = sum(one.size for one in errors)
+    power = sum(float(one @ one) for one in errors) * sum(float(one @ one) for one in inputs)
+    if power == 0.0:
+        return 0.0, 1.0
+    products = [
+        sum(float(e[: e.size - lag] @ u[lag:]) for e, u in zip(errors, inputs, strict=True))
+        for lag in range(1, lags + 1)
+    ]
+    share = float(np.sum(np.square(products))) / power
+    # By chance alone every lag takes one part in N.
+    return max(share - lags / count, 0.0), float(chi2.sf(count * share, lags))
+
+
+def _whitened(parts: Sequence[FloatArray]) -> list[FloatArray]:
+    """Records without what their own past explains."""
+    centered = [part - part.mean() for part in parts]
+    coefficients = autoregression([part[:, None] for part in centered]).coefficients[:, 0, 0]
+    filtered = (np.convolve(part, np.concatenate([[1.0], -coefficients])) for part in centered)
+    return [np.asarray(one[: part.size]) for one, part in zip(filtered, centered, strict=True)]
+
+
+def judge_following(found: Sequence[Following]) -> tuple[Finding, ...]:
+    """A warning for each input that follows the errors of an output: that of the output it follows most."""
+    findings = []
+    for name in dict.fromkeys(one.input for one in found):
+        worst = max((one for one in found if one.input == name), key=lambda one: one.share)
+        least = _SHARE if is_command(name) else _SHARE_OF_SETPOINTS
+        if worst.chance < _CHANCE and worst.share > least:
+            findings.append(_biased(worst))
+    return tuple(findings)
+
+
+def _biased(one: Following) -> Finding:
+    return warn(
+        "closed_loop_bias",
+        f"{one.output}/{one.input}",
+        f"{one.input} follows what the model could not explain in {one.output} ({100.0 * one.share:.0f} % of what "
+        "its own past leaves), so a controller moved it. Plain output error is biased by that; --method "
+        "prediction_error models the noise and is not.",
+        share=one.share,
+        chance=one.chance,
     )

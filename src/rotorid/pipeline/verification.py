@@ -1,291 +1,225 @@
-"""Verification on maneuvers that the fit has not seen."""
+"""Judge an identified model on logs that it has not seen."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
-from rotorid.data.findings import Finding
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, refusal
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.building import require_channels
-from rotorid.pipeline.fitting import Fitted
-from rotorid.pipeline.hold_out import hold_out
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.pipeline.assemble import finding_documents, provenance_document, range_documents
+from rotorid.pipeline.candidate import Candidate, GivenController, read_candidate
+from rotorid.pipeline.coverage import Trim, covered_by, trim_of
+from rotorid.pipeline.frequency_check import FrequencyCheck
 from rotorid.pipeline.instruments import Flown, axes_of
-from rotorid.pipeline.judged import Judged
-from rotorid.pipeline.measure import Measured, default_band
-from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes, wholly_flown
-from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
-from rotorid.pipeline.telling import telling, usual_motion
-from rotorid.pipeline.unseen_sweeps import judge_sweeps
-from rotorid.pipeline.verify_model import Candidate, candidate_of
-from rotorid.pipeline.verify_time import predict_maneuvers, remarks_on
-from rotorid.signal.segment import find_excitations
+from rotorid.pipeline.segments import cut
+from rotorid.pipeline.selection import each_once
+from rotorid.pipeline.settings import MeasureSettings
+from rotorid.pipeline.unseen import UnseenLog, Verifications, check_logs, has_seen, seen_data, unseen_logs
+from rotorid.pipeline.verify_document import (
+    VerifyDocument,
+    guideline_document,
+    maneuver_verification,
+    sweep_verification,
+)
 from rotorid.typing import Axis
-from rotorid.verify.matching import LowPass
-from rotorid.verify.verification import Verification
+from rotorid.verification.sampled import LowPass
+from rotorid.verification.verification import Verification
+
+_QUIET_S = 1.5
+_SPEEDS_AND_ANGLES = ("u", "v", "w", "theta", "phi")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Checked:
-    """What verification found.
-
-    Parameters
-    ----------
-    verifications
-        Unseen maneuvers in the time domain.
-    frequency
-        Cost of the model against each response of unseen sweeps, the worst where several logs were judged.
-    findings
-        Remarks.
-    judged
-        Unseen sweeps in the frequency domain, with the measured responses and those of the model.
-    """
-
-    verifications: tuple[Verification, ...] = ()
-    frequency: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-    judged: tuple[Judged, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class UnseenLog:
-    """One log with what the fit has not seen of it, or the cause why there is nothing."""
-
-    record: FlightRecord
-    outputs: tuple[str, ...] = ()
-    short: tuple[Flown, ...] = ()
-    sweeps: tuple[Flown, ...] = ()
-    cause: str = ""
-
-
-def check(
-    fitted: Fitted,
-    measured: Measured,
-    selection: Selection,
-    verify: Sequence[FlightRecord],
-    settings: IdentifySettings,
-    progress: Callable[[str], None],
-) -> Checked:
-    """Judge a fitted model on whatever it has not seen.
-
-    Short maneuvers of the same logs and of further ones are predicted in the time domain, sweeps of further ones in
-    the frequency domain. Where nothing was left over, the last fitted maneuver is held out of a second fit. A log that
-    was given to verify and adds nothing is said to add nothing.
-    """
-    candidate = candidate_of(fitted, measured)
-    axes = axes_of(fitted.structure.inputs, fitted.structure.outputs)
-    own = {id(record): record for record, _ in selection.unseen}.values()
-    logs = [
-        *(
-            UnseenLog(
-                record=mine, outputs=fitted.structure.outputs, short=tuple(f for f in selection.unseen if f[0] is mine)
-            )
-            for mine in own
-        ),
-        *unseen_logs(candidate, verify, axes, fits=selection.fits),
-    ]
-    usual = usual_motion(measured, fitted.band_rad_s)
-    found = check_logs(candidate, logs, settings, progress, usual=usual)
-    if found.verifications or found.judged or verify:
-        return found
-    held = hold_out(fitted.problem.structure, selection.fitted, settings, progress)
-    judged = (held,) if held.response is not None else ()
-    return Checked(frequency=held.costs, findings=(*held.findings, *found.findings), judged=judged)
-
-
-def check_logs(
-    candidate: Candidate,
-    logs: Sequence[UnseenLog],
-    settings: MeasureSettings,
-    progress: Callable[[str], None],
-    *,
-    vibration_filter: LowPass = "auto",
-    usual: Mapping[str, float] | None = None,
-) -> Checked:
-    """Judge a model on logs that it has not seen; whatever fails leaves the others standing.
+@dataclass(frozen=True, kw_only=True)
+class VerifySettings(MeasureSettings):
+    """Choices of one run of ``verify``.
 
     Parameters
     ----------
-    candidate
-        The model.
-    logs
-        What there is to judge it on, see :func:`unseen_logs`.
-    settings
-        Choices of the run.
-    progress
-        Told what is being done.
+    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+        As in :class:`rotorid.pipeline.settings.MeasureSettings`; a band given here replaces that of the fit.
+    scale
+        Diameter of a full-scale rotor over the size of the vehicle, for the guideline of J_rms.
     vibration_filter
-        See :func:`rotorid.verify.time_domain.verify_in_time`.
-    usual
-        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.telling.telling`.
+        Cutoff of the matched low-pass in rad/s, ``None`` for none, ``auto`` to decide by the data.
+    controllers
+        Controllers to fly the model under; by default those whose gains the logs hold.
     """
-    parts: list[Checked] = []
-    heard: list[UnseenLog] = []
-    causes = [(log, log.cause) for log in logs if log.cause]
-    for members, attempt in _attempts(candidate, logs, settings, progress, vibration_filter, usual or {}):
-        try:
-            parts.append(attempt())
-            heard += members
-        except InsufficientDataError as error:
-            causes += [(log, error.came.rstrip(".")) for log in members]
-    frequency: dict[str, float] = {}
-    for part in parts:
-        frequency |= {pair: max(cost, frequency.get(pair, 0.0)) for pair, cost in part.frequency.items()}
-    return Checked(
-        verifications=tuple(item for part in parts for item in part.verifications),
-        frequency=frequency,
-        findings=(
-            *(finding for part in parts for finding in part.findings),
-            *(_not_verified(log, cause, part=log in heard) for log, cause in causes),
-        ),
-        judged=tuple(item for part in parts for item in part.judged),
+
+    scale: float | None = None
+    vibration_filter: LowPass = "auto"
+    controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        MeasureSettings.__post_init__(self)
+        self._set(controllers=self.controllers)
+        if self.scale is not None and not 0.0 < self.scale < math.inf:
+            raise UsageError(f"a scale of {self.scale:g} came", needed="a finite number above zero")
+
+    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+        """The choices for the provenance of a result."""
+        return MeasureSettings.as_json(self) | {
+            "scale": self.scale,
+            "vibration_filter": self.vibration_filter,
+            "controllers": [f"{axis}: {given}" for axis, given in self.controllers.items()],
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verified(Immutable):
+    """A finished verification.
+
+    Parameters
+    ----------
+    document
+        What ``verification.json`` holds.
+    verifications
+        Unseen maneuvers, measured and predicted.
+    judged
+        Unseen sweeps, measured and modelled responses.
+    """
+
+    document: VerifyDocument
+    verifications: tuple[Verification, ...] = ()
+    judged: tuple[FrequencyCheck, ...] = ()
+
+
+def verify(
+    model: str | Path | Candidate,
+    records: Sequence[FlightRecord],
+    *,
+    settings: VerifySettings | None = None,
+    command: Sequence[str] = (),
+) -> Verified:
+    """Judge an identified model on other data.
+
+    Short maneuvers are predicted in the time domain, in open loop and a little ahead from every sample; sweeps and
+    random signals are compared in the frequency domain. Nothing of the model is adjusted. What was fitted flatters:
+    where the result says what that was, such a maneuver is shown with the finding ``seen_data``; else it is for the
+    caller to know.
+
+    Parameters
+    ----------
+    model
+        A folder that ``identify`` wrote, its ``result.json``, a ``model.toml``, or a model with its band.
+    records
+        Logs as :func:`rotorid.read` gives them.
+    settings
+        Choices; everything has a default.
+    command
+        For the provenance.
+
+    Raises
+    ------
+    InsufficientDataError
+        No log can judge the model; the findings say why.
+    UsageError, ModelError
+        The model cannot be read, a record came twice, or an option is wrong.
+    """
+    settings = settings or VerifySettings()
+    candidate = chosen(model, settings)
+    each_once(records)
+    axes = axes_of(candidate.structure.inputs, candidate.structure.outputs)
+    logs = unseen_logs(candidate, records, axes, segments=settings.segments)
+    checked = check_logs(candidate, logs, settings, vibration_filter=settings.vibration_filter)
+    findings = (*(f for record in records for f in record.findings), *_seen(candidate, logs), *checked.findings)
+    if not checked.verifications and not checked.judged:
+        causes = "; ".join(f.message.rstrip(".") for f in checked.findings if f.kind == "not_verified")
+        raise InsufficientDataError(
+            causes or "no log can judge the model",
+            needed=f"a sweep or a doublet of {' or '.join(axes)} with all channels of the model",
+            remedy="see what rotorid inspect finds, or name an interval with --segment",
+            findings=findings,
+        )
+    document = _document(candidate, records, logs, checked, findings, settings, command)
+    return Verified(document=document, verifications=checked.verifications, judged=checked.judged)
+
+
+def _seen(candidate: Candidate, logs: Sequence[UnseenLog]) -> list[Finding]:
+    """Maneuvers that the model was fitted to."""
+    known = candidate.provenance
+    flown = [item for log in logs for item in (*log.short, *log.sweeps)]
+    return [] if known is None else [seen_data(*item) for item in flown if has_seen(known, *item)]
+
+
+def chosen(model: str | Path | Candidate, settings: VerifySettings) -> Candidate:
+    """The model that is meant, with the band and the controllers that were asked for."""
+    candidate = model if isinstance(model, Candidate) else read_candidate(Path(model))
+    return replace(
+        candidate,
+        band_rad_s=settings.band_rad_s or candidate.band_rad_s,
+        controllers={**candidate.controllers, **settings.controllers},
     )
 
 
-def unseen_logs(
+def _document(
     candidate: Candidate,
     records: Sequence[FlightRecord],
-    axes: Sequence[Axis],
-    *,
-    segments: Sequence[Maneuver] = (),
-    fits: Callable[[FlightRecord, Maneuver], bool] = lambda _record, _maneuver: False,
-) -> tuple[UnseenLog, ...]:
-    """What each log has to judge a model on.
-
-    Parameters
-    ----------
-    candidate
-        The model; its channels are needed.
-    records
-        The logs.
-    axes
-        Axes of its inputs.
-    segments
-        Intervals to use instead of the excitations that are found.
-    fits
-        Whether a maneuver was fitted, which is no test.
-    """
-    given = of_axes(segments, axes)
-    structure = candidate.structure
-    logs = []
-    for record in records:
-        there = tuple(name for name in structure.outputs if not _lacking(record, [name]))
-        # Without an input nothing can be predicted; of the outputs those that are there will do.
-        lacking = _lacking(record, (*structure.inputs, *(there or structure.outputs)))
-        found = [m for axis in axes for m in find_excitations(record, axis)]
-        wanted = [described(record, m) for m in given if inside(record, m)] if segments else found
-        flown = [(record, m) for m in wanted if not fits(record, m)]
-        if lacking:
-            logs.append(UnseenLog(record=record, cause=lacking))
-        elif not flown:
-            what = "no given segment" if segments else f"no excitation of {' or '.join(axes)} beyond what was fitted"
-            logs.append(UnseenLog(record=record, cause=f"it holds {what}"))
-        else:
-            short = tuple((r, m) for r, m in flown if m.kind not in RICH_KINDS)
-            short = short if segments else wholly_flown(short)
-            sweeps = tuple((r, m) for r, m in flown if m.kind in RICH_KINDS)
-            logs.append(UnseenLog(record=record, outputs=there, short=short, sweeps=sweeps))
-    return tuple(logs)
-
-
-def _lacking(record: FlightRecord, channels: Sequence[str]) -> str:
-    """Why a record cannot be used, where it lacks a channel that cannot be made of others either."""
-    try:
-        require_channels(record, channels)
-    except InsufficientDataError as error:
-        return error.came
-    return ""
-
-
-def _attempts(
-    candidate: Candidate,
     logs: Sequence[UnseenLog],
-    settings: MeasureSettings,
-    progress: Callable[[str], None],
-    vibration_filter: LowPass,
-    usual: Mapping[str, float],
-) -> list[tuple[list[UnseenLog], Callable[[], Checked]]]:
-    """What to judge the model on, and the logs behind each."""
-    axes = set(axes_of(candidate.structure.inputs, candidate.structure.outputs))
-    flying = [log for log in logs if log.sweeps]
-    # A log that excites every input stands alone, so that a good one does not hide a bad one in a common average.
-    alone = [log for log in flying if axes <= {m.axis for _, m in log.sweeps}]
-    together = [log for log in flying if log not in alone]
-    groups = [*([log] for log in alone), *([together] if together else [])]
-    return [
-        *(
-            ([log], partial(_predict, candidate, log, settings, progress, vibration_filter, usual))
-            for log in logs
-            if log.short
-        ),
-        *((group, partial(_judge, candidate, group, settings, progress)) for group in groups),
-    ]
-
-
-def _predict(
-    candidate: Candidate,
-    log: UnseenLog,
-    settings: MeasureSettings,
-    progress: Callable[[str], None],
-    vibration_filter: LowPass,
-    usual: Mapping[str, float],
-) -> Checked:
-    checks, findings = predict_maneuvers(
-        candidate, log.short, settings, progress, outputs=log.outputs, vibration_filter=vibration_filter
+    checked: Verifications,
+    findings: Sequence[Finding],
+    settings: VerifySettings,
+    command: Sequence[str],
+) -> VerifyDocument:
+    structure = candidate.structure
+    flown = [item for log in logs for item in (*log.short, *log.sweeps)]
+    return VerifyDocument(
+        model=structure.name,
+        inputs=list(structure.inputs),
+        outputs=list(structure.outputs),
+        states=list(structure.states),
+        band_rad_s=candidate.band_rad_s,
+        maneuvers=[
+            maneuver_verification(check, structure.states, _trim(check, flown)) for check in checked.verifications
+        ],
+        frequency=[sweep_verification(item) for item in checked.judged],
+        j_rms_guideline=guideline_document(settings.scale),
+        covered=range_documents(covered_by(flown)),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command, flown=flown),
     )
-    told = telling(checks, candidate, usual)
-    if not told:
-        raise InsufficientDataError("its short maneuvers move no output more than it moves before them")
-    # Only what tells about the model is remarked on.
-    said = [finding for check in checks for finding in remarks_on(check)]
-    data = [finding for finding in findings if finding not in said]
-    remarks = [finding for check in told for finding in remarks_on(check)]
-    return Checked(verifications=told, findings=(*_without(candidate, [log], log.outputs), *data, *remarks))
 
 
-def _judge(
-    candidate: Candidate, logs: Sequence[UnseenLog], settings: MeasureSettings, progress: Callable[[str], None]
-) -> Checked:
-    sweeps = [flown for log in logs for flown in log.sweeps]
-    outputs = tuple(name for name in candidate.structure.outputs if all(name in log.outputs for log in logs))
-    if not outputs:
-        raise InsufficientDataError("the logs have no output of the model in common")
-    judged = judge_sweeps(
-        candidate.structure if outputs == candidate.structure.outputs else candidate.structure.select(outputs=outputs),
-        candidate.parameters,
-        sweeps,
-        band_rad_s=candidate.band_rad_s or default_band(sweeps, math.inf),
-        settings=settings,
-        progress=progress,
-    )
-    findings = (*_without(candidate, logs, outputs), *judged.findings)
-    return Checked(frequency=judged.costs, findings=findings, judged=(judged,))
+def _trim(check: Verification, flown: Sequence[Flown]) -> Trim | None:
+    """Trim before a maneuver, of what its log holds of speeds and angles."""
+    for record, maneuver in flown:
+        if (
+            record.source.name != check.record
+            or maneuver.start_s > check.time_s[-1]
+            or maneuver.stop_s < check.time_s[0]
+        ):
+            continue
+        channels = [name for name in _SPEEDS_AND_ANGLES if name in record.channel_names]
+        try:
+            segments, _ = cut([(record, maneuver)], channels=channels, rest_s=_QUIET_S) if channels else ((), ())
+            return trim_of(segments[0].history, until_s=maneuver.start_s) if segments else None
+        except InsufficientDataError:
+            return None
+    return None
 
 
-def _without(candidate: Candidate, logs: Sequence[UnseenLog], outputs: Sequence[str]) -> list[Finding]:
-    """Outputs of the model that could not be judged, because a log does not hold them."""
-    left_out = [name for name in candidate.structure.outputs if name not in outputs]
-    where = ", ".join(log.record.source.name for log in logs)
-    return [
-        Finding(
-            kind="missing_channel",
-            severity="info",
-            where=f"{where}: {name}",
-            message=f"{where} holds no {name}, so that output of the model was not judged there.",
-        )
-        for name in left_out
-    ]
-
-
-def _not_verified(log: UnseenLog, cause: str, *, part: bool) -> Finding:
-    name = log.record.source.name
-    return Finding(
-        kind="not_verified",
-        severity="info" if part else "warning",
-        where=name,
-        message=f"{'A part of ' if part else ''}{name} did not verify the model: {cause}.",
+def refused_verification(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    model: str | Path | Candidate,
+    *,
+    settings: VerifySettings,
+    command: Sequence[str] = (),
+) -> VerifyDocument:
+    """The document for logs that cannot judge a model: its findings say why, and no number is given."""
+    structure = chosen(model, settings).structure
+    findings = list(error.findings) or [f for record in records for f in record.findings]
+    if not error.findings:
+        findings.append(refusal("not_verified", structure.name, str(error)))
+    return VerifyDocument(
+        model=structure.name,
+        inputs=list(structure.inputs),
+        outputs=list(structure.outputs),
+        states=list(structure.states),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command),
     )

@@ -8,27 +8,27 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.pipeline.coverage import Trim
-from rotorid.pipeline.document import FindingDocument, ProvenanceDocument
-from rotorid.pipeline.document_base import Document
-from rotorid.pipeline.judged import Judged
-from rotorid.pipeline.score_document import (
+from rotorid.documents.base import Document
+from rotorid.documents.result import (
     AheadDocument,
     AheadScoreDocument,
     ClosedLoopDocument,
+    FindingDocument,
     LoopScoreDocument,
     ManeuverVerificationDocument,
     PairCost,
+    ProvenanceDocument,
     RangeDocument,
     ScoreDocument,
     SweepVerificationDocument,
     TrimDocument,
 )
-from rotorid.verify.closed_loop import ClosedLoop
-from rotorid.verify.prediction import Prediction
-from rotorid.verify.scores import scaled_guidelines
-from rotorid.verify.verdict import verdict
-from rotorid.verify.verification import Verification
+from rotorid.pipeline.coverage import Trim
+from rotorid.pipeline.frequency_check import FrequencyCheck
+from rotorid.verification.closed_loop import ClosedLoop
+from rotorid.verification.prediction import Prediction
+from rotorid.verification.scores import scaled_guidelines
+from rotorid.verification.verification import Verification, verdict
 
 
 class GuidelineDocument(Document):
@@ -134,7 +134,7 @@ def _closed_loop(flown: ClosedLoop) -> ClosedLoopDocument:
     )
 
 
-def sweep_verification(judged: Judged) -> SweepVerificationDocument:
+def sweep_verification(judged: FrequencyCheck) -> SweepVerificationDocument:
     """Unseen sweeps as a document."""
     return SweepVerificationDocument(
         records=list(judged.records),

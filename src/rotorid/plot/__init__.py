@@ -4,18 +4,18 @@ Every figure is plotly's JSON in a plain dictionary; ``rotorid.plot.figure.Figur
 function for each picture:
 
 =====================================================  =============================================================
-``rotorid.plot.bode.bode``                             a response with coherence, error band and model
+``rotorid.plot.frequency.bode``                             a response with coherence, error band and model
 ``rotorid.plot.paper.bode_figure``                     the same for a paper, by matplotlib
-``rotorid.plot.overlay.overlay``                       several responses of one pair: records, methods, windows
-``rotorid.plot.windows.window_contributions``          which window of a composite carries which frequency
-``rotorid.plot.spectrum.input_spectrum``               densities of instrument, input and output
-``rotorid.plot.bands.coherence_map``                   usable bands of all inputs and outputs
+``rotorid.plot.frequency.overlay``                       several responses of one pair: records, methods, windows
+``rotorid.plot.frequency.window_contributions``          which window of a composite carries which frequency
+``rotorid.plot.frequency.input_spectrum``               densities of instrument, input and output
+``rotorid.plot.frequency.coherence_map``                   usable bands of all inputs and outputs
 ``rotorid.plot.loops.broken_loop``                     a broken loop with its gain and phase margins
 ``rotorid.plot.loops.disturbance_rejection``           a sensitivity with its bandwidth and peak
-``rotorid.plot.excitation.timeline``                   excitations over time
+``rotorid.plot.time.timeline``                   excitations over time
 ``rotorid.plot.time.verification``                     measured and predicted over time
-``rotorid.plot.unseen.ahead``                           measured, and predicted a little ahead
-``rotorid.plot.unseen.closed_loop``                     measured, and of the model under the same controller
+``rotorid.plot.time.ahead``                           measured, and predicted a little ahead
+``rotorid.plot.time.closed_loop``                     measured, and of the model under the same controller
 ``rotorid.plot.inspection.log_figure``                 a whole log
 ``rotorid.plot.motors.rotor_layout``                   rotors from above with their numbers and directions
 ``rotorid.plot.motors.thrust_curve``                   thrust of a rotor by its output
@@ -23,7 +23,7 @@ function for each picture:
 ``rotorid.plot.design.planned_flight``                 test inputs and the simulated flight over time
 ``rotorid.plot.design.predicted_bode``                 the response that a planned flight is expected to show
 ``rotorid.plot.design.percent_dots``                   predicted deviations of parameters, plan beside plan
-``rotorid.plot.overview.overview_png``                 an identification as a PNG
+``rotorid.plot.paper.overview_png``                 an identification as a PNG
 =====================================================  =============================================================
 
 Frequency comes in rad/s; pictures over frequency take ``frequency="Hz"``, and those with a magnitude

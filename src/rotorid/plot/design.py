@@ -10,16 +10,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.plot.bode import bode
-from rotorid.plot.curves import Style, magnitude_axis, points, shown
+from rotorid.plot.curves import Frequency, Magnitude, Style, View, decibels, magnitude_axis, points, shown
 from rotorid.plot.curves import line as over_frequency
-from rotorid.plot.figure import Figure, Trace, numbers, stamps, text
-from rotorid.plot.quantity import quantity
-from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import BESIDE, DASHES, SERIES, SYMBOLS
-from rotorid.plot.ticks import frequency_ticks
+from rotorid.plot.figure import (
+    BESIDE,
+    DASHES,
+    SERIES,
+    SYMBOLS,
+    Figure,
+    Panel,
+    Trace,
+    frequency_ticks,
+    numbers,
+    quantity,
+    stacked,
+    stamps,
+    text,
+)
+from rotorid.plot.frequency import bode
 from rotorid.plot.time import line
-from rotorid.plot.view import Frequency, Magnitude, View, decibels
 from rotorid.typing import BoolArray, FloatArray
 
 _TIME_AXIS = {"title": {"text": "Time on the plan's clock [s]"}}
@@ -220,7 +229,10 @@ def predicted_bode(
     frequency: Frequency = "rad/s",
     magnitude: Magnitude = "dB",
 ) -> Figure:
-    """A response as a flight is expected to show it; the parameters are those of :func:`rotorid.plot.bode.bode`."""
+    """A response as a flight is expected to show it.
+
+    The parameters are those of :func:`rotorid.plot.frequency.bode`.
+    """
     figure = bode(
         response,
         output=output,

@@ -6,10 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rotorid.plot.figure import Figure, Trace, text
-from rotorid.plot.quantity import quantity
-from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import BESIDE, INPUT, MEASURED, MODEL
+from rotorid.plot.figure import BESIDE, INPUT, MEASURED, MODEL, Figure, Panel, Trace, quantity, stacked, text
 from rotorid.plot.time import TIME_AXIS, line
 from rotorid.typing import FloatArray
 

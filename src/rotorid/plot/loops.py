@@ -1,22 +1,46 @@
-"""How stable a loop is: the broken loop with its margins, and the sensitivity with its bandwidth."""
+"""How stable a loop is: the broken loop with its margins, and the sensitivity with its bandwidth.
+
+Poles of a model in the plane of s, with their uncertainty.
+
+Which estimates go together: the correlation of parameters as a map.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.plot.bode import Curve, bands, curve
-from rotorid.plot.curves import SIGMAS, Style, line, magnitude_axis, phase_axis
-from rotorid.plot.figure import Figure, Trace, numbers
-from rotorid.plot.phase import reference_deg
-from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import INPUT, MEASURED, MODEL, translucent
-from rotorid.plot.view import Frequency, Magnitude, View
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.plot.curves import (
+    SIGMAS,
+    Frequency,
+    Magnitude,
+    Style,
+    View,
+    line,
+    magnitude_axis,
+    phase_axis,
+    reference_deg,
+)
+from rotorid.plot.figure import (
+    BESIDE,
+    INPUT,
+    MEASURED,
+    MODEL,
+    Figure,
+    Panel,
+    Trace,
+    numbers,
+    stacked,
+    text,
+    translucent,
+)
+from rotorid.plot.frequency import Curve, bands, curve
+from rotorid.typing import ComplexArray, FloatArray, IntArray
 
 MINUS_3_DB = -3.0
 
@@ -278,3 +302,258 @@ def plus_minus(value: float, std: float) -> str:
     # Two digits of a deviation that starts with a one: rounding it to one would change it by half.
     digits = max(0, -leading + (1 if std / 10.0**leading < 2.0 else 0))
     return f"{value:.{digits}f} ± {std:.{digits}f}".replace("-", "−")
+
+
+DAMPING_RATIOS = (0.2, 0.4, 0.6, 0.8)
+
+_HEIGHT_PX = 330.0
+_CORNERS = 48
+_ROOM = 1.18
+_LABELED = 0.9
+_FAR = 20.0
+"""So many times further than the poles reach lines go on, since equal scales may show more of the plane than asked."""
+
+
+def s_plane(
+    poles: ComplexArray, *, std: ComplexArray | None = None, words: Sequence[str] = (), unit: str = "rad/s"
+) -> Figure:
+    r"""Poles as crosses, each in an ellipse of two standard deviations, over lines of equal damping.
+
+    Real and imaginary part have one scale, so that the distance from the origin is the natural frequency and the angle
+    to the negative real axis is :math:`\cos^{-1}\zeta`. The half plane in which motions grow is shaded. The axes of the
+    ellipses are those of the plane: how real and imaginary part vary together is not drawn.
+
+    Parameters
+    ----------
+    poles
+        Both of a complex pair, shape ``(n,)``, 1/s.
+    std
+        Standard deviations of real and imaginary part as a complex number, same shape; not finite where there is none.
+    words
+        What each pole says to who points at it; its value by default.
+    unit
+        Of the imaginary axis.
+
+    Raises
+    ------
+    UsageError
+        A shape does not fit, or a pole is not finite.
+
+    Examples
+    --------
+    >>> figure = s_plane(np.array([-4.6, 2.6 + 4.3j, 2.6 - 4.3j]), std=np.array([0.1, 0.1 + 0.2j, 0.1 + 0.2j]))
+    >>> [(trace["name"], trace["x"]) for trace in figure["data"] if trace["mode"] == "markers"]
+    [('decays', [-4.6]), ('grows', [2.6, 2.6])]
+    """
+    spread = np.full(poles.shape, complex(np.nan, np.nan)) if std is None else std
+    _require(poles, spread, words)
+    said = list(words) or [f"{pole.real:.4g} {pole.imag:+.4g}j".replace("-", "−") for pole in poles.tolist()]
+    reach = max(float(np.abs(poles).max(initial=0.0)), 1e-6)
+    grows = poles.real > 0.0
+    across, up = _ranges(poles, reach)
+    traces = [*_damping_lines(reach, left=-across[0], top=up[1]), *_ellipses(poles, spread)]
+    for name, color, chosen in (("decays", MEASURED, ~grows), ("grows", MODEL, grows)):
+        if chosen.any():
+            told = [text(one) for one, shown in zip(said, chosen, strict=True) if shown]
+            traces.append(_crosses(poles[chosen], told, name, color))
+    panel = Panel(
+        label=f"Imaginary part [{unit}]",
+        traces=traces,
+        height_px=_HEIGHT_PX,
+        axis={"range": up, "scaleanchor": "x", "scaleratio": 1, "zeroline": True},
+        shaded=[(0.0, _FAR * reach)],
+    )
+    return stacked([panel], x_axis={"title": {"text": "Real part [1/s]"}, "range": across, "zeroline": True})
+
+
+def _require(poles: ComplexArray, std: ComplexArray, words: Sequence[str]) -> None:
+    if poles.ndim != 1 or std.shape != poles.shape or (words and len(words) != poles.size):
+        raise UsageError(
+            f"poles of shape {poles.shape} came with deviations of shape {std.shape} and {len(words)} texts",
+            needed="one row of poles, and one of each for every pole",
+        )
+    if not np.isfinite(poles).all():
+        raise UsageError("a pole that is not finite came", needed="finite poles")
+
+
+def _ranges(poles: ComplexArray, reach: float) -> tuple[list[float], list[float]]:
+    """What both axes show at least: the poles, and the origin with a piece of the growing half plane."""
+    low = min(float(poles.real.min(initial=0.0)), -0.25 * reach)
+    high = max(float(poles.real.max(initial=0.0)), 0.15 * reach)
+    pad = (_ROOM - 1.0) * (high - low) / 2.0
+    top = max(_ROOM * float(np.abs(poles.imag).max(initial=0.0)), 0.35 * reach)
+    across, up = numbers(np.array([low - pad, high + pad])), numbers(np.array([-top, top]))
+    return [float(end or 0.0) for end in across], [float(end or 0.0) for end in up]
+
+
+def _damping_lines(reach: float, *, left: float, top: float) -> list[Trace]:
+    """Rays of equal damping in the decaying half plane, above and below, each with its ratio."""
+    angles = np.arccos(np.array(DAMPING_RATIOS))
+    rays = np.concatenate([np.exp(1j * (np.pi - angles)), np.exp(-1j * (np.pi - angles))])
+    ends = np.array([point for ray in rays for point in (0.0, _FAR * reach * ray, np.nan)])
+    lines: Trace = {
+        "type": "scatter",
+        "mode": "lines",
+        "x": numbers(np.where(np.isnan(ends), np.nan, ends.real)),
+        "y": numbers(np.where(np.isnan(ends), np.nan, ends.imag)),
+        "line": {"color": translucent(BESIDE, 0.55), "width": 1, "dash": "dot"},
+        "hoverinfo": "skip",
+        "name": "equal damping",
+        "legendgroup": "equal damping",
+        "showlegend": True,
+    }
+    # Where a ray leaves the part of the plane that is shown for sure.
+    within = np.minimum(left / np.cos(angles), top / np.sin(angles))
+    labeled = _LABELED * within * np.exp(1j * (np.pi - angles))
+    labels: Trace = {
+        "type": "scatter",
+        "mode": "text",
+        "x": numbers(labeled.real),
+        "y": numbers(labeled.imag),
+        "text": [f"{ratio:g}" for ratio in DAMPING_RATIOS],
+        "textfont": {"size": 10, "color": BESIDE},
+        "hoverinfo": "skip",
+        "name": "equal damping",
+        "legendgroup": "equal damping",
+        "showlegend": False,
+    }
+    return [lines, labels]
+
+
+def _ellipses(poles: ComplexArray, std: ComplexArray) -> list[Trace]:
+    known = np.isfinite(std.real) & np.isfinite(std.imag)
+    if not known.any():
+        return []
+    turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS)
+    outlines = [_outline(pole, spread, turn) for pole, spread in zip(poles[known], std[known], strict=True)]
+    along = np.concatenate(outlines)
+    return [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": numbers(along[:, 0]),
+            "y": numbers(along[:, 1]),
+            "fill": "toself",
+            "fillcolor": translucent(BESIDE, 0.35),
+            "line": {"color": BESIDE, "width": 1},
+            "hoverinfo": "skip",
+            "name": f"± {SIGMAS:g} σ",
+            "showlegend": True,
+        }
+    ]
+
+
+def _outline(pole: complex, std: complex, turn: FloatArray) -> FloatArray:
+    """Corners of one ellipse with a gap behind the last, shape ``(corners + 1, 2)``."""
+    across = pole.real + SIGMAS * std.real * np.cos(turn)
+    up = pole.imag + SIGMAS * std.imag * np.sin(turn)
+    return np.vstack([np.column_stack([across, up]), [np.nan, np.nan]])
+
+
+def _crosses(poles: ComplexArray, words: Sequence[str], name: str, color: str) -> Trace:
+    marker: dict[str, Any] = {"symbol": "x-thin", "size": 10, "color": color, "line": {"color": color, "width": 2.4}}
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": numbers(poles.real),
+        "y": numbers(poles.imag),
+        "marker": marker,
+        "text": list(words),
+        "hovertemplate": "%{text}<extra></extra>",
+        "name": name,
+        "showlegend": True,
+    }
+
+
+TOLD = 0.5
+"""From this correlation on its number stands in the cell."""
+
+_CELL_PX, _LEAST_PX = 24.0, 150.0
+_STRONGEST, _FAINTEST = 0.75, 0.05
+
+
+def correlation_map(names: Sequence[str], correlation: FloatArray) -> Figure:
+    """Correlation of every two parameters as a triangle of cells, the stronger the fuller.
+
+    One color raises with the other parameter, the other falls. Cells from 0.5 on carry their number in percent, and
+    every cell says its own to who points at it.
+
+    Parameters
+    ----------
+    names
+        At least two parameters.
+    correlation
+        Shape ``(n, n)``, from -1 to 1; not finite where there is none.
+
+    Raises
+    ------
+    UsageError
+        There are fewer than two names, or the shape does not fit them.
+
+    Examples
+    --------
+    >>> figure = correlation_map(["M_q", "M_u"], np.array([[1.0, -0.93], [-0.93, 1.0]]))
+    >>> [trace["text"] for trace in figure["data"]]
+    [['M_u and M_q: −0.93'], ['−93']]
+    """
+    if len(names) < 2 or correlation.shape != (len(names), len(names)):
+        raise UsageError(
+            f"{len(names)} names came with a correlation of shape {correlation.shape}",
+            needed="two names and more, and a row and a column for each",
+        )
+    rows, columns = np.tril_indices(len(names), k=-1)
+    values = correlation[rows, columns]
+    words = [
+        f"{names[row]} and {names[column]}: {_number(value, '.2f')}"
+        for row, column, value in zip(rows.tolist(), columns.tolist(), values.tolist(), strict=True)
+    ]
+    strong = np.abs(values) >= TOLD
+    traces = [_cells(rows, columns, values, words), _numbers(rows[strong], columns[strong], values[strong])]
+    shown = [text(name) for name in names]
+    # The first row and the last column of a triangle without its diagonal are empty.
+    axis = {"tickvals": list(range(1, len(names))), "ticktext": shown[1:], "range": [len(names) - 0.5, 0.5]}
+    height = max(_CELL_PX * (len(names) - 1), _LEAST_PX)
+    quiet = {"showgrid": False, "zeroline": False, "fixedrange": True, "ticks": ""}
+    panel = Panel(label="Correlation of the estimates [%]", traces=traces, height_px=height, axis={**axis, **quiet})
+    bottom = {"tickvals": list(range(len(names) - 1)), "ticktext": shown[:-1], "range": [-0.5, len(names) - 1.5]}
+    return stacked([panel], x_axis={**bottom, **quiet, "tickangle": -60})
+
+
+def _cells(rows: IntArray, columns: IntArray, values: FloatArray, words: Sequence[str]) -> Trace:
+    """Bars of height one, each on a base of its own: the small plotly has no map of cells."""
+    return {
+        "type": "bar",
+        "x": columns.tolist(),
+        "y": [0.94] * len(words),
+        "base": [row - 0.47 for row in rows.tolist()],
+        "width": 0.94,
+        "marker": {"color": [_color(value) for value in values.tolist()], "line": {"width": 0}},
+        "text": [text(one) for one in words],
+        "textposition": "none",
+        "hovertemplate": "%{text}<extra></extra>",
+        "showlegend": False,
+    }
+
+
+def _numbers(rows: IntArray, columns: IntArray, values: FloatArray) -> Trace:
+    return {
+        "type": "scatter",
+        "mode": "text",
+        "x": columns.tolist(),
+        "y": rows.tolist(),
+        "text": [_number(100.0 * value, ".0f") for value in values.tolist()],
+        "textfont": {"size": 10},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
+
+
+def _color(value: float) -> str:
+    if not np.isfinite(value):
+        return translucent(BESIDE, _FAINTEST)
+    strength = max(_STRONGEST * min(abs(value), 1.0) ** 1.5, _FAINTEST)
+    return translucent(MEASURED if value >= 0.0 else MODEL, round(strength, 3))
+
+
+def _number(value: float, form: str) -> str:
+    return f"{value:{form}}".replace("-", "−") if np.isfinite(value) else "unknown"

@@ -8,10 +8,20 @@ from typing import Any
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.plot.figure import MOST_POINTS, Figure, Trace, numbers
-from rotorid.plot.quantity import quantity
-from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import BESIDE, INPUT, MEASURED, MODEL, translucent
+from rotorid.plot.figure import (
+    BESIDE,
+    INPUT,
+    MEASURED,
+    MODEL,
+    MOST_POINTS,
+    Figure,
+    Panel,
+    Trace,
+    numbers,
+    quantity,
+    stacked,
+    translucent,
+)
 from rotorid.plot.time import TIME_AXIS, line
 from rotorid.typing import FloatArray
 
@@ -61,9 +71,9 @@ def rotor_layout(positions: FloatArray, spins: FloatArray, *, in_meters: bool) -
     reach = 1.08 * float(np.max(np.abs(places) + radii))
     traces: list[Trace] = [_frame(places, radii, reach)]
     for spin, words, color in _SPINS:
-        turning = spins == spin
-        if turning.any():
-            traces.append(_circles(places[turning], radii[turning], spin, words, color))
+        motor_speed = spins == spin
+        if motor_speed.any():
+            traces.append(_circles(places[motor_speed], radii[motor_speed], spin, words, color))
     traces.append(_numbers(labels))
     unit = "m" if in_meters else "arms"
     panel = Panel(

@@ -1,29 +1,45 @@
-"""The Bode plot for a paper: matplotlib, from the same arrays as the one for the screen."""
+"""The Bode plot for a paper: matplotlib, from the same arrays as the one for the screen.
+
+The picture of a whole log on paper, by matplotlib.
+
+One picture of a whole identification, for a README or a slide.
+"""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.plot.bode import COHERENCE_GUIDELINE, Curve, measured_curve
-from rotorid.plot.curves import SIGMAS, runs
-from rotorid.plot.phase import reference_deg, unwrapped_deg
-from rotorid.plot.quantity import magnitude_label
-from rotorid.plot.theme import BESIDE, MEASURED, MODEL
-from rotorid.plot.ticks import frequency_ticks, magnitude_range_db, phase_step_deg
-from rotorid.plot.view import Frequency, Magnitude, View, decibels
+from rotorid.plot.curves import SIGMAS, Frequency, Magnitude, View, decibels, reference_deg, runs, unwrapped_deg
+from rotorid.plot.figure import (
+    BESIDE,
+    INPUT,
+    MEASURED,
+    MODEL,
+    envelope,
+    frequency_ticks,
+    magnitude_label,
+    magnitude_range_db,
+    phase_step_deg,
+    quantity,
+)
+from rotorid.plot.frequency import COHERENCE_GUIDELINE, Curve, measured_curve
+from rotorid.plot.inspection import BAR_COLORS, Bar, LogPicture, Trend
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
+from rotorid.verification.verification import Verification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-_WIDTH_IN, _HEIGHT_IN = 4.6, 5.6
+
+_PAPER_WIDTH_IN, _PAPER_HEIGHT_IN = 4.6, 5.6
 PAPER_STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9.0,
@@ -85,8 +101,8 @@ def bode_figure(
 ) -> Canvas:
     r"""Magnitude, phase and coherence of one response as a matplotlib figure: ``.savefig("roll.pdf")``.
 
-    The arguments, bands and phase branches are those of ``rotorid.plot.bode.bode``. The figure belongs to no window
-    and to no global state.
+    The arguments, bands and phase branches are those of ``rotorid.plot.frequency.bode``. The figure belongs to no
+    window and to no global state.
 
     Parameters
     ----------
@@ -137,7 +153,7 @@ def bode_figure(
     words, _, unit = magnitude_label(output, input, in_db=magnitude == "dB").partition(" [")
     with mpl.rc_context(PAPER_STYLE):
         # The object instead of pyplot: no global state, no window system.
-        canvas: Canvas = mpl.figure.Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), layout="constrained")
+        canvas: Canvas = mpl.figure.Figure(figsize=(_PAPER_WIDTH_IN, _PAPER_HEIGHT_IN), layout="constrained")
         cells = list(canvas.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": [3.0, 2.2, 1.2]}))
         draw(cells, drawn, exact)
         cells[0].set_title(words.removeprefix("Magnitude of "), loc="left")
@@ -207,3 +223,202 @@ def _ticks(cells: Sequence[Axes], across: FloatArray, view: View) -> None:
     cells[2].xaxis.set_minor_locator(NullLocator())
     # Plain numbers: the powers of ten would be mathematics, which is switched off for the names.
     cells[2].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
+_LOG_WIDTH_IN, _ROW_IN, _TREND_IN, _MARGIN_IN = 11.0, 0.22, 0.85, 1.1
+_STYLE: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.size": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#c4c9d0",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e9ebee",
+    "axes.titlesize": 8.5,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 3.0,
+    "figure.facecolor": "#ffffff",
+    # A channel name with a dollar sign is a name, not mathematics.
+    "text.parse_math": False,
+}
+
+
+def log_png(picture: LogPicture, *, title: str, dots_per_inch: int = 130) -> bytes:
+    """A PNG of what ``log_figure`` shows: excitations, channels and topics over one time axis.
+
+    Parameters
+    ----------
+    picture
+        What to show.
+    title
+        Heading.
+    dots_per_inch
+        Resolution of the picture.
+
+    Raises
+    ------
+    UsageError
+        matplotlib is not installed, or there is nothing to draw.
+    """
+    if not picture.topics:
+        raise UsageError(
+            "the log holds no channel to draw", needed="a log with channels", remedy="name them with --map"
+        )
+    try:
+        import matplotlib as mpl
+        from matplotlib.figure import Figure as Canvas
+    except ImportError as error:
+        raise UsageError(
+            "a PNG needs matplotlib, which is not installed",
+            needed="the extra 'figures'",
+            remedy="pip install 'rotorid[figures]', or write an .html",
+        ) from error
+    tables = [(label, bars) for label, bars in _tables(picture) if bars]
+    heights = [_ROW_IN * len({bar.row for bar in bars}) + 0.15 for _, bars in tables]
+    ratios = [*heights[:-1], *(_TREND_IN for _ in picture.trends), heights[-1]]
+    with mpl.rc_context(_STYLE):
+        # The object instead of pyplot: no global state, no window system.
+        canvas = Canvas(figsize=(_LOG_WIDTH_IN, sum(ratios) + _MARGIN_IN + 0.2 * len(ratios)), layout="constrained")
+        canvas.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        cells = list(
+            canvas.subplots(len(ratios), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": ratios})[:, 0]
+        )
+        for (label, bars), cell in zip(tables, (*cells[: len(tables) - 1], cells[-1]), strict=True):
+            _bars(cell, label, bars)
+        for trend, cell in zip(picture.trends, cells[len(tables) - 1 : -1], strict=True):
+            _trend(cell, trend)
+        cells[-1].set_xlabel("time on the log's clock [s]")
+        buffer = io.BytesIO()
+        canvas.savefig(buffer, format="png", dpi=dots_per_inch)
+    return buffer.getvalue()
+
+
+def _tables(picture: LogPicture) -> tuple[tuple[str, Sequence[Bar]], ...]:
+    return ("flights and excitations (candidates in gray)", picture.excitations), ("logged topics", picture.topics)
+
+
+def _bars(cell: Axes, label: str, bars: Sequence[Bar]) -> None:
+    rows = list(dict.fromkeys(bar.row for bar in bars))
+    for bar in bars:
+        widths = [(start_s, stop_s - start_s) for start_s, stop_s in bar.spans]
+        cell.broken_barh(widths, (rows.index(bar.row) - 0.3, 0.6), color=BAR_COLORS[bar.group])
+    cell.set_yticks(range(len(rows)), rows)
+    cell.set_ylim(len(rows) - 0.5, -0.5)
+    cell.grid(visible=False, axis="y")
+    cell.set_title(label)
+
+
+def _trend(cell: Axes, trend: Trend) -> None:
+    paper = quantity(trend.channel)
+    time_s, values = envelope(trend.time_s, paper.factor * trend.values)
+    cell.plot(time_s, values, color=INPUT if trend.is_input else MEASURED, linewidth=0.8)
+    for start_s, stop_s in trend.shaded:
+        cell.axvspan(start_s, stop_s, color=MODEL, alpha=0.1, linewidth=0.0)
+    cell.set_title(paper.label)
+
+
+_COLUMN_IN, _OVERVIEW_HEIGHT_IN = 4.2, 8.4
+
+
+class Identified(Protocol):
+    """What the picture needs of an identification; ``rotorid.pipeline.results.Identification`` has it."""
+
+    @property
+    def response(self) -> FrequencyResponse: ...
+
+    @property
+    def model_response(self) -> ComplexArray: ...
+
+    @property
+    def fitted(self) -> BoolArray: ...
+
+    @property
+    def verifications(self) -> Sequence[Verification]: ...
+
+    @property
+    def least_coherence(self) -> float: ...
+
+
+def overview_png(identifications: Sequence[Identified], *, dots_per_inch: int = 130) -> bytes:
+    """A PNG with one column per identification: magnitude, phase, coherence, and a flight it had not seen.
+
+    Of a model with several responses the one with most fitted points is shown, and the first verification of its
+    output. Bands are ± 2 σ of the random error.
+
+    Parameters
+    ----------
+    identifications
+        At least one.
+    dots_per_inch
+        Resolution of the picture.
+
+    Raises
+    ------
+    UsageError
+        matplotlib is not installed, or there is nothing to draw.
+    """
+    if not identifications:
+        raise UsageError("an overview of no identification was asked for", needed="at least one identification")
+    mpl = matplotlib_or_remedy()
+    columns = len(identifications)
+    with mpl.rc_context(PAPER_STYLE):
+        # The object instead of pyplot: no global state, no window system.
+        canvas = mpl.figure.Figure(figsize=(_COLUMN_IN * columns + 0.4, _OVERVIEW_HEIGHT_IN), layout="constrained")
+        grid = canvas.subplots(4, columns, squeeze=False, gridspec_kw={"height_ratios": [3.0, 2.2, 1.2, 2.4]})
+        for column, identified in enumerate(identifications):
+            _column(list(grid[:, column]), identified, first=column == 0)
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        canvas.legend(handles, labels, loc="outside upper left", ncols=len(labels))
+        buffer = io.BytesIO()
+        canvas.savefig(buffer, format="png", dpi=dots_per_inch)
+    return buffer.getvalue()
+
+
+def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> None:
+    response = identified.response
+    y, u = np.unravel_index(int(identified.fitted.sum(axis=2).argmax()), identified.fitted.shape[:2])
+    output, input = response.outputs[y], response.inputs[u]
+    for cell in cells[1:3]:
+        cell.sharex(cells[0])
+    _bode(cells[:3], identified, int(y), int(u))
+    cells[0].set_title(f"{quantity(output).words}\nover {quantity(input).words}", loc="left")
+    for cell in cells[:2]:
+        cell.tick_params(labelbottom=False)
+    check = next((check for check in identified.verifications if output in check.output_names), None)
+    if check is None:
+        cells[3].set_axis_off()
+    else:
+        _trace(cells[3], check, output)
+    if first:
+        for cell, label in zip(cells, ("magnitude [dB]", "phase [°]", "coherence"), strict=False):
+            cell.set_ylabel(label)
+        canvas = cells[0].get_figure()
+        assert canvas is not None
+        canvas.align_ylabels(list(cells))
+
+
+def _bode(cells: Sequence[Axes], identified: Identified, y: int, u: int) -> None:
+    response, model = identified.response, identified.model_response[y, u]
+    drawn = Drawn(
+        view=View(),
+        measured=measured_curve(
+            response,
+            output=response.outputs[y],
+            input=response.inputs[u],
+            lean_deg=unwrapped_deg(response.omega_rad_s, model),
+        ),
+        coherence=response.coherence[y, u],
+        used=identified.fitted[y, u],
+        least_coherence=identified.least_coherence,
+    )
+    draw(cells, drawn, model)
+
+
+def _trace(cell: Axes, check: Verification, output: str) -> None:
+    row, paper = check.output_names.index(output), quantity(output)
+    time_s = check.time_s - check.time_s[0]
+    cell.plot(time_s, paper.factor * check.measured[row], color=MEASURED, linewidth=1.6, label="measured")
+    cell.plot(time_s, paper.factor * check.predicted[row], color=MODEL, linewidth=1.4, linestyle=(0, (4, 2)))
+    cell.set_xlabel("time into an unseen maneuver [s]")
+    cell.set_ylabel(f"{output} [{paper.unit}]" if paper.unit else output)

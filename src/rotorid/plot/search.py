@@ -8,11 +8,22 @@ from typing import Any
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.plot.figure import MOST_POINTS, Figure, Trace, numbers, text
-from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import BESIDE, DASHES, MEASURED, MODEL, SERIES
+from rotorid.plot.figure import (
+    BESIDE,
+    DASHES,
+    MEASURED,
+    MODEL,
+    MOST_POINTS,
+    SERIES,
+    Figure,
+    Panel,
+    Trace,
+    numbers,
+    stacked,
+    text,
+)
 from rotorid.plot.time import TIME_AXIS, line
-from rotorid.search.result import Progress
+from rotorid.search.objective import Progress
 from rotorid.typing import FloatArray
 
 _DEGREES = 180.0 / np.pi

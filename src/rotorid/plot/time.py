@@ -1,15 +1,43 @@
-"""What was measured over time, and what the model predicted."""
+"""What was measured over time, and what the model predicted.
+
+The excitations of a flight: where they are, what was commanded and what the vehicle answered.
+
+Models side by side: their scores with spread, and their predictions over one measurement.
+
+An unseen maneuver beyond its open loop: predicted a little ahead, and flown in closed loop.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
-from rotorid.plot.figure import MOST_POINTS, Figure, Trace, envelope, numbers, stamps
-from rotorid.plot.quantity import quantity
-from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import BESIDE, DASHES, INPUT, MEASURED, MODEL, SERIES
+import numpy as np
+
+from rotorid.data.record import Maneuver, TimeHistory
+from rotorid.plot.figure import (
+    BESIDE,
+    DASHES,
+    INPUT,
+    MEASURED,
+    MODEL,
+    MOST_POINTS,
+    SERIES,
+    Figure,
+    Panel,
+    Trace,
+    envelope,
+    numbers,
+    quantity,
+    stacked,
+    stamps,
+    text,
+)
 from rotorid.typing import FloatArray
-from rotorid.verify.verification import Verification
+from rotorid.verification.closed_loop import ClosedLoop
+from rotorid.verification.prediction import Prediction
+from rotorid.verification.verification import Verification
 
 TIME_AXIS = {"title": {"text": "Time on the log's clock [s]"}}
 
@@ -191,3 +219,242 @@ def line(
         "legendgroup": words,
         "showlegend": legend,
     }
+
+
+class Excited(Protocol):
+    """A maneuver with the data around it; ``rotorid.pipeline.results.Segment`` is one."""
+
+    @property
+    def maneuver(self) -> Maneuver: ...
+
+    @property
+    def history(self) -> TimeHistory: ...
+
+
+def timeline(
+    segments: Sequence[Excited],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    shaded: Sequence[tuple[float, float]] | None = None,
+) -> Figure:
+    """Inputs and outputs of one record over time, its maneuvers shaded.
+
+    Parameters
+    ----------
+    segments
+        Data on one clock: those of one record.
+    inputs, outputs
+        Channels to draw, one panel each; a segment that lacks one leaves a gap.
+    shaded
+        Maneuvers ``(start, stop)`` in seconds on the log's own clock, where they are not those of the segments: data
+        may be cut wide around several of them.
+    """
+    if shaded is None:
+        shaded = [(segment.maneuver.start_s, segment.maneuver.stop_s) for segment in segments]
+    panels = [
+        Panel(
+            label=quantity(name).label,
+            traces=_traces(segments, name, words=words, color=color, legend=name == names[0]),
+            height_px=height_px,
+            shaded=shaded,
+        )
+        for words, names, color, height_px in (("input", inputs, INPUT, 110), ("output", outputs, MEASURED, 130))
+        for name in names
+    ]
+    return stacked(panels, x_axis=TIME_AXIS)
+
+
+def _traces(segments: Sequence[Excited], name: str, *, words: str, color: str, legend: bool) -> list[Trace]:
+    histories = [segment.history for segment in segments if name in segment.history.names]
+    return [
+        line(
+            history.time_s,
+            history[name],
+            name,
+            words=words,
+            color=color,
+            legend=legend and index == 0,
+            width=1.0,
+        )
+        for index, history in enumerate(histories)
+    ]
+
+
+_ROW_PX, _LEAST_PX = 34.0, 90.0
+_COMPARED_HEIGHT_PX = 210.0
+_KINDS = ((BESIDE, "circle-open"), (MEASURED, "diamond"), (MODEL, "circle"), (INPUT, "square"))
+_APART = 0.16
+
+
+class Score(NamedTuple):
+    """Fit percent and its standard deviation; not a number where there is none."""
+
+    mean: float
+    spread: float = float("nan")
+
+
+class Curve(NamedTuple):
+    """Samples of one signal, each shape ``(n,)``."""
+
+    time_s: FloatArray
+    values: FloatArray
+
+
+def score_dots(labels: Sequence[str], scores: Mapping[str, Sequence[Score]]) -> Figure:
+    """Fit percent of every model, a row for each, with bars of one standard deviation.
+
+    Parameters
+    ----------
+    labels
+        Of the models, from top to bottom.
+    scores
+        Kind of score to one for each model; up to four kinds, which keep apart in the row and keep their colors also
+        where another kind has no numbers and is left out.
+
+    Examples
+    --------
+    >>> figure = score_dots(["first", "second"], {"unseen": [Score(72.5, 2.9), Score(81.4, 2.8)]})
+    >>> figure["data"][0]["x"], figure["data"][0]["error_x"]["array"]
+    ([72.5, 81.4], [2.9, 2.8])
+    """
+    rows = np.arange(len(labels), dtype=np.float64)
+    known = {kind for kind, found in scores.items() if any(math.isfinite(one.mean) for one in found)}
+    offsets = iter(_APART * (np.arange(len(known)) - (len(known) - 1) / 2.0))
+    traces = [
+        _dots(rows + next(offsets), kind, found, labels, number)
+        for number, (kind, found) in enumerate(scores.items())
+        if kind in known
+    ]
+    axis: dict[str, Any] = {
+        "tickmode": "array",
+        "tickvals": numbers(rows),
+        "ticktext": [text(label) for label in labels],
+        "range": [len(labels) - 0.5, -0.5],
+        "zeroline": False,
+    }
+    height_px = max(_LEAST_PX, _ROW_PX * len(labels))
+    panel = Panel(label="Fit, mean of the outputs", traces=traces, height_px=height_px, axis=axis)
+    return stacked([panel], x_axis={"title": {"text": "Fit [%]"}, "zeroline": False})
+
+
+def _dots(rows: FloatArray, kind: str, found: Sequence[Score], labels: Sequence[str], number: int) -> Trace:
+    color, symbol = _KINDS[number % len(_KINDS)]
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": numbers(np.array([one.mean for one in found])),
+        "y": numbers(rows),
+        "error_x": {
+            "type": "data",
+            "array": numbers(np.array([one.spread for one in found])),
+            "color": color,
+            "thickness": 1.4,
+        },
+        "marker": {"color": color, "symbol": symbol, "size": 9, "line": {"color": color, "width": 1.6}},
+        "text": [text(label) for label in labels],
+        "hovertemplate": "%{text}<br>%{x:.4~g} %",
+        "name": kind,
+        "legendgroup": kind,
+        "showlegend": True,
+    }
+
+
+def predictions(
+    outputs: Sequence[str], measured: Mapping[str, Curve], models: Mapping[str, Mapping[str, Curve]]
+) -> Figure:
+    """Measured outputs, and what every model predicted of them.
+
+    Parameters
+    ----------
+    outputs
+        Names of the outputs, a panel for each.
+    measured
+        Output to its samples.
+    models
+        Label of a model to its outputs; one that lacks an output is not drawn there.
+    """
+    panels = []
+    for row, name in enumerate(outputs):
+        traces = [line(*measured[name], name, words="measured", color=MEASURED, legend=row == 0)]
+        for number, (label, curves) in enumerate(models.items()):
+            if name in curves:
+                first = all(name == found or found not in curves for found in outputs[: row + 1])
+                traces.append(_model_line(curves[name], name, label, number, legend=first))
+        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=_COMPARED_HEIGHT_PX))
+    return stacked(panels, x_axis=TIME_AXIS)
+
+
+def _model_line(curve: Curve, name: str, label: str, number: int, *, legend: bool) -> Trace:
+    colors = SERIES[1:]
+    return line(
+        *curve,
+        name,
+        words=text(label),
+        color=colors[number % len(colors)],
+        dash=DASHES[1 + number % (len(DASHES) - 1)],
+        legend=legend,
+        width=1.4,
+    )
+
+
+_UNSEEN_HEIGHT_PX = 150.0
+_AHEAD = (MODEL, *SERIES[3:])
+_DASHES = ("5 3", "2 2", "9 3 2 3")
+
+
+def ahead(prediction: Prediction, names: Sequence[str], *, of: Sequence[str]) -> Figure:
+    """Measured outputs about their mean, and what was predicted for each instant some time before it.
+
+    Parameters
+    ----------
+    prediction
+        At least one horizon.
+    names
+        Outputs to show.
+    of
+        All outputs, in the order of the rows.
+    """
+    panels = []
+    for number, name in enumerate(names):
+        row, first = list(of).index(name), prediction.horizons[0]
+        legend = number == 0
+        traces = [line(first.time_s, first.measured[row], name, words="measured", color=MEASURED, legend=legend)]
+        traces += [
+            line(
+                one.time_s,
+                one.predicted[row],
+                name,
+                words=f"predicted {one.horizon_s:.2g} s ahead",
+                color=color,
+                dash=dash,
+                legend=legend,
+            )
+            for one, color, dash in zip(prediction.horizons, _AHEAD, _DASHES, strict=False)
+        ]
+        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=_UNSEEN_HEIGHT_PX))
+    return stacked(panels, x_axis=TIME_AXIS)
+
+
+def closed_loop(flown: ClosedLoop, names: Sequence[str]) -> Figure:
+    """Measured outputs and commands, and those of the model under the same controller.
+
+    Parameters
+    ----------
+    flown
+        The flight.
+    names
+        Outputs to show; the commands come below them.
+    """
+    panels: list[Panel] = []
+    for row, name in enumerate(flown.names):
+        command = row >= flown.outputs
+        if not command and name not in names:
+            continue
+        first = not panels
+        traces = (
+            line(flown.time_s, flown.measured[row], name, words="measured", color=MEASURED, legend=first),
+            line(flown.time_s, flown.predicted[row], name, words="model", color=MODEL, legend=first, dash="5 3"),
+        )
+        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=_UNSEEN_HEIGHT_PX))
+    return stacked(panels, x_axis=TIME_AXIS)

@@ -1,21 +1,114 @@
-"""The frame of every page: one HTML file that holds everything it shows, and asks the network for nothing."""
+"""The frame of every page: one HTML file that holds everything it shows, and asks the network for nothing.
+
+Pictures of a page, in every unit that its buttons offer.
+
+Numbers as a reader wants them: no more digits than their standard deviation supports.
+"""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 import json
+import math
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from itertools import product
+from typing import TYPE_CHECKING, Any, Protocol, get_args
 
 from rotorid import __version__
-from rotorid.plot.theme import template
-from rotorid.report.picture import Picture
+from rotorid.plot.curves import Frequency, Magnitude
+from rotorid.plot.figure import Figure, template
 
 if TYPE_CHECKING:
     from markupsafe import Markup
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A figure, and what it shows for those who cannot see it.
+
+    Parameters
+    ----------
+    key
+        Identifier on the page.
+    description
+        What it shows, in words.
+    figure
+        The picture as it is drawn first.
+    views
+        The same picture in other units, by frequency and magnitude (``"Hz linear"``) or by frequency alone (``"Hz"``).
+        Empty where there is one view.
+    converted
+        Whether the page's script makes the numbers of the other views: frequencies by a factor and, where there is a
+        view for each magnitude, heights in the first panel from decibels. Else each view brings its own.
+    """
+
+    key: str
+    description: str
+    figure: Figure
+    views: Mapping[str, Figure] = field(default_factory=dict)
+    converted: bool = False
+
+    def for_script(self) -> dict[str, Any]:
+        """The picture as the page's script takes it.
+
+        Of other views a converted picture brings only what is no plain conversion of numbers: four copies of every
+        response would make the file several times as long.
+        """
+        if not self.views:
+            return {"data": self.figure["data"], "layout": _layout(self.figure)}
+        if not self.converted:
+            own = {units: {"data": view["data"], "layout": _layout(view)} for units, view in self.views.items()}
+            return {"views": own}
+        views = {
+            units: {"layout": _layout(view), "hover": [trace.get("hovertemplate") for trace in view["data"]]}
+            for units, view in self.views.items()
+        }
+        return {"data": self.figure["data"], "views": views}
+
+
+class Drawn(Protocol):
+    """A picture that can be drawn in all units of frequency and magnitude."""
+
+    def __call__(self, *, frequency: Frequency, magnitude: Magnitude) -> Figure: ...
+
+
+class Spread(Protocol):
+    """A picture over frequency without a magnitude."""
+
+    def __call__(self, *, frequency: Frequency) -> Figure: ...
+
+
+def in_all_units(draw: Drawn, *, key: str, description: str, converted: bool = False) -> Picture:
+    """A picture with a view for each unit of frequency and magnitude.
+
+    Parameters
+    ----------
+    draw
+        Draws one view.
+    key, description, converted
+        As in :class:`Picture`.
+    """
+    units: list[tuple[Frequency, Magnitude]] = list(product(get_args(Frequency), get_args(Magnitude)))
+    views = {
+        f"{frequency} {magnitude}": draw(frequency=frequency, magnitude=magnitude) for frequency, magnitude in units
+    }
+    return Picture(key=key, description=description, figure=views["rad/s dB"], views=views, converted=converted)
+
+
+def over_frequency(draw: Spread, *, key: str, description: str, converted: bool = False) -> Picture:
+    """A picture with a view for each unit of frequency; the other parameters are those of :class:`Picture`."""
+    views = {frequency: draw(frequency=frequency) for frequency in get_args(Frequency)}
+    return Picture(key=key, description=description, figure=views["rad/s"], views=views, converted=converted)
+
+
+def _layout(figure: Figure) -> dict[str, Any]:
+    # The template is the same for all figures, and the page picks the light or the dark one.
+    return {key: value for key, value in figure["layout"].items() if key != "template"}
+
 
 # Characters that could end a script element or start a comment; inside JSON strings they may be written as escapes.
 _ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
@@ -95,3 +188,103 @@ def policy(*scripts: str) -> str:
 def asset(name: str) -> str:
     """Text of a file that ships with this package."""
     return files("rotorid.report").joinpath(name).read_text(encoding="utf-8")
+
+
+MISSING = "–"
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MOST_PERCENT = 1000.0
+_PLAIN_FROM, _PLAIN_TO = 1e-3, 1e6
+_POWERS = {"^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
+
+
+def with_error(value: float | None, std: float | None) -> str:
+    """A value with its standard deviation, both rounded at the digit that the deviation supports.
+
+    The deviation keeps one digit, or two when it begins with 1 or 2. Without a deviation four digits are shown.
+
+    Examples
+    --------
+    >>> with_error(436.83, 3.14), with_error(-4.312, 0.187), with_error(2.5e-5, 1.2e-6), with_error(9.80665, None)
+    ('437 ± 3', '−4.31 ± 0.19', '(2.50 ± 0.12)·10⁻⁵', '9.807')
+    """
+    if std is None or value is None or not math.isfinite(std) or not math.isfinite(value) or std <= 0.0:
+        return significant(value, digits=4)
+    largest = max(abs(value), std)
+    power = 0 if _PLAIN_FROM <= largest < _PLAIN_TO else math.floor(math.log10(largest))
+    mantissa, deviation = value / 10.0**power, std / 10.0**power
+    decimals = _decimals(deviation)
+    both = f"{_fixed(mantissa, decimals)} ± {_fixed(deviation, decimals)}"
+    return f"({both})·10{str(power).translate(_SUPERSCRIPTS)}" if power else both
+
+
+def significant(value: float | None, *, digits: int = 3) -> str:
+    """A number with so many significant digits, a dash where there is none.
+
+    Examples
+    --------
+    >>> significant(0.012345), significant(-2.0), significant(None), significant(1.5e-7)
+    ('0.0123', '−2', '–', '1.5·10⁻⁷')
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    text = f"{value:.{digits}g}"
+    if "e" not in text:
+        return _minus(text)
+    mantissa, power = text.split("e")
+    return f"{_minus(mantissa)}·10{str(int(power)).translate(_SUPERSCRIPTS)}"
+
+
+def milliseconds(seconds: float | None, std_s: float | None = None) -> str:
+    """A time in milliseconds, without the unit.
+
+    Examples
+    --------
+    >>> milliseconds(0.02791, 0.0006), milliseconds(0.0024)
+    ('27.9 ± 0.6', '2.4')
+    """
+    if seconds is None:
+        return MISSING
+    return with_error(1e3 * seconds, None if std_s is None else 1e3 * std_s)
+
+
+def percent(value: float | None) -> str:
+    """A percentage without its sign, two digits; beyond a thousand the number says nothing more.
+
+    Examples
+    --------
+    >>> percent(0.534), percent(158.6), percent(5858.3), percent(None)
+    ('0.53', '159', '> 1000', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value > _MOST_PERCENT:
+        return f"> {_MOST_PERCENT:.0f}"
+    return f"{value:.0f}" if value >= 10.0 else significant(value, digits=2)
+
+
+def unit(text: str) -> str:
+    """A unit on paper.
+
+    Examples
+    --------
+    >>> unit("rad/s^2"), unit("1")
+    ('rad/s²', '')
+    """
+    for written, shown in _POWERS.items():
+        text = text.replace(written, shown)
+    return "" if text == "1" else text
+
+
+def _decimals(deviation: float) -> int:
+    power = math.floor(math.log10(deviation))
+    digits = 2 if deviation / 10.0**power < 3.0 else 1
+    return digits - 1 - power
+
+
+def _fixed(value: float, decimals: int) -> str:
+    return _minus(f"{round(value, decimals):.{max(decimals, 0)}f}")
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")

@@ -9,26 +9,291 @@ r"""The cost of measured against modeled accelerations, from the outputs of the 
 
 A gain of the motors, such as that of a transfer function in series with them, is one with :math:`c_t`. So are, to the
 data, κ and I_zz: yaw shows their ratio only.
+
+The local search of :class:`rotorid.search.acceleration.AccelerationProblem`, in closed form where there is one.
+
+With the lag of the motors held, what they carry is known, :math:`x_c`, and each acceleration has a gain :math:`g_c`:
+
+.. math:: f = \sum_c w_c \sum_k |a_c(k) - g_c x_c(k)|
+
+is convex in each gain, and least at the weighted median of :math:`a_c/x_c` with the weights :math:`|x_c|`; for squares
+at :math:`\sum a_c x_c / \sum x_c^2`. The logarithms of the gains are sums of those of the parameters, so the nearest
+parameters with these gains are one linear solution away, or a few where bounds are in the way. Where there are none,
+because some are held, bounded or tied, or where the lag is free, steps of least squares lead down.
+
+Sums of errors over all samples as functions of one gain, in a time that does not depend on the samples.
+
+With :math:`r = a / x`, a sum of absolute errors is a sum of distances,
+
+.. math:: \sum_k |a(k) - g x(k)| = \sum_k |x(k)| \, |g - r(k)|
+
+which is piecewise linear in the gain. Once ratios are sorted and their weights are added up, it takes a search for the
+piece that the gain lies on. A sum of squares is one parabola.
+
+How well measured accelerations determine motor and inertia constants, and which of these they cannot tell apart.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Literal, TypeAlias, get_args
+from typing import ClassVar, Literal, NamedTuple, Protocol, TypeAlias, get_args
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable, read_only
+from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.fit.solution import Solution
+from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rotor_layout import UP, RotorLayout
-from rotorid.search.acceleration_polish import error_sums, polished
-from rotorid.search.acceleration_sums import ErrorSum
-from rotorid.search.design_of_starts import Scale, StartBox
+from rotorid.models.rotors import UP, RotorLayout
+from rotorid.search.starts import Scale, StartBox
 from rotorid.typing import FloatArray
+from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.units import STANDARD_GRAVITY_M_S2
+
+
+class ErrorSum(Protocol):
+    """Sum of errors of one channel at any number of gains."""
+
+    @property
+    def best(self) -> float:
+        """A gain with the least sum; not a number where nothing depends on it."""
+        ...
+
+    def __call__(self, gains: FloatArray) -> FloatArray:
+        """Sums at gains ``(b,)``, shape ``(b,)``."""
+        ...
+
+
+class AbsoluteSum(NamedTuple):
+    """Sum of absolute errors ``|a - g x|``.
+
+    Parameters
+    ----------
+    best
+        A gain with the least sum; distances are counted from there, so that rounding is small where the sum is.
+    corners
+        Gains less the best one at which an error changes its sign, ascending, shape ``(n,)``.
+    level, slope
+        The sum on each of the pieces between corners is ``level + slope (g - best)``, shapes ``(n + 1,)``.
+    """
+
+    best: float
+    corners: FloatArray
+    level: FloatArray
+    slope: FloatArray
+
+    def __call__(self, gains: FloatArray) -> FloatArray:
+        """Sums at gains ``(b,)``, shape ``(b,)``."""
+        moved = gains - self.best
+        piece = np.searchsorted(self.corners, moved)
+        return np.asarray(self.level[piece] + self.slope[piece] * moved)
+
+
+class SquaredSum(NamedTuple):
+    """Sum of squares of errors ``a - g x``: ``least`` at the best gain, and a parabola about it."""
+
+    best: float
+    least: float
+    curvature: float
+
+    def __call__(self, gains: FloatArray) -> FloatArray:
+        """Sums at gains ``(b,)``, shape ``(b,)``."""
+        return np.asarray(self.least + self.curvature * (gains - self.best) ** 2)
+
+
+def absolute_sum(made: FloatArray, carried: FloatArray, weights: FloatArray | None = None) -> AbsoluteSum:
+    """Of samples ``a`` and ``x``, both ``(n,)``, and their weights, one each by default.
+
+    Examples
+    --------
+    >>> total = absolute_sum(np.array([1.0, 2.0, 9.0]), np.array([1.0, 1.0, 3.0]))
+    >>> total.best, total(np.array([0.0, 2.0, 3.0])).tolist()
+    (3.0, [12.0, 4.0, 3.0])
+    """
+    weights = np.ones(made.size) if weights is None else weights
+    moves = carried != 0.0
+    constant = float(np.sum((weights * np.abs(made))[~moves]))
+    ratios = made[moves] / carried[moves]
+    order = np.argsort(ratios, kind="stable")
+    corners, sizes = ratios[order], (weights[moves] * np.abs(carried[moves]))[order]
+    passed = np.concatenate([[0.0], np.cumsum(sizes)])
+    best = float(corners[np.searchsorted(passed[1:], 0.5 * passed[-1])]) if corners.size else np.nan
+    corners = corners - best
+    lever = np.concatenate([[0.0], np.cumsum(sizes * corners)])
+    return AbsoluteSum(best, corners, constant + lever[-1] - 2.0 * lever, 2.0 * passed - passed[-1])
+
+
+def squared_sum(made: FloatArray, carried: FloatArray, weights: FloatArray | None = None) -> SquaredSum:
+    """The same of squares.
+
+    Examples
+    --------
+    >>> total = squared_sum(np.array([1.0, 2.0, 9.0]), np.array([1.0, 1.0, 3.0]))
+    >>> round(total.best, 9), total(np.array([0.0, 3.0])).round(9).tolist()
+    (2.727272727, [86.0, 5.0])
+    """
+    weights = np.ones(made.size) if weights is None else weights
+    curvature = float(np.sum(weights * carried**2))
+    best = float(np.sum(weights * made * carried)) / curvature if curvature else np.nan
+    return SquaredSum(best, float(np.sum(weights * (made - best * carried) ** 2)), curvature)
+
+
+# Corners of absolute values are rounded off over these parts of the mean error, one after the other.
+_ROUNDED = (1.0, 0.1, 0.01)
+_FINEST = 1e-9
+_REACHED = 1e-9
+
+
+def polished(problem: AccelerationProblem, start: FloatArray, points: FloatArray | None) -> Solution:
+    r"""Local search from a start ``(p,)``; never ends above it.
+
+    Absolute errors have corners. Where there is no closed form they are rounded off,
+    :math:`|e| \to \sqrt{e^2 + \epsilon^2} - \epsilon`, first over the size of the mean error and in the end over a
+    hundredth of it.
+
+    Parameters
+    ----------
+    problem
+        Data and parameters.
+    start
+        It is brought into the bounds.
+    points
+        Weights of the samples, shape ``(n,)``; one each by default.
+    """
+    weights = np.ones(problem.tilt.size) if points is None else points
+    cost = _Cost(problem, problem.channel_weights[:, None] * weights)
+    theta = np.clip(start, problem.box.lower, problem.box.upper)
+    reached = _closed_form(problem, theta, points)
+    return cost.descend(theta) if reached is None else cost.solution(reached, began=cost.sum(theta))
+
+
+def error_sums(problem: AccelerationProblem, points: FloatArray | None) -> tuple[ErrorSum, ...]:
+    """Sum of errors of each acceleration by its gain, where the lag is held."""
+    total = squared_sum if problem.error == "squared" else absolute_sum
+    carried = problem.carried(problem.parameters.pack())
+    return tuple(total(a, x, points) for a, x in zip(problem.made, carried, strict=True))
+
+
+def _closed_form(problem: AccelerationProblem, theta: FloatArray, points: FloatArray | None) -> FloatArray | None:
+    """The parameters with the best gains that are nearest to a start, relatively; ``None`` where there are none."""
+    if problem.free_powers is None:
+        return None
+    sums = problem.sums if points is None else error_sums(problem, points)
+    ratios = np.array([one.best for one in sums]) / problem.gains(theta)[0]
+    if not np.all(np.isfinite(ratios) & (ratios > 0.0)):
+        return None
+    return _moved(theta, problem.free_powers, np.log(ratios), problem.box)
+
+
+def _moved(theta: FloatArray, powers: FloatArray, wanted: FloatArray, box: StartBox) -> FloatArray | None:
+    """Parameters within their bounds whose products of powers have moved by ``wanted``, in logarithms.
+
+    Those that would leave the box stay at the bound that they meet, and the others make up for them.
+    """
+    with np.errstate(divide="ignore"):
+        low, high = np.log(np.maximum(np.sort([box.lower / theta, box.upper / theta], axis=0), 0.0))
+    steps, free = np.zeros(theta.size), np.ones(theta.size, dtype=np.bool_)
+    while free.any():
+        steps[free] = np.linalg.pinv(powers[:, free]) @ (wanted - powers[:, ~free] @ steps[~free])
+        over = free & ~((steps >= low) & (steps <= high))
+        if not over.any():
+            break
+        steps, free = np.clip(steps, low, high), free & ~over
+    if np.abs(powers @ steps - wanted).max() > _REACHED:
+        return None
+    reached = np.clip(theta * np.exp(steps), box.lower, box.upper)
+    met = np.where(reached - box.lower < box.upper - reached, box.lower, box.upper)
+    return np.where(free, reached, met)
+
+
+class _Cost:
+    """Errors and derivatives as residuals; ``scales`` ``(4, n)`` weigh each error."""
+
+    def __init__(self, problem: AccelerationProblem, scales: FloatArray) -> None:
+        self.problem, self.scales, self.root = problem, scales, np.sqrt(scales)
+        self.absolute = problem.error == "absolute"
+
+    def descend(self, theta: FloatArray) -> Solution:
+        """Steps of least squares, with ever sharper corners."""
+        lower, upper = self.problem.box.lower, self.problem.box.upper
+        best = self.solution(theta, began=self.sum(theta))
+        evaluations, trace = 0, [best.cost]
+        for rounded in _ROUNDED if self.absolute else (0.0,):
+            corner = rounded * self.mean_errors(self.errors(theta))
+
+            def residuals(at: FloatArray, corner: FloatArray = corner) -> tuple[FloatArray, FloatArray]:
+                return self.residuals(at, corner)
+
+            found = self.sharp(LevenbergMarquardt().minimize(residuals, theta, lower, upper))
+            evaluations += found.evaluations
+            # Rounded corners may lead up, by as much as they take off.
+            if found.cost <= best.cost:
+                best, theta = found, found.theta
+                trace.append(found.cost)
+        return replace(best, evaluations=evaluations, trace=tuple(trace))
+
+    def solution(self, theta: FloatArray, *, began: float) -> Solution:
+        """A solution at a place that is known to be one."""
+        errors = self.errors(theta)
+        jacobian = self.derivatives(theta, errors, _ROUNDED[-1] * self.mean_errors(errors))
+        residual = self.sharp_residual(errors)
+        lower, upper = self.problem.box.lower, self.problem.box.upper
+        cost = float(residual @ residual)
+        return Solution(
+            theta=theta,
+            cost=cost,
+            outcome=Outcome.CONVERGED,
+            residual=residual,
+            jacobian=jacobian,
+            evaluations=1,
+            trace=(began, cost),
+            at_bound=tuple(((theta <= lower) | (theta >= upper)).tolist()),
+        )
+
+    def sum(self, theta: FloatArray) -> float:
+        """The cost."""
+        errors = self.errors(theta)
+        return float(np.sum(self.scales * (np.abs(errors) if self.absolute else errors**2)))
+
+    def errors(self, theta: FloatArray) -> FloatArray:
+        """Measured less modeled, shape ``(4, n)``."""
+        errors: FloatArray = self.problem.made - self.problem.gains(theta)[0][:, None] * self.problem.carried(theta)
+        return errors
+
+    def residuals(self, theta: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals ``(4 n,)`` whose squares add up to the cost with rounded corners, and derivatives ``(4 n, p)``."""
+        errors = self.errors(theta)
+        # Rounding off leaves e^2 / (smooth + corner), the square of what stands here.
+        factor = self.root / np.sqrt(np.sqrt(errors**2 + corner**2) + corner) if self.absolute else self.root
+        return (factor * errors).ravel(), self.derivatives(theta, errors, corner)
+
+    def derivatives(self, theta: FloatArray, errors: FloatArray, corner: FloatArray) -> FloatArray:
+        """Derivatives of the residuals, ``(4 n, p)``."""
+        steep = self.root
+        if self.absolute:
+            smooth = np.sqrt(errors**2 + corner**2)
+            steep = 0.5 * self.root * np.sqrt(smooth + corner) / smooth
+        return -(steep * self.problem.slopes(theta)).reshape(len(theta), -1).T
+
+    def mean_errors(self, errors: FloatArray) -> FloatArray:
+        """Mean absolute error of each channel over samples that count, shape ``(4, 1)``; never zero."""
+        counted = np.maximum(np.sum(self.scales, axis=1), np.finfo(np.float64).tiny)
+        mean = np.sum(self.scales * np.abs(errors), axis=1) / counted
+        size = np.abs(self.problem.made).mean(axis=1)
+        return np.asarray(np.maximum(mean, _FINEST * size)[:, None])
+
+    def sharp(self, found: Solution) -> Solution:
+        """A solution of rounded corners with the cost and the residuals of the sharp ones."""
+        residual = self.sharp_residual(self.errors(found.theta))
+        return replace(found, residual=residual, cost=float(residual @ residual))
+
+    def sharp_residual(self, errors: FloatArray) -> FloatArray:
+        """Residuals whose squares add up to the cost, shape ``(4 n,)``."""
+        if not self.absolute:
+            return (self.root * errors).ravel()
+        return (np.sign(errors) * np.sqrt(self.scales * np.abs(errors))).ravel()
+
 
 ErrorKind: TypeAlias = Literal["absolute", "squared"]
 """How errors of single samples are added up."""
@@ -227,7 +492,7 @@ class AccelerationProblem(Immutable):
         """Local search from a start ``(p,)``; its cost is that of :meth:`costs`, and never above that of the start.
 
         Where the lag is held and each acceleration can have the gain that suits it best, which is so with all inertias
-        free, this is the only minimum, in closed form: see :mod:`rotorid.search.acceleration_polish`.
+        free, this is the only minimum, in closed form: see :mod:`rotorid.search.acceleration`.
         """
         return polished(self, start, None)
 
@@ -370,3 +635,83 @@ class AccelerationProblem(Immutable):
         from rotorid.search.acceleration_kernels import lagged
 
         return np.asarray(lagged(drives, float(kept)))
+
+
+_NEAR = 0.5
+"""Errors smaller than this part of the median count as being about zero: some 26 % of normal ones."""
+
+_FLAT = 1e-10
+_UNSEEN = 1e8
+
+
+def acceleration_bounds(problem: AccelerationProblem, theta: FloatArray) -> Bounds:
+    r"""Covariance of the parameters at the end of a fit.
+
+    .. math:: \mathrm{Cov}\,\theta = H^{-1} V H^{-1}, \qquad H = \sum_c k_c S_c^T S_c, \quad V = \sum_c v_c S_c^T S_c
+
+    with the slopes :math:`S_c` of each acceleration and its weight :math:`w_c`. Absolute errors have
+    :math:`k_c = 2 w_c f_c(0)`, twice the density of the errors at zero, and :math:`v_c = w_c^2`; squares have
+    :math:`k_c = 2 w_c` and :math:`v_c = 4 w_c^2 \sigma_c^2`. Assumes errors that are white: those of differentiated
+    signals are not, and their covariance is larger at low frequencies and smaller at high ones.
+
+    A direction in which the cost is flat is given :math:`10^8` of what its parameters would have alone, so that
+    :func:`rotorid.uncertainty.identifiability.unseen_combinations` names it.
+
+    Parameters
+    ----------
+    problem
+        What was fitted.
+    theta
+        Where it ended, shape ``(p,)``.
+
+    Returns
+    -------
+    Bounds
+        Of what CIFER's percents are made has no meaning here: ``cramer_rao`` is the standard deviation, and
+        ``insensitivity`` that with all other parameters held.
+
+    Raises
+    ------
+    InsufficientDataError
+        A parameter has no effect on the accelerations.
+
+    References
+    ----------
+    R. Koenker and G. Bassett, *Regression Quantiles*, Econometrica 46(1), 1978.
+    """
+    errors, slopes = problem.accelerations - problem.modeled(theta), problem.slopes(theta)
+    grams = np.einsum("icn,jcn->cij", slopes, slopes)
+    weights = problem.channel_weights
+    if problem.error == "squared":
+        curvature, variance = 2.0 * weights, 4.0 * weights**2 * np.mean(errors**2, axis=1)
+    else:
+        curvature, variance = 2.0 * weights * _density_at_zero(errors), weights**2
+    H, V = np.tensordot(curvature, grams, axes=1), np.tensordot(variance, grams, axes=1)
+    length = np.sqrt(np.diag(H))
+    if not np.all(length > 0.0):
+        still = ", ".join(name for name, size in zip(problem.parameters.free, length, strict=True) if not size > 0.0)
+        raise InsufficientDataError(f"{still} has no effect on the accelerations", remedy="fix it")
+    alone = np.sqrt(np.diag(V)) / np.diag(H)
+    covariance = _sandwich(H / np.outer(length, length), V / np.outer(length, length)) / np.outer(length, length)
+    return Bounds(
+        names=problem.parameters.free,
+        cramer_rao=np.sqrt(np.diag(covariance)),
+        insensitivity=alone,
+        covariance=covariance,
+        inflation=1.0,
+    )
+
+
+def _density_at_zero(errors: FloatArray) -> FloatArray:
+    """Probability density of each channel's errors at zero, shape ``(4,)``."""
+    near = np.maximum(_NEAR * np.median(np.abs(errors), axis=1), np.finfo(np.float64).tiny)
+    return np.asarray(np.mean(np.abs(errors) <= near[:, None], axis=1) / (2.0 * near))
+
+
+def _sandwich(H: FloatArray, V: FloatArray) -> FloatArray:
+    """``H^-1 V H^-1`` where H sees anything, and very much where it does not."""
+    sizes, directions = np.linalg.eigh(H)
+    seen = sizes > _FLAT * sizes.max()
+    inverse = directions[:, seen] / sizes[seen] @ directions[:, seen].T
+    flat = directions[:, ~seen]
+    return np.asarray(inverse @ V @ inverse + _UNSEEN**2 * np.mean(np.diag(V)) * flat @ flat.T)

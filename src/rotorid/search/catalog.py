@@ -1,28 +1,25 @@
-"""The searches that there are: one file each in ``rotorid.search.methods``, found by its name."""
+"""The searches that there are, by their names."""
 
 from __future__ import annotations
 
 import difflib
-import pkgutil
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from importlib import import_module
 from typing import Protocol
 
 from rotorid.errors import UsageError
-from rotorid.search import methods
-from rotorid.search.evaluate import Report
-from rotorid.search.objective import Objective
-from rotorid.search.result import SearchResult
+from rotorid.search.cma import cma_from_text
+from rotorid.search.kmeans import kmeans_from_text
+from rotorid.search.multistart import central_from_text, random_from_text, sobol_from_text
+from rotorid.search.objective import Objective, Report, SearchResult
+from rotorid.search.population import evolution_from_text, genetic_from_text
 
 DEFAULT = "evolution"
 """The search to take when nothing is known of the problem."""
 
 
 class Search(Protocol):
-    """A global search as a value: what it is and its options, without what it is used on.
-
-    Its file in ``rotorid.search.methods`` has a function ``from_text`` that makes it from the text of its options.
-    """
+    """A global search as a value: what it is and its options, without what it is used on."""
 
     @property
     def name(self) -> str:
@@ -64,6 +61,18 @@ class Search(Protocol):
         ...
 
 
+_SEARCHES: Mapping[str, Callable[[str], Search]] = {
+    "central": central_from_text,
+    "cma": cma_from_text,
+    "evolution": evolution_from_text,
+    "genetic": genetic_from_text,
+    "kmeans": kmeans_from_text,
+    "random": random_from_text,
+    "sobol": sobol_from_text,
+}
+"""What makes each search from the text of its options."""
+
+
 def searches() -> tuple[str, ...]:
     """Names of all searches, sorted.
 
@@ -72,7 +81,7 @@ def searches() -> tuple[str, ...]:
     >>> searches()
     ('central', 'cma', 'evolution', 'genetic', 'kmeans', 'random', 'sobol')
     """
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(methods.__path__)))
+    return tuple(sorted(_SEARCHES))
 
 
 def search(text: str) -> Search:
@@ -102,5 +111,4 @@ def search(text: str) -> Search:
             needed=f"one of {', '.join(names)}",
             remedy=f"did you mean {near[0]}?" if near else "",
         )
-    found: Search = import_module(f"{methods.__name__}.{name}").from_text(options)
-    return found
+    return _SEARCHES[name](options)

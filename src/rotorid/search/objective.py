@@ -1,12 +1,29 @@
-"""What a search minimizes: one face for every cost of the package."""
+"""What a search minimizes: one face for every cost of the package.
+
+What a search answers: the best it found, every minimum with its basin, and what it cost.
+
+Costs and local searches of many vectors, on as many workers as there are, with the same answer on each.
+
+Of many local searches the distinct minima, and of many tried vectors those worth a local search.
+
+Options of searches as text, and budgets.
+"""
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from rotorid.fit.solution import Solution
-from rotorid.search.design_of_starts import StartBox
-from rotorid.typing import FloatArray
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.errors import UsageError
+from rotorid.fitting.least_squares import Outcome, Solution, best_of, same_place
+from rotorid.search.starts import StartBox
+from rotorid.typing import FloatArray, IntArray
 
 
 class Objective(Protocol):
@@ -48,3 +65,364 @@ class Objective(Protocol):
     def polish_points(self, start: FloatArray, points: FloatArray) -> Solution:
         """A few steps of it for a part of the data: weights of the points, zero or more, shape ``(n,)``."""
         ...
+
+
+class Progress(NamedTuple):
+    """Where a search was after so many evaluations.
+
+    Parameters
+    ----------
+    evaluations
+        Costs that had been computed, and residuals of local searches where these are the search.
+    best
+        Lowest cost so far.
+    """
+
+    evaluations: int
+    best: float
+
+
+class Basin(NamedTuple):
+    """A minimum and how much leads to it.
+
+    Parameters
+    ----------
+    cost
+        At the minimum.
+    theta
+        Free parameters there, shape ``(p,)``.
+    share
+        Part of the local searches that came to rest which ended there, zero to one.
+    """
+
+    cost: float
+    theta: FloatArray
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SearchResult(Immutable):
+    """End of a global search.
+
+    Parameters
+    ----------
+    search
+        Its name in the catalog.
+    seed
+        What it was seeded with; the same seed gives the same result on any number of workers.
+    best
+        The lowest minimum after the local search.
+    theta, cost
+        The best before the local search, shape ``(p,)``.
+    basins
+        Every minimum that local searches ended in, lowest first. The shares of a design of starts are those of the box,
+        as far as the starts are many; those of a population, which polishes a chosen few, say little.
+    trace
+        Best cost by evaluations; for a population after each generation.
+    evaluations
+        Costs that were computed by the search itself.
+    polishing
+        Residuals with Jacobians that the local searches took.
+    local_searches
+        How many there were, with those that came to no rest.
+    """
+
+    search: str
+    seed: int
+    best: Solution
+    theta: FloatArray
+    cost: float
+    basins: tuple[Basin, ...]
+    trace: tuple[Progress, ...]
+    evaluations: int
+    polishing: int
+    local_searches: int
+
+    def __post_init__(self) -> None:
+        self._set(
+            theta=read_only(self.theta, np.float64, ndim=1),
+            basins=tuple(Basin(c, read_only(theta, np.float64, ndim=1), share) for c, theta, share in self.basins),
+            trace=tuple(Progress(*one) for one in self.trace),
+        )
+
+
+Report: TypeAlias = Callable[[Progress], None]
+
+Task = TypeVar("Task")
+Answer = TypeVar("Answer")
+
+_MOST_CHUNKS = 8
+"""How a batch is divided, whoever works: sums over vectors may depend on their number in the last digit."""
+
+_AHEAD = 32
+
+
+class Evaluations:
+    """Costs of an objective, counted and remembered, and what was best after how many.
+
+    Parameters
+    ----------
+    objective
+        What is minimized.
+    executor
+        Workers; without one the work is done here. Those in other processes are worth it only for costs that take
+        longer than sending the data, some milliseconds.
+    progress
+        Called with every entry of the trace.
+    """
+
+    def __init__(
+        self, objective: Objective, *, executor: Executor | None = None, progress: Report | None = None
+    ) -> None:
+        self.objective = objective
+        self._executor = executor
+        self._progress = progress
+        self.count = 0
+        self.polishing = 0
+        self.best = np.inf
+        self.theta = objective.box.at(np.full(objective.box.lower.size, 0.5))
+        self.trace: list[Progress] = []
+
+    def costs(self, thetas: FloatArray) -> FloatArray:
+        """Costs of vectors ``(b, p)``, shape ``(b,)``; infinite where there is no number."""
+        return self._remembered(
+            thetas, np.concatenate(self._map(partial(_costs, self.objective), self._chunks(thetas)))
+        )
+
+    def point_costs(self, thetas: FloatArray) -> FloatArray:
+        """What every point adds to these costs, ``(b, p)`` to ``(b, n)``."""
+        costs = np.concatenate(self._map(partial(_point_costs, self.objective), self._chunks(thetas)))
+        self._remembered(thetas, costs.sum(axis=1))
+        return costs
+
+    def _chunks(self, thetas: FloatArray) -> list[FloatArray]:
+        size = max(self.objective.at_once, -(-len(thetas) // _MOST_CHUNKS))
+        return [thetas[first : first + size] for first in range(0, len(thetas), size)]
+
+    def _remembered(self, thetas: FloatArray, costs: FloatArray) -> FloatArray:
+        self.count += len(thetas)
+        lowest = int(np.argmin(costs))
+        if costs[lowest] < self.best:
+            self.best, self.theta = float(costs[lowest]), thetas[lowest].copy()
+        return costs
+
+    def polished(self, starts: FloatArray) -> Iterator[Solution]:
+        """Ends of local searches from starts ``(k, p)``, in their order, counted as they are taken.
+
+        Workers run ahead; what is not taken is not counted.
+        """
+        for first in range(0, len(starts), _AHEAD):
+            block = starts[first : first + _AHEAD]
+            run = partial(_polish, self.objective)
+            for solution in map(run, block) if self._executor is None else self._executor.map(run, block):
+                self.polishing += solution.evaluations
+                yield solution
+
+    def polished_points(self, starts: FloatArray, points: FloatArray) -> list[Solution]:
+        """Ends of local searches from starts ``(k, p)``, each with its own weights of the points, ``(k, n)``."""
+        found = self._map(partial(_polish_points, self.objective), list(zip(starts, points, strict=True)))
+        self.polishing += sum(one.evaluations for one in found)
+        return found
+
+    def _map(self, run: Callable[[Task], Answer], tasks: Sequence[Task]) -> list[Answer]:
+        # One task is done here: sending it away gains nothing.
+        if self._executor is None or len(tasks) == 1:
+            return [run(task) for task in tasks]
+        return list(self._executor.map(run, tasks))
+
+    @property
+    def spent(self) -> int:
+        """Costs and residuals so far."""
+        return self.count + self.polishing
+
+    def mark(self, best: float | None = None) -> None:
+        """Add an entry to the trace, with the lowest cost that was computed or another one."""
+        self.trace.append(Progress(self.spent, self.best if best is None else best))
+        if self._progress is not None:
+            self._progress(self.trace[-1])
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a vector far off has a cost that is no number
+def _costs(objective: Objective, thetas: FloatArray) -> FloatArray:
+    costs = objective.costs(thetas)
+    return np.where(np.isfinite(costs), costs, np.inf)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def _polish(objective: Objective, start: FloatArray) -> Solution:
+    return objective.polish(start)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def _point_costs(objective: Objective, thetas: FloatArray) -> FloatArray:
+    costs = objective.point_costs(thetas)
+    return np.where(np.isfinite(costs), costs, np.inf)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def _polish_points(objective: Objective, task: tuple[FloatArray, FloatArray]) -> Solution:
+    return objective.polish_points(*task)
+
+
+_MOST_PLACES = 32
+_ONE_PLACE = 0.1
+
+
+def basins(found: Sequence[Solution], *, name: str) -> tuple[Solution, tuple[Basin, ...]]:
+    """The best of many local searches, and every minimum that they ended in, lowest first.
+
+    Two ends are one minimum when their costs agree and the residuals cannot tell the places apart. Searches that came
+    to no rest ended in no minimum and do not count, unless one of them is the best of all.
+
+    Parameters
+    ----------
+    found
+        Ends of local searches, in the order of their starts.
+    name
+        What was fitted, for the message.
+
+    Returns
+    -------
+    Solution
+        The lowest, with the other minima in its ``others``; of minima with one cost the first counts.
+    tuple of Basin
+        Shares sum to one.
+
+    Raises
+    ------
+    InsufficientDataError
+        None has a finite cost.
+    """
+    best = best_of(found, name=name)
+    rested = [one for one in found if np.isfinite(one.cost) and one.outcome is Outcome.CONVERGED]
+    if best.outcome is not Outcome.CONVERGED:
+        rested.append(best)
+    places: list[Solution] = [best]
+    counts = [0]
+    for one in sorted(rested, key=lambda one: one.cost):
+        place = next((k for k, other in enumerate(places) if same_place(other, one)), len(places))
+        if place == len(places):
+            places.append(one)
+            counts.append(0)
+        counts[place] += 1
+    return best, tuple(Basin(p.cost, p.theta, count / len(rested)) for p, count in zip(places, counts, strict=True))
+
+
+def worth_polishing(
+    shares: FloatArray, costs: FloatArray, *, count: int, early: int = 0, reserved: int = 0
+) -> IntArray:
+    """Which of many tried vectors to begin local searches at: low, and far from anything lower.
+
+    A lowest vector stands for all that lie close to it. Of these places, the best comes first, then those whose nearest
+    better place is farthest: the foot of another valley has nothing better near, a slope of the same valley has.
+
+    A population that settles in one valley tries so much of it that all places are there. Some can therefore be
+    reserved for those that stand out of what was tried first, when the whole box was still looked at.
+
+    Parameters
+    ----------
+    shares
+        Where they lie in the unit cube of the box, in the order in which they were tried, shape ``(n, p)``.
+    costs
+        Shape ``(n,)``; those with an infinite cost are left out.
+    count
+        How many at most.
+    early, reserved
+        How many vectors count as tried first, and how many of ``count`` are reserved for places among them.
+
+    Returns
+    -------
+    numpy.ndarray
+        Their numbers, the lowest first.
+
+    References
+    ----------
+    M. Preuss, *Niching the CMA-ES via nearest-better clustering*, GECCO 2010.
+
+    Examples
+    --------
+    >>> x = np.linspace(0.0, 1.0, 101)
+    >>> two_valleys = np.minimum((x - 0.2) ** 2, (x - 0.8) ** 2 + 0.01)
+    >>> x[worth_polishing(x[:, None], two_valleys, count=2)].round(6).tolist()
+    [0.2, 0.8]
+    """
+    of_all = _by_promise(shares, costs)
+    chosen = of_all[: count - reserved]
+    for one in (*_by_promise(shares[:early], costs[:early]), *of_all):
+        # What lies beside a place that was chosen would lead to where that one leads.
+        if len(chosen) < count and (_distance(shares[chosen].T, shares[one]) > _ONE_PLACE).all():
+            chosen.append(one)
+    return np.array(sorted(chosen, key=lambda one: (costs[one], one)), dtype=np.int64)
+
+
+def _by_promise(shares: FloatArray, costs: FloatArray) -> list[int]:
+    """The lowest of each place, those with the farthest better place first."""
+    order = np.argsort(costs, kind="stable")
+    order = order[np.isfinite(costs[order])]
+    rising = shares[order]
+    by_side = np.ascontiguousarray(rising.T)
+    taken = np.zeros(order.size, dtype=np.bool_)
+    places: list[int] = []
+    to_better: list[float] = []
+    while not taken.all() and len(places) < _MOST_PLACES:
+        lowest = int(np.argmin(taken))
+        to_better.append(float(_distance(rising[places].T, rising[lowest]).min(initial=np.inf)))
+        taken |= _distance(by_side, rising[lowest]) <= _ONE_PLACE
+        places.append(lowest)
+    return [int(order[places[k]]) for k in np.argsort(-np.array(to_better), kind="stable")]
+
+
+def _distance(many: FloatArray, one: FloatArray) -> FloatArray:
+    """From vectors ``(p, n)`` to one, root mean square over the sides: one limit serves any number of parameters."""
+    return np.asarray(np.sqrt(((many - one[:, None]) ** 2).sum(axis=0) / one.size))
+
+
+def whole_number(text: str, *, of: str, needed: str) -> int:
+    """A positive whole number.
+
+    Parameters
+    ----------
+    text
+        As it was given.
+    of
+        The search whose option it is, for the message.
+    needed
+        What its options look like.
+
+    Raises
+    ------
+    UsageError
+        It is no such number.
+
+    Examples
+    --------
+    >>> whole_number("64", of="sobol", needed="sobol:64")
+    64
+    """
+    if not text.isascii() or not text.isdigit() or int(text) < 1:
+        raise UsageError(f"{text!r} came as an option of the search {of}", needed=f"positive numbers as in {needed}")
+    return int(text)
+
+
+def no_options(text: str, *, of: str) -> None:
+    """Refuse options of a search that has none.
+
+    Raises
+    ------
+    UsageError
+        There are some.
+    """
+    if text:
+        raise UsageError(f"{of}:{text} came", needed=f"{of}, which has no options")
+
+
+def require_budget(budget: int, least: int) -> None:
+    """Refuse a budget that does not pay the beginning of a search.
+
+    Raises
+    ------
+    UsageError
+        It is too small.
+    """
+    if budget < least:
+        raise UsageError(f"a budget of {budget} evaluations came", needed=f"{least} or more")

@@ -10,14 +10,12 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable, read_only
+from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
 from rotorid.search.catalog import Search
-from rotorid.search.objective import Objective
-from rotorid.search.result import SearchResult
+from rotorid.search.objective import Objective, SearchResult
 from rotorid.typing import BoolArray, FloatArray, IntArray
-from rotorid.uncertainty.resampling import LeftOut, RunProgress, each_run, spread_of
-from rotorid.uncertainty.spread_table import SpreadTable
+from rotorid.uncertainty.resampling import LeftOut, RunProgress, SpreadTable, each_run, spread_of
 
 RunSearch: TypeAlias = Callable[[int], SearchResult]
 """A search from a seed. It may draw its data from the seed too: noise, or a whole flight."""

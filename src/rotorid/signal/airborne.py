@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rotorid.data.channel import MOTORS
-from rotorid.data.findings import Finding
-from rotorid.data.record import FlightRecord, Topic
+from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.record import MOTORS, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import BoolArray, FloatArray
 
@@ -80,7 +79,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
 
     Examples
     --------
-    >>> from rotorid.data.channel import Channel
+    >>> from rotorid.data.record import Channel
     >>> from rotorid.data.record import Source
     >>> time_s = np.arange(0.0, 60.0, 0.02)
     >>> thrust = np.where((time_s >= 10.0) & (time_s < 50.0), 0.4, 0.0)
@@ -99,7 +98,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
             message,
             needed="a vehicle in the air",
             remedy="choose another log, or name the interval with --segment",
-            findings=[Finding(kind="never_airborne", severity="error", where=seen_in, message=message)],
+            findings=[refusal("never_airborne", seen_in, message)],
         )
     found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust)
     return replace(found, findings=(_finding(found, record),))
@@ -203,13 +202,12 @@ def _finding(found: Airborne, record: FlightRecord) -> Finding:
     start_s, stop_s = found.longest
     whole = start_s <= record.start_s and stop_s >= record.stop_s
     more = f"; {len(found.intervals)} flights in all" if len(found.intervals) > 1 else ""
-    return Finding(
-        kind="airborne",
-        severity="info",
-        where=found.seen_in,
-        message=(
-            f"In the air from {start_s:.1f} to {stop_s:.1f} s, as {found.seen_in} tells"
-            f"{', which is the whole record' if whole else ''}{more}."
-        ),
-        numbers={"start_s": start_s, "stop_s": stop_s, "flights": len(found.intervals)},
+    return remark(
+        "airborne",
+        found.seen_in,
+        f"In the air from {start_s:.1f} to {stop_s:.1f} s, as {found.seen_in} tells"
+        f"{', which is the whole record' if whole else ''}{more}.",
+        start_s=start_s,
+        stop_s=stop_s,
+        flights=len(found.intervals),
     )

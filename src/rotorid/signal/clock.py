@@ -1,16 +1,19 @@
-"""One clock for channels that were logged on several."""
+"""One clock for channels that were logged on several.
+
+Channels that someone joined by straight lines between slower samples, and the samples that they were.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.channel import LOWEST_RATE_HZ
-from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
-from rotorid.data.record import FlightRecord, Topic
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import FloatArray
 
@@ -41,7 +44,7 @@ class Conditioned:
     findings: tuple[Finding, ...]
 
 
-def one_clock(
+def resample(
     record: FlightRecord,
     *,
     channels: Sequence[str],
@@ -122,7 +125,7 @@ def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> Insuff
         f"{record.source.name} holds no {name}",
         needed=f"the channel {name}; there are {', '.join(record.channel_names) or 'none'}",
         remedy=remedy or "log it, or name its source with --map",
-        findings=[Finding(kind="missing_channel", severity="error", where=name, message=message)],
+        findings=[refusal("missing_channel", name, message)],
     )
 
 
@@ -133,7 +136,7 @@ def _absent(record: FlightRecord, name: str, start_s: float, stop_s: float) -> I
         message,
         needed="samples of it in this interval",
         remedy="choose a segment in which it was logged",
-        findings=[Finding(kind="missing_channel", severity="error", where=name, message=message)],
+        findings=[refusal("missing_channel", name, message)],
     )
 
 
@@ -165,12 +168,12 @@ def _trimmed(
         return []
     places = ", ".join(dict.fromkeys(topic.name for topic, _ in sources.values()))
     return [
-        Finding(
-            kind="segment_trimmed",
-            severity="warning",
-            where=f"{start_s:.1f} to {stop_s:.1f} s",
-            message=f"Of {start_s:.2f} to {stop_s:.2f} s, {places} together hold {low:.2f} to {high:.2f} s.",
-            numbers={"start_s": low, "stop_s": high},
+        warn(
+            "segment_trimmed",
+            f"{start_s:.1f} to {stop_s:.1f} s",
+            f"Of {start_s:.2f} to {stop_s:.2f} s, {places} together hold {low:.2f} to {high:.2f} s.",
+            start_s=low,
+            stop_s=high,
         )
     ]
 
@@ -185,12 +188,11 @@ def _ordered(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray,
     if rising.all():
         return time_s, values, []
     dropped = int(np.sum(~rising))
-    finding = Finding(
-        kind="clock_disorder",
-        severity="warning",
-        where=name,
-        message=f"{dropped} stamps of {topic.name} repeat or step back; their samples were left out.",
-        numbers={"samples": dropped},
+    finding = warn(
+        "clock_disorder",
+        name,
+        f"{dropped} stamps of {topic.name} repeat or step back; their samples were left out.",
+        samples=dropped,
     )
     return time_s[rising], values[rising], [finding]
 
@@ -215,26 +217,24 @@ def _rate_findings(
     rates = {name: _rate(series[name][0], start_s, stop_s) for name in channels}
     fastest = max(rates.values())
     slow = [
-        Finding(
-            kind="rate_too_low",
-            severity="warning",
-            where=name,
-            message=(
-                f"{name} was logged at {rate:.3g} Hz; below {LOWEST_RATE_HZ:.0f} Hz neither motor lag nor delay of a "
-                "small multirotor can be seen."
-            ),
-            numbers={"rate_hz": rate, "needed_hz": LOWEST_RATE_HZ},
+        warn(
+            "rate_too_low",
+            name,
+            f"{name} was logged at {rate:.3g} Hz; below {LOWEST_RATE_HZ:.0f} Hz neither motor lag nor delay of a "
+            "small multirotor can be seen.",
+            rate_hz=rate,
+            needed_hz=LOWEST_RATE_HZ,
         )
         for name, rate in rates.items()
         if rate < LOWEST_RATE_HZ
     ]
     return slow + [
-        Finding(
-            kind="rate_too_low",
-            severity="warning",
-            where=name,
-            message=f"{name} was logged at {rate:.0f} Hz beside {fastest:.0f} Hz; raise its logging rate.",
-            numbers={"rate_hz": rate, "fastest_hz": fastest},
+        warn(
+            "rate_too_low",
+            name,
+            f"{name} was logged at {rate:.0f} Hz beside {fastest:.0f} Hz; raise its logging rate.",
+            rate_hz=rate,
+            fastest_hz=fastest,
         )
         for name, rate in rates.items()
         if LOWEST_RATE_HZ <= rate < 0.6 * fastest
@@ -258,13 +258,13 @@ def _holes(
         holes |= {(float(inside[gap]), float(inside[gap + 1])): None for gap in long}
         alike.setdefault((gaps.size, float(steps.max()), bool(long.size)), []).append(name)
     findings = [
-        Finding(
-            kind="gap",
-            severity="warning" if split else "info",
-            where=", ".join(names),
-            message=f"{count} gaps in {', '.join(names)}, the longest {longest_s:.3f} s; "
+        (warn if split else remark)(
+            "gap",
+            ", ".join(names),
+            f"{count} gaps in {', '.join(names)}, the longest {longest_s:.3f} s; "
             + ("the data were split there." if split else "they were short and interpolated."),
-            numbers={"gaps": count, "longest_s": longest_s},
+            gaps=count,
+            longest_s=longest_s,
         )
         for (count, longest_s, split), names in alike.items()
     ]
@@ -319,3 +319,118 @@ def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_h
 def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """One of each kind and place."""
     return tuple({(finding.kind, finding.where): finding for finding in findings}.values())
+
+
+_STRAIGHT = 1e-6
+_LEAST_KNOTS = 5
+_MOST_KNOTS = 0.35
+_LEVEL = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Interpolated(Immutable):
+    """The samples between which channels were joined by straight lines.
+
+    Parameters
+    ----------
+    time_s
+        Of the samples, shape ``(n,)``; the ends of the record are among them.
+    values
+        Shape ``(channels, n)``.
+    logged_rate_hz
+        At which the joined channels came.
+    """
+
+    time_s: FloatArray
+    values: FloatArray
+    logged_rate_hz: float
+
+    def __post_init__(self) -> None:
+        self._set(time_s=read_only(self.time_s, np.float64, ndim=1), values=read_only(self.values, np.float64, ndim=2))
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Median rate of the true samples."""
+        return float(1.0 / np.median(np.diff(self.time_s)))
+
+    def smooth(self, time_s: FloatArray) -> FloatArray:
+        """Channels joined anew by a cubic spline, shape ``(channels, m)``.
+
+        Holds for motion that the true samples follow; what was faster is lost, and the spline invents nothing for it.
+        """
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.time_s, self.values, axis=1)(time_s), dtype=np.float64)
+
+    def finding(self, where: str) -> Finding:
+        """A remark that the channels are slower than they look."""
+        return warn(
+            "interpolated_channel",
+            where,
+            f"{where} comes at {self.logged_rate_hz:.0f} Hz, but was joined by straight lines between samples "
+            f"at {self.sample_rate_hz:.1f} Hz: what is faster than {0.5 * self.sample_rate_hz:.1f} Hz is lost.",
+            rate_hz=self.sample_rate_hz,
+            logged_rate_hz=self.logged_rate_hz,
+        )
+
+
+def interpolated(time_s: FloatArray, values: FloatArray) -> Interpolated | None:
+    """The true samples of channels that are straight lines in between; ``None`` where they are not.
+
+    Parameters
+    ----------
+    time_s
+        Stamps, rising, shape ``(n,)``.
+    values
+        Channels that were sampled and joined together, shape ``(channels, n)``. True samples need not fall on stamps:
+        each is where the lines beside it meet, in the channel that bends most there.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> slow, fast = np.arange(0.0, 10.0, 0.1), np.arange(0.0, 9.9, 0.01)
+    >>> found = interpolated(fast + 0.003, np.interp(fast + 0.003, slow, rng.standard_normal(slow.size))[None])
+    >>> round(found.sample_rate_hz, 3)
+    10.0
+    """
+    if time_s.size < 3 * _LEAST_KNOTS:
+        return None
+    slopes = np.diff(values, axis=1) / np.diff(time_s)
+    span = np.ptp(values, axis=1, keepdims=True) / np.median(np.diff(time_s))
+    bends = np.abs(np.diff(slopes, axis=1)) > _STRAIGHT * np.where(span > 0.0, span, np.inf)
+    bent = np.flatnonzero(bends.any(axis=0)) + 1
+    if bent.size < _LEAST_KNOTS or bent.size > 2 * _MOST_KNOTS * time_s.size:
+        return None
+    edges = np.concatenate([[0], bent, [time_s.size - 1]])
+    lines = [(begin, end) for begin, end in itertools.pairwise(edges) if end - begin >= 2]
+    if len(lines) < _LEAST_KNOTS or len(lines) > _MOST_KNOTS * time_s.size or _held(values, lines):
+        return None
+    knots = [_meeting(time_s, values, before, after) for before, after in itertools.pairwise(lines)]
+    times = np.array([time_s[0], *(at for at, _ in knots), time_s[-1]])
+    levels = np.column_stack([values[:, 0], *(level for _, level in knots), values[:, -1]])
+    kept = np.concatenate([[True], np.diff(times) > 0.0])
+    rate_hz = float(1.0 / np.median(np.diff(time_s)))
+    return Interpolated(time_s=times[kept], values=levels[:, kept], logged_rate_hz=rate_hz)
+
+
+def _held(values: FloatArray, lines: list[tuple[int, int]]) -> bool:
+    """Whether most lines are level: samples that were held are no joined ones."""
+    level = [np.array_equal(values[:, begin], values[:, end]) for begin, end in lines]
+    return float(np.mean(level)) > _LEVEL
+
+
+def _meeting(
+    time_s: FloatArray, values: FloatArray, before: tuple[int, int], after: tuple[int, int]
+) -> tuple[float, FloatArray]:
+    """Where two lines meet, and the values of all channels there."""
+    (start, end), (begin, stop) = before, after
+    early = (values[:, end] - values[:, start]) / (time_s[end] - time_s[start])
+    late = (values[:, stop] - values[:, begin]) / (time_s[stop] - time_s[begin])
+    most = int(np.argmax(np.abs(late - early)))
+    turn = float(late[most] - early[most])
+    at = time_s[end]
+    if turn != 0.0:
+        reached = values[most, end] + late[most] * (time_s[begin] - time_s[end])
+        at = time_s[end] + float((values[most, begin] - reached) / -turn)
+    at = float(np.clip(at, time_s[end], time_s[begin]))
+    return at, values[:, end] + early * (at - time_s[end])

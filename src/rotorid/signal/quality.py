@@ -6,13 +6,10 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from rotorid.data.channel import AXES, MOTORS
-from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import AXES, MOTORS, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.signal.coherent import cross_spectrum
+from rotorid.signal.skew import cross_spectrum
 from rotorid.typing import Axis, FloatArray
 
 SATURATED_SHARE = 0.01
@@ -70,7 +67,7 @@ def quality_findings(history: TimeHistory, *, axis: Axis, accounted: Collection[
 
     Examples
     --------
-    >>> from rotorid.data.channel import Channel
+    >>> from rotorid.data.record import Channel
     >>> motion = 1.3 * np.sin(np.linspace(0.0, 60.0, 4000) ** 1.5)
     >>> history = TimeHistory(
     ...     values=np.clip(motion, -1.0, 1.0)[None], sample_rate_hz=100.0, start_s=0.0,
@@ -161,12 +158,11 @@ def _limits(history: TimeHistory) -> Iterator[Finding]:
             continue
         sensor = name in clipped
         place = "the end of its range" if sensor else "a limit"
-        yield Finding(
-            kind="sensor_clipping" if sensor else "saturation",
-            severity="warning" if share >= SATURATED_SHARE else "info",
-            where=name,
-            message=f"{name} stood at {place} for {share:.1%} of the maneuver.",
-            numbers={"share": share},
+        yield (warn if share >= SATURATED_SHARE else remark)(
+            "sensor_clipping" if sensor else "saturation",
+            name,
+            f"{name} stood at {place} for {share:.1%} of the maneuver.",
+            share=share,
         )
 
 
@@ -209,12 +205,13 @@ def _other_axes(history: TimeHistory, excited: str, accounted: Collection[str]) 
 def _off_axis(excited: str, other: str, spread: float, reference: float) -> Iterator[Finding]:
     ratio = spread / reference
     if ratio >= 0.5 * OFF_AXIS_SHARE:
-        yield Finding(
-            kind="off_axis_input",
-            severity="warning" if ratio >= OFF_AXIS_SHARE else "info",
-            where=other,
-            message=f"{other} moved by {ratio:.0%} of {excited} ({spread:.3g} against {reference:.3g} rms).",
-            numbers={"ratio": ratio, "rms": spread, "excited_rms": reference},
+        yield (warn if ratio >= OFF_AXIS_SHARE else remark)(
+            "off_axis_input",
+            other,
+            f"{other} moved by {ratio:.0%} of {excited} ({spread:.3g} against {reference:.3g} rms).",
+            ratio=ratio,
+            rms=spread,
+            excited_rms=reference,
         )
 
 
@@ -226,15 +223,12 @@ def _correlated(history: TimeHistory, excited: str, other: str) -> Iterator[Find
         return
     coherence = float(np.average(lines.coherence, weights=lines.first)) if lines.first.sum() > 0.0 else 0.0
     if coherence > CORRELATED:
-        yield Finding(
-            kind="correlated_inputs",
-            severity="warning",
-            where=f"{other}/{excited}",
-            message=(
-                f"{other} follows {excited} with a coherence of {coherence:.2f}; their effects cannot be told apart "
-                "well, so use both as inputs."
-            ),
-            numbers={"coherence": coherence},
+        yield warn(
+            "correlated_inputs",
+            f"{other}/{excited}",
+            f"{other} follows {excited} with a coherence of {coherence:.2f}; their effects cannot be told apart "
+            "well, so use both as inputs.",
+            coherence=coherence,
         )
 
 
@@ -242,13 +236,12 @@ def _sag(time_s: FloatArray, voltage: FloatArray, maneuver: Maneuver) -> Finding
     mean = float(voltage.mean())
     slope = float(np.sum(time_s * voltage) / np.sum(time_s**2))
     change = slope * maneuver.duration_s / mean
-    return Finding(
-        kind="battery_sag",
-        severity="warning" if abs(change) >= SAG else "info",
-        where="battery_voltage",
-        message=(
-            f"The voltage {'fell' if change < 0.0 else 'rose'} by {abs(change):.1%} of {mean:.4g} V over the "
-            f"{maneuver.axis} maneuver of {maneuver.duration_s:.3g} s."
-        ),
-        numbers={"change_percent": 100.0 * change, "mean_v": mean, "slope_v_per_s": slope},
+    return (warn if abs(change) >= SAG else remark)(
+        "battery_sag",
+        "battery_voltage",
+        f"The voltage {'fell' if change < 0.0 else 'rose'} by {abs(change):.1%} of {mean:.4g} V over the "
+        f"{maneuver.axis} maneuver of {maneuver.duration_s:.3g} s.",
+        change_percent=100.0 * change,
+        mean_v=mean,
+        slope_v_per_s=slope,
     )

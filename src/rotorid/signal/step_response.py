@@ -1,4 +1,9 @@
-r"""What a step of a command says without a model: gain, delay, rise time, and the bandwidth that follows from it."""
+r"""What a step of a command says without a model: gain, delay, rise time, and the bandwidth that follows from it.
+
+Thrust over weight from the motion alone, and whether it ever stood at a limit.
+
+Whether an output answers to the commands of other axes: a test by least squares that asks for no model.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.history import TimeHistory
-from rotorid.data.immutable import Immutable
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.typing import FloatArray
+from rotorid.signal.filters import low_pass
+from rotorid.signal.kinematics import derivative, has_channels
+from rotorid.typing import BoolArray, FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
 
 BANDWIDTH_TIMES_RISE = 0.35
 """Half-power bandwidth (Hz) times rise time of a first-order lag, ln 9 / 2π; a second order has 0.32 at damping 0.4."""
@@ -122,7 +131,7 @@ def step_responses(history: TimeHistory, *, command: str, response: str) -> tupl
     --------
     A lag of 0.2 s, asked at 1 s; its rise time is 0.2 ln 9:
 
-    >>> from rotorid.data.channel import Channel
+    >>> from rotorid.data.record import Channel
     >>> time_s = np.arange(0.0, 4.0, 0.01)
     >>> asked = (time_s >= 1.0).astype(float)
     >>> answer = np.where(time_s >= 1.0, 1.0 - np.exp(-(time_s - 1.0) / 0.2), 0.0)
@@ -236,3 +245,282 @@ def _passed(share: FloatArray, level: float) -> float:
     if later == 0:
         return 0.0
     return later - 1 + (level - float(share[later - 1])) / float(share[later] - share[later - 1])
+
+
+CHANNELS = ("velocity_down", "phi", "theta")
+"""What the thrust follows from."""
+
+_WIDTH = 0.02
+_FLAT = 2.0 / 3.0
+_LEAST_STAY_S = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThrustLimit(Immutable):
+    """Whether thrust stood still at the highest value that it reached.
+
+    Parameters
+    ----------
+    highest
+        Highest thrust over weight.
+    longest_stay_s
+        Longest time without a break within ``width`` of it.
+    width
+        What counted as the same value, thrust over weight.
+    flatness
+        That time over the one within four times ``width`` around it: a half for the top of a parabola, one for a
+        plateau with steep sides.
+    saturated
+        Whether it is a plateau.
+    finding
+        The same in a sentence.
+    """
+
+    highest: float
+    longest_stay_s: float
+    width: float
+    flatness: float
+    saturated: bool
+    finding: Finding
+
+
+def thrust_over_weight(history: TimeHistory, *, cutoff_rad_s: float | None = None) -> FloatArray:
+    r"""Thrust over weight that the vertical motion and the attitude imply.
+
+    .. math:: \frac{T}{m g} = \frac{1 - \dot v_{down} / g}{\cos\phi \, \cos\theta}
+
+    Holds where thrust is all that acts vertically besides weight: vertical drag and gusts count as thrust.
+
+    Parameters
+    ----------
+    history
+        Holds ``velocity_down``, ``phi`` and ``theta``.
+    cutoff_rad_s
+        Zero-phase low-pass before the derivative, which would otherwise make noise of motion capture a thrust:
+        0.02 m/s at 20 Hz is 0.05 of the weight. Nothing by default, for velocities that were filtered already. A limit
+        that lasts less than about :math:`2 / \omega_c` is rounded off.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(samples,)``.
+
+    Raises
+    ------
+    UsageError
+        A channel is missing.
+
+    References
+    ----------
+    Identification of the Bebop 2 with random binary signals, appendix "Thrust saturation".
+
+    Examples
+    --------
+    Level hover carries the weight, and so does a constant climb:
+
+    >>> from rotorid.data.record import Channel
+    >>> history = TimeHistory(values=np.stack([np.full(50, -1.0), np.zeros(50), np.zeros(50)]), sample_rate_hz=20.0,
+    ...                       start_s=0.0, channels=tuple(Channel(name=name, unit="1") for name in CHANNELS))
+    >>> bool(np.allclose(thrust_over_weight(history), 1.0))
+    True
+    """
+    if not has_channels(history, CHANNELS):
+        missing = [name for name in CHANNELS if name not in history.names]
+        raise UsageError(f"there is no {' and no '.join(missing)}", needed=", ".join(CHANNELS))
+    smooth = history if cutoff_rad_s is None else low_pass(history, cutoff_rad_s=cutoff_rad_s)
+    climb = -derivative(smooth["velocity_down"], smooth.sample_rate_hz)
+    upright = np.cos(smooth["phi"]) * np.cos(smooth["theta"])
+    ratio: FloatArray = (1.0 + climb / STANDARD_GRAVITY_M_S2) / upright
+    return ratio
+
+
+def thrust_limit(ratio: FloatArray, *, sample_rate_hz: float, width: float | None = None) -> ThrustLimit:
+    r"""Look for a plateau at the top of the thrust.
+
+    The peaks of a smooth signal are parabolas: it stays within :math:`4 \epsilon` of its extreme twice as long as
+    within :math:`\epsilon`. Less than one and a half times as long, and 0.3 s and more, is a limit. Its absence shows
+    only that these maneuvers did not reach it; and one motor may be at its limit while the sum of all four is not.
+
+    Parameters
+    ----------
+    ratio
+        Thrust over weight, shape ``(samples,)``; see :func:`thrust_over_weight`.
+    sample_rate_hz
+        Its rate.
+    width
+        :math:`\epsilon`: 2 % of the range of the signal by default; at least twice the noise of the thrust, or a
+        limit is not seen.
+
+    Examples
+    --------
+    >>> time_s = np.arange(0.0, 20.0, 0.05)
+    >>> thrust = 1.0 + 0.3 * np.sin(3.0 * time_s)
+    >>> [thrust_limit(one, sample_rate_hz=20.0).saturated for one in (thrust, np.minimum(thrust, 1.2))]
+    [False, True]
+    """
+    highest = float(ratio.max())
+    epsilon = _WIDTH * float(np.ptp(ratio)) if width is None else width
+    start, stop = _longest(ratio >= highest - epsilon)
+    wide = ratio >= highest - 4.0 * epsilon
+    left, right = np.flatnonzero(~wide[:start]), np.flatnonzero(~wide[stop:])
+    around = (stop + int(right[0]) if right.size else ratio.size) - (int(left[-1]) + 1 if left.size else 0)
+    stay_s, flatness = (stop - start) / sample_rate_hz, (stop - start) / around
+    # A constant thrust, as in hover, has no highest value to stand at.
+    moving = bool(np.ptp(ratio) > 4.0 * epsilon)
+    saturated = moving and flatness > _FLAT and stay_s >= _LEAST_STAY_S
+    return ThrustLimit(
+        highest=highest,
+        longest_stay_s=stay_s,
+        width=epsilon,
+        flatness=flatness,
+        saturated=saturated,
+        finding=_finding(highest, stay_s, saturated),
+    )
+
+
+def _longest(near: BoolArray) -> tuple[int, int]:
+    """First sample of the longest row of true ones, and the one after its last."""
+    edges = np.flatnonzero(np.diff(near.astype(np.int8), prepend=0, append=0))
+    best = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * best]), int(edges[2 * best + 1])
+
+
+def _finding(highest: float, stay_s: float, saturated: bool) -> Finding:
+    said = (
+        f"Thrust stood for {stay_s:.2f} s at {highest:.2f} times the weight, the highest value of the record; models "
+        "without that limit are not valid there."
+        if saturated
+        else f"Thrust reached {highest:.2f} times the weight and stayed at that for {stay_s:.2f} s at most; no limit "
+        "shows."
+    )
+    return (warn if saturated else remark)(
+        "thrust_limit", "velocity_down", said, highest=highest, longest_stay_s=stay_s
+    )
+
+
+_LEAST_SAMPLES_PER_TERM = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossTerms(Immutable):
+    """What the commands of other axes add to the explanation of one output.
+
+    Parameters
+    ----------
+    output, own, others
+        Channels.
+    own_share
+        Share of the variance of the output that its own command explains.
+    added_share
+        Share of it that the others add.
+    f_value
+        Their F statistic.
+    p_white
+        Probability of a larger F where others do nothing, by the F distribution. It takes residuals for independent
+        from sample to sample; they seldom are, and then it is far too small.
+    p_shifted
+        The same by experiment: the share of all cyclic shifts of the other commands, which destroy any answer to
+        them and keep all spectra, with an F as large.
+    """
+
+    output: str
+    own: str
+    others: tuple[str, ...]
+    own_share: float
+    added_share: float
+    f_value: float
+    p_white: float
+    p_shifted: float
+
+
+def cross_terms(
+    history: TimeHistory, *, output: str, own: str, others: Sequence[str], memory_s: float = 1.0
+) -> CrossTerms:
+    r"""Test whether an output depends on the commands of other axes.
+
+    .. math:: y_k = c + \sum_{j=0}^{m} h_j u_{k-j} + \sum_i \sum_{j=0}^{m} g_{ij} w_{i,k-j} + e_k, \qquad
+        F = \frac{(S_0 - S_1) / q}{S_1 / (n - r)}
+
+    with S the residual sum of squares without and with the q terms of the other commands. Linear in everything: an
+    effect that is a product, as of two tilts on the vertical thrust, is not seen.
+
+    Parameters
+    ----------
+    history
+        Holds the channels. All commands must move at once and independently: a command that follows another one, or
+        the output, explains what is not its own.
+    output, own, others
+        The output, the command that it belongs to, and the commands to be tested.
+    memory_s
+        Length of the impulse responses, longer than the answers last.
+
+    Raises
+    ------
+    UsageError
+        A channel is missing.
+    InsufficientDataError
+        There are fewer than three samples for each term.
+
+    References
+    ----------
+    Draper and Smith, *Applied Regression Analysis*, 3rd ed., section 6.1 (extra sum of squares). Shifted surrogates:
+    Efron and Tibshirani, *An Introduction to the Bootstrap*, chapter 15 (permutation tests).
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel
+    >>> rng = np.random.default_rng(0)
+    >>> u, w, e = rng.standard_normal((3, 400))
+    >>> names = ("y", "z", "u", "w")
+    >>> history = TimeHistory(values=np.stack([u + 0.3 * e, u + 0.2 * w + 0.3 * e, u, w]), sample_rate_hz=20.0,
+    ...                       start_s=0.0, channels=tuple(Channel(name=name, unit="1") for name in names))
+    >>> [cross_terms(history, output=y, own="u", others=["w"], memory_s=0.2).p_shifted < 0.01 for y in ("y", "z")]
+    [False, True]
+    """
+    for name in (output, own, *others):
+        if name not in history.names:
+            raise UsageError(f"there is no channel {name!r}", needed=f"one of {', '.join(history.names)}")
+    lags = round(memory_s * history.sample_rate_hz) + 1
+    samples = history.values.shape[1] - lags + 1
+    terms = 1 + lags * (1 + len(others))
+    if samples < _LEAST_SAMPLES_PER_TERM * terms:
+        raise InsufficientDataError(
+            f"{max(samples, 0)} samples came for {terms} terms",
+            needed=f"{_LEAST_SAMPLES_PER_TERM} for each term",
+            remedy="shorten the memory or take a longer record",
+        )
+    y = history[output][lags - 1 :]
+    basis, _ = np.linalg.qr(np.column_stack([np.ones(samples), _lagged(history[own], lags)]))
+    rest = y - basis @ (basis.T @ y)
+    moved = np.stack([history[name] for name in others])
+    added = np.array([_explained(np.roll(moved, shift, axis=1), lags, basis, rest) for shift in range(moved.shape[1])])
+    total, left = float(np.sum((y - y.mean()) ** 2)), float(rest @ rest)
+    free = samples - terms
+    # A shift by less than the memory, either way, still holds some of the answer.
+    apart = added[lags:-lags]
+    from scipy.stats import f
+
+    f_value = (float(added[0]) / (terms - 1 - lags)) / ((left - float(added[0])) / free)
+    return CrossTerms(
+        output=output,
+        own=own,
+        others=tuple(others),
+        own_share=1.0 - left / total,
+        added_share=float(added[0]) / total,
+        f_value=f_value,
+        p_white=float(f.sf(f_value, terms - 1 - lags, free)),
+        p_shifted=(1.0 + float(np.sum(apart >= added[0]))) / (1.0 + apart.size),
+    )
+
+
+def _explained(commands: FloatArray, lags: int, basis: FloatArray, rest: FloatArray) -> float:
+    """Sum of squares that commands explain of what the basis leaves over."""
+    terms = np.column_stack([_lagged(command, lags) for command in commands])
+    terms -= basis @ (basis.T @ terms)
+    fitted = terms @ np.linalg.lstsq(terms, rest, rcond=None)[0]
+    return float(fitted @ rest)
+
+
+def _lagged(u: FloatArray, lags: int) -> FloatArray:
+    """Rows of present and past samples, shape ``(samples - lags + 1, lags)``."""
+    return np.lib.stride_tricks.sliding_window_view(u, lags)[:, ::-1]

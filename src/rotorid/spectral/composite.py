@@ -1,11 +1,42 @@
-"""Composite windows: long ones for low frequencies, short ones for high, joined by their errors."""
+r"""Composite windows: long ones for low frequencies, short ones for high, joined by their errors.
+
+All window lengths of one output joined into composite responses with their errors.
+
+How the disturbances of several outputs go together.
+
+A gust that moves one output moves the others, and of two outputs of which one is the integral of the other each holds
+the whole error of both. Whoever fits several responses at once must not count such errors as independent. What an
+output shows beside the response to the inputs,
+
+.. math:: V_y = Y_y - j H_y' U_{w'} - \tfrac12 \sigma_\omega^2 H_y'' U - H_y U
+
+is a mixture of the channels of a window, and so the densities of all these disturbances follow from the spectral
+matrix.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.data.response import Disturbance
+from rotorid.spectral.conditioning import Conditioned, ConditionedResponse, OutputSpectra, condition
+from rotorid.spectral.errors import (
+    compacted,
+    influence,
+    random_error,
+    residual_share,
+    response_covariance,
+    smear,
+    weak_instrument_factor,
+)
+from rotorid.spectral.kernel import BlockGrid
+from rotorid.spectral.windows import Taper
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _COHERENCE_WEIGHT = 5.0
@@ -166,3 +197,408 @@ def compose_by_least_squares(pairs: PairSpectra, weights: FloatArray) -> PairSpe
         if np.abs(step).max() < 1e-12:
             break
     return PairSpectra(input_auto=x[0] * scale[0], output_auto=x[1] * scale[1], cross=(x[2] + 1j * x[3]) * scale[2])
+
+
+Composition: TypeAlias = Literal["minimum_variance", "least_squares", "weights"]
+
+_MOMENTS_IN_WINDOW = 5
+_MOMENTS_AT_ONCE = 4096
+_LARGEST_PUBLISHED_ERROR = 1e3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Composed:
+    """Responses of one output to every input.
+
+    Parameters
+    ----------
+    values
+        Shape ``(u, f)``.
+    coherence, random_error
+        Shape ``(u, f)``.
+    covariance
+        Shape ``(u, f, f)``; empty in a draft.
+    share
+        Share of each window in the composite, shape ``(u, w, f)``.
+    window_error
+        Random error of each window alone, shape ``(u, w, f)``; not a number where it does not count.
+    multiple_coherence
+        Share of the output's power that all inputs explain, shape ``(f,)``.
+    weakness
+        Factor on the errors because instruments are weak, shape ``(u, f)``.
+    """
+
+    values: ComplexArray
+    coherence: FloatArray
+    random_error: FloatArray
+    covariance: ComplexArray
+    share: FloatArray
+    window_error: FloatArray
+    multiple_coherence: FloatArray
+    weakness: FloatArray
+
+    def at(self, points: BoolArray) -> Composed:
+        """The same at some of the frequencies only; ``points`` has shape ``(f,)``."""
+        return Composed(
+            values=self.values[:, points],
+            coherence=self.coherence[:, points],
+            random_error=self.random_error[:, points],
+            covariance=self.covariance[:, points][:, :, points],
+            share=self.share[..., points],
+            window_error=self.window_error[..., points],
+            multiple_coherence=self.multiple_coherence[points],
+            weakness=self.weakness[:, points],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Composer:
+    """Composes one output at a time; holds what all of them share.
+
+    Parameters
+    ----------
+    windows
+        Inputs told apart, for each window length.
+    omega_rad_s
+        The union of their grids, shape ``(f,)``.
+    grid, blocks
+        How the records were cut, and into how many blocks.
+    overlap, taper
+        How windows overlap and fade.
+    corrected
+        Whether leakage is taken out of the densities that come.
+    composition
+        How windows are joined.
+    """
+
+    windows: Sequence[ConditionedResponse]
+    omega_rad_s: FloatArray
+    grid: BlockGrid
+    blocks: int
+    overlap: float
+    taper: Taper
+    corrected: bool
+    composition: Composition
+
+    def responses(self, spectra: Sequence[OutputSpectra], *, draft: bool = False) -> Composed:
+        """Responses of the output whose densities came, one set for each window length.
+
+        A draft has the textbook's random error of the composite and no covariance; it is for what needs a response
+        before the final one can be formed.
+        """
+        parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
+        columns = [self._one(parts, index, draft) for index in range(len(self.windows[0].inputs))]
+        values, coherence, error, covariance, share, single, weakness = (
+            np.stack(arrays) for arrays in zip(*columns, strict=True)
+        )
+        mean = share.mean(axis=0)
+        explained = 1.0 - np.sum(mean * self._padded([part.noise for part in parts], 0.0).real, axis=0) / np.sum(
+            mean * self._padded([output.auto for output in spectra], 1.0).real, axis=0
+        )
+        return Composed(
+            values=values,
+            coherence=coherence,
+            random_error=error,
+            covariance=covariance,
+            share=share,
+            window_error=single,
+            multiple_coherence=explained,
+            weakness=weakness,
+        )
+
+    @property
+    def _direct(self) -> bool:
+        return self.windows[0].instruments == self.windows[0].inputs
+
+    def _one(
+        self, parts: Sequence[Conditioned], index: int, draft: bool
+    ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
+        power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
+        response = self._padded([part.response[index] for part in parts], 1.0)
+        noise = self._padded([part.noise / left for part, left in zip(parts, self.left, strict=True)], 1.0).real
+        pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
+        single = random_error(pairs.coherence, self._averages, overlap=self.overlap)
+        weights = self._weights(single)
+        compose = compose_by_weights if self.composition == "weights" else compose_by_least_squares
+        total = compose(pairs, weights)
+        # Least squares weigh the windows once, the weighted mean by the squares of the same weights.
+        share = weights ** (2 if self.composition == "weights" else 1) * power
+        share = share / share.sum(axis=0)
+        values, coherence = total.response, total.coherence
+        if self.composition == "minimum_variance" and not draft:
+            share = self._best_share(index, noise, np.abs(values))
+            values, coherence = np.sum(share * response, axis=0), np.sum(share * pairs.coherence, axis=0)
+        if not self._direct:
+            seen = self._padded([part.instrument_coherence[index] for part in parts], 0.0).real
+            coherence = np.sum(share * seen, axis=0)
+        coherence = np.clip(coherence, 0.0, 1.0)
+        single = np.where(self._valid, single, np.nan)
+        if draft:
+            averages = np.sum(share * self._averages, axis=0)
+            error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.overlap)
+            return values, coherence, error, np.zeros(0, dtype=np.complex128), share, single, np.ones_like(error)
+        covariance, weakness = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
+        spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(values)
+        return values, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance, share, single, weakness
+
+    def _best_share(self, index: int, noise: FloatArray, size: FloatArray) -> FloatArray:
+        """Shares of the least error, from how a disturbance at each moment enters each window's estimate."""
+        reached = self._influences[index]
+        together = np.einsum("wfm,vfm->fwv", reached, reached.conj(), optimize=True).real
+        bias = (self._left_over * size).T
+        level = np.sqrt(np.stack([_smooth(row) for row in noise]) * self._moment_s).T
+        covariance = together * level[:, :, None] * level[:, None, :] + bias[:, :, None] * bias[:, None, :]
+        return minimum_variance_share(covariance, self._valid)
+
+    def _weights(self, error: FloatArray) -> FloatArray:
+        return window_weights(np.hypot(error, self._left_over), self._valid)
+
+    @cached_property
+    def _left_over(self) -> FloatArray:
+        """Relative bias of each window that its correction leaves, shape ``(w, f)``; see :func:`smear`.
+
+        The next term of the same series; without a correction the first one.
+        """
+        lengths_s = np.array([window.matrix.window_s for window in self.windows])[:, None]
+        first = smear(self.omega_rad_s, lengths_s)
+        return 3.0 * first**2 if self.corrected else first
+
+    @cached_property
+    def _valid(self) -> BoolArray:
+        # Grids of shorter windows are tails of the longest one's.
+        return np.stack([self.omega_rad_s >= window.matrix.omega_rad_s[0] for window in self.windows])
+
+    @cached_property
+    def _averages(self) -> FloatArray:
+        return np.array([window.matrix.averages for window in self.windows])[:, None]
+
+    @cached_property
+    def left(self) -> tuple[FloatArray, ...]:
+        """Share of the noise that estimating the response has left, of each window."""
+        return tuple(residual_share(window, self.taper) for window in self.windows)
+
+    def _padded(self, arrays: Sequence[FloatArray | ComplexArray], fill: float) -> ComplexArray:
+        padded = np.full((len(arrays), self.omega_rad_s.size), fill, dtype=np.complex128)
+        for row, array in zip(padded, arrays, strict=True):
+            row[row.size - array.size :] = array
+        return padded
+
+    @cached_property
+    def _moments(self) -> int:
+        # Little overlap makes long blocks, in which the taper would be seen too seldom for a variance.
+        return math.ceil(_MOMENTS_IN_WINDOW / min(window.matrix.window.blocks for window in self.windows))
+
+    @property
+    def _moment_s(self) -> float:
+        return self.grid.block_s / self._moments
+
+    @cached_property
+    def _influences(self) -> tuple[ComplexArray, ...]:
+        """Influence of each moment on each window's estimate, for every input, shape ``(w, f, moments)``.
+
+        Compacted where records are long: see :func:`rotorid.spectral.errors.compacted`.
+        """
+        return tuple(
+            compacted((self._reached(index, *stretch) for stretch in self._stretches), self.blocks * self._moments)
+            for index in range(len(self.windows[0].inputs))
+        )
+
+    def input_correlation(self, share: FloatArray, points: BoolArray) -> ComplexArray:
+        r"""Correlation of the errors of responses to two inputs, shape ``(u, u, f, f)``.
+
+        Where one instrument moves several inputs, the same disturbance enters the responses to all of them:
+        :math:`E[\delta H_{u,i} \, \delta H_{v,j}^*] \propto \sum_m g_{u,i}(t_m) g_{v,j}^*(t_m)`.
+
+        Parameters
+        ----------
+        share
+            Share of each window for each input, the mean over the outputs, shape ``(u, w, f)``.
+        points
+            Frequencies to answer for, shape ``(f,)``.
+        """
+        inputs, count = share.shape[0], int(np.count_nonzero(points))
+        products = np.zeros((inputs * count, inputs * count), dtype=np.complex128)
+        for stretch in self._stretches:
+            reached = [
+                np.einsum("wf,wfm->fm", share[index][:, points], self._reached(index, *stretch)[:, points])
+                for index in range(inputs)
+            ]
+            together = np.concatenate(reached)
+            products += together @ together.conj().T
+        omega = np.tile(self.omega_rad_s[points], inputs)
+        products *= np.sinc(0.5 * (omega[:, None] - omega) * self._moment_s / np.pi)
+        level = np.sqrt(np.einsum("nn->n", products).real)
+        shape = (inputs, count, inputs, count)
+        return np.asarray(np.moveaxis((products / (level[:, None] * level)).reshape(shape), 2, 1))
+
+    @property
+    def _stretches(self) -> list[tuple[int, int]]:
+        step = max(1, _MOMENTS_AT_ONCE // self._moments)
+        return [(first, min(step, self.blocks - first)) for first in range(0, self.blocks, step)]
+
+    def _reached(self, index: int, first_block: int, blocks: int) -> ComplexArray:
+        """Influences of a stretch of time, shape ``(w, f, moments)``."""
+        reached = np.zeros((len(self.windows), self.omega_rad_s.size, blocks * self._moments), dtype=np.complex128)
+        for row, window in zip(reached, self.windows, strict=True):
+            here = influence(
+                window, index, blocks=blocks, taper=self.taper, moments=self._moments, first_block=first_block
+            )
+            row[self.omega_rad_s.size - len(here) :] = here
+        return reached
+
+    def _covariance(
+        self, parts: Sequence[Conditioned], index: int, share: FloatArray, noise: FloatArray
+    ) -> tuple[ComplexArray, FloatArray]:
+        total = np.einsum("wf,wfm->fm", share, self._influences[index])
+        covariance = response_covariance([total], self.omega_rad_s, noise, self._moment_s)
+        if self._direct:
+            return covariance, np.ones(len(covariance))
+        unexplained = self._padded([window.input_noise[index] for window in self.windows], 0.0).real
+        residual = self._padded([part.input_residual[index] for part in parts], 0.0)
+        factor = weak_instrument_factor(
+            np.einsum("ff->f", covariance).real,
+            noise,
+            np.sum(share * unexplained, axis=0),
+            np.sum(share * residual, axis=0),
+        )
+        return np.asarray(covariance * factor[:, None] * factor), factor
+
+
+def _smooth(noise: FloatArray) -> FloatArray:
+    return np.asarray(smoothed(np.asarray(noise, dtype=np.complex128)).real)
+
+
+_TINY = 1e-300
+_ROUNDING = 1e-12
+_REACH = math.log(4.0 / 3.0)
+_LEAST_FACTOR, _LARGEST_FACTOR = 0.5, 10.0
+"""An estimate adapts to its disturbance by less than half; far more is a model that does not fit."""
+
+
+def disturbance_of(
+    windows: Sequence[ConditionedResponse],
+    spectra: Sequence[Sequence[OutputSpectra]],
+    parts: Sequence[Composed],
+    left: Sequence[FloatArray],
+    points: BoolArray,
+) -> Disturbance:
+    """The disturbance of an estimate.
+
+    Each window counts by its share in the composite; neighboring points are averaged.
+
+    Parameters
+    ----------
+    windows
+        Inputs told apart, for each window length.
+    spectra
+        Densities that involve each output, for each output and window length.
+    parts
+        The composite of each output.
+    left
+        Share of a disturbance that the residuals of each window length still hold, see
+        :func:`rotorid.spectral.errors.residual_share`.
+    points
+        Frequencies of the windows to answer for, shape ``(f,)``.
+    """
+    share = np.mean([part.share.mean(axis=0) for part in parts], axis=0)
+    count, outputs = share.shape[1], len(parts)
+    inputs, own = len(windows[0].inputs), np.arange(len(parts))
+    total = np.zeros((count, outputs + inputs, outputs + inputs), dtype=np.complex128)
+    level = np.zeros((count, outputs))
+    for index, window in enumerate(windows):
+        here = slice(count - window.matrix.omega_rad_s.size, None)
+        rows = [
+            _disturbance(window, output[index], part.values[:, here])
+            for output, part in zip(spectra, parts, strict=True)
+        ]
+        mixes = np.stack([*rows, *_inputs(window)], axis=1)
+        densities = np.einsum("fam,fmn,fbn->fab", mixes.conj(), window.matrix.values, mixes, optimize=True)
+        # Without noise there is nothing but rounding, a millionth of a millionth of the output, and no correlation.
+        floor = _ROUNDING * np.stack([output[index].auto for output in spectra], axis=1)
+        densities[:, own, own] += floor
+        total[here] += share[index, here, None, None] * densities.conj()
+        noise = np.stack([condition(window, output[index]).noise for output in spectra], axis=1)
+        level[here] += share[index, here, None] * noise / left[index][:, None]
+    return Disturbance(
+        densities=np.moveaxis(total, 0, -1)[..., points],
+        level=smoothed(level.astype(np.complex128)).real.T[:, points],
+        weakness=np.stack([part.weakness for part in parts])[..., points],
+    )
+
+
+def output_correlation(
+    disturbance: Disturbance, omega_rad_s: FloatArray, difference: ComplexArray | None = None
+) -> ComplexArray:
+    r"""Correlation of the disturbances of the outputs, shape ``(y, y, f)``.
+
+    .. math:: c_{ab} = \frac{E[V_a V_b^*]}{\sqrt{E|V_a|^2 \, E|V_b|^2}}
+
+    Averaged over a third to either side in frequency, with weights that fall to zero there: ten independent windows, as
+    many as there are at low frequencies, make of six independent outputs six that seem to hang together, and whoever
+    weighs by that believes too much. What the correlation does within a third is lost.
+
+    Parameters
+    ----------
+    disturbance
+        Of an estimate.
+    omega_rad_s
+        Its frequencies, shape ``(f,)``.
+    difference
+        The estimate minus the response about which the disturbance is wanted, shape ``(y, u, f)``; none for the
+        estimate itself.
+    """
+    each = np.moveaxis(_normalized(_about(disturbance, difference)), -1, 0)
+    distance = np.abs(np.log(omega_rad_s) - np.log(omega_rad_s)[:, None]) / _REACH
+    near = np.maximum(1.0 - distance, 0.0)
+    return _normalized(np.moveaxis(np.einsum("fg,gab->fab", near, each), 0, -1))
+
+
+def level_about(disturbance: Disturbance, difference: ComplexArray) -> FloatArray:
+    """Factor from the standard deviations that an estimate states to those about another response, ``(y, u, f)``.
+
+    Parameters
+    ----------
+    disturbance, difference
+        As in :func:`output_correlation`.
+    """
+    power = np.einsum("yyf->yf", _about(disturbance, difference)).real
+    # Without noise there is nothing but rounding on either side.
+    factor = np.sqrt(np.maximum(power, _TINY) / np.maximum(disturbance.level, _TINY))
+    return np.asarray(np.clip(factor, _LEAST_FACTOR, _LARGEST_FACTOR)[:, None, :] / disturbance.weakness)
+
+
+def _about(disturbance: Disturbance, difference: ComplexArray | None) -> ComplexArray:
+    """Densities of the disturbances of the outputs about another response, smoothed, shape ``(y, y, f)``."""
+    outputs = disturbance.level.shape[0]
+    if difference is None:
+        part = disturbance.densities[:outputs, :outputs]
+        return np.moveaxis(smoothed(np.moveaxis(part, -1, 0)), 0, -1)
+    frequencies = disturbance.level.shape[1]
+    own = np.broadcast_to(np.eye(outputs)[:, :, None], (outputs, outputs, frequencies))
+    mix = np.concatenate([own, difference], axis=1)
+    about = np.einsum("amf,mnf,bnf->fab", mix, disturbance.densities, mix.conj(), optimize=True)
+    return np.moveaxis(smoothed(about), 0, -1)
+
+
+def _disturbance(window: ConditionedResponse, output: OutputSpectra, response: ComplexArray) -> ComplexArray:
+    """The mixture of channels that is left of an output without its response, shape ``(f, channels)``."""
+    mix = output.mix.copy()
+    mix[:, list(window.inputs)] -= response.T
+    return mix
+
+
+def _inputs(window: ConditionedResponse) -> list[ComplexArray]:
+    mixes = []
+    for row in window.inputs:
+        mix = np.zeros(window.matrix.values.shape[:2], dtype=np.complex128)
+        mix[:, row] = 1.0
+        mixes.append(mix)
+    return mixes
+
+
+def _normalized(densities: ComplexArray) -> ComplexArray:
+    level = np.sqrt(np.maximum(np.einsum("aaf->af", densities).real, _TINY))
+    scaled = densities / level[:, None, :] / level[None, :, :]
+    rows = np.arange(len(densities))
+    scaled[rows, rows] = 1.0
+    return np.asarray(0.5 * (scaled + scaled.conj().swapaxes(0, 1)))

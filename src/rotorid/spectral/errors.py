@@ -1,4 +1,18 @@
-"""Random error of frequency responses: the textbook's formula, and the covariance that holds for composites."""
+r"""Random error of frequency responses: the textbook's formula, and the covariance that holds for composites.
+
+How much of a disturbance is left in the residuals of a window length.
+
+A response that is estimated from K windows fits a part of the disturbance too. With the transforms of the instruments
+over the windows spanning the space of the projection P, and N the correlation that overlapping tapers give the
+transforms of a white disturbance,
+
+.. math:: E[\hat S_{vv}] = S_{vv} \left( 1 - \frac{\mathrm{tr}(P N)}{K} \right)
+
+Of many short windows next to nothing is lost. Of a few long ones that overlap, most is: five windows of 72 s on a
+record of 120 s are hardly two.
+
+Weak instruments: how much larger an error is than its linear formula says when feedback rules the input.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +21,7 @@ from itertools import chain
 
 import numpy as np
 
-from rotorid.spectral.conditioning import Separated
+from rotorid.spectral.conditioning import ConditionedResponse
 from rotorid.spectral.windows import Taper
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -85,7 +99,7 @@ def smear(omega_rad_s: FloatArray, window_s: float | FloatArray) -> FloatArray:
 
 
 def influence(
-    separated: Separated, index: int, *, blocks: int, taper: Taper, moments: int = 1, first_block: int = 0
+    separated: ConditionedResponse, index: int, *, blocks: int, taper: Taper, moments: int = 1, first_block: int = 0
 ) -> ComplexArray:
     r"""How a disturbance at each moment enters the estimate of one window length, shape ``(f, blocks * moments)``.
 
@@ -196,3 +210,99 @@ def response_covariance(
         (total @ total.conj().T) * np.sinc(0.5 * spacing * step_s / np.pi) * level[:, None] * level * step_s
     )
     return covariance
+
+
+_FINE = 64
+_LEAST_LEFT = 0.05
+"""Below that too little is left to say how large the whole was."""
+
+
+def residual_share(window: ConditionedResponse, taper: Taper) -> FloatArray:
+    """Share of the power of a disturbance that the residuals of one window length still hold, shape ``(f,)``.
+
+    Parameters
+    ----------
+    window
+        Inputs told apart; its instruments span what is fitted.
+    taper
+        That of the windows.
+    """
+    matrix = window.matrix
+    count = len(matrix.transforms)
+    block_s = matrix.window_s / matrix.window.blocks
+    # Phases refer to the start of each window; those of a disturbance go on from one to the next.
+    turn = np.exp(-1j * matrix.omega_rad_s * matrix.starts[:, None] * block_s)
+    flown = matrix.transforms[:, list(window.instruments)] * turn[:, None, :]
+    basis, _ = np.linalg.qr(np.moveaxis(flown, 2, 0))
+    taken = np.sum(np.abs(basis) ** 2, axis=(1, 2))
+    for lag in range(1, count):
+        shift = matrix.starts[lag:] - matrix.starts[:-lag]
+        # Windows of two records share nothing; within one, all of a lag are equally far apart.
+        near = shift < matrix.window.blocks
+        if not near.any():
+            break
+        alike = _overlap(taper, int(shift[near].min()), matrix.window.blocks)
+        taken += 2.0 * alike * np.einsum("fkr,fkr->f", basis[:, :-lag][:, near].conj(), basis[:, lag:][:, near]).real
+    return np.asarray(np.clip(1.0 - taken / count, _LEAST_LEFT, 1.0))
+
+
+def _overlap(taper: Taper, shift: int, blocks: int) -> float:
+    """Correlation of the transforms of a white disturbance in two windows that begin ``shift`` blocks apart."""
+    samples = taper.samples(_FINE * blocks)
+    ahead = _FINE * shift
+    return float(np.sum(samples[ahead:] * samples[: samples.size - ahead]) / np.sum(samples**2))
+
+
+_LEAST_STRENGTH = 0.02
+_LARGEST_FACTOR = 1e3
+
+
+def weak_instrument_factor(
+    variance: FloatArray, noise: FloatArray, input_noise: FloatArray, input_residual: ComplexArray
+) -> FloatArray:
+    r"""Factor on the standard deviation of a joint estimate for the noise in its denominator.
+
+    The estimate is a ratio, :math:`\hat H = S_{ry} / S_{ru}`, and feedback makes numerator and denominator err
+    together. The textbook's linear formula :math:`\sigma^2 = s S_{vv}` evaluates the noise at the estimate, which has
+    adapted to it. Those :math:`H = \hat H + \delta` whose own noise explains the data at one standard deviation are
+
+    .. math:: |\delta|^2 \le s \left( S_{vv} - 2 \,\mathrm{Re}\, \delta^* S_{uv} + |\delta|^2 \Omega_{uu} \right)
+
+    a disk around :math:`-s S_{uv} / A` with :math:`A = 1 - s \Omega_{uu}`; its farthest point is the honest error. For
+    a strong instrument :math:`s \Omega_{uu} \to 0` and the factor is one. Where the disk is unbounded the data say
+    nothing, and the factor is a thousand.
+
+    Parameters
+    ----------
+    variance
+        :math:`s S_{vv}` of the linear formula, any shape.
+    noise
+        :math:`S_{vv}`, same shape.
+    input_noise
+        :math:`\Omega_{uu}`, the density of the input that the instruments do not explain, same shape.
+    input_residual
+        :math:`S_{uv}`, same shape.
+
+    References
+    ----------
+    E. C. Fieller, *Some Problems in Interval Estimation*, Journal of the Royal Statistical Society B 16, 1954;
+    T. W. Anderson and H. Rubin, *Estimation of the Parameters of a Single Equation in a Complete System of Stochastic
+    Equations*, Annals of Mathematical Statistics 20, 1949.
+
+    Examples
+    --------
+    An instrument that explains the whole input, and one that explains as much as noise does:
+
+    >>> half = np.array([0.5])
+    >>> float(weak_instrument_factor(half, half, np.array([0.0]), np.array([0j]))[0])
+    1.0
+    >>> float(weak_instrument_factor(half, half, np.array([1.0]), np.array([0j]))[0])
+    1000.0
+    """
+    scale = variance / noise
+    strength = 1.0 - scale * input_noise
+    held = np.maximum(strength, _LEAST_STRENGTH)
+    center = scale * np.abs(input_residual) / held
+    farthest = center + np.sqrt(center**2 + variance / held)
+    factor = np.where(strength > _LEAST_STRENGTH, farthest / np.sqrt(variance), _LARGEST_FACTOR)
+    return np.asarray(np.clip(factor, 1.0, _LARGEST_FACTOR))

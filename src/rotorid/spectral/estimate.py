@@ -1,26 +1,136 @@
-"""Frequency responses from time histories: the one public verb of this layer."""
+"""Frequency responses from time histories: the one public verb of this layer.
+
+What stands behind a composite response: which window carries it, what was taken out, how inputs move together.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from rotorid.data.disturbance import Disturbance
-from rotorid.data.history import TimeHistory
-from rotorid.data.response import FrequencyResponse
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.record import TimeHistory
+from rotorid.data.response import Disturbance, FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.spectral.composer import Composed, Composer, Composition
-from rotorid.spectral.conditioning import OutputSpectra, output_spectra, separate
-from rotorid.spectral.diagnostics import Diagnostics, diagnose
-from rotorid.spectral.disturbances import disturbance_of, output_correlation
-from rotorid.spectral.grid import refined, require_grid
-from rotorid.spectral.leakage import derivatives, without_leakage
-from rotorid.spectral.preconditions import require_finite, require_motion, require_windows
-from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
-from rotorid.spectral.windows import HANN, Taper
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.spectral.composite import Composed, Composer, Composition, disturbance_of, output_correlation
+from rotorid.spectral.conditioning import (
+    ConditionedResponse,
+    OutputSpectra,
+    conditioned_response,
+    derivatives,
+    output_spectra,
+    without_leakage,
+)
+from rotorid.spectral.spectra import SpectralMatrix, require_finite, require_motion, require_windows, spectral_matrices
+from rotorid.spectral.windows import HANN, Taper, refined, require_grid
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Diagnostics(Immutable):
+    r"""Companion of a :class:`~rotorid.data.response.FrequencyResponse`, on its grid.
+
+    Parameters
+    ----------
+    windows_s
+        Window lengths, longest first, as in the response.
+    share
+        Share of each window in the composite, shape ``(y, u, w, f)``; sums to one over the windows.
+    window_error
+        Random error of each window alone after the textbook, shape ``(y, u, w, f)``; not a number where it does not
+        count.
+    multiple_coherence
+        Share of each output's power that all inputs together explain, shape ``(y, f)``. For a joint estimate it may
+        fall below zero, where feedback makes the explained part and the noise cancel.
+    leakage
+        What the windows would have added to the response, relative to it, shape ``(y, u, f)``; zero where it was not
+        corrected.
+    input_coherence
+        Coherence between the inputs, shape ``(u, u, f)``.
+    condition
+        Condition number of the cross-spectra that tell the inputs apart, scaled to unit powers, shape ``(f,)``.
+    """
+
+    windows_s: tuple[float, ...]
+    share: FloatArray
+    window_error: FloatArray
+    multiple_coherence: FloatArray
+    leakage: ComplexArray
+    input_coherence: FloatArray
+    condition: FloatArray
+
+    def __post_init__(self) -> None:
+        dimensions = {
+            "share": 4,
+            "window_error": 4,
+            "multiple_coherence": 2,
+            "input_coherence": 3,
+            "condition": 1,
+        }
+        arrays = {name: read_only(getattr(self, name), np.float64, ndim=ndim) for name, ndim in dimensions.items()}
+        self._set(**arrays, leakage=read_only(self.leakage, np.complex128, ndim=3), windows_s=tuple(self.windows_s))
+
+
+def diagnose(
+    windows: Sequence[ConditionedResponse],
+    parts: Sequence[Composed],
+    leakage: Sequence[ComplexArray],
+    points: BoolArray,
+) -> Diagnostics:
+    """Collect what composing every output told.
+
+    Parameters
+    ----------
+    windows
+        Inputs told apart, for each window length.
+    parts
+        Composites, one for each output.
+    leakage
+        What was taken out of each, shape ``(u, f)``.
+    points
+        Which frequencies of the windows those of the composites are, shape ``(g,)`` with ``f`` of them true.
+    """
+    return Diagnostics(
+        windows_s=tuple(window.matrix.window_s for window in windows),
+        share=np.stack([part.share for part in parts]),
+        window_error=np.stack([part.window_error for part in parts]),
+        multiple_coherence=np.stack([part.multiple_coherence for part in parts]),
+        leakage=np.stack(leakage),
+        input_coherence=_mean_over_windows(windows, _input_coherence, points.size)[..., points],
+        condition=_mean_over_windows(windows, _condition, points.size)[points],
+    )
+
+
+def _mean_over_windows(
+    windows: Sequence[ConditionedResponse], quantity: Callable[[ConditionedResponse], FloatArray], count: int
+) -> FloatArray:
+    """Mean over the windows that count at a frequency, each weighed by how often it fits."""
+    total, weight = np.zeros(0), np.zeros(count)
+    for window in windows:
+        values = quantity(window)
+        padded = np.zeros((*values.shape[:-1], count))
+        padded[..., count - values.shape[-1] :] = values * window.matrix.averages
+        total = padded if not total.size else total + padded
+        weight[count - values.shape[-1] :] += window.matrix.averages
+    return np.asarray(total / weight)
+
+
+def _input_coherence(window: ConditionedResponse) -> FloatArray:
+    block = window.matrix.block(window.inputs, window.inputs)
+    power = np.einsum("fii->fi", block).real
+    return np.moveaxis(np.abs(block) ** 2 / (power[:, :, None] * power[:, None, :]), 0, -1)
+
+
+def _condition(window: ConditionedResponse) -> FloatArray:
+    cross = window.matrix.block(window.instruments, window.inputs)
+    rows = np.einsum("fii->fi", window.matrix.block(window.instruments, window.instruments)).real
+    columns = np.einsum("fii->fi", window.matrix.block(window.inputs, window.inputs)).real
+    singular = np.linalg.svd(cross / np.sqrt(rows[:, :, None] * columns[:, None, :]), compute_uv=False)
+    return np.asarray(singular[:, 0] / singular[:, -1])
+
 
 Leakage: TypeAlias = Literal["corrected", "ignored"]
 
@@ -62,7 +172,7 @@ def frequency_response(
         ``minimum_variance`` takes the shares of the windows that make the stated error least. ``least_squares`` over
         spectra and coherence is CIFER's, ``weights`` the mean from which it starts.
     leakage
-        ``corrected`` takes out what windows add to a response by being windows (`rotorid.spectral.leakage`);
+        ``corrected`` takes out what windows add to a response by being windows (`rotorid.spectral.conditioning`);
         ``ignored`` leaves it in, as a bias and as noise that is none.
 
     Returns
@@ -94,7 +204,7 @@ def frequency_response(
 
     Examples
     --------
-    >>> from rotorid.data.channel import Channel
+    >>> from rotorid.data.record import Channel
     >>> u = np.random.default_rng(0).standard_normal(6000)
     >>> record = TimeHistory(
     ...     values=np.stack([u, 2.0 * u]), sample_rate_hz=100.0, start_s=0.0,
@@ -170,7 +280,7 @@ def diagnosed_response(
     rows = {name: index for index, name in enumerate(names)}
     driver_rows, input_rows = [rows[name] for name in drivers], [rows[name] for name in inputs]
     composer = Composer(
-        windows=[separate(matrix, instruments=driver_rows, inputs=input_rows) for matrix in matrices],
+        windows=[conditioned_response(matrix, instruments=driver_rows, inputs=input_rows) for matrix in matrices],
         omega_rad_s=max((matrix.omega_rad_s for matrix in matrices), key=len),
         grid=grid,
         blocks=sum(record.values.shape[1] // grid.samples_per_block for record in chosen),

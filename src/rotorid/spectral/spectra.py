@@ -1,4 +1,7 @@
-"""Cross-spectra of every pair of channels, window length by window length."""
+"""Cross-spectra of every pair of channels, window length by window length.
+
+Whether data can support an estimate at all; what is wrong is said with its name before anything is computed.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.history import TimeHistory
-from rotorid.data.immutable import Immutable, read_only
-from rotorid.errors import UsageError
-from rotorid.spectral.grid import require_grid
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.findings import refusal
+from rotorid.data.record import TimeHistory
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.spectral.kernel import BandBasis, BlockGrid, BlockWindow, band_basis, compress, transform
-from rotorid.spectral.windows import HANN, PERIODS_IN_WINDOW, Taper
+from rotorid.spectral.windows import HANN, PERIODS_IN_WINDOW, Taper, require_grid
 from rotorid.typing import ComplexArray, FloatArray
 
 
@@ -99,7 +102,7 @@ def spectral_matrices(
         How windows overlap and fade.
     slopes_of
         Channels that are transformed once more with the slope of the taper, :math:`w'(t)` in 1/s. They stand last in
-        the matrices, under names from :func:`slope_name`; `rotorid.spectral.leakage` wants them.
+        the matrices, under names from :func:`slope_name`; `rotorid.spectral.conditioning` wants them.
     kept
         Of how many channels, the first ones, the matrices keep the transforms; of all, if nothing is said. Those of
         many channels over hours of flight fill the memory.
@@ -188,3 +191,72 @@ def _require_consistent(records: Sequence[TimeHistory], windows_s: Sequence[floa
     first = records[0]
     if any(record.names != first.names or record.sample_rate_hz != first.sample_rate_hz for record in records):
         raise UsageError("records with different channels or rates came", needed="one set of channels at one rate")
+
+
+def require_finite(records: Sequence[TimeHistory]) -> None:
+    """Refuse samples that are not numbers: one of them would spread over every frequency.
+
+    Raises
+    ------
+    InsufficientDataError
+        With the finding ``gap``.
+    """
+    for record in records:
+        for name, samples in zip(record.names, record.values, strict=True):
+            missing = int(np.count_nonzero(~np.isfinite(samples)))
+            if missing:
+                message = f"{name} holds {missing} samples that are not finite numbers."
+                raise InsufficientDataError(
+                    f"{name} with {missing} samples that are not finite numbers came",
+                    needed="a record without gaps",
+                    remedy="cut the segment around them",
+                    findings=[refusal("gap", name, message, samples=missing)],
+                )
+
+
+def require_motion(records: Sequence[TimeHistory]) -> None:
+    """Refuse channels that never change.
+
+    Raises
+    ------
+    InsufficientDataError
+        With the finding ``no_excitation``.
+    """
+    for row, name in enumerate(records[0].names):
+        # The mean of a constant is off by a rounding error, so its spectrum would not be exactly zero.
+        if all(record.values.shape[1] == 0 or np.ptp(record.values[row]) == 0.0 for record in records):
+            raise InsufficientDataError(
+                f"{name} is constant over the whole maneuver",
+                needed="a channel that moves",
+                remedy="check the wiring of the log and the segment",
+                findings=[refusal("no_excitation", name, f"{name} never moves.")],
+            )
+
+
+def require_windows(
+    matrices: Sequence[SpectralMatrix], records: Sequence[TimeHistory], windows_s: Sequence[float]
+) -> None:
+    """Refuse records in which no window that supports the band fits often enough.
+
+    Raises
+    ------
+    InsufficientDataError
+        With the finding ``record_too_short``.
+    """
+    if matrices:
+        return
+    longest, shortest = max(record.duration_s for record in records), min(windows_s)
+    raise InsufficientDataError(
+        f"records of at most {longest:.3g} s came",
+        needed=f"two periods of the band inside windows of {shortest:.3g} s and more, and several such windows",
+        remedy="give longer segments, shorter windows or a higher band",
+        findings=[
+            refusal(
+                "record_too_short",
+                "record",
+                f"No window of {shortest:.3g} s and more supports the band on a record of {longest:.3g} s.",
+                record_s=longest,
+                window_s=shortest,
+            )
+        ],
+    )

@@ -1,4 +1,7 @@
-"""Window lengths and tapers: how long to look, and how to fade in and out."""
+"""Window lengths and tapers: how long to look, and how to fade in and out.
+
+Frequency grids: what a grid must be, and one that is fine enough to see how a response bends.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.findings import Finding
+from rotorid.data.findings import Finding, refusal, warn
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray
 
 PERIODS_IN_WINDOW = 2.0
 """A window counts from the frequency of which it holds two periods."""
@@ -119,12 +122,12 @@ def plan_windows(record_s: float, total_s: float, band_rad_s: tuple[float, float
             needed=f"at least two windows of {least:.3g} s for a band up to {high:.3g} rad/s",
             remedy="give a longer segment or a higher band",
             findings=[
-                Finding(
-                    kind="record_too_short",
-                    severity="error",
-                    where="record",
-                    message=f"The record of {record_s:.3g} s does not hold two windows of {least:.3g} s.",
-                    numbers={"record_s": record_s, "window_s": least},
+                refusal(
+                    "record_too_short",
+                    "record",
+                    f"The record of {record_s:.3g} s does not hold two windows of {least:.3g} s.",
+                    record_s=record_s,
+                    window_s=least,
                 )
             ],
         )
@@ -138,27 +141,79 @@ def given_windows(lengths_s: Sequence[float], record_s: float) -> WindowPlan:
     plan = tuple(sorted(lengths_s, reverse=True))
     if plan[0] <= record_s / _RECORD_SHARE:
         return WindowPlan(lengths_s=plan)
-    finding = Finding(
-        kind="record_too_short",
-        severity="warning",
-        where="windows",
-        message=(
-            f"The longest window of {plan[0]:.3g} s is more than half of the shortest record of {record_s:.3g} s; "
-            "few averages stand behind the lowest frequencies."
-        ),
-        numbers={"record_s": record_s, "longest_window_s": plan[0]},
+    finding = warn(
+        "record_too_short",
+        "windows",
+        f"The longest window of {plan[0]:.3g} s is more than half of the shortest record of {record_s:.3g} s; "
+        "few averages stand behind the lowest frequencies.",
+        record_s=record_s,
+        longest_window_s=plan[0],
     )
     return WindowPlan(lengths_s=plan, findings=(finding,))
 
 
 def _short_record(record_s: float, total_s: float, longest_s: float, low: float) -> Finding:
-    return Finding(
-        kind="record_too_short",
-        severity="warning",
-        where="windows",
-        message=(
-            f"The records are short for {low:.2g} rad/s: the longest window of {longest_s:.1f} s is more than a fifth "
-            f"of the {total_s:.0f} s flown, so few averages stand behind the lowest frequencies."
-        ),
-        numbers={"record_s": record_s, "total_s": total_s, "longest_window_s": longest_s},
+    return warn(
+        "record_too_short",
+        "windows",
+        f"The records are short for {low:.2g} rad/s: the longest window of {longest_s:.1f} s is more than a fifth "
+        f"of the {total_s:.0f} s flown, so few averages stand behind the lowest frequencies.",
+        record_s=record_s,
+        total_s=total_s,
+        longest_window_s=longest_s,
     )
+
+
+_LARGEST_STEP = 0.1
+"""Of the logarithm of frequency. The slope of a response and the level of its noise are read off neighboring points;
+seven of them then span a factor of two."""
+
+
+def require_grid(omega_rad_s: FloatArray, sample_rate_hz: float) -> None:
+    """Refuse a grid that is not a rising row of frequencies between zero and the Nyquist frequency.
+
+    Raises
+    ------
+    UsageError
+        It says which of these it is not.
+    """
+    if np.ndim(omega_rad_s) != 1:
+        raise UsageError(f"a frequency grid of shape {np.shape(omega_rad_s)} came", needed="one row of frequencies")
+    # Asked so that a grid with a NaN does not pass.
+    if not omega_rad_s.size or not omega_rad_s[0] > 0.0 or not np.all(np.diff(omega_rad_s) > 0.0):
+        raise UsageError("a frequency grid that does not rise came", needed="rising frequencies above zero")
+    nyquist_rad_s = np.pi * sample_rate_hz
+    if not omega_rad_s[-1] <= nyquist_rad_s:
+        raise UsageError(
+            f"a frequency of {omega_rad_s[-1]:.4g} rad/s came",
+            needed=f"at most the Nyquist frequency of {nyquist_rad_s:.4g} rad/s",
+            remedy="lower the upper end of the band",
+        )
+
+
+def refined(omega_rad_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """A grid with points between those that lie far apart, so that no answer depends on how coarse a grid was asked.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Rising, above zero, shape ``(f,)``.
+
+    Returns
+    -------
+    numpy.ndarray, numpy.ndarray
+        The finer grid, and which of its points were asked for, both of shape ``(g,)`` with ``g >= f``.
+
+    Examples
+    --------
+    >>> fine, asked = refined(np.array([1.0, 1.2, 1.25]))
+    >>> fine.round(3).tolist(), asked.tolist()
+    ([1.0, 1.095, 1.2, 1.25], [True, False, True, True])
+    """
+    intervals = np.ceil(np.diff(np.log(omega_rad_s)) / _LARGEST_STEP).astype(np.int64)
+    place = np.concatenate([[0], np.cumsum(intervals)])
+    fine = np.exp(np.interp(np.arange(place[-1] + 1), place, np.log(omega_rad_s)))
+    asked = np.zeros(fine.size, dtype=bool)
+    asked[place] = True
+    fine[place] = omega_rad_s
+    return fine, asked

@@ -6,24 +6,43 @@ refit to it is the same problem beside an offset,
 .. math:: r_b(\theta) = r(\theta) - r(\hat\theta) - S e_b
 
 so that no response is estimated again, and all runs take their steps together.
+
+Bootstrap of fits to time histories: new noise at the outputs, or other records, and a refit.
+
+Over what noise does to it a model is nearly straight. A refit to noise therefore begins where Gauss and Newton's step
+from the solution ends, :math:`\hat\theta - (J^T J)^{-1} J^T r_b`, whose matrix all runs share, and is mostly at rest
+after one or two simulations.
+
+Remarks where a bootstrap and the stated errors do not agree.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
-from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
-from rotorid.fit.many import Minima, minimize_many
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.solution import Outcome, Solution
+from rotorid.data.findings import Finding, warn
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.frequency.fit import Minima, minimize_many
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Residuals, Solution
+from rotorid.fitting.time.nonlinear import NonlinearProblem
+from rotorid.fitting.time.output_error import TimeData, TimeProblem
 from rotorid.typing import FloatArray, IntArray
-from rotorid.uncertainty.bounds import Weights, bounds
-from rotorid.uncertainty.resampling import LeftOut, RunProgress, resample_together
-from rotorid.uncertainty.spread_table import SpreadTable
+from rotorid.uncertainty.colored import ColoredNoise, OutputNoise
+from rotorid.uncertainty.cramer_rao import Weights, bounds
+from rotorid.uncertainty.resampling import (
+    LeftOut,
+    RunProgress,
+    SpreadTable,
+    resample,
+    resample_records,
+    resample_together,
+)
 
 NO_VALUE = "The model has no value where the run begins."
 
@@ -46,8 +65,8 @@ def bootstrap_responses(
 ) -> SpreadTable:
     """Spread of a fit over the errors that its responses state.
 
-    It believes the same errors as :func:`rotorid.uncertainty.bounds.bounds`, inflated as there where the structure does
-    not fit, and differs in what it does with them: no straight line is put in the place of the model, bounds of
+    It believes the same errors as :func:`rotorid.uncertainty.cramer_rao.bounds`, inflated as there where the structure
+    does not fit, and differs in what it does with them: no straight line is put in the place of the model, bounds of
     parameters hold, a run may end in another minimum, and intervals may lie unevenly about the value. What those errors
     leave out, the bias by feedback above all, it leaves out too; records drawn anew show that
     (:func:`rotorid.uncertainty.resampling.resample_records`).
@@ -63,7 +82,7 @@ def bootstrap_responses(
     seed
         The same seed gives the same table on any number of workers.
     weights
-        Those with which the solution was found, as in :func:`rotorid.uncertainty.bounds.bounds`. Weights of the
+        Those with which the solution was found, as in :func:`rotorid.uncertainty.cramer_rao.bounds`. Weights of the
         covariance stay those about the solution.
     executor, progress
         As in :func:`rotorid.uncertainty.resampling.resample`.
@@ -162,3 +181,240 @@ def _root(covariance: FloatArray) -> FloatArray:
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(covariance)
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+OutputProblem: TypeAlias = TimeProblem | NonlinearProblem
+"""A problem whose residuals are errors of outputs."""
+
+
+def bootstrap_outputs(
+    problem: OutputProblem,
+    solution: Solution,
+    *,
+    runs: int,
+    seed: int,
+    noise: OutputNoise | None = None,
+    executor: Executor | None = None,
+    progress: RunProgress | None = None,
+) -> SpreadTable:
+    """Spread of an output-error fit over noise like that which it left.
+
+    New outputs are the predicted ones with noise drawn anew, colored as the residuals are. The weights of the outputs
+    stay those of the problem. The inputs stay as they were flown: under feedback the noise would have moved them, which
+    no draw here shows.
+
+    Parameters
+    ----------
+    problem
+        With the covariance of the output errors that the fit ended with.
+    solution
+        Its solution; of a vector with initial states only the parameters are in the table.
+    runs
+        How many.
+    seed
+        The same seed gives the same table on any number of workers.
+    noise
+        What is drawn; by default the autoregression of the residuals,
+        :class:`rotorid.uncertainty.colored.ColoredNoise`. Where none fits, its ``BlockNoise``.
+    executor, progress
+        As in :func:`rotorid.uncertainty.resampling.resample`.
+
+    Raises
+    ------
+    InsufficientDataError
+        Parameters cannot be told apart, or fewer than two runs came to rest.
+    """
+    noise = noise or ColoredNoise.of(problem.parts(solution.theta))
+    gain = gauss_newton(problem.residuals(solution.theta)[1])
+    outputs = tuple(one.predicted for one in problem.predicted(solution.theta))
+    refit = _OutputRefit(problem, solution.theta, outputs, noise, gain)
+    names = problem.parameters.free
+    return resample(
+        refit,
+        names=names,
+        units=[problem.parameters[name].unit for name in names],
+        estimate=solution.theta[: len(names)],
+        runs=runs,
+        seed=seed,
+        executor=executor,
+        progress=progress,
+    )
+
+
+def bootstrap_records(
+    problem: TimeProblem,
+    solution: Solution,
+    *,
+    runs: int,
+    seed: int,
+    executor: Executor | None = None,
+    progress: RunProgress | None = None,
+) -> SpreadTable:
+    """Spread of a fit over whole records drawn with replacement; it assumes nothing of the noise.
+
+    Responses are estimated from all records at once, and cannot be drawn from afterwards. For these give
+    :func:`rotorid.uncertainty.resampling.resample_records` a function that estimates and fits anew.
+
+    Parameters
+    ----------
+    problem
+        With five records or more, see :meth:`rotorid.fitting.time.output_error.TimeData.pieces`.
+    solution
+        Its solution.
+    runs, seed, executor, progress
+        As in :func:`bootstrap_outputs`.
+
+    Raises
+    ------
+    UsageError
+        There are fewer than five records.
+    InsufficientDataError
+        Fewer than two runs came to rest.
+    """
+    names = problem.parameters.free
+    return resample_records(
+        _RecordRefit(problem, solution.theta),
+        len(problem.records),
+        names=names,
+        units=[problem.parameters[name].unit for name in names],
+        estimate=solution.theta,
+        runs=runs,
+        seed=seed,
+        executor=executor,
+        progress=progress,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _OutputRefit:
+    """One run: ``predicted`` outputs ``(y, n)`` with drawn noise; ``gain`` goes from residuals to the first step."""
+
+    problem: OutputProblem
+    theta: FloatArray
+    predicted: tuple[FloatArray, ...]
+    noise: OutputNoise
+    gain: FloatArray
+
+    def __call__(self, rng: np.random.Generator) -> FloatArray:
+        drawn = self.noise.draw(rng)
+        color = np.linalg.inv(self.problem.whitening)
+        records: tuple[TimeData, ...] = tuple(
+            replace(record, outputs=predicted + color @ errors.T)
+            for record, predicted, errors in zip(self.problem.records, self.predicted, drawn, strict=True)
+        )
+        problem = replace(self.problem, records=records)
+        start = self.theta - self.gain @ np.concatenate([errors.ravel() for errors in drawn])
+        solver = patience(self.gain.shape[1])
+        return _settled(solver, problem.residuals, (start, self.theta), problem.box)[: len(problem.parameters.free)]
+
+
+@dataclass(frozen=True, eq=False)
+class _RecordRefit:
+    """A fit to the records that were drawn."""
+
+    problem: TimeProblem
+    theta: FloatArray
+
+    def __call__(self, drawn: IntArray) -> FloatArray:
+        which, times = np.unique(drawn, return_counts=True)
+        problem = replace(self.problem, records=tuple(self.problem.records[record] for record in which.tolist()))
+        outputs = len(problem.structure.outputs)
+        # A record that was drawn twice counts twice, and is simulated once.
+        weight = np.sqrt(np.repeat(times, [outputs * record.samples for record in problem.records]))
+
+        def residuals(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+            residual, jacobian = problem.residuals(theta)
+            return weight * residual, weight[:, None] * jacobian
+
+        return _settled(patience(weight.size), residuals, (self.theta,), problem.box)
+
+
+def _settled(
+    solver: LevenbergMarquardt, residuals: Residuals, starts: Sequence[FloatArray], box: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Where a search ends that begins at the first start with a value."""
+    for start in starts:
+        solution = solver.minimize(residuals, start, *box)
+        if np.isfinite(solution.cost):
+            break
+    else:
+        raise InsufficientDataError(NO_VALUE)
+    if solution.outcome is Outcome.OUT_OF_ITERATIONS:
+        raise InsufficientDataError(solution.outcome.value)
+    return solution.theta
+
+
+_CHANCE = 3.0
+_WORTH_SAYING = 1.25
+"""A standard deviation that is a quarter off changes no decision."""
+
+_MOVED = 0.5
+_MANY = 0.05
+
+
+def judge_spread(table: SpreadTable, std: FloatArray) -> tuple[Finding, ...]:
+    """Where the spread of many runs contradicts stated standard deviations by more than chance.
+
+    Stated errors take the model as straight over its errors, and everything as normal. A parameter that runs against a
+    bound, a cost with several minima or a strong curvature shows here.
+
+    Parameters
+    ----------
+    table
+        Of a bootstrap.
+    std
+        Stated standard deviations of its parameters, shape ``(p,)``, such as those of
+        :class:`rotorid.uncertainty.cramer_rao.Bounds`.
+
+    Returns
+    -------
+    tuple of Finding
+        ``bootstrap_disagrees`` for a parameter whose spread is a quarter off or whose mean has moved by half a standard
+        deviation, three standard errors of the runs at least; ``bootstrap_incomplete`` where more than a twentieth of
+        the runs had no answer. Standard errors are those of the larger of the two standard deviations: few runs that
+        happen to lie close together are not as certain as they look.
+
+    Examples
+    --------
+    >>> draws = np.random.default_rng(0).standard_normal((500, 1))
+    >>> table = SpreadTable(names=("L_p",), estimate=np.zeros(1), draws=draws, seed=0)
+    >>> judge_spread(table, np.ones(1)), [one.kind for one in judge_spread(table, 0.5 * np.ones(1))]
+    ((), ['bootstrap_disagrees'])
+    """
+    if std.shape != table.estimate.shape:
+        raise UsageError(f"{std.size} standard deviations came", needed=f"{len(table.names)}, one for each parameter")
+    larger, smaller = np.maximum(table.std, std), np.minimum(table.std, std)
+    runs = len(table.draws)
+    chance = np.maximum(table.std_error, larger / np.sqrt(2.0 * (runs - 1)))
+    other = (larger - smaller > _CHANCE * chance) & (larger > _WORTH_SAYING * smaller)
+    moved = (np.abs(table.bias) > _CHANCE * larger / np.sqrt(runs)) & (np.abs(table.bias) > _MOVED * table.std)
+    return (*_incomplete(table), *(_disagrees(table, std, one) for one in np.flatnonzero(other | moved).tolist()))
+
+
+def _incomplete(table: SpreadTable) -> tuple[Finding, ...]:
+    out = sum(table.left_out.values())
+    if out <= _MANY * table.runs:
+        return ()
+    reasons = " ".join(f"{count} times: {reason}" for reason, count in table.left_out.items())
+    message = f"{out} of {table.runs} runs of the bootstrap had no answer, so that the spread is understated. {reasons}"
+    return (warn("bootstrap_incomplete", "bootstrap", message, runs=table.runs, left_out=out),)
+
+
+def _disagrees(table: SpreadTable, std: FloatArray, place: int) -> Finding:
+    row = table.rows()[place]
+    moved = row.mean - row.estimate
+    ends = f"{row.low:.4g} to {row.high:.4g}"
+    # A narrower spread may be that of a bound or of too few runs: it is no reason to claim more.
+    wider = row.std > std[place]
+    advice = f"Take the interval from {ends}." if wider else f"95 % of the runs lie from {ends}."
+    return warn(
+        "bootstrap_disagrees",
+        row.name,
+        f"Over {len(table.draws)} runs {row.name} scatters by {row.std:.3g} about {row.mean:.4g}; its value is "
+        f"{row.estimate:.4g} and its stated standard deviation {std[place]:.3g}. {advice}",
+        std=row.std,
+        stated_std=float(std[place]),
+        bias=moved,
+        percentile_2_5=row.low,
+        percentile_97_5=row.high,
+    )

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable
+from rotorid.data.base import Immutable
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import FloatArray, IntArray
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.uncertainty.cramer_rao import Bounds
 
 _UNSEEN = 0.5
 _PART = 0.3

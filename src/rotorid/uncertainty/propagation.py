@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable, read_only
+from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import ComplexArray, FloatArray
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.uncertainty.cramer_rao import Bounds
 
 # Poles a +- sqrt(d) lie 2 sqrt(d) apart, known to std(d) / sqrt(d): four of these make d two of its own from zero.
 _DISTINCT_STDS = 4.0

@@ -8,20 +8,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable
-from rotorid.data.simulated_flight import SimulatedFlight
+from rotorid.data.base import Immutable
+from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.errors import ModelError
-from rotorid.models.ties import no_such
-from rotorid.simulate.multirotor_flight import Aircraft
-from rotorid.vehicles import (
-    ardupilot_quad,
-    bebop_flight,
-    crazyflie,
-    gazebo,
-    hummingbird_flight,
-    px4_quad,
-    s500_flight,
-)
+from rotorid.models.parameter import no_such
+from rotorid.simulation.multirotor_flight import Aircraft
+from rotorid.vehicles import ardupilot as ardupilot_quad
+from rotorid.vehicles import bebop as bebop_flight
+from rotorid.vehicles import crazyflie, gazebo
+from rotorid.vehicles import hummingbird as hummingbird_flight
+from rotorid.vehicles import px4 as px4_quad
+from rotorid.vehicles import s500 as s500_flight
 
 _RIG = "rig"
 _RIG_SOURCE = "Frequency-domain identification of a quadrotor with composite windows and K-means clustering"

@@ -19,11 +19,10 @@ import math
 
 import numpy as np
 
-from rotorid.models.rotor_layout_library import library_layout
-from rotorid.simulate.autopilot import Autopilot, Guidance, RateLoop
-from rotorid.simulate.multirotor import Multirotor, Rotors
-from rotorid.simulate.multirotor_flight import Aircraft
-from rotorid.simulate.sensors import Sensors
+from rotorid.models.rotors import library_layout
+from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
+from rotorid.simulation.multirotor import Multirotor, Rotors, Sensors
+from rotorid.simulation.multirotor_flight import Aircraft
 
 SOURCE = (
     "Förster 2015, ETH Zürich (inertia, torque, drag); flight data at 1 kHz (thrust, lag); Bitcraze's firmware (gains)"

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rotorid.data.maneuver import Kind, Maneuver
-from rotorid.excitation.doublet import doublet
+from rotorid.data.record import Kind, Maneuver
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.simulate.flight import STEP_RATE_HZ, Excitation
+from rotorid.excitation.switching import doublet
+from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation
 from rotorid.typing import Axis, FloatArray
 
 SWEEP_BAND_RAD_S = (2.0 * math.pi * 0.1, 2.0 * math.pi * 8.0)

@@ -23,12 +23,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.models.rotor_layout import RotorLayout
-from rotorid.simulate.multirotor import Multirotor, Rotors
-from rotorid.simulate.multirotor_flight import Aircraft
-from rotorid.simulate.sensors import Sensors
+from rotorid.models.rotors import RotorLayout
+from rotorid.simulation.multirotor import Multirotor, Rotors, Sensors
+from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.units import STANDARD_GRAVITY_M_S2
-from rotorid.vehicles.px4_cascade import PX4_PARAMETERS, held, px4_autopilot, rotor_parameters
+from rotorid.vehicles.px4 import PX4_PARAMETERS, held, px4_autopilot, rotor_parameters
 
 X500_SOURCE = "PX4-gazebo-models, x500 and x500_base; PX4, airframe 4001_gz_x500"
 IRIS_SOURCE = "PX4-SITL_gazebo-classic, iris"

@@ -21,9 +21,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable, read_only
-from rotorid.excitation.doublet import doublet
-from rotorid.models.rotor_layout import RotorLayout
+from rotorid.data.base import Immutable, read_only
+from rotorid.excitation.switching import doublet
+from rotorid.models.rotors import RotorLayout
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 

@@ -23,10 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.immutable import Immutable
-from rotorid.data.motor_record import MotorRecord
-from rotorid.models.rotor_layout import RotorLayout
-from rotorid.models.rotor_layout_library import library_layout
+from rotorid.data.base import Immutable
+from rotorid.data.record import MotorRecord
+from rotorid.models.rotors import RotorLayout, library_layout
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -112,7 +111,7 @@ def levers() -> FloatArray:
     return np.stack([*frame.moment_arms[:2], frame.spins])
 
 
-def thrust(turning: FloatArray) -> FloatArray:
+def thrust(motor_speed: FloatArray) -> FloatArray:
     """Thrust of a rotor in N at an output that its motor has reached.
 
     Examples
@@ -120,7 +119,7 @@ def thrust(turning: FloatArray) -> FloatArray:
     >>> thrust(np.array([0.0, 0.5, 1.0])).tolist()
     [0.3, 2.55, 7.8]
     """
-    return TRUTH["c_0"] + TRUTH["c_1"] * turning + TRUTH["c_2"] * turning**2
+    return TRUTH["c_0"] + TRUTH["c_1"] * motor_speed + TRUTH["c_2"] * motor_speed**2
 
 
 def hover_output() -> float:
@@ -189,7 +188,7 @@ def flights(
         outputs[:, :, place], rates[:, :, place], speed[:, place] = output, seen, now.w
         sway = calm * sway + np.sqrt(1.0 - calm**2) * rng.standard_normal(count)
         noise = air.accelerometer * (sway + rng.standard_normal(count))
-        force[:, place] = -thrust(now.turning).sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w + noise
+        force[:, place] = -thrust(now.motor_speed).sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w + noise
         for _ in range(_SUBSTEPS):
             waiting.append(output)
             now = _moved(now, waiting.pop(0), air.gust * rng.standard_normal((count, 3)), pace)
@@ -221,7 +220,7 @@ def channels(record: MotorRecord) -> dict[str, FloatArray]:
 class _Motion(NamedTuple):
     """Outputs that the motors have reached, body rates, velocity down, angular acceleration by gusts."""
 
-    turning: FloatArray
+    motor_speed: FloatArray
     rate: FloatArray
     w: FloatArray
     gust: FloatArray
@@ -251,16 +250,16 @@ def _pace(step_s: float) -> _Pace:
 
 def _moved(now: _Motion, held: FloatArray, noise: FloatArray, pace: _Pace) -> _Motion:
     """The motion a short step later; the mean thrust over the step is Simpson's."""
-    turning = held + (now.turning - held) * pace.decay
-    halfway = held + (now.turning - held) * np.sqrt(pace.decay)
-    mean = (thrust(now.turning) + thrust(turning) + 4.0 * thrust(halfway)) / 6.0
+    motor_speed = held + (now.motor_speed - held) * pace.decay
+    halfway = held + (now.motor_speed - held) * np.sqrt(pace.decay)
+    mean = (thrust(now.motor_speed) + thrust(motor_speed) + 4.0 * thrust(halfway)) / 6.0
     gust = pace.calm * now.gust + np.sqrt(1.0 - pace.calm**2) * _GUSTS * noise
     pushed = mean @ pace.gains.T + gust
     rate = (
         now.rate * np.exp(pace.damping * pace.step_s) + pace.step_s * np.exp(0.5 * pace.damping * pace.step_s) * pushed
     )
     falling = STANDARD_GRAVITY_M_S2 - mean.sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w
-    return _Motion(turning, rate, now.w + pace.step_s * falling, gust)
+    return _Motion(motor_speed, rate, now.w + pace.step_s * falling, gust)
 
 
 def _answer(seen: FloatArray, angle: FloatArray, w: FloatArray) -> FloatArray:

@@ -20,13 +20,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.models.catalog import library_model
+from rotorid.models.library import library_model
 from rotorid.models.state_space import StateSpace
-from rotorid.simulate.flight import STEP_RATE_HZ, Flight
-from rotorid.simulate.linear_loop import LinearLoop, as_record, fly_linear
+from rotorid.simulation.hover_flight import STEP_RATE_HZ, Flight
+from rotorid.simulation.linear_loop import LinearLoop, as_record, fly_linear
 from rotorid.typing import FloatArray
 
 TRUTH: Mapping[str, float] = MappingProxyType(

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from rotorid.cli.app import main
-from rotorid.io.tabular import write_csv
-from rotorid.simulate.flight import fly
+from rotorid.io.tables.csv import write_csv
+from rotorid.simulation.hover_flight import fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import SWEEPS, demo_plan
 

@@ -8,8 +8,8 @@ import pytest
 from tests.unit.cli.commands import ROLL, Ran, fly_roll_sweeps, rotorid
 
 from rotorid.io.registry import read
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.settings import IdentifySettings
 
 

@@ -10,8 +10,8 @@ from tests.unit.cli.commands import ROLL, Ran, rotorid
 from tests.unit.pipeline.response_twins import flight as response_flight
 from tests.unit.pipeline.response_twins import written
 
-from rotorid.io.tabular import write_csv
-from rotorid.pipeline.compare_document import CompareDocument
+from rotorid.documents.compare import CompareDocument
+from rotorid.io.tables.csv import write_csv
 
 
 @pytest.fixture(scope="module")

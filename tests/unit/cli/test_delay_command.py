@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.unit.cli.commands import Ran, rotorid
-from tests.unit.fit.late_lags import INPUT, RATE_HZ, late_lag
+from tests.unit.fitting.late_lags import INPUT, RATE_HZ, late_lag
 
-from rotorid.pipeline.delay_document import DelayDocument
+from rotorid.documents.delay import DelayDocument
 
 PAIR = ("--input", "roll_command", "--output", "p")
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, rotorid
 
-from rotorid.pipeline.document import ResultDocument
-from rotorid.pipeline.identification import Identification
-from rotorid.report.numbers import with_error
+from rotorid.documents.result import ResultDocument
+from rotorid.pipeline.results import Identification
+from rotorid.report.frame import with_error
 
 FILES = {"result.json", "responses.npz", "report.html", "model.toml"}
 

@@ -10,7 +10,7 @@ import pytest
 from tests.unit.cli.commands import rotorid
 from tests.unit.pipeline.response_flight import TRUTH, flight
 
-from rotorid.io.tabular import write_csv
+from rotorid.io.tables.csv import write_csv
 from rotorid.pipeline.resolve import resolve_model
 
 

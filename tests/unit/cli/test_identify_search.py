@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, rotorid
 
-from rotorid.pipeline.document import ResultDocument
+from rotorid.documents.result import ResultDocument
 from rotorid.search.catalog import searches
 
 ASKED = ("--search", "sobol:4", "--evaluations", "200", "--bootstrap", "40", "--seed", "5")

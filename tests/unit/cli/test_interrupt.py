@@ -6,8 +6,7 @@ import signal
 
 import pytest
 
-from rotorid.cli.console import progress
-from rotorid.cli.interrupt import check, listen
+from rotorid.cli.console import check, listen, progress
 
 
 @pytest.fixture(autouse=True)

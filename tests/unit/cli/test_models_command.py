@@ -8,10 +8,8 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import rotorid
 
-from rotorid.models.catalog import library_text, model_names
-from rotorid.models.description import from_toml
-from rotorid.models.rate import RATE_AXES, rate_model
-from rotorid.models.response import RESPONSE_MODELS
+from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_text, model_names, rate_model
+from rotorid.models.toml import from_toml
 from rotorid.pipeline.resolve import resolve_model
 
 NAMES = (*RATE_AXES, *model_names())

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import Ran, rotorid
 
-from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.verify_document import VerifyDocument
-from rotorid.report.output import to_json
+from rotorid.report.files import to_json
 
 SEGMENT = ("--segment", "roll:56.2:105.9")
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rotorid.data.motor_record import MotorRecord
+from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
 
 

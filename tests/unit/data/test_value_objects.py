@@ -11,13 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
 from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
-from rotorid.fit.solution import Outcome, Solution
+from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.state_space import StateSpace
 from rotorid.units import UNITS
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotorid.errors import UsageError
-from rotorid.excitation.doublet import balanced_three_two_one_one, doublet, multistep, three_two_one_one, two_one_one
+from rotorid.excitation.switching import balanced_three_two_one_one, doublet, multistep, three_two_one_one, two_one_one
 
 
 def test_doublet_is_two_opposite_steps_between_trims() -> None:

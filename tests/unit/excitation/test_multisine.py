@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rotorid.errors import UsageError
 from rotorid.excitation import Multisine, energy_share, halved, harmonics_in, interleaved, multisine, power_law
-from rotorid.excitation.phases import _log_norm, flat_phases, over_period, schroeder_phases
+from rotorid.excitation.multisines import _log_norm, flat_phases, over_period, schroeder_phases
 
 HZ = 2.0 * math.pi
 

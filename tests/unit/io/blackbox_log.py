@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rotorid.data.record import FlightRecord, Source
-from rotorid.io.blackbox import FORMAT, read
-from rotorid.io.blackbox_decode import Flight, flights
+from rotorid.io.betaflight.blackbox import Flight, flights
+from rotorid.io.betaflight.log import FORMAT, read
 
 PRODUCT = "H Product:Blackbox flight data recorder by Nicholas Sherlock\n"
 END = b"E\xffEnd of log\x00"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from rotorid.errors import LogError
-from rotorid.io.archive import UnpackLimits, compression_of, unpacked
+from rotorid.io.files import UnpackLimits, compression_of, unpacked
 
 CONTENT = bytes(range(256)) * 40
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source, Topic
 from rotorid.errors import LogError
-from rotorid.io.ardupilot import FORMAT, read
+from rotorid.io.ardupilot.log import FORMAT, read
 
 PACKING = dict.fromkeys("QBHIf") | {"N": "16s", "Z": "64s", "e": "i"}
 DEGREE = math.pi / 180.0

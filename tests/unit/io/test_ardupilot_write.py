@@ -13,19 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rotorid.data.channel import AXES
-from rotorid.data.maneuver import Kind, Maneuver
-from rotorid.data.record import FlightRecord, Topic
-from rotorid.data.simulated_flight import SimulatedFlight
+from rotorid.data.flight_plan import SimulatedFlight
+from rotorid.data.record import AXES, FlightRecord, Kind, Maneuver, Topic
 from rotorid.errors import UsageError
 from rotorid.excitation.sweep import logarithmic_sweep
-from rotorid.io.ardupilot_injections import waveform_settings
-from rotorid.io.ardupilot_signals import Logged, lift_values, rate_values
-from rotorid.io.ardupilot_write import write_ardupilot
-from rotorid.io.dataflash import decode
+from rotorid.io.ardupilot.dataflash import decode
+from rotorid.io.ardupilot.writer import Logged, lift_values, rate_values, waveform_settings, write_ardupilot
 from rotorid.io.registry import read
 from rotorid.pipeline.inspection import inspect
-from rotorid.simulate.flight import STEP_RATE_HZ, Excitation, fly
+from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation, fly
 from rotorid.typing import Axis, FloatArray
 from rotorid.vehicles import s500
 

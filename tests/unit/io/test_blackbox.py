@@ -10,8 +10,8 @@ import pytest
 from tests.unit.io.blackbox_log import END, header, inter, intra, only, record_of, signed, unsigned
 
 from rotorid.errors import LogError
-from rotorid.io.blackbox import sniff
-from rotorid.io.blackbox_header import parse_header
+from rotorid.io.betaflight.blackbox import parse_header
+from rotorid.io.betaflight.log import sniff
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorid.errors import LogError, UsageError
-from rotorid.io import dataflash
-from rotorid.io.dataflash import decode, sniff
-from rotorid.io.gather import file_bytes
+from rotorid.io.ardupilot import dataflash
+from rotorid.io.ardupilot.dataflash import decode, sniff
+from rotorid.io.files import file_bytes
 
 MAGIC = b"\xa3\x95"
 STRUCT = {letter: letter for letter in "bBhHiIqQfd"} | {"a": "64s", "g": "e", "n": "4s", "N": "16s", "Z": "64s"}

@@ -13,10 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorid.errors import UsageError
-from rotorid.io.ardupilot_layouts import LAYOUTS
-from rotorid.io.dataflash import decode
-from rotorid.io.dataflash_formats import LETTERS
-from rotorid.io.dataflash_write import Layout, Messages, encode, write_dataflash
+from rotorid.io.ardupilot.dataflash import LETTERS, decode
+from rotorid.io.ardupilot.dataflash_writer import Layout, Messages, encode, write_dataflash
+from rotorid.io.ardupilot.writer import LAYOUTS
 
 WHOLE = {letter for letter in "bBhHiIqQM" if LETTERS[letter].dtype.kind in "iu"}
 TEXTS = "nNZ"

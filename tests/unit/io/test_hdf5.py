@@ -12,8 +12,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import mat
-from rotorid.io.mapping import parse_mapping
+from rotorid.io.tables import matlab as mat
+from rotorid.io.tables.mapping import parse_mapping
 
 h5py = pytest.importorskip("h5py", reason="the extra [hdf5] is not installed")
 

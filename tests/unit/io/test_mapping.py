@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.io.mapping import ChannelMapping, Clock, Segment, Series, parse_mapping, read_mapping
+from rotorid.io.tables.mapping import ChannelMapping, Clock, Segment, Series, parse_mapping, read_mapping
 
 PRODUCT = """
 [clock]

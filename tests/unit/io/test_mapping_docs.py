@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.io.mapping import parse_mapping, read_mapping
-from rotorid.io.mapping_channels import ANGLES, BODY_VECTORS, EARTH_VECTORS, QUATERNION
 from rotorid.io.registry import read
+from rotorid.io.tables.mapping import ANGLES, BODY_VECTORS, EARTH_VECTORS, QUATERNION, parse_mapping, read_mapping
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 PAGE = (DOCS / "mapping.md").read_text(encoding="utf-8")

@@ -10,8 +10,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import LogError, UsageError
-from rotorid.io.mapping import parse_mapping
 from rotorid.io.registry import read
+from rotorid.io.tables.mapping import parse_mapping
 from rotorid.typing import FloatArray
 
 RNG = np.random.default_rng(4)

@@ -10,8 +10,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io import mat
-from rotorid.io.mapping import parse_mapping, read_mapping
+from rotorid.io.tables import matlab as mat
+from rotorid.io.tables.mapping import parse_mapping, read_mapping
 
 SOURCE = Source(name="flight.mat", format=mat.FORMAT, sha256="")
 TIME = np.arange(50) / 20.0

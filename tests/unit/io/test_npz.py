@@ -10,8 +10,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io import npz
-from rotorid.io.mapping import parse_mapping
+from rotorid.io.tables import npz
+from rotorid.io.tables.mapping import parse_mapping
 
 SOURCE = Source(name="flight.npz", format=npz.FORMAT, sha256="")
 TIME = np.arange(50) / 20.0

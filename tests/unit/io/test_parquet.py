@@ -11,8 +11,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io import parquet
-from rotorid.io.mapping import parse_mapping
+from rotorid.io.tables import parquet
+from rotorid.io.tables.mapping import parse_mapping
 
 pa = pytest.importorskip("pyarrow", reason="the extra [parquet] is not installed")
 pq = pytest.importorskip("pyarrow.parquet", reason="the extra [parquet] is not installed")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rotorid.io import read
-from rotorid.io.dataflash import decode
-from rotorid.io.privacy import without_places
+from rotorid.io.ardupilot.dataflash import decode
+from rotorid.io.files import without_places
 
 NEAR_DEG = 0.05
 """Five kilometers: as a parameter or a sample that comes nearer to the place, a coordinate would count."""
@@ -98,7 +98,7 @@ def test_the_serial_number_of_the_board_does_not_leave_a_px4_log(shared_data: Pa
 
 
 def test_origin_and_home_messages_of_a_telemetry_log_are_not_read() -> None:
-    from rotorid.io.mavlink import LAYOUTS
+    from rotorid.io.mavlink.messages import LAYOUTS
 
     absolute = {"GLOBAL_POSITION_INT", "GPS_RAW_INT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN", "AHRS2"}
     assert absolute.isdisjoint(layout.name for layout in LAYOUTS.values())

@@ -11,7 +11,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import px4
+from rotorid.io.px4 import log as px4
 
 SOURCE = Source(name="flight.ulg", format=px4.FORMAT, sha256="")
 PIECES = {"uint64_t": "Q", "float": "f"}

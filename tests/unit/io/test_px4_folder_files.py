@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import px4_folder
+from rotorid.io.px4 import folder as px4_folder
 
 SOURCE = Source(name="flight", format=px4_folder.FORMAT, sha256="")
 TORQUE = "timestamp,xyz[0],xyz[1],xyz[2]\n" + "".join(f"{1000000 + 4000 * n},{n},2.5,-3\n" for n in range(5))

@@ -14,18 +14,16 @@ import pytest
 import pyulog
 from pyulog.ulog2csv import convert_ulog2csv
 
-from rotorid.data.channel import AXES
-from rotorid.data.record import FlightRecord
-from rotorid.data.simulated_flight import SimulatedFlight
+from rotorid.data.flight_plan import SimulatedFlight
+from rotorid.data.record import AXES, FlightRecord
 from rotorid.errors import UsageError
-from rotorid.excitation.doublet import doublet
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.io.px4_layouts import INTEGERS, LAYOUTS
-from rotorid.io.px4_write import write_px4
+from rotorid.excitation.switching import doublet
+from rotorid.io.px4.ulog import walk
+from rotorid.io.px4.writer import INTEGERS, LAYOUTS, write_px4
 from rotorid.io.registry import read
-from rotorid.io.ulog_walk import walk
 from rotorid.signal.airborne import airborne
-from rotorid.signal.segment import find_excitations
+from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
 
 RATES_HZ = {

@@ -11,9 +11,10 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io import bag_extract, rosbag
-from rotorid.io.bag_topics import RULES
-from rotorid.io.mapping import parse_mapping
+from rotorid.io.ros import bag as rosbag
+from rotorid.io.ros import containers as bag_extract
+from rotorid.io.ros.bag import RULES
+from rotorid.io.tables.mapping import parse_mapping
 
 pytest.importorskip("rosbags", reason="the extra [ros] is not installed")
 
@@ -356,7 +357,7 @@ def test_a_database_without_definitions_falls_back_to_the_standard_ones(tmp_path
 
 
 def test_every_rule_names_channels_of_the_vocabulary() -> None:
-    from rotorid.data.channel import STANDARD_UNITS
+    from rotorid.data.record import STANDARD_UNITS
 
     for rule in RULES:
         assert set(rule.channels) <= set(STANDARD_UNITS)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.io.store import sha256_of, write_atomically, write_npz
+from rotorid.io.files import sha256_of, write_atomically, write_npz
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path) -> None:

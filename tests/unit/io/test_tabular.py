@@ -9,8 +9,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io.mapping import parse_mapping
-from rotorid.io.tabular import read, sniff, write_csv
+from rotorid.io.tables.csv import read, sniff, write_csv
+from rotorid.io.tables.mapping import parse_mapping
 
 SOURCE = Source(name="flight.csv", format="CSV", sha256="")
 

@@ -12,8 +12,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io import tlog
-from rotorid.io.mavlink import LAYOUTS, STAMP_BYTES, decode
+from rotorid.io.mavlink import tlog
+from rotorid.io.mavlink.messages import LAYOUTS, STAMP_BYTES, decode
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 am = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega", reason="pymavlink writes the logs of these tests")

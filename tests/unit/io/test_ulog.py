@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import LogError
-from rotorid.io import ulog_walk
-from rotorid.io.ulog import extract
-from rotorid.io.ulog_definitions import Definitions
-from rotorid.io.ulog_walk import MAGIC, Walk, walk
+from rotorid.io.px4 import ulog as ulog_walk
+from rotorid.io.px4.ulog import MAGIC, Definitions, Walk, extract, walk
 
 HEAD = MAGIC + b"\1" + bytes(8)
 STAMPED = b"battery_status:uint64_t timestamp;float voltage_v;uint8_t[4] _padding0;"

@@ -11,10 +11,8 @@ import pytest
 import pyulog
 
 from rotorid.errors import UsageError
-from rotorid.io.ulog import extract
-from rotorid.io.ulog_definitions import TYPES
-from rotorid.io.ulog_walk import HEADER_BYTES, walk
-from rotorid.io.ulog_write import LoggedTopic, message_dtype, write_ulog
+from rotorid.io.px4.ulog import HEADER_BYTES, TYPES, extract, walk
+from rotorid.io.px4.writer import LoggedTopic, message_dtype, write_ulog
 from rotorid.typing import AnyArray
 
 BATTERY = "uint64_t timestamp;float voltage_v"

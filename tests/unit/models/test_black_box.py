@@ -7,8 +7,8 @@ import pytest
 
 from rotorid.errors import ModelError
 from rotorid.models.black_box import best_references, black_box, black_box_pairs, from_state_space
-from rotorid.models.description import from_toml, to_toml
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml, to_toml
 from rotorid.typing import ComplexArray, FloatArray
 
 OMEGA = np.geomspace(0.1, 60.0, 40)

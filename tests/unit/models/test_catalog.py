@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.catalog import library_model, library_text, model_names
-from rotorid.models.description import from_toml, to_toml
+from rotorid.models.library import library_model, library_text, model_names
 from rotorid.models.physical import hover_derivatives
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml, to_toml
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
 from rotorid.vehicles import s500
 
@@ -143,8 +143,8 @@ def accelerations(state: np.ndarray, force: np.ndarray) -> np.ndarray:
     velocity, rates, (phi, theta) = state[:3], state[3:6], state[6:]
     gravity = G * np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
     p, q, r = rates
-    turning = [p + np.tan(theta) * (q * np.sin(phi) + r * np.cos(phi)), q * np.cos(phi) - r * np.sin(phi)]
-    return np.concatenate([force + gravity - np.cross(rates, velocity), turning])
+    motor_speed = [p + np.tan(theta) * (q * np.sin(phi) + r * np.cos(phi)), q * np.cos(phi) - r * np.sin(phi)]
+    return np.concatenate([force + gravity - np.cross(rates, velocity), motor_speed])
 
 
 @pytest.mark.parametrize(
@@ -199,10 +199,10 @@ def test_a_raised_accelerometer_feels_the_turning(name: str, output: str, rate: 
         return model.with_constants({"z_imu": z}).response(values, OMEGA)
 
     outputs = library_model(name).outputs
-    turning = 1j * OMEGA * raised(0.0)[outputs.index(rate)]
+    motor_speed = 1j * OMEGA * raised(0.0)[outputs.index(rate)]
     late = np.exp(-1j * OMEGA * library_model(name).parameters.values.get(f"tau_{output}", 0.0))
     difference = raised(height)[outputs.index(output)] - raised(0.0)[outputs.index(output)]
-    np.testing.assert_allclose(difference, sign * height * turning * late, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(difference, sign * height * motor_speed * late, rtol=1e-9, atol=1e-9)
 
 
 def test_one_axis_of_the_full_model_is_the_model_of_that_axis() -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.models.controller import RateController
-from rotorid.models.controller_steps import Driven, stepped
+from rotorid.models.controller import Driven, RateController, stepped
 from rotorid.typing import ComplexArray
 
 OMEGA = np.geomspace(0.5, 60.0, 12)

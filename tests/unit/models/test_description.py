@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.description import from_toml, to_toml
-from rotorid.models.description_lines import line_of
 from rotorid.models.expression import Expression
+from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rate import RATE_AXES, rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml, to_toml
+from rotorid.models.toml_source import line_of
 
 FIELDS = ("name", "inputs", "states", "outputs", "M", "F", "G", "H0", "H1", "input_delays", "output_delays")
 MORE = ("gain", "optional", "source", "constants", "parameters")

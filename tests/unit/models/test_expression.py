@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.expression import Expression
-from rotorid.models.expression_parser import parse_expression
-from rotorid.models.operations import Operations
+from rotorid.models.compiled import Operations
+from rotorid.models.expression import Expression, parse_expression
 
 VALUES = {"a": 1.7, "b": -0.6, "c": 2.3}
 

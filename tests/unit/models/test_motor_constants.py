@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from rotorid.data.findings import Finding
-from rotorid.data.motor_record import MotorRecord
+from rotorid.data.record import MotorRecord
 from rotorid.errors import ModelError
-from rotorid.models.motor_constants import check_figure_of_merit, check_motor_constants, yaw_range
+from rotorid.models.motors import check_figure_of_merit, check_motor_constants, yaw_range
 
 LEVERS = np.array([[-0.2, 0.2, 0.2, -0.2], [0.2, -0.2, 0.2, -0.2], [1.0, 1.0, -1.0, -1.0]])
 SOUND: Mapping[str, float] = {"m": 1.0, "c_1": 5.0, "I_xx": 0.02, "I_yy": 0.025, "I_zz": 0.04, "kappa": 0.02}

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.motor_mixer import check_mixer
-from rotorid.models.rotor_layout_library import layout_names, library_layout
+from rotorid.models.rotors import check_mixer, layout_names, library_layout
 
 PLUS = np.array([[1.0, 1.0, 1.0, 1.0], [0.0, -1.0, 0.0, 1.0], [1.0, 0.0, -1.0, 0.0], [1.0, -1.0, 1.0, -1.0]])
 

@@ -9,8 +9,8 @@ from typing import cast
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.motor_parameters import CURVE_TERMS, SCALES, Curve, motor_parameters
-from rotorid.models.parameter_unit import check_unit
+from rotorid.models.motors import CURVE_TERMS, SCALES, Curve, motor_parameters
+from rotorid.models.parameter import check_unit
 
 
 @pytest.mark.parametrize("curve", list(CURVE_TERMS))

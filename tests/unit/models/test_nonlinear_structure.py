@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
+from rotorid.models.compiled import tape
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.expression import Expression
-from rotorid.models.nonlinear_catalog import nonlinear_library_text, nonlinear_model, nonlinear_model_names
-from rotorid.models.nonlinear_description import nonlinear_from_toml
-from rotorid.models.nonlinear_equations import nonlinear_structure
-from rotorid.models.nonlinear_flight import AXES, flight_structure
+from rotorid.models.library import nonlinear_library_text, nonlinear_model, nonlinear_model_names
+from rotorid.models.nonlinear import AXES, flight_structure, nonlinear_structure
+from rotorid.models.nonlinear_toml import nonlinear_from_toml
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.models.tape import tape
-from rotorid.simulate.nonlinear import simulate_nonlinear
+from rotorid.simulation.nonlinear import simulate_nonlinear
 
 TEXT = """
 kind = "nonlinear"

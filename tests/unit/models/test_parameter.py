@@ -9,8 +9,7 @@ import pytest
 
 from rotorid.errors import ModelError
 from rotorid.models.expression import Expression
-from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.ties import TieError
+from rotorid.models.parameter import Parameter, ParameterSet, TieError
 
 
 def three() -> ParameterSet:

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.physical import MIXER, PHYSICAL_UNITS, hover_derivatives, hover_speed, rotor_forces
-from rotorid.models.physical_checks import check_hover_speed, check_inertia, check_signs
-from rotorid.models.physical_estimate import from_derivatives
+from rotorid.models.physical import (
+    MIXER,
+    PHYSICAL_UNITS,
+    check_hover_speed,
+    check_inertia,
+    check_signs,
+    from_derivatives,
+    hover_derivatives,
+    hover_speed,
+    rotor_forces,
+)
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
 from rotorid.vehicles import s500
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.description import from_toml, to_toml
-from rotorid.models.response import RESPONSE_MODELS, response_model, response_pairs
+from rotorid.models.library import RESPONSE_MODELS, response_model, response_pairs
+from rotorid.models.toml import from_toml, to_toml
 from rotorid.typing import ComplexArray
 
 OMEGA = np.geomspace(0.1, 60.0, 40)

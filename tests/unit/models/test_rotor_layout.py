@@ -7,13 +7,19 @@ import pickle
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.models.rotor_layout import RotorLayout
-from rotorid.models.rotor_layout_library import layout_from_toml, layout_names, library_layout, named_by
-from rotorid.models.rotor_layout_log import layout_of
-from rotorid.models.rotor_mixer import ardupilot_mixer, mixer_of, px4_mixer
+from rotorid.models.rotors import (
+    RotorLayout,
+    ardupilot_mixer,
+    layout_from_toml,
+    layout_names,
+    layout_of,
+    library_layout,
+    mixer_of,
+    named_by,
+    px4_mixer,
+)
 
 KAPPA = 0.1
 LOPSIDED = {"octo.v": 0.04}

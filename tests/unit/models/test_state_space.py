@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import freqresp
 
 from rotorid.errors import ModelError
-from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.typing import ComplexArray, FloatArray
 

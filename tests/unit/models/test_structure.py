@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.condense import Rows
 from rotorid.models.expression import Expression
+from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rate import RATE_AXES, rate_model
-from rotorid.models.structure import LinearStructure
-from rotorid.simulate.linear import simulate_linear
+from rotorid.models.structure import LinearStructure, Rows
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import ComplexArray, FloatArray
 
 OMEGA = np.geomspace(0.1, 200.0, 40)

@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import freqs
 
 from rotorid.errors import ModelError
-from rotorid.models.description import from_toml, to_toml
+from rotorid.models.library import speed_damping, transfer_function
 from rotorid.models.structure import LinearStructure
-from rotorid.models.transfer_function import speed_damping, transfer_function
+from rotorid.models.toml import from_toml, to_toml
 
 OMEGA = np.geomspace(0.2, 60.0, 50)
 

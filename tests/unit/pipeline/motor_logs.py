@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid.data.motor_record import MotorRecord
-from rotorid.fit.motor_lag import turning
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.motors.fit import motor_speed
 from rotorid.vehicles.motor_flight import TRUTH, flights
 
 UNITS = {"p": "rad/s", "q": "rad/s", "r": "rad/s", "az": "m/s^2", "w": "m/s"}
@@ -35,7 +35,7 @@ def written(record: MotorRecord, path: Path, *, every: int = 1) -> Path:
 def with_speeds(path: Path, *, seed: int = 1) -> Path:
     """The same flight with measured speeds of the rotors instead of outputs."""
     record = flights(1, seed=seed, duration_s=20.0)[0]
-    level = turning(
+    level = motor_speed(
         record.outputs, lag_s=TRUTH["T_motor"], delay_s=TRUTH["tau_gyro"], step_s=1.0 / record.sample_rate_hz
     ).level.real
     thrust = TRUTH["c_0"] + TRUTH["c_1"] * level + TRUTH["c_2"] * level**2

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.models.response import response_model
-from rotorid.simulate.linear import simulate_linear
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.models.library import response_model
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 
 RATE_HZ = 50.0

@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid.data.channel import Channel
-from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.response import response_model
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
-from rotorid.report.output import to_json
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
+from rotorid.fitting.time.output_error import TimeData, TimeProblem
+from rotorid.models.library import response_model
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
+from rotorid.report.files import to_json
 
 RATE_HZ, SAMPLES, NOISE_RAD = 20.0, 300, 0.004
 TRUE = {"K_phi": 0.95, "omega_phi": 7.0, "zeta_phi": 0.6}

@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.pipeline.selection import Selection
 from rotorid.typing import Axis, FloatArray
 

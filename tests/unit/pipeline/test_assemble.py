@@ -9,10 +9,9 @@ import numpy as np
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord, Source
+from rotorid.documents.result import ParameterDocument, ScoreDocument
 from rotorid.models.state_space import StateSpace
 from rotorid.pipeline.assemble import finding_documents, matrices_document, pole_documents, provenance_document
-from rotorid.pipeline.document import ParameterDocument
-from rotorid.pipeline.score_document import ScoreDocument
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.uncertainty.propagation import Pole
 

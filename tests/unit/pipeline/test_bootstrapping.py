@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.response_flight import flight
 
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
+from rotorid.documents.result import BootstrapDocument
 from rotorid.errors import UsageError
-from rotorid.models.response import response_model
+from rotorid.models.library import response_model
 from rotorid.pipeline.assemble import bootstrap_document
 from rotorid.pipeline.bootstrapping import Bootstrapped, bootstrap
-from rotorid.pipeline.document import BootstrapDocument
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
+from rotorid.pipeline.segments import time_records
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.pipeline.time_fit import TimeFitted, fit_in_time
-from rotorid.pipeline.time_records import time_records
-from rotorid.uncertainty.spread_table import SpreadTable
+from rotorid.uncertainty.resampling import SpreadTable
 
 MODEL = "response.second_order_delay"
 SECOND = response_model(MODEL, [("phi_setpoint", "phi")])
@@ -65,26 +65,28 @@ def test_responses_are_drawn_about_the_fit_that_gave_the_values(by_responses: Id
     assert np.abs(matrix - np.array(stated.matrix)).max() < 0.3
 
 
-def test_outputs_are_drawn_with_the_color_of_the_residuals(fitted: TimeFitted) -> None:
-    lines: list[str] = []
-    found = bootstrap(fitted, IdentifySettings(bootstrap=60), lines.append)
+def test_outputs_are_drawn_with_the_color_of_the_residuals(
+    fitted: TimeFitted, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level("INFO", logger="rotorid.progress"):
+        found = bootstrap(fitted, IdentifySettings(bootstrap=60))
     assert found is not None
     assert found.source == "outputs"
     # Of 60 runs a standard deviation is known to 9 %: four of these. White noise would be off by its inflation.
     np.testing.assert_allclose(found.table.std, fitted.bounds.std, rtol=0.37)
     assert fitted.bounds.inflation > 1.6
-    assert lines[-1] == "bootstrap: 60 of 60 runs"
+    assert caplog.messages[-1] == "bootstrap: 60 of 60 runs"
 
 
 def test_the_same_seed_gives_the_same_table(fitted: TimeFitted) -> None:
-    tables = [bootstrap(fitted, IdentifySettings(bootstrap=6, seed=seed), lambda _: None) for seed in (1, 1, 2)]
+    tables = [bootstrap(fitted, IdentifySettings(bootstrap=6, seed=seed)) for seed in (1, 1, 2)]
     documents = [bootstrap_document(one) for one in tables]
     assert documents[0] == documents[1]
     assert documents[0] != documents[2]
 
 
 def test_none_is_made_unless_it_is_asked_for(fitted: TimeFitted) -> None:
-    assert bootstrap(fitted, IdentifySettings(), lambda _: None) is None
+    assert bootstrap(fitted, IdentifySettings()) is None
     assert bootstrap_document(None) is None
 
 
@@ -92,7 +94,7 @@ def test_none_is_made_unless_it_is_asked_for(fitted: TimeFitted) -> None:
 def test_a_method_without_a_bootstrap_says_so_before_anything_is_fitted(method: str) -> None:
     settings = IdentifySettings(method=method, bootstrap=50)  # type: ignore[arg-type]
     with pytest.raises(UsageError, match=f"{method.replace('_', ' ')}, which has none"):
-        identify([flight(samples=400)], MODEL, settings=settings, progress=pytest.fail)
+        identify([flight(samples=400)], MODEL, settings=settings)
 
 
 def test_one_run_is_no_bootstrap() -> None:
@@ -102,7 +104,7 @@ def test_one_run_is_no_bootstrap() -> None:
 
 def test_a_spread_that_contradicts_the_stated_errors_is_told(fitted: TimeFitted) -> None:
     narrow = replace(fitted, bounds=replace(fitted.bounds, covariance=0.04 * fitted.bounds.covariance))
-    found = bootstrap(narrow, IdentifySettings(bootstrap=40), lambda _: None)
+    found = bootstrap(narrow, IdentifySettings(bootstrap=40))
     assert found is not None
     # Five times as wide as stated.
     assert {one.where for one in found.findings if one.kind == "bootstrap_disagrees"} == set(fitted.bounds.names)

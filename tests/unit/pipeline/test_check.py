@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -13,23 +12,21 @@ from tests.unit.cli.commands import fly_roll_sweeps
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
+from rotorid.documents.result import ResultDocument
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.problem import FrequencyProblem
+from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.io.registry import read
-from rotorid.models.rate import rate_model
+from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.document import ResultDocument
-from rotorid.pipeline.fitting import Fitted, fit_with_bounds, pose
-from rotorid.pipeline.hold_out import hold_out
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.frequency_check import FrequencyCheck
+from rotorid.pipeline.frequency_fit import Fitted, fit_with_bounds, pose
+from rotorid.pipeline.identification import identify
 from rotorid.pipeline.instruments import Flown
-from rotorid.pipeline.judged import Judged
 from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.selection import Selection, select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.unseen_sweeps import judge_sweeps
-from rotorid.pipeline.verification import Checked, check
-from rotorid.reduce.elimination import Reduced, fit_and_drop
+from rotorid.pipeline.unseen import Verifications, check, check_sweeps, hold_out
+from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.typing import Axis
 
 BAND = (12.0, 50.0)
@@ -55,10 +52,6 @@ class Fit(NamedTuple):
     selection: Selection
     settings: IdentifySettings
     second: Flown
-
-
-def silent(_: str) -> None:
-    """Say nothing."""
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +86,9 @@ def deaf(record: FlightRecord, name: str) -> FlightRecord:
     return replace(named(record, name), topics=(replace(topic, values=values),))
 
 
-def judged(fit: Fit, flown: Flown, *, band: tuple[float, float] | None = None) -> Judged:
+def judged(fit: Fit, flown: Flown, *, band: tuple[float, float] | None = None) -> FrequencyCheck:
     fitted = fit.fitted
-    return judge_sweeps(
+    return check_sweeps(
         fitted.structure,
         fitted.parameters,
         [flown],
@@ -104,8 +97,8 @@ def judged(fit: Fit, flown: Flown, *, band: tuple[float, float] | None = None) -
     )
 
 
-def checked(fit: Fit, *verify: FlightRecord) -> Checked:
-    return check(fit.fitted, fit.measured, fit.selection, verify, fit.settings, silent)
+def checked(fit: Fit, *verify: FlightRecord) -> Verifications:
+    return check(fit.fitted, fit.measured, fit.selection, verify, fit.settings)
 
 
 def of_kind(kind: str, findings: tuple[Finding, ...]) -> dict[str, str]:
@@ -207,9 +200,9 @@ def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatc
         posed.append(problem)
         return fit_and_drop(problem)
 
-    monkeypatch.setattr("rotorid.pipeline.hold_out.fit_and_drop", seen)
+    monkeypatch.setattr("rotorid.pipeline.unseen.fit_and_drop", seen)
     structure = rate_model("rate.roll")
-    hold_out(structure, [*first.selection.fitted, first.second], first.settings, silent)
+    hold_out(structure, [*first.selection.fitted, first.second], first.settings)
     (problem,) = posed
     # The fit of the result dropped some; the data without the last maneuver have to speak for themselves.
     assert problem.parameters.free == structure.parameters.free
@@ -219,7 +212,7 @@ def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatc
 
 def test_why_nothing_could_be_held_out_is_said(first: Fit, record: FlightRecord) -> None:
     rest = (record, parse_segment("roll:0.2:2.4"))
-    held = hold_out(first.fitted.structure, [rest, first.second], first.settings, silent)
+    held = hold_out(first.fitted.structure, [rest, first.second], first.settings)
     (message,) = of_kind("not_verified", held.findings).values()
     measured = measure([rest], inputs=("roll_command",), outputs=("p",), settings=first.settings)
     with pytest.raises(InsufficientDataError) as caught:
@@ -229,7 +222,7 @@ def test_why_nothing_could_be_held_out_is_said(first: Fit, record: FlightRecord)
 
 
 def test_a_single_maneuver_cannot_be_held_out(first: Fit) -> None:
-    held = hold_out(first.fitted.structure, [first.second], first.settings, silent)
+    held = hold_out(first.fitted.structure, [first.second], first.settings)
     assert "Everything that was flown was fitted" in of_kind("not_verified", held.findings)["verification"]
 
 
@@ -249,5 +242,5 @@ def test_the_last_maneuver_of_an_axis_flown_twice_is_held_out(first: Fit) -> Non
     assert where == f"sweeps.csv at {first.second[1].start_s:.1f} s"
 
 
-def held(fit: Fit, flown: list[Flown]) -> tuple[LinearStructure, list[Flown], IdentifySettings, Callable[[str], None]]:
-    return rate_model("rate.roll"), flown, fit.settings, silent
+def held(fit: Fit, flown: list[Flown]) -> tuple[LinearStructure, list[Flown], IdentifySettings]:
+    return rate_model("rate.roll"), flown, fit.settings

@@ -10,15 +10,12 @@ from pathlib import Path
 import pytest
 from tests.unit.pipeline.response_twins import flight, written
 
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.documents.compare import CompareDocument
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.compare import Compared, compare, refused_comparison
-from rotorid.pipeline.compare_document import CompareDocument
-from rotorid.pipeline.compare_results import read_results
-from rotorid.pipeline.compare_scores import _with_rest
+from rotorid.pipeline.comparison import Compared, _with_rest, compare, read_results, refused_comparison
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.report.output import to_json
+from rotorid.report.files import to_json
 
 
 @pytest.fixture(scope="module")

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import fly_roll_sweeps, rotorid
 
-from rotorid.data.channel import Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.io.registry import read
 from rotorid.pipeline.consistency import Consistency, check_consistency, stretches
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.identification import identify
 from rotorid.pipeline.inspection import inspect
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.signal.segment import find_excitations
+from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
 
 SKEW_S = 3.7e-3

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.coverage import covered, covered_by, trim_of
 

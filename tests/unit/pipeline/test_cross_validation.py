@@ -11,15 +11,14 @@ import pytest
 from tests.unit.pipeline.response_twins import FIRST, SECOND, TRUE, flight
 
 from rotorid.data.record import FlightRecord
+from rotorid.documents.result import CrossValidationDocument
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.cross_validation import CrossValidated, cross_validate
-from rotorid.pipeline.cross_validation_document import CrossValidationDocument
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.cross_validation import CrossValidated, cross_validate, cross_validated
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.time_crossed import cross_validated
-from rotorid.verify.cross_validation import Kind
+from rotorid.verification.fixed_parameters import Kind
 
 SEEDS = (1, 2, 3)
 NAMES = [f"flight_{seed}.csv" for seed in SEEDS]

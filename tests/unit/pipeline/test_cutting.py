@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.cutting import cut
+from rotorid.pipeline.segments import cut
 from rotorid.typing import FloatArray
 
 RATE_HZ = 100.0

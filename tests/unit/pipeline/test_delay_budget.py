@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from rotorid.models.catalog import library_model
+from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.delay_budget import delay_budget
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.pipeline.frequency_fit import delay_budget
+from rotorid.uncertainty.cramer_rao import Bounds
 
 STRUCTURE = library_model("axis.pitch").select(outputs=("q", "ax"))
 VALUES = {"tau_pitch": 0.021, "T_motor": 0.034, "tau_ax": 0.008}

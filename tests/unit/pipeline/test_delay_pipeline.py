@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.fit.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slower
+from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slower
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.documents.delay import DelayDocument
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.delay import delays, refused_delay
-from rotorid.pipeline.delay_document import DelayDocument
-from rotorid.pipeline.delay_selection import default_pairs
+from rotorid.pipeline.delays import delays, refused_delay
+from rotorid.pipeline.selection import default_pairs
 from rotorid.pipeline.settings import MeasureSettings, parse_segment
 from rotorid.typing import FloatArray
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError
+from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.rate import rate_model
-from rotorid.pipeline.judge import judge_parameters
-from rotorid.pipeline.support import require_known_gain
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.pipeline.frequency_fit import judge_parameters, require_known_gain
+from rotorid.uncertainty.cramer_rao import Bounds
 
 FOUND = rate_model("rate.roll").parameters
 """L_roll 100, L_p -1, T_motor 0.03, tau_roll 0.01."""

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from tests.unit.pipeline.motor_logs import ARM_M, THRUST_BY_SPEED, flight, repeated, with_speeds
 
+from rotorid.documents.result import ResultDocument
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.io.registry import read
-from rotorid.models.description import from_toml
-from rotorid.pipeline.document import ResultDocument
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.motor_choices import MotorChoices, chosen_layout
-from rotorid.pipeline.motor_identify import identify_motors
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.motor_identification import identify_motors
+from rotorid.pipeline.results import Identification
+from rotorid.pipeline.settings import MotorChoices, chosen_layout
 from rotorid.vehicles.motor_flight import TRUTH
 
 

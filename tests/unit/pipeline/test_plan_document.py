@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorid.documents.design import plan_document, read_plan
 from rotorid.errors import UsageError
-from rotorid.excitation.planned import planned, sequence
-from rotorid.pipeline.plan_document import plan_document, read_plan
-from rotorid.report.output import to_json
+from rotorid.excitation.plan import planned, sequence
+from rotorid.report.files import to_json
 
 
 def test_a_plan_comes_back_from_its_file(tmp_path: Path) -> None:

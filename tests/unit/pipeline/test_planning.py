@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.design.amplitude import Limits, reached
 from rotorid.errors import UsageError
-from rotorid.pipeline.planning import PlanChoices, default_entry, plan_for, plan_with, sweep_of
-from rotorid.simulate.changes import piloted
-from rotorid.simulate.multirotor_flight import fly_multirotor
+from rotorid.pipeline.designs import PlanChoices, default_entry, plan_for, plan_with, sweep_of
+from rotorid.planning.amplitude import Limits, reached
+from rotorid.simulation.multirotor_flight import fly_multirotor, piloted
 from rotorid.vehicles.catalog import aircraft
 
 SIZES = {"roll": 0.1, "pitch": 0.1, "yaw": 0.1, "thrust": 0.1}

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.models.description import from_toml, to_toml
-from rotorid.models.rate import RATE_AXES, rate_model
+from rotorid.models.library import RATE_AXES, rate_model
+from rotorid.models.toml import from_toml, to_toml
 from rotorid.pipeline.resolve import (
     answers_setpoints,
     black_box_order,
@@ -45,7 +45,7 @@ def test_the_physics_of_motors_is_suggested(name: str) -> None:
 
 
 def test_the_physics_of_motors_is_no_linear_structure() -> None:
-    with pytest.raises(ModelError, match=r"no linear structure.*motor_identify\.identify_motors"):
+    with pytest.raises(ModelError, match=r"no linear structure.*pipeline\.identify_motors"):
         resolve_model("physical.motors")
 
 

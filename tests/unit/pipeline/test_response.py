@@ -8,14 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.channel import AXES, STANDARD_UNITS, Channel
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.documents.response import ResponseDocument, unit_of_ratio
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.response import Responses, refused_response, respond
-from rotorid.pipeline.response_document import ResponseDocument, unit_of_ratio
+from rotorid.pipeline.responses import Responses, refused_response, response
 from rotorid.pipeline.settings import ResponseSettings, parse_segment
-from rotorid.simulate.flight import Flight, fly
-from rotorid.simulate.vehicle import OUTPUTS
+from rotorid.simulation.hover_flight import OUTPUTS, Flight, fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import SWEEPS, demo_plan
 
@@ -66,7 +64,7 @@ def pitch() -> FlightRecord:
 
 @pytest.fixture(scope="module")
 def found(roll: FlightRecord) -> Responses:
-    return respond([roll], inputs=["roll_command"], outputs=["p", "ay"])
+    return response([roll], inputs=["roll_command"], outputs=["p", "ay"])
 
 
 def said(document: ResponseDocument) -> Mapping[str, str]:
@@ -118,7 +116,7 @@ def test_margins_stand_beside_with_their_errors(found: Responses) -> None:
 
 
 def test_logs_of_two_axes_give_all_four_responses(roll: FlightRecord, pitch: FlightRecord) -> None:
-    pair = respond([roll, pitch], inputs=["roll_command", "pitch_command"], outputs=["p", "q"])
+    pair = response([roll, pitch], inputs=["roll_command", "pitch_command"], outputs=["p", "q"])
     assert pair.response.instruments == ("roll_excitation", "pitch_excitation")
     assert pair.used[0, 0].sum() > 60
     assert pair.used[1, 1].sum() > 60
@@ -132,7 +130,7 @@ def test_logs_of_two_axes_give_all_four_responses(roll: FlightRecord, pitch: Fli
 
 def test_what_was_not_injected_counts_as_zero(roll: FlightRecord, pitch: FlightRecord) -> None:
     logs = [without(roll, "pitch_excitation"), without(pitch, "roll_excitation")]
-    found = respond(logs, inputs=["roll_command", "pitch_command"], outputs=["p", "q"])
+    found = response(logs, inputs=["roll_command", "pitch_command"], outputs=["p", "q"])
     assert found.response.instruments == ("roll_excitation", "pitch_excitation")
     notes = [note for segment in found.segments for note in segment.history.processing]
     assert "pitch_excitation zero, since nothing was injected" in notes
@@ -147,7 +145,7 @@ def test_a_maneuver_that_hardly_shows_in_the_output_is_left_out(roll: FlightReco
         source=replace(roll.source, name="deaf.csv", sha256="deaf"),
         topics=(replace(topic, values=values),),
     )
-    found = respond([roll, deaf], inputs=["roll_command"], outputs=["p"])
+    found = response([roll, deaf], inputs=["roll_command"], outputs=["p"])
     used = {(record.record, record.used) for record in found.document.records}
     assert used == {("flight.csv", True), ("deaf.csv", False)}
     left_out = [f for f in found.document.findings if f.kind == "low_coherence"]
@@ -158,7 +156,7 @@ def test_a_maneuver_that_hardly_shows_in_the_output_is_left_out(roll: FlightReco
 def test_a_flight_without_excitation_of_the_axis_is_read_whole_and_it_is_said(pitch: FlightRecord) -> None:
     settings = ResponseSettings(coherence=0.0, band_rad_s=(2.0, 30.0))
     try:
-        document = respond([pitch], inputs=["roll_command"], outputs=["p"], settings=settings).document
+        document = response([pitch], inputs=["roll_command"], outputs=["p"], settings=settings).document
     except InsufficientDataError as error:
         document = refused_response(error, [pitch], inputs=["roll_command"], outputs=["p"], settings=settings)
     assert said(document)["no_excitation"] == "warning"
@@ -168,7 +166,7 @@ def test_a_flight_without_excitation_of_the_axis_is_read_whole_and_it_is_said(pi
 def test_a_constant_input_is_refused_with_its_name(roll: FlightRecord) -> None:
     still = as_record_with(roll, roll_command=0.0)
     with pytest.raises(InsufficientDataError, match="roll_command") as caught:
-        respond(
+        response(
             [still],
             inputs=["roll_command"],
             outputs=["p"],
@@ -188,12 +186,12 @@ def as_record_with(record: FlightRecord, **values: float) -> FlightRecord:
 
 def test_a_band_above_the_nyquist_frequency_is_refused(roll: FlightRecord) -> None:
     with pytest.raises(UsageError, match="Nyquist"):
-        respond([roll], inputs=["roll_command"], outputs=["p"], settings=ResponseSettings(band_rad_s=(1.0, 2000.0)))
+        response([roll], inputs=["roll_command"], outputs=["p"], settings=ResponseSettings(band_rad_s=(1.0, 2000.0)))
 
 
 def test_a_channel_that_is_not_there_is_named(roll: FlightRecord) -> None:
     with pytest.raises(InsufficientDataError, match="holds no motor_1"):
-        respond([roll], inputs=["motor_1"], outputs=["p"])
+        response([roll], inputs=["motor_1"], outputs=["p"])
 
 
 @pytest.mark.parametrize(

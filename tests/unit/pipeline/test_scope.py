@@ -7,9 +7,8 @@ import pytest
 from tests.unit.pipeline.small_logs import at_rest, log, sweeps
 
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.models.catalog import library_model
-from rotorid.models.connected import connected
-from rotorid.models.transfer_function import transfer_function
+from rotorid.models.library import library_model, transfer_function
+from rotorid.models.structure import connected
 from rotorid.pipeline.scope import Scoped, scoped
 from rotorid.pipeline.settings import IdentifySettings
 

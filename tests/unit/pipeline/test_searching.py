@@ -8,31 +8,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.fit.known_models import posed
+from tests.unit.fitting.known_models import posed
 from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, flight
 
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
+from rotorid.documents.result import ResultDocument, SearchDocument
 from rotorid.errors import UsageError
-from rotorid.fit.identify import fit
-from rotorid.fit.minima import same_cost
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.description import from_toml
-from rotorid.models.response import response_model
-from rotorid.pipeline import fitting
+from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import same_cost
+from rotorid.fitting.time.output_error import TimeProblem
+from rotorid.models.library import response_model
+from rotorid.models.toml import from_toml
+from rotorid.pipeline import frequency_fit as fitting
 from rotorid.pipeline.assemble import search_document, searched_minima
-from rotorid.pipeline.document import ResultDocument, SearchDocument
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.identification import identify
 from rotorid.pipeline.resolve import named_model
-from rotorid.pipeline.search_choices import EVALUATIONS
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.searching import NEARLY_AS_GOOD, Searched, judge_minima, searched
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.pipeline.segments import TimeRecords, time_records
+from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings, parse_segment
 from rotorid.pipeline.time_fit import fit_in_time
-from rotorid.pipeline.time_records import TimeRecords, time_records
-from rotorid.reduce.elimination import Reduced, fit_and_drop
-from rotorid.search.result import Basin
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.reduction.guided import Reduced, fit_and_drop
+from rotorid.search.objective import Basin
+from rotorid.uncertainty.cramer_rao import Bounds
 
 MODEL = "response.second_order_delay"
 SECOND = response_model(MODEL, [("phi_setpoint", "phi")])
@@ -55,13 +54,10 @@ LAGS = from_toml(
 WHOLE = (parse_segment("roll:3:32.9"),)
 
 
-def silent(_: str) -> None: ...
-
-
 def of_lags(**choices: object) -> Searched:
     problem = posed(LAGS, {"K": 2.0, "T_fast": 0.03, "T_slow": 0.2}, np.geomspace(1.0, 60.0, 30), noise=0.01)
     settings = IdentifySettings(**{"search": "sobol:12", **choices})  # type: ignore[arg-type]
-    found = searched(problem, settings, silent)
+    found = searched(problem, settings)
     assert found is not None
     return found
 
@@ -163,11 +159,11 @@ def test_the_same_seed_gives_the_same_result(by_outputs: Identification) -> None
     assert told(again(1)).trace != told(by_outputs.document).trace
 
 
-def test_progress_tells_evaluations_and_the_best_cost(records: TimeRecords) -> None:
-    lines: list[str] = []
+def test_progress_tells_evaluations_and_the_best_cost(records: TimeRecords, caplog: pytest.LogCaptureFixture) -> None:
     settings = IdentifySettings(search="evolution", evaluations=30)
-    fit_in_time(SECOND, records, settings, method="output_error", progress=lines.append)
-    assert [line for line in lines if line.startswith("searching by evolution: 30 evaluations, best cost ")]
+    with caplog.at_level("INFO", logger="rotorid.progress"):
+        fit_in_time(SECOND, records, settings, method="output_error")
+    assert [line for line in caplog.messages if line.startswith("searching by evolution: 30 evaluations, best cost ")]
 
 
 def test_the_budget_has_a_default_and_a_design_of_starts_has_none(records: TimeRecords) -> None:
@@ -176,10 +172,10 @@ def test_the_budget_has_a_default_and_a_design_of_starts_has_none(records: TimeR
     problem = TimeProblem(structure=first, parameters=first.parameters, records=records.data).shortened(200)
     sizes = {"central": 2**2 + 2 * 2 + 1, "sobol:4": 4, "random:3": 3}
     for starts, size in sizes.items():
-        found = searched(problem, IdentifySettings(starts=starts), silent)
+        found = searched(problem, IdentifySettings(starts=starts))
         assert found is not None
         assert (found.name, found.result.local_searches) == (starts, size)
-    assert searched(problem, IdentifySettings(), silent) is None
+    assert searched(problem, IdentifySettings()) is None
 
 
 def test_starts_and_the_search_of_their_name_end_in_one_place(records: TimeRecords) -> None:
@@ -269,7 +265,7 @@ def test_a_search_finds_what_the_starts_of_a_model_do_not() -> None:
     omega = np.geomspace(2.0, 40.0, 40)
     problem = posed(late, {"a": -2.0, "b": 3.0, "tau": 0.7}, omega, noise=0.01)
     stuck = fit(problem, starts=[problem.parameters.pack()])
-    found = searched(problem, IdentifySettings(search="evolution"), silent)
+    found = searched(problem, IdentifySettings(search="evolution"))
     assert found is not None
     assert found.minima[0].cost < 0.01 * stuck.cost
     assert found.minima[0].theta == pytest.approx([-2.0, 3.0, 0.7], rel=0.05)

@@ -8,14 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.maneuver import Kind, Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Kind, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.instruments import find_instrument
 from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.signal.segment import find_excitations
+from rotorid.signal.excitations import find_excitations
 
 RATE_HZ = 50.0
 STOP_S = 100.0

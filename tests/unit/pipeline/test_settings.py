@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
 from rotorid.errors import UsageError
 from rotorid.pipeline.settings import (
     DIRECT_COHERENCE,

@@ -5,15 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.catalog import library_model
-from rotorid.models.rate import rate_model
+from rotorid.models.library import library_model, rate_model
+from rotorid.pipeline.frequency_fit import FirstStep, first_step
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.speed_damping import FirstStep, first_step
 from rotorid.typing import Axis, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -57,7 +54,7 @@ def flight(*axes: Axis, noise: float = 0.02, without: str = "") -> list[Flown]:
 
 
 def step(model: str, flown: list[Flown], **choices: object) -> FirstStep:
-    return first_step(library_model(model), flown, IdentifySettings(**choices), lambda _: None)  # type: ignore[arg-type]
+    return first_step(library_model(model), flown, IdentifySettings(**choices))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("model", "axis", "name", "truth"), [
@@ -105,7 +102,7 @@ def test_choices_about_the_second_step_do_not_disturb_the_first() -> None:
 
 def test_a_model_without_speed_damping_is_refused() -> None:
     with pytest.raises(UsageError, match=r"rate\.roll came, which has no free X_u and no free Y_v"):
-        first_step(rate_model("rate.roll"), flight("roll"), IdentifySettings(), lambda _: None)
+        first_step(rate_model("rate.roll"), flight("roll"), IdentifySettings())
 
 
 def test_one_that_is_held_already_is_not_looked_for() -> None:
@@ -114,7 +111,7 @@ def test_one_that_is_held_already_is_not_looked_for() -> None:
         **{name: getattr(structure, name) for name in structure.__dataclass_fields__ if name != "parameters"},
         parameters=structure.parameters.fix("X_u", -0.2),
     )
-    first = first_step(held, flight("roll"), IdentifySettings(), lambda _: None)
+    first = first_step(held, flight("roll"), IdentifySettings())
     assert first.fix.keys() == {"Y_v"}
 
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.maneuver import Kind, Maneuver, Origin
-from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.pipeline.surroundings import with_surroundings
+from rotorid.data.record import Channel, FlightRecord, Kind, Maneuver, Origin, Source, Topic
+from rotorid.pipeline.segments import with_surroundings
 from rotorid.typing import Axis
 
 

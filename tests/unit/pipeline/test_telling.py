@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from rotorid.data.maneuver import Maneuver
-from rotorid.models.catalog import library_model
-from rotorid.pipeline.telling import SHARE, telling
-from rotorid.pipeline.verify_model import Candidate
+from rotorid.data.record import Maneuver
+from rotorid.models.library import library_model
+from rotorid.pipeline.candidate import Candidate
+from rotorid.pipeline.maneuvers import SHARE, telling
 from rotorid.typing import Axis
-from rotorid.verify.verification import Scores, Verification
+from rotorid.verification.verification import Scores, Verification
 
 OUTPUTS = ("p", "q")
 INPUTS = ("roll_command", "pitch_command")

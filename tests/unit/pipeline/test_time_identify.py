@@ -8,25 +8,19 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, binary, flight
 
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
 from rotorid.errors import UsageError
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.fit.time_start import own_starts
+from rotorid.fitting.time.output_error import TimeData, TimeProblem, own_starts
 from rotorid.models.equations import structure_from_equations
+from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rate import rate_model
-from rotorid.models.response import response_model
-from rotorid.pipeline.identification import Identification, Segment
-from rotorid.pipeline.identify import identify
+from rotorid.pipeline.identification import chosen_method, identify
 from rotorid.pipeline.resolve import named_model
+from rotorid.pipeline.results import Identification, Segment
+from rotorid.pipeline.segments import TimeRecords, evenly_stamped, time_records
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.time_feedback import following, judge_following
-from rotorid.pipeline.time_fit import fit_in_time
-from rotorid.pipeline.time_identify import chosen_method
-from rotorid.pipeline.time_judge import Compared, judge_agreement, judge_time_fit
-from rotorid.pipeline.time_records import TimeRecords, evenly_stamped, time_records
-from rotorid.simulate.linear import simulate_linear
+from rotorid.pipeline.time_fit import Compared, fit_in_time, following, judge_agreement, judge_following, judge_time_fit
+from rotorid.simulation.linear import simulate_linear
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])
 

@@ -8,19 +8,16 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, flight
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.time_data import TimeData
-from rotorid.models.response import response_model
-from rotorid.pipeline.identify import identify
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.models.library import response_model
+from rotorid.pipeline.identification import identify
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.resolve import named_model
+from rotorid.pipeline.segments import TimeRecords, time_records
+from rotorid.pipeline.selection import select_records
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.time_records import TimeRecords, time_records
-from rotorid.pipeline.time_selection import select_records
 from rotorid.typing import FloatArray
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])

@@ -10,14 +10,13 @@ from tests.unit.pipeline.response_flight import flight
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import ModelError
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import Fitted, TimeProblem
-from rotorid.models.response import response_model
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
+from rotorid.fitting.time.output_error import Fitted, TimeData, TimeProblem
+from rotorid.models.library import response_model
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.time_verify import estimated_shifts
-from rotorid.simulate.linear import simulate_linear
+from rotorid.pipeline.unseen import estimated_shifts
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 
 FIRST = response_model("response.first_order", [("phi_setpoint", "phi")])

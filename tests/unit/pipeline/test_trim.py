@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.small_logs import DURATION_S, log, sweeps, topic
 
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
 from rotorid.errors import ModelError
-from rotorid.models.catalog import library_model
-from rotorid.models.rate import rate_model
+from rotorid.models.library import library_model, rate_model
+from rotorid.pipeline.scope import trimmed
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.trim import trimmed
 
 STRUCTURE = library_model("hover.longitudinal")
 RATE_HZ = 50.0

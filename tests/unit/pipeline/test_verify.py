@@ -9,19 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.documents.result import ManeuverDocument, ProvenanceDocument
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.excitation.doublet import doublet
-from rotorid.models.description import from_toml
-from rotorid.models.rate import rate_model
-from rotorid.pipeline.document import ManeuverDocument, ProvenanceDocument
+from rotorid.excitation.switching import doublet
+from rotorid.models.library import rate_model
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.candidate import Candidate, read_candidate
+from rotorid.pipeline.maneuvers import with_known_delays
 from rotorid.pipeline.settings import parse_segment
-from rotorid.pipeline.verify import VerifySettings, verify
-from rotorid.pipeline.verify_filters import with_known_delays
-from rotorid.pipeline.verify_model import Candidate, read_candidate
-from rotorid.simulate.flight import STEP_RATE_HZ, Excitation, Flight, fly
+from rotorid.pipeline.verification import VerifySettings, verify
+from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation, Flight, fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import demo_plan
 

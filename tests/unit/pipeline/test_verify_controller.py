@@ -11,12 +11,12 @@ from tests.unit.pipeline.test_verify import candidate, doublets, kinds
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
 from rotorid.models.controller import RateController
-from rotorid.models.rate import rate_model
-from rotorid.pipeline.verify import VerifySettings, verify
-from rotorid.pipeline.verify_controller import Controllers, GivenController, read_controllers
-from rotorid.pipeline.verify_filters import with_known_delays, with_known_filters
+from rotorid.models.library import rate_model
+from rotorid.pipeline.candidate import Controllers, GivenController, read_controllers
+from rotorid.pipeline.maneuvers import with_known_delays, with_known_filters
+from rotorid.pipeline.verification import VerifySettings, verify
 from rotorid.signal.autopilot_filters import known_filters
-from rotorid.signal.known_filter import combined_response
+from rotorid.signal.filters import combined_response
 from rotorid.vehicles import s500
 
 __all__ = ["doublets"]

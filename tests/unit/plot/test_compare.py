@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rotorid.plot.compare import Curve, Score, predictions, score_dots
+from rotorid.plot.time import Curve, Score, predictions, score_dots
 
 TIME = np.linspace(0.0, 1.0, 50)
 MEASURED = Curve(TIME, np.sin(TIME))

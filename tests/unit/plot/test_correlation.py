@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.plot.correlation import TOLD, correlation_map
-from rotorid.plot.theme import MEASURED, MODEL, translucent
+from rotorid.plot.figure import MEASURED, MODEL, translucent
+from rotorid.plot.loops import TOLD, correlation_map
 
 NAMES = ("M_q", "M_u", "M_pitch", "tau_pitch")
 MATRIX = np.array([[1.0, 0.93, -0.2, 0.1], [0.93, 1.0, -0.6, np.nan], [-0.2, -0.6, 1.0, 0.0], [0.1, np.nan, 0.0, 1.0]])

@@ -14,15 +14,21 @@ from hypothesis import strategies as st
 from tests.unit.report.sample import RATE_HZ, doublet, exact, response, sweep
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.plot.bode import bode
-from rotorid.plot.curves import SIGMAS
-from rotorid.plot.excitation import timeline
-from rotorid.plot.figure import envelope, numbers, stamps
-from rotorid.plot.phase import near_deg, unwrapped_deg
-from rotorid.plot.stack import Panel, stacked
-from rotorid.plot.theme import BESIDE, SERIES, template
-from rotorid.plot.ticks import frequency_ticks, phase_step_deg
-from rotorid.plot.time import verification
+from rotorid.plot.curves import SIGMAS, near_deg, unwrapped_deg
+from rotorid.plot.figure import (
+    BESIDE,
+    SERIES,
+    Panel,
+    envelope,
+    frequency_ticks,
+    numbers,
+    phase_step_deg,
+    stacked,
+    stamps,
+    template,
+)
+from rotorid.plot.frequency import bode
+from rotorid.plot.time import timeline, verification
 
 
 def traces(figure: dict[str, Any], *, axis: str, name: str) -> list[dict[str, Any]]:

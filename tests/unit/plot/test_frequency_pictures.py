@@ -13,14 +13,9 @@ import pytest
 from tests.unit.report.sample import exact, response
 
 from rotorid.errors import UsageError
-from rotorid.plot.bands import coherence_map
-from rotorid.plot.bode import bode
-from rotorid.plot.figure import Figure
+from rotorid.plot.figure import DASHES, SERIES, SYMBOLS, Figure
+from rotorid.plot.frequency import Density, Named, bode, coherence_map, input_spectrum, overlay, window_contributions
 from rotorid.plot.loops import Crossing, broken_loop, disturbance_rejection
-from rotorid.plot.overlay import Named, overlay
-from rotorid.plot.spectrum import Density, input_spectrum
-from rotorid.plot.theme import DASHES, SERIES, SYMBOLS
-from rotorid.plot.windows import window_contributions
 
 OMEGA = np.geomspace(0.5, 90.0, 40)
 HERTZ = OMEGA / (2.0 * np.pi)

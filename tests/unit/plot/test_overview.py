@@ -10,7 +10,7 @@ import pytest
 from tests.unit.report.sample import identification
 
 from rotorid.errors import UsageError
-from rotorid.plot.overview import overview_png
+from rotorid.plot.paper import overview_png
 
 
 def size(png: bytes) -> tuple[int, int]:

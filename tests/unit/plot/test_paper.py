@@ -9,7 +9,7 @@ import pytest
 from tests.unit.report.sample import exact, response
 
 from rotorid.errors import UsageError
-from rotorid.plot.bode import bode
+from rotorid.plot.frequency import bode
 from rotorid.plot.paper import bode_figure
 
 

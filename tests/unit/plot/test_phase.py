@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rotorid.plot.phase import near_deg, reference_deg, unwrapped_deg
+from rotorid.plot.curves import near_deg, reference_deg, unwrapped_deg
 from rotorid.typing import ComplexArray
 
 OMEGA = np.geomspace(0.3, 100.0, 120)

@@ -12,7 +12,7 @@ import pytest
 from rotorid.errors import UsageError
 from rotorid.plot.curves import SIGMAS
 from rotorid.plot.figure import Figure
-from rotorid.plot.poles import DAMPING_RATIOS, s_plane
+from rotorid.plot.loops import DAMPING_RATIOS, s_plane
 
 POLES = np.array([-4.6, 2.6 + 4.3j, 2.6 - 4.3j])
 STD = np.array([complex(0.1, 0.0), complex(0.1, 0.2), complex(0.1, 0.2)])

@@ -8,7 +8,7 @@ import numpy as np
 from tests.unit.report.sample import document, identification
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.pipeline.document import (
+from rotorid.documents.result import (
     CorrelationDocument,
     CostDocument,
     DelayDocument,
@@ -16,14 +16,15 @@ from rotorid.pipeline.document import (
     FindingDocument,
     FitDocument,
     MatricesDocument,
+    PairCost,
     ParameterDocument,
     PoleDocument,
+    RangeDocument,
     ResultDocument,
     StepDocument,
     VerificationDocument,
 )
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.score_document import PairCost, RangeDocument
+from rotorid.pipeline.results import Identification
 from rotorid.typing import ComplexArray, FloatArray
 
 INPUTS, OUTPUTS, POINTS = ("pitch_command", "thrust_command"), ("q", "u", "w", "ax", "az"), 40

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Maneuver
 from rotorid.data.response import FrequencyResponse
-from rotorid.pipeline.document import (
+from rotorid.documents.result import (
     CorrelationDocument,
+    DerivedDocument,
+    ExcitationDocument,
     FitDocument,
+    MotorsDocument,
     ParameterDocument,
     ProvenanceDocument,
     RecordFitDocument,
     ResultDocument,
+    ScoreDocument,
     VerificationDocument,
 )
-from rotorid.pipeline.identification import Identification, SimulatedRecord
-from rotorid.pipeline.motor_document import DerivedDocument, ExcitationDocument, MotorsDocument
-from rotorid.pipeline.score_document import ScoreDocument
+from rotorid.pipeline.results import Identification, SimulatedRecord
 from rotorid.typing import FloatArray
-from rotorid.verify.verification import Verification
+from rotorid.verification.verification import Verification
 
 CHANNELS = ["p_dot", "az"]
 MOTORS = ["motor_1", "motor_2", "motor_3", "motor_4"]

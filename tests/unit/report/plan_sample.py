@@ -10,8 +10,8 @@ import numpy as np
 
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.excitation import doublet, logarithmic_sweep, pilot_sweep
-from rotorid.excitation.planned import planned, sequence
-from rotorid.report.flight_facts import FlightFacts, PredictedBound
+from rotorid.excitation.plan import planned, sequence
+from rotorid.plans.facts import FlightFacts, PredictedBound
 from rotorid.typing import Axis
 
 RATE_HZ = 400.0

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20.common import MAVLink
 from tests.unit.report.plan_sample import by_hand, chirp, facts, multisine, step
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.report.plan_px4 import px4_files
+from rotorid.plans.px4 import px4_files
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 

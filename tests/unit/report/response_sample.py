@@ -8,14 +8,14 @@ import numpy as np
 from tests.unit.report.sample import sweep
 
 from rotorid.data.response import Estimate, FrequencyResponse
-from rotorid.pipeline.document import FindingDocument, ProvenanceDocument
-from rotorid.pipeline.identification import Segment
+from rotorid.documents.response import RecordDocument, ResponseDocument, pair_documents
+from rotorid.documents.result import FindingDocument, ProvenanceDocument
 from rotorid.pipeline.loops import AxisLoop
 from rotorid.pipeline.measure import Measured
-from rotorid.pipeline.response import Responses
-from rotorid.pipeline.response_document import RecordDocument, ResponseDocument, pair_documents
-from rotorid.spectral.diagnostics import Diagnostics
-from rotorid.spectral.loop import sensitivity
+from rotorid.pipeline.responses import Responses
+from rotorid.pipeline.results import Segment
+from rotorid.spectral.estimate import Diagnostics
+from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import disturbance_rejection, loop_margins
 from rotorid.typing import BoolArray, FloatArray
 

@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
+from rotorid.data.record import Channel, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.pipeline.document import (
+from rotorid.documents.result import (
     CombinationDocument,
     CostDocument,
     DelaysDocument,
     FindingDocument,
     ManeuverDocument,
+    ManeuverVerificationDocument,
     MatricesDocument,
+    PairCost,
     ParameterDocument,
     PoleDocument,
     ProvenanceDocument,
     ResultDocument,
+    ScoreDocument,
     VerificationDocument,
 )
-from rotorid.pipeline.identification import Identification, Segment
-from rotorid.pipeline.judged import Judged, JudgedPair
-from rotorid.pipeline.score_document import ManeuverVerificationDocument, PairCost, ScoreDocument
+from rotorid.pipeline.frequency_check import FrequencyCheck, PairCheck
+from rotorid.pipeline.results import Identification, Segment
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
-from rotorid.verify.verdict import Verdict
-from rotorid.verify.verification import Scores, Verification
+from rotorid.verification.verification import Scores, Verdict, Verification
 
 HOSTILE = "<script>alert(1)</script>"
 GAIN, DAMPING, LAG, DELAY = 437.0, -4.2, 0.028, 0.0024
@@ -159,11 +158,11 @@ def maneuver(*, verdict: Verdict = "good", tic: float = 0.041, fit: float = 92.4
     )
 
 
-def judged() -> Judged:
+def judged() -> FrequencyCheck:
     measured = response()
     used: BoolArray = measured.coherence >= 0.6
-    return Judged(
-        pairs={"p/roll_command": JudgedPair(cost=12.3, band_rad_s=(1.1, 54.0), points=61)},
+    return FrequencyCheck(
+        pairs={"p/roll_command": PairCheck(cost=12.3, band_rad_s=(1.1, 54.0), points=61)},
         records=("roll_again.ulg",),
         response=measured,
         model_response=exact(measured.omega_rad_s).reshape(1, 1, -1),

@@ -9,11 +9,16 @@ import pytest
 from tests.unit.pipeline.response_twins import flight, written
 from tests.unit.report.page_parser import Page
 
-from rotorid.pipeline.compare import Compared, compare
-from rotorid.pipeline.compare_document import CrossValidatedDocument
-from rotorid.pipeline.compare_results import read_results
-from rotorid.report.compare_page import comparison_summary, render_comparison, write_comparison
-from rotorid.report.compare_rows import lone_parameters, model_rows, shared_rows
+from rotorid.documents.compare import CrossValidatedDocument
+from rotorid.pipeline.comparison import Compared, compare, read_results
+from rotorid.report.compare import (
+    comparison_summary,
+    lone_parameters,
+    model_rows,
+    render_comparison,
+    shared_rows,
+    write_comparison,
+)
 
 LABELS = ("first", "second", "other")
 HOSTILE = "<script>alert(1)</script>"

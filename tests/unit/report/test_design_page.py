@@ -15,18 +15,15 @@ from tests.unit.report.sample import HOSTILE
 
 from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
-from rotorid.design.amplitude import Amplitude, Limits, Reached, reached
-from rotorid.design.prediction import PredictedParameter, Prediction
-from rotorid.design.shortest import Attempt, Shortest
 from rotorid.errors import UsageError
-from rotorid.excitation.planned import planned, sequence, together
-from rotorid.pipeline.design import DesignChoices, Designed, Told
-from rotorid.pipeline.planning import PlanChoices, Planned
-from rotorid.report.design_output import write_design
-from rotorid.report.design_page import render_design
-from rotorid.report.design_pictures import density, flown, input_channel
-from rotorid.report.design_rows import compared, design_summary, reached_rows
-from rotorid.simulate.wind import Wind
+from rotorid.excitation.plan import planned, sequence, together
+from rotorid.pipeline.designs import DesignChoices, Designed, PlanChoices, Planned, Told
+from rotorid.planning.amplitude import Amplitude, Limits, Reached, reached
+from rotorid.planning.prediction import PredictedParameter, Prediction
+from rotorid.planning.shortest import Attempt, Shortest
+from rotorid.report.design import compared, density, design_summary, flown, input_channel, reached_rows, render_design
+from rotorid.report.files import write_design
+from rotorid.simulation.wind import Wind
 
 RATE_HZ = 100.0
 BAND = (1.0, 20.0)

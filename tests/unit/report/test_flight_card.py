@@ -22,9 +22,8 @@ from tests.unit.report.plan_sample import (
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, flight_card_pdf
-from rotorid.report.flight_facts import HOLD, FlightFacts, PredictedBound, excited_s
-from rotorid.report.flight_words import least_rate_hz
+from rotorid.plans.facts import HOLD, FlightFacts, PredictedBound, excited_s
+from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, flight_card_pdf, least_rate_hz
 from rotorid.typing import Axis
 
 AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")

@@ -23,18 +23,27 @@ from tests.unit.report.hover_sample import (
 from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE, doublet
 
-from rotorid.pipeline.document import CorrelationDocument, FitDocument, PoleDocument, ResultDocument
-from rotorid.report.delays import delay_rows, delay_sentence
-from rotorid.report.fit_words import fit_sentences, sparkline
-from rotorid.report.matrix_tables import matrix_tables
-from rotorid.report.modes import mode_sentences, pole_rows, poles_picture, poles_sentence
-from rotorid.report.page import render_report
-from rotorid.report.parameter_table import dropped_parameters, parameter_groups
-from rotorid.report.reduction_rows import reduction_sentence
-from rotorid.report.scope_rows import constants_sentence
-from rotorid.report.section import section
-from rotorid.report.told_apart import correlation_picture, correlation_sentence
-from rotorid.report.wording import summary
+from rotorid.documents.result import CorrelationDocument, FitDocument, PoleDocument, ResultDocument
+from rotorid.report.identification import (
+    correlation_picture,
+    correlation_sentence,
+    delay_rows,
+    delay_sentence,
+    matrix_tables,
+    reduction_sentence,
+    render_report,
+    section,
+)
+from rotorid.report.parts import constants_sentence, dropped_parameters, parameter_groups
+from rotorid.report.words import (
+    fit_sentences,
+    mode_sentences,
+    pole_rows,
+    poles_picture,
+    poles_sentence,
+    sparkline,
+    summary,
+)
 
 
 @pytest.fixture(scope="module")

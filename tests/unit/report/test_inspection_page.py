@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import rotorid
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
 from rotorid.data.findings import Finding
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import UsageError
 from rotorid.pipeline.inspection import inspect
 from rotorid.pipeline.settings import parse_segment
-from rotorid.report.inspection_page import log_picture, render_inspection, write_inspection
+from rotorid.report.inspection import log_picture, render_inspection, write_inspection
 
 EVIL = "</script><script>alert(1)</script>[bold]"
 

@@ -12,21 +12,20 @@ from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE
 from tests.unit.report.sample import document as other_document
 
-from rotorid.pipeline.document import FindingDocument, ParameterDocument, ResultDocument
-from rotorid.pipeline.identification import Identification
-from rotorid.report.motor_section import MotorsShown, curve_with_error, motors_shown
-from rotorid.report.motor_words import (
+from rotorid.documents.result import FindingDocument, ParameterDocument, ResultDocument
+from rotorid.pipeline.results import Identification
+from rotorid.report.identification import render_report, section
+from rotorid.report.motors import MotorsShown, curve_with_error, motors_shown
+from rotorid.report.parts import parameter_groups
+from rotorid.report.words import (
     method_sentences,
     motor_sentences,
     motor_warnings,
     open_questions,
     scale_sentence,
+    summary,
+    time_sentences,
 )
-from rotorid.report.page import render_report
-from rotorid.report.parameter_table import parameter_groups
-from rotorid.report.section import section
-from rotorid.report.time_words import time_sentences
-from rotorid.report.wording import summary
 
 
 def shown(one: Identification | None = None) -> MotorsShown:

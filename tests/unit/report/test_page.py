@@ -13,13 +13,12 @@ import pytest
 from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE, document, doublet, identification
 
+from rotorid.documents.result import FindingDocument, ParameterDocument, VerificationDocument
 from rotorid.errors import UsageError
-from rotorid.pipeline.document import FindingDocument, ParameterDocument, VerificationDocument
-from rotorid.pipeline.identification import Identification
+from rotorid.pipeline.results import Identification
 from rotorid.report.frame import json_for_script
-from rotorid.report.page import render_report
-from rotorid.report.section import section
-from rotorid.verify.verification import Scores
+from rotorid.report.identification import render_report, section
+from rotorid.verification.verification import Scores
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,9 @@ from tests.unit.report.plan_sample import (
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.io.ardupilot_systemid import ENTRIES
-from rotorid.io.dataflash import decode
-from rotorid.report.plan_ardupilot import ardupilot_files, log_bitmask
-from rotorid.report.plan_system_id import SYSTEM_ID_DELAY_S, SystemId, system_id
+from rotorid.io.ardupilot.dataflash import decode
+from rotorid.io.ardupilot.log import ENTRIES
+from rotorid.plans.ardupilot import SYSTEM_ID_DELAY_S, SystemId, ardupilot_files, log_bitmask, system_id
 from rotorid.units import parse_unit
 
 SINGLE = 2.0**-24

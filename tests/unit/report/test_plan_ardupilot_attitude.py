@@ -11,8 +11,8 @@ from tests.unit.report.lua_autopilot import Autopilot
 from tests.unit.report.plan_sample import facts, multisine, step
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.report.plan_ardupilot import ardupilot_files
-from rotorid.simulate.changes import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S
+from rotorid.plans.ardupilot import ardupilot_files
+from rotorid.simulation.multirotor_flight import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 LOITER, STABILIZE, GUIDED = 5, 0, 4

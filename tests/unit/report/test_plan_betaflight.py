@@ -10,7 +10,7 @@ from tests.unit.report.plan_sample import chirp, facts, step
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.report.plan_betaflight import betaflight_files
+from rotorid.plans.betaflight import betaflight_files
 from rotorid.typing import Axis
 
 

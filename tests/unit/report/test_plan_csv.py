@@ -9,7 +9,7 @@ import pytest
 from tests.unit.report.plan_sample import by_hand, chirp, multisine, step
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.report.plan_csv import plan_csv
+from rotorid.plans.csv import plan_csv
 
 
 def read(text: str) -> dict[str, np.ndarray]:

@@ -24,8 +24,8 @@ from tests.unit.report.px4_link import (
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.report.plan_csv import table
-from rotorid.report.plan_px4 import px4_files
+from rotorid.plans.csv import table
+from rotorid.plans.px4 import px4_files
 from rotorid.typing import FloatArray
 
 

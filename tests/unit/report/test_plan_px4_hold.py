@@ -13,8 +13,8 @@ import pytest
 from tests.unit.report.px4_link import HEADING, Drifting, Time, attitude_plan, flown, heave_plan, loaded, turned
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.simulate.autopilot import Guidance
-from rotorid.simulate.changes import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S, piloted
+from rotorid.simulation.autopilot import Guidance
+from rotorid.simulation.multirotor_flight import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S, piloted
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles.catalog import aircraft as library_aircraft

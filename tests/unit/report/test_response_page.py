@@ -13,12 +13,11 @@ from tests.unit.report.response_sample import CROSSOVER_RAD_S, DELAY_S, HOLLOW, 
 from tests.unit.report.sample import HOSTILE
 
 from rotorid.data.response import Estimate
-from rotorid.pipeline.response_document import EstimatedDocument, LoopDocument
-from rotorid.report.numbers import significant, with_error
-from rotorid.report.response_page import render_responses
-from rotorid.report.response_rows import loop_rows, pair_rows, unseen
-from rotorid.report.response_wording import response_summary
-from rotorid.spectral.attitude_bandwidth import attitude_bandwidth
+from rotorid.documents.response import EstimatedDocument, LoopDocument
+from rotorid.report.frame import significant, with_error
+from rotorid.report.response import loop_rows, pair_rows, render_responses, unseen
+from rotorid.report.words import response_summary
+from rotorid.spectral.margins import attitude_bandwidth
 
 
 @pytest.fixture(scope="module")

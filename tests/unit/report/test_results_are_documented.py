@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rotorid.pipeline.document import ResultDocument
+from rotorid.documents.result import ResultDocument
 
 DOCS = Path(__file__).resolve().parents[3] / "docs" / "results.md"
 

@@ -8,7 +8,7 @@ import pytest
 from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE, document, identification
 
-from rotorid.pipeline.document import (
+from rotorid.documents.result import (
     BasinDocument,
     BootstrapDocument,
     CorrelationDocument,
@@ -17,9 +17,7 @@ from rotorid.pipeline.document import (
     SearchDocument,
     SpreadDocument,
 )
-from rotorid.report.bootstrap_section import bootstrap_shown
-from rotorid.report.page import render_report
-from rotorid.report.search_section import search_shown
+from rotorid.report.identification import bootstrap_shown, render_report, search_shown
 
 
 def basin(cost: float, share: float, gain: float) -> BasinDocument:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rotorid.pipeline.cross_validation_document import CrossValidationDocument, FoldDocument, FrozenScoreDocument
-from rotorid.report.time_crossed import crossed
+from rotorid.documents.result import CrossValidationDocument, FoldDocument, FrozenScoreDocument
+from rotorid.report.time import crossed
 
 LOOKS_AHEAD = "a little of what comes"
 

@@ -9,12 +9,12 @@ import pytest
 from tests.unit.pipeline.response_flight import flight
 from tests.unit.report.sample import HOSTILE
 
-from rotorid.pipeline.document import MinimumDocument
-from rotorid.pipeline.identification import Identification
-from rotorid.pipeline.identify import identify
-from rotorid.report.page import render_report
-from rotorid.report.time_fits import time_fits
-from rotorid.report.time_words import time_sentences
+from rotorid.documents.result import MinimumDocument
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import Identification
+from rotorid.report.identification import render_report
+from rotorid.report.time import time_fits
+from rotorid.report.words import time_sentences
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,13 @@ from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE, maneuver
 from tests.unit.report.verification_sample import flown, verified, verify_document
 
-from rotorid.report.checks import check_section
-from rotorid.report.unseen_rows import score_rows
-from rotorid.report.verification_page import j_rms_sentence, render_verification, verification_summary
+from rotorid.report.verification import (
+    check_section,
+    j_rms_sentence,
+    render_verification,
+    score_rows,
+    verification_summary,
+)
 
 
 def page(**options: float) -> Page:

@@ -9,12 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.report.sample import document, maneuver
 
-from rotorid.pipeline.document import FindingDocument, PoleDocument, ResultDocument, VerificationDocument
-from rotorid.report.modes import pole_rows
-from rotorid.report.numbers import percent, significant, unit, with_error
-from rotorid.report.parameter_table import Cell, parameter_groups, parameter_rows
-from rotorid.report.tables import cost_rows, finding_rows
-from rotorid.report.wording import cost_verdict, parameter_words, prediction_verdict, summary
+from rotorid.documents.result import FindingDocument, PoleDocument, ResultDocument, VerificationDocument
+from rotorid.report.frame import percent, significant, unit, with_error
+from rotorid.report.parts import Cell, cost_rows, finding_rows, parameter_groups, parameter_rows
+from rotorid.report.words import cost_verdict, parameter_words, pole_rows, prediction_verdict, summary
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,12 @@ import dataclasses
 
 from tests.unit.report.sample import document, doublet, judged, maneuver
 
-from rotorid.pipeline.score_document import ClosedLoopDocument, LoopScoreDocument
-from rotorid.pipeline.verify import Verified
+from rotorid.documents.result import ClosedLoopDocument, LoopScoreDocument
+from rotorid.pipeline.verification import Verified
 from rotorid.pipeline.verify_document import VerifyDocument, guideline_document, sweep_verification
-from rotorid.verify.closed_loop import ClosedLoop, LoopScores
-from rotorid.verify.prediction import Horizon, HorizonScores, Prediction
-from rotorid.verify.verification import Verification
+from rotorid.verification.closed_loop import ClosedLoop, LoopScores
+from rotorid.verification.prediction import Horizon, HorizonScores, Prediction
+from rotorid.verification.verification import Verification
 
 
 def flown(*, record: str = "roll_doublet.ulg") -> Verification:

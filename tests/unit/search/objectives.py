@@ -6,20 +6,17 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from tests.unit.fit.known_models import posed
+from tests.unit.fitting.known_models import posed
 
-from rotorid.data.immutable import Immutable
-from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.solution import Solution
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.description import from_toml
-from rotorid.models.rate import rate_model
-from rotorid.search.design_of_starts import StartBox
-from rotorid.search.frequency_objective import FrequencyObjective
-from rotorid.search.time_objective import TimeObjective
-from rotorid.simulate.linear import simulate_linear
+from rotorid.data.base import Immutable
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.fitting.time.output_error import TimeData, TimeProblem
+from rotorid.models.library import rate_model
+from rotorid.models.toml import from_toml
+from rotorid.search.objectives import FrequencyObjective, TimeObjective
+from rotorid.search.starts import StartBox
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 
 OSCILLATOR = from_toml(

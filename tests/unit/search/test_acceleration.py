@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.solution import Outcome
+from rotorid.fitting.least_squares import Outcome
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.rotor_layout import RotorLayout
+from rotorid.models.rotors import RotorLayout
 from rotorid.search.acceleration import OUTPUTS, AccelerationProblem, hover_parameters
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2

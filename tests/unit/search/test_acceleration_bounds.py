@@ -8,7 +8,7 @@ from tests.unit.search.test_acceleration import ALL_FREE, FLIGHT, KAPPA_HELD, LA
 
 from rotorid.errors import InsufficientDataError
 from rotorid.models.parameter import ParameterSet
-from rotorid.search.acceleration_bounds import acceleration_bounds
+from rotorid.search.acceleration import acceleration_bounds
 from rotorid.uncertainty.identifiability import unseen_combinations
 from rotorid.vehicles import hover_quadrotor
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.search.acceleration_sums import absolute_sum, squared_sum
+from rotorid.search.acceleration import absolute_sum, squared_sum
 from rotorid.typing import FloatArray
 
 RNG = np.random.default_rng(0)

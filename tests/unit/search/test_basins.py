@@ -9,8 +9,8 @@ import pytest
 from tests.unit.search.objectives import Valleys
 
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.solution import Outcome
-from rotorid.search.basins import basins, worth_polishing
+from rotorid.fitting.least_squares import Outcome
+from rotorid.search.objective import basins, worth_polishing
 
 PLACES = Valleys.places
 

@@ -7,7 +7,7 @@ import pytest
 
 from rotorid.errors import UsageError
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.search.box import search_box
+from rotorid.search.starts import search_box
 
 
 @pytest.mark.parametrize(

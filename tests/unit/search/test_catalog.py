@@ -15,10 +15,9 @@ import pytest
 from tests.unit.search.objectives import LOWEST, OBJECTIVES, Valleys
 
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.solution import Outcome, Solution
+from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.search.catalog import search, searches
-from rotorid.search.objective import Objective
-from rotorid.search.result import Progress, SearchResult
+from rotorid.search.objective import Objective, Progress, SearchResult
 from rotorid.typing import FloatArray
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
-from rotorid.search.design_of_starts import StartBox, at_random, central_composite, multistart, sobol
+from rotorid.fitting.least_squares import LevenbergMarquardt
+from rotorid.search.starts import StartBox, at_random, central_composite, multistart, sobol
 from rotorid.typing import FloatArray
 
 Design = Callable[[StartBox, np.random.Generator], FloatArray]

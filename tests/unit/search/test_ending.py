@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from tests.unit.search.objectives import Valleys
 
-from rotorid.data.immutable import Immutable
-from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
-from rotorid.fit.solution import Solution
-from rotorid.search import ending
-from rotorid.search.basins import worth_polishing
+from rotorid.data.base import Immutable
+from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.search import population as ending
 from rotorid.search.catalog import search
-from rotorid.search.design_of_starts import StartBox
+from rotorid.search.objective import worth_polishing
+from rotorid.search.starts import StartBox
 from rotorid.typing import FloatArray
 
 SIDES = 5

@@ -9,7 +9,7 @@ import pytest
 from tests.unit.search.objectives import Valleys
 
 from rotorid.errors import UsageError
-from rotorid.search.methods.genetic import Genetic, _roulette
+from rotorid.search.population import Genetic, _roulette
 from rotorid.typing import FloatArray
 
 

@@ -6,12 +6,12 @@ import pickle
 
 import numpy as np
 import pytest
-from tests.unit.fit.test_nonlinear_problem import problem as sled
+from tests.unit.fitting.test_nonlinear_problem import problem as sled
 from tests.unit.search.objectives import oscillator_problem, rate_problem
 
-from rotorid.fit.nonlinear_problem import NonlinearProblem
+from rotorid.fitting.time.nonlinear import NonlinearProblem
 from rotorid.search.catalog import search
-from rotorid.search.pose import SearchableProblem, objective_of
+from rotorid.search.objectives import SearchableProblem, objective_of
 from rotorid.typing import FloatArray
 
 PROBLEMS: dict[str, SearchableProblem] = {

@@ -6,16 +6,16 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from tests.unit.fit.known_models import posed
+from tests.unit.fitting.known_models import posed
 
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.solution import Outcome, Solution
-from rotorid.models.rate import rate_model
+from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.models.library import rate_model
 from rotorid.search.catalog import search
-from rotorid.search.design_of_starts import StartBox
-from rotorid.search.frequency_objective import FrequencyObjective
-from rotorid.search.result import Progress, SearchResult
+from rotorid.search.objective import Progress, SearchResult
+from rotorid.search.objectives import FrequencyObjective
 from rotorid.search.spread import Repeated, spread_over_starts, wilson
+from rotorid.search.starts import StartBox
 from rotorid.typing import FloatArray
 
 

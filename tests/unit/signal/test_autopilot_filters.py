@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rotorid.data.channel import Channel
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import UsageError
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
-from rotorid.signal.known_filter import combined_response
+from rotorid.signal.filters import combined_response
 
 PX4_GYRO = "vehicle_angular_velocity.xyz[0]"
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.signal.segment import candidate_excitations, classify, find_excitations
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.signal.excitations import candidate_excitations, classify, find_excitations
 from rotorid.typing import FloatArray
 
 RATE_HZ = 20.0

@@ -7,10 +7,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.signal.clock import Conditioned, one_clock
+from rotorid.signal.clock import Conditioned, resample
 from rotorid.typing import FloatArray
 
 
@@ -42,7 +41,7 @@ def smooth(time_s: FloatArray) -> FloatArray:
 @pytest.mark.parametrize(("start_s", "stop_s"), [(100.0, 120.0), (103.0, 108.0), (0.0, 1e3)])
 def test_a_log_with_one_clock_passes_unchanged(start_s: float, stop_s: float) -> None:
     time_s, values = stamps(250.0), np.random.default_rng(0).standard_normal((2, 5000))
-    made = one_clock(
+    made = resample(
         record(topic("t", time_s, p=values[0], roll_command=values[1])),
         channels=("roll_command", "p"),
         start_s=start_s,
@@ -63,7 +62,7 @@ def test_jitter_is_taken_out_by_the_spline() -> None:
     """A cubic spline errs by at most 5/384 h^4 |f''''|, with h the longest step."""
     rng = np.random.default_rng(1)
     time_s = stamps(200.0) + rng.uniform(-0.001, 0.001, 4000)
-    made = one_clock(record(topic("t", time_s, p=smooth(time_s))), channels=("p",), start_s=100.0, stop_s=120.0)
+    made = resample(record(topic("t", time_s, p=smooth(time_s))), channels=("p",), start_s=100.0, stop_s=120.0)
     (history,) = made.histories
     bound = 5.0 / 384.0 * np.diff(time_s).max() ** 4 * (2.0 * np.pi * 5.0) ** 4
     inner = slice(20, -20)
@@ -77,7 +76,7 @@ def thinned(tone_hz: float) -> tuple[FloatArray, FloatArray]:
     flight = record(
         topic("fast", fast, p=np.sin(2.0 * np.pi * tone_hz * fast)), topic("slow", slow, roll_command=0.0 * slow)
     )
-    (history,) = one_clock(flight, channels=("p", "roll_command"), start_s=105.0, stop_s=115.0).histories
+    (history,) = resample(flight, channels=("p", "roll_command"), start_s=105.0, stop_s=115.0).histories
     assert history.sample_rate_hz == pytest.approx(100.0)
     return history.time_s, history["p"]
 
@@ -100,7 +99,7 @@ def test_thinning_keeps_what_is_slow_without_phase() -> None:
 def test_the_slowest_channel_sets_the_rate_and_is_named() -> None:
     fast, slow = stamps(400.0), stamps(50.0)
     flight = record(topic("fast", fast, p=smooth(fast)), topic("slow", slow, roll_command=smooth(slow)))
-    made = one_clock(flight, channels=("p", "roll_command"), start_s=100.0, stop_s=120.0)
+    made = resample(flight, channels=("p", "roll_command"), start_s=100.0, stop_s=120.0)
     (history,) = made.histories
     assert history.sample_rate_hz == pytest.approx(50.0)
     np.testing.assert_array_equal(history["roll_command"], smooth(slow)[: history.values.shape[1]])
@@ -110,7 +109,7 @@ def test_the_slowest_channel_sets_the_rate_and_is_named() -> None:
 def test_a_follower_does_not_set_the_rate() -> None:
     fast, slow = stamps(200.0), stamps(10.0)
     flight = record(topic("fast", fast, p=smooth(fast)), topic("slow", slow, roll_excitation=slow))
-    made = one_clock(flight, channels=("p",), followers=("roll_excitation",), start_s=100.0, stop_s=119.0)
+    made = resample(flight, channels=("p",), followers=("roll_excitation",), start_s=100.0, stop_s=119.0)
     (history,) = made.histories
     assert history.sample_rate_hz == pytest.approx(200.0)
     np.testing.assert_allclose(history["roll_excitation"], history.time_s, atol=1e-9)
@@ -119,7 +118,7 @@ def test_a_follower_does_not_set_the_rate() -> None:
 
 def test_a_rate_can_be_given() -> None:
     time_s = stamps(200.0)
-    made = one_clock(
+    made = resample(
         record(topic("t", time_s, p=smooth(time_s))), channels=("p",), start_s=100.0, stop_s=119.0, sample_rate_hz=50.0
     )
     assert made.histories[0].sample_rate_hz == 50.0
@@ -134,7 +133,7 @@ def without(time_s: FloatArray, *holes: tuple[float, float]) -> FloatArray:
 
 def test_a_short_gap_is_bridged_and_said() -> None:
     time_s = without(stamps(200.0), (110.0, 110.05))
-    made = one_clock(record(topic("t", time_s, p=smooth(time_s))), channels=("p",), start_s=100.0, stop_s=120.0)
+    made = resample(record(topic("t", time_s, p=smooth(time_s))), channels=("p",), start_s=100.0, stop_s=120.0)
     (history,) = made.histories
     bound = 5.0 / 384.0 * 0.05**4 * (2.0 * np.pi * 5.0) ** 4
     assert np.abs(history["p"] - smooth(history.time_s))[20:-20].max() <= bound
@@ -144,7 +143,7 @@ def test_a_short_gap_is_bridged_and_said() -> None:
 
 def test_a_long_gap_splits_and_is_said() -> None:
     time_s = without(stamps(200.0), (108.0, 110.0))
-    made = one_clock(record(topic("t", time_s, p=smooth(time_s))), channels=("p",), start_s=100.0, stop_s=120.0)
+    made = resample(record(topic("t", time_s, p=smooth(time_s))), channels=("p",), start_s=100.0, stop_s=120.0)
     spans = [(h.start_s, h.time_s[-1]) for h in made.histories]
     np.testing.assert_allclose(spans, [(100.0, 108.0), (110.0, 119.995)], atol=1e-6)
     assert kinds(made)["gap"] == pytest.approx({"gaps": 1.0, "longest_s": 2.0})
@@ -156,7 +155,7 @@ def test_gaps_of_several_channels_may_overlap(inner: tuple[float, float]) -> Non
     outer = (105.0, 110.0)
     first, second = without(stamps(200.0), outer), without(stamps(200.0), inner)
     flight = record(topic("a", first, p=smooth(first)), topic("b", second, roll_command=smooth(second)))
-    made = one_clock(flight, channels=("p", "roll_command"), start_s=100.0, stop_s=120.0)
+    made = resample(flight, channels=("p", "roll_command"), start_s=100.0, stop_s=120.0)
     low, high = min(outer[0], inner[0]), max(outer[1], inner[1])
     spans = [(h.start_s, h.time_s[-1]) for h in made.histories]
     np.testing.assert_allclose(spans, [(100.0, low), (high, 119.995)], atol=1e-6)
@@ -168,7 +167,7 @@ def test_repeated_and_reversed_stamps_are_left_out_and_counted() -> None:
     time_s[1000], values[1000] = time_s[999], 50.0
     time_s[2000:2002] -= 0.5
     values[2000:2002] = -50.0
-    made = one_clock(record(topic("t", time_s, p=values)), channels=("p",), start_s=100.0, stop_s=120.0)
+    made = resample(record(topic("t", time_s, p=values)), channels=("p",), start_s=100.0, stop_s=120.0)
     (history,) = made.histories
     assert kinds(made)["clock_disorder"] == {"samples": 3.0}
     assert np.abs(history["p"]).max() < 1.01
@@ -178,7 +177,7 @@ def test_missing_samples_are_a_gap() -> None:
     time_s = stamps(200.0)
     values = smooth(time_s)
     values[1500:1504] = np.nan
-    made = one_clock(record(topic("t", time_s, p=values)), channels=("p",), start_s=100.0, stop_s=120.0)
+    made = resample(record(topic("t", time_s, p=values)), channels=("p",), start_s=100.0, stop_s=120.0)
     assert np.isfinite(made.histories[0].values).all()
     assert kinds(made)["gap"] == pytest.approx({"gaps": 1.0, "longest_s": 0.025})
 
@@ -186,8 +185,8 @@ def test_missing_samples_are_a_gap() -> None:
 def test_the_preferred_topic_is_used_for_as_long_as_it_lasts() -> None:
     full, part = stamps(100.0), stamps(100.0, duration_s=8.0)
     flight = record(topic("best", part, p=np.ones(part.size)), topic("other", full, p=np.full(full.size, 2.0)))
-    inside = one_clock(flight, channels=("p",), start_s=101.0, stop_s=107.0)
-    beyond = one_clock(flight, channels=("p",), start_s=101.0, stop_s=118.0)
+    inside = resample(flight, channels=("p",), start_s=101.0, stop_s=107.0)
+    beyond = resample(flight, channels=("p",), start_s=101.0, stop_s=118.0)
     assert set(inside.histories[0]["p"]) == {1.0}
     assert set(beyond.histories[0]["p"]) == {2.0}
     assert inside.histories[0].channels[0].source == "best"
@@ -198,7 +197,7 @@ def test_a_heading_does_not_jump(build: Callable[[FloatArray], FloatArray]) -> N
     time_s = stamps(100.0)
     heading = build(0.9 * (time_s - 100.0))
     wrapped = (heading + np.pi) % (2.0 * np.pi) - np.pi
-    made = one_clock(record(topic("t", time_s, psi=wrapped)), channels=("psi",), start_s=100.0, stop_s=120.0)
+    made = resample(record(topic("t", time_s, psi=wrapped)), channels=("psi",), start_s=100.0, stop_s=120.0)
     unwrapped = made.histories[0]["psi"]
     np.testing.assert_allclose(unwrapped - unwrapped[0], (heading - heading[0])[: unwrapped.size], atol=1e-9)
 
@@ -206,7 +205,7 @@ def test_a_heading_does_not_jump(build: Callable[[FloatArray], FloatArray]) -> N
 def test_a_channel_that_is_not_there_is_an_error_with_its_finding() -> None:
     time_s = stamps(100.0)
     with pytest.raises(InsufficientDataError, match=r"a\.ulg holds no q; needed: the channel q; there are p") as caught:
-        one_clock(record(topic("t", time_s, p=time_s)), channels=("p", "q"), start_s=100.0, stop_s=120.0)
+        resample(record(topic("t", time_s, p=time_s)), channels=("p", "q"), start_s=100.0, stop_s=120.0)
     assert [finding.kind for finding in caught.value.findings] == ["missing_channel"]
 
 
@@ -214,4 +213,4 @@ def test_a_channel_that_is_not_there_is_an_error_with_its_finding() -> None:
 def test_a_channel_that_is_not_there_in_this_interval_is_an_error(start_s: float) -> None:
     time_s = stamps(100.0)
     with pytest.raises(InsufficientDataError, match="holds no p"):
-        one_clock(record(topic("t", time_s, p=time_s)), channels=("p",), start_s=start_s, stop_s=start_s + 10.0)
+        resample(record(topic("t", time_s, p=time_s)), channels=("p",), start_s=start_s, stop_s=start_s + 10.0)

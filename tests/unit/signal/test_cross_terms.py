@@ -9,10 +9,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.signal.cross_terms import CrossTerms, cross_terms
+from rotorid.signal.step_response import CrossTerms, cross_terms
 from rotorid.typing import FloatArray
 
 SEEDS = 40

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import UsageError
-from rotorid.signal.derotate import EARTH_TO_HEADING, to_earth, to_heading
+from rotorid.signal.kinematics import EARTH_TO_HEADING, to_earth, to_heading
 from rotorid.typing import FloatArray
 
 

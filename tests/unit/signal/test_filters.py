@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.filters import band_pass, high_pass, low_pass
 from rotorid.typing import FloatArray

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.signal.interpolated import Interpolated, interpolated
+from rotorid.signal.clock import Interpolated, interpolated
 from rotorid.typing import FloatArray
 
 SLOW = np.arange(0.0, 20.0, 0.1)

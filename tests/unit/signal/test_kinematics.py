@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.signal.kinematics import kinematic_consistency
-from rotorid.signal.reconstruct import derivative, ingredients, reconstruct
+from rotorid.signal.kinematics import derivative, ingredients, kinematic_consistency, reconstruct
 from rotorid.signal.skew import shift
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G

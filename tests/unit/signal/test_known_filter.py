@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import butter, freqz
 
 from rotorid.errors import UsageError
-from rotorid.signal.known_filter import (
+from rotorid.signal.filters import (
     KnownFilter,
     butterworth_low_pass,
     cascaded_low_pass,

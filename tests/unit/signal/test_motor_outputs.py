@@ -7,14 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.signal.autopilot_mixer import COMMANDS, Linearization, expo_share, expo_thrust, linearization_of
-from rotorid.signal.battery import voltage_factor
-from rotorid.signal.motor_agreement import agreement_of
-from rotorid.signal.motor_outputs import logged_outputs, logged_speeds, motor_channels, on_one_clock, with_motors
-from rotorid.signal.motor_reconstruction import motor_history, reconstructed_demands, reconstructed_outputs
+from rotorid.signal.motors import (
+    COMMANDS,
+    Linearization,
+    agreement_of,
+    expo_share,
+    expo_thrust,
+    linearization_of,
+    logged_outputs,
+    logged_speeds,
+    motor_channels,
+    motor_history,
+    on_one_clock,
+    reconstructed_demands,
+    reconstructed_outputs,
+    voltage_factor,
+    with_motors,
+)
 from rotorid.typing import FloatArray
 
 MOTORS = ("motor_1", "motor_2", "motor_3", "motor_4")

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rotorid.excitation.planned import together
-from rotorid.signal.periodic import lines_of, period_of
-from rotorid.signal.segment import classify
+from rotorid.excitation.plan import together
+from rotorid.signal.excitations import classify, lines_of, period_of
 from rotorid.typing import FloatArray
 
 RATE_HZ = 100.0

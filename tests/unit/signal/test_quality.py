@@ -7,11 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
 from rotorid.data.findings import Finding
-from rotorid.data.history import TimeHistory
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.errors import UsageError
 from rotorid.signal.quality import battery_sag, limited_share, quality_findings
 from rotorid.typing import FloatArray

@@ -8,12 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS, Channel
-from rotorid.data.maneuver import Maneuver
-from rotorid.data.record import FlightRecord, Source, Topic
-from rotorid.excitation.doublet import doublet, three_two_one_one
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
-from rotorid.signal.segment import classify, excitation_signals, find_excitations
+from rotorid.excitation.switching import doublet, three_two_one_one
+from rotorid.signal.excitations import classify, excitation_signals, find_excitations
 from rotorid.typing import Axis, FloatArray
 
 RATE_HZ = 100.0

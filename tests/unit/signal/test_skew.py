@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.skew import Relation, TimeSkew, shift, skew_change, time_skew
 from rotorid.typing import FloatArray

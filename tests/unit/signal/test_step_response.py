@@ -7,12 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.response import response_model
+from rotorid.models.library import response_model
 from rotorid.signal.step_response import StepResponse, rise_time_bandwidth, step_responses
-from rotorid.simulate.linear import simulate_linear
+from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 
 PAIR = ("phi_setpoint", "phi")

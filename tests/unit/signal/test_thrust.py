@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import UsageError
-from rotorid.signal.thrust import CHANNELS, thrust_limit, thrust_over_weight
+from rotorid.signal.step_response import CHANNELS, thrust_limit, thrust_over_weight
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
 

@@ -7,10 +7,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError
-from rotorid.spectral.conditioning import Conditioned, Separated, condition, output_spectra, separate
+from rotorid.spectral.conditioning import (
+    Conditioned,
+    ConditionedResponse,
+    condition,
+    conditioned_response,
+    output_spectra,
+)
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
 from rotorid.typing import FloatArray
@@ -42,15 +47,15 @@ def matrix() -> SpectralMatrix:
 R, U, W, Y = range(4)
 
 
-def respond(
+def response(
     matrix: SpectralMatrix, instruments: Sequence[int], inputs: Sequence[int], output: int
-) -> tuple[Separated, Conditioned]:
-    separated = separate(matrix, instruments=instruments, inputs=inputs)
+) -> tuple[ConditionedResponse, Conditioned]:
+    separated = conditioned_response(matrix, instruments=instruments, inputs=inputs)
     return separated, condition(separated, output_spectra(matrix, output))
 
 
 def test_direct_single_input_is_the_ratio_of_spectra(matrix: SpectralMatrix) -> None:
-    separated, part = respond(matrix, [U], [U], Y)
+    separated, part = response(matrix, [U], [U], Y)
     auto, cross, out = matrix.values[:, U, U].real, matrix.values[:, U, Y], matrix.values[:, Y, Y].real
     coherence = np.abs(cross) ** 2 / (auto * out)
     assert np.allclose(part.response[0], cross / auto, rtol=1e-12)
@@ -61,7 +66,7 @@ def test_direct_single_input_is_the_ratio_of_spectra(matrix: SpectralMatrix) -> 
 
 
 def test_joint_single_input_is_the_ratio_of_instrument_spectra(matrix: SpectralMatrix) -> None:
-    separated, part = respond(matrix, [R], [U], Y)
+    separated, part = response(matrix, [R], [U], Y)
     s = matrix.values
     assert np.allclose(part.response[0], s[:, R, Y] / s[:, R, U], rtol=1e-12)
     assert np.allclose(separated.input_power[0], np.abs(s[:, R, U]) ** 2 / s[:, R, R].real, rtol=1e-12)
@@ -70,7 +75,7 @@ def test_joint_single_input_is_the_ratio_of_instrument_spectra(matrix: SpectralM
 
 
 def test_conditioned_power_is_what_the_other_input_does_not_explain(matrix: SpectralMatrix) -> None:
-    separated, _ = respond(matrix, [U, W], [U, W], Y)
+    separated, _ = response(matrix, [U, W], [U, W], Y)
     s = matrix.values
     between = np.abs(s[:, U, W]) ** 2 / (s[:, U, U] * s[:, W, W]).real
     assert np.allclose(separated.input_power[0], s[:, U, U].real * (1.0 - between), rtol=1e-10)
@@ -78,28 +83,28 @@ def test_conditioned_power_is_what_the_other_input_does_not_explain(matrix: Spec
 
 
 def test_input_noise_is_what_the_instruments_do_not_explain(matrix: SpectralMatrix) -> None:
-    separated, _ = respond(matrix, [R], [U], Y)
+    separated, _ = response(matrix, [R], [U], Y)
     s = matrix.values
     seen = np.abs(s[:, R, U]) ** 2 / (s[:, R, R] * s[:, U, U]).real
     assert np.allclose(separated.input_noise[0], s[:, U, U].real * (1.0 - seen), rtol=1e-9)
-    direct, _ = respond(matrix, [U, W], [U, W], Y)
+    direct, _ = response(matrix, [U, W], [U, W], Y)
     assert np.abs(direct.input_noise / s[:, [U, W], [U, W]].real.T).max() < 1e-12
 
 
 def test_residual_of_the_inputs_is_zero_for_a_direct_estimate_and_that_of_feedback_for_a_joint_one(
     matrix: SpectralMatrix,
 ) -> None:
-    _, part = respond(matrix, [U, W], [U, W], Y)
+    _, part = response(matrix, [U, W], [U, W], Y)
     power = np.sqrt(matrix.values[:, [U, W], [U, W]].real.T * part.noise)
     assert np.abs(part.input_residual / power).max() < 1e-9
-    _, part = respond(matrix, [R], [U], Y)
+    _, part = response(matrix, [R], [U], Y)
     residual = matrix.transforms[:, Y] - part.response[0] * matrix.transforms[:, U]
     expected = np.mean(matrix.transforms[:, U].conj() * residual, axis=0)
     assert np.abs(part.input_residual[0] - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_noise_is_the_spectrum_of_the_residual(matrix: SpectralMatrix) -> None:
-    _, part = respond(matrix, [R, W], [U, W], Y)
+    _, part = response(matrix, [R, W], [U, W], Y)
     explained = np.einsum("uf,kuf->kf", part.response, matrix.transforms[:, [U, W]])
     residual = matrix.transforms[:, Y] - explained
     assert np.allclose(part.noise, np.mean(np.abs(residual) ** 2, axis=0), rtol=1e-9)
@@ -108,7 +113,7 @@ def test_noise_is_the_spectrum_of_the_residual(matrix: SpectralMatrix) -> None:
 def test_correlated_inputs_are_separated_exactly_without_noise() -> None:
     a, b = np.random.default_rng(1).standard_normal((2, SAMPLES))
     b = 0.8 * a + 0.6 * b  # coherence 0.64 between the inputs
-    _, part = respond(spectra({"a": a, "b": b, "y": 2.0 * a - 3.0 * b}), [0, 1], [0, 1], 2)
+    _, part = response(spectra({"a": a, "b": b, "y": 2.0 * a - 3.0 * b}), [0, 1], [0, 1], 2)
     # Conditioning multiplies rounding by the spread of the eigenvalues of the inputs, here some ten.
     assert np.abs(part.response[0] - 2.0).max() <= 1e-12
     assert np.abs(part.response[1] + 3.0).max() <= 1e-12
@@ -160,5 +165,5 @@ def test_one_instrument_for_two_inputs_is_refused() -> None:
 
 def test_inputs_of_very_different_size_are_not_mistaken_for_correlated() -> None:
     a, b = np.random.default_rng(5).standard_normal((2, SAMPLES))
-    _, part = respond(spectra({"a": a, "b": 1e-7 * b, "y": a + b}), [0, 1], [0, 1], 2)
+    _, part = response(spectra({"a": a, "b": 1e-7 * b, "y": a + b}), [0, 1], [0, 1], 2)
     assert np.abs(part.response[1] / 1e7 - 1.0).max() <= 1e-9

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rotorid.data.channel import STANDARD_UNITS
+from rotorid.data.record import STANDARD_UNITS
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.signal.known_filter import KnownFilter, butterworth_low_pass, notch
+from rotorid.signal.filters import KnownFilter, butterworth_low_pass, notch
 from rotorid.spectral.derived import corrected, differentiated, integrated, inverse, ratio, renamed, selected
 from rotorid.typing import ComplexArray
 

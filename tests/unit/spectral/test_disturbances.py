@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import FloatArray

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
-from rotorid.spectral.conditioning import separate
+from rotorid.data.record import Channel, TimeHistory
+from rotorid.spectral.conditioning import conditioned_response
 from rotorid.spectral.errors import compacted, influence, overlap_constant, random_error, response_covariance
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.spectra import spectral_matrices
@@ -65,7 +64,7 @@ def test_covariance_is_that_of_the_linear_map_from_disturbance_to_estimate(taper
     exact = answers @ answers.conj().T
     moments = int(np.ceil(5 / matrix.window.blocks))
     here = influence(
-        separate(matrix, instruments=[0], inputs=[0]),
+        conditioned_response(matrix, instruments=[0], inputs=[0]),
         0,
         blocks=samples // grid.samples_per_block,
         taper=taper,
@@ -87,7 +86,7 @@ def test_covariance_is_that_of_the_linear_map_from_disturbance_to_estimate(taper
 def test_influences_in_pieces_and_compacted_have_the_products_of_the_whole() -> None:
     u = np.random.default_rng(0).standard_normal((2, 30_000))
     (matrix,), grid = spectral_matrices([history(u, 20.0)], np.geomspace(3.2, 40.0, 9), windows_s=[4.0])
-    separated, blocks = separate(matrix, instruments=[0], inputs=[0]), 30_000 // grid.samples_per_block
+    separated, blocks = conditioned_response(matrix, instruments=[0], inputs=[0]), 30_000 // grid.samples_per_block
     whole = influence(separated, 0, blocks=blocks, taper=HANN)
     pieces = [
         influence(separated, 0, blocks=min(77, blocks - first), taper=HANN, first_block=first)

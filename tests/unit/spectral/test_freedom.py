@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
-from rotorid.spectral.conditioning import Separated, condition, output_spectra, separate
-from rotorid.spectral.freedom import residual_share
+from rotorid.data.record import Channel, TimeHistory
+from rotorid.spectral.conditioning import ConditionedResponse, condition, conditioned_response, output_spectra
+from rotorid.spectral.errors import residual_share
 from rotorid.spectral.kernel import BlockGrid
 from rotorid.spectral.spectra import SpectralMatrix, spectral_matrices
 from rotorid.spectral.windows import HALF_SINE, HANN, Taper
@@ -41,7 +40,7 @@ CASES = {
 }
 
 
-def flown(case: Case) -> tuple[SpectralMatrix, BlockGrid, Separated]:
+def flown(case: Case) -> tuple[SpectralMatrix, BlockGrid, ConditionedResponse]:
     """Inputs first, then channels of white noise with a variance of one."""
     rng = np.random.default_rng(7)
     rows = case.inputs + NOISES
@@ -59,7 +58,7 @@ def flown(case: Case) -> tuple[SpectralMatrix, BlockGrid, Separated]:
         records, OMEGA, windows_s=[case.window_s], overlap=case.overlap, taper=case.taper, kept=case.inputs
     )
     inputs = range(case.inputs)
-    return matrix, grid, separate(matrix, instruments=inputs, inputs=inputs)
+    return matrix, grid, conditioned_response(matrix, instruments=inputs, inputs=inputs)
 
 
 def dense(matrix: SpectralMatrix, grid: BlockGrid, taper: Taper) -> ComplexArray:

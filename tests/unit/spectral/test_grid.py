@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.spectral.estimate import diagnosed_response
-from rotorid.spectral.grid import refined
+from rotorid.spectral.windows import refined
 
 RATE_HZ = 100.0
 LOW, HIGH = 1.0, 50.0

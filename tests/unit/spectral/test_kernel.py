@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.spectral.kernel import BlockGrid, BlockWindow, band_basis, compress, transform
 from rotorid.spectral.spectra import spectral_matrices
 from rotorid.spectral.windows import HALF_SINE, HANN, Taper

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.spectral.conditioning import condition, output_spectra, separate
+from rotorid.spectral.conditioning import (
+    Derivatives,
+    condition,
+    conditioned_response,
+    derivatives,
+    line_variance,
+    output_spectra,
+    without_leakage,
+)
 from rotorid.spectral.estimate import Leakage, frequency_response
-from rotorid.spectral.leakage import Derivatives, derivatives, line_variance, without_leakage
 from rotorid.spectral.spectra import slope_name, spectral_matrices
 from rotorid.spectral.windows import HALF_SINE, HANN, Taper
 from rotorid.typing import ComplexArray, FloatArray
@@ -41,7 +47,7 @@ def sweep(duration_s: float = 60.0) -> FloatArray:
     return np.asarray(signal.chirp(time_s, 0.2, duration_s, 5.0, method="logarithmic"))
 
 
-def respond(record: TimeHistory, *, leakage: Leakage, taper: Taper = HANN) -> FrequencyResponse:
+def response(record: TimeHistory, *, leakage: Leakage, taper: Taper = HANN) -> FrequencyResponse:
     return frequency_response(
         [record],
         inputs=["roll_command"],
@@ -112,7 +118,7 @@ def test_exact_derivatives_explain_most_of_what_looks_like_noise(taper: Taper) -
     exact = Derivatives(
         first=(fine[2:] - fine[:1]) / (2.0 * spacing), second=(fine[2:] - 2.0 * fine[1:2] + fine[:1]) / spacing**2
     )
-    separated = separate(matrix, instruments=[0], inputs=[0])
+    separated = conditioned_response(matrix, instruments=[0], inputs=[0])
     plain = condition(separated, output_spectra(matrix, 1)).noise
     corrected = without_leakage(matrix, output=1, inputs=[0], derivatives=exact, taper=taper)
     # There is no noise at all: everything that remains is of higher order in memory over window, one in eight here.
@@ -124,7 +130,7 @@ def test_a_record_that_ends_while_it_is_excited_is_not_biased() -> None:
     # What the last windows hold: from 5 s before the end of the sweep on.
     late = OMEGA > 26.0
     errors = {
-        leakage: np.abs(respond(record, leakage=leakage).values[0, 0] / plant(OMEGA) - 1.0)[late]
+        leakage: np.abs(response(record, leakage=leakage).values[0, 0] / plant(OMEGA) - 1.0)[late]
         for leakage in ("ignored", "corrected")
     }
     assert np.median(errors["ignored"]) > 0.01
@@ -136,7 +142,7 @@ def test_stated_errors_shrink_to_the_noise_that_is_there() -> None:
     stated, found = {}, {}
     for leakage in ("ignored", "corrected"):
         results = [
-            respond(history(rng.standard_normal(12_000), noise=0.1, seed=seed), leakage=leakage) for seed in range(12)
+            response(history(rng.standard_normal(12_000), noise=0.1, seed=seed), leakage=leakage) for seed in range(12)
         ]
         stated[leakage] = np.mean([result.random_error[0, 0] for result in results])
         found[leakage] = np.sqrt(

@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.spectral.loop import at_points, closed_loop, sensitivity, series
-from rotorid.spectral.measured_loop import error_loop, feedback_controller, injected_loop
+from rotorid.spectral.loops import (
+    at_points,
+    closed_loop,
+    error_loop,
+    feedback_controller,
+    injected_loop,
+    sensitivity,
+    series,
+)
 from rotorid.typing import ComplexArray
 
 OMEGA = np.geomspace(1.0, 60.0, 30)

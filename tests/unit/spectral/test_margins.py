@@ -11,10 +11,9 @@ import pytest
 from scipy.optimize import brentq
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.spectral.attitude_bandwidth import attitude_bandwidth
-from rotorid.spectral.log_curve import Estimated
-from rotorid.spectral.loop import sensitivity
-from rotorid.spectral.margins import disturbance_rejection, loop_margins
+from rotorid.spectral.derived import Estimated
+from rotorid.spectral.loops import sensitivity
+from rotorid.spectral.margins import attitude_bandwidth, disturbance_rejection, loop_margins
 from rotorid.typing import ComplexArray, FloatArray
 
 OMEGA = np.geomspace(0.8, 80.0, 50)

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rotorid.data.channel import Channel
-from rotorid.data.history import TimeHistory
+from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import UsageError
 from rotorid.spectral.spectra import spectral_matrices
 from rotorid.spectral.windows import HALF_SINE, HANN, Taper

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rotorid.spectral.weakness import weak_instrument_factor
+from rotorid.spectral.errors import weak_instrument_factor
 
 POSITIVE = st.floats(1e-6, 1e6)
 

@@ -12,19 +12,15 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fit.covariance_fit import refine
-from rotorid.fit.identify import fit
-from rotorid.fit.levenberg_marquardt import LevenbergMarquardt
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.solution import Solution
+from rotorid.fitting.frequency.fit import fit, refine
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.rate import rate_model
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.bootstrap import bootstrap_responses
-from rotorid.uncertainty.bootstrap_findings import judge_spread
-from rotorid.uncertainty.bounds import bounds
-from rotorid.uncertainty.resampling import generator, resample, resample_records
-from rotorid.uncertainty.spread_table import SpreadTable
+from rotorid.uncertainty.bootstrap import bootstrap_responses, judge_spread
+from rotorid.uncertainty.cramer_rao import bounds
+from rotorid.uncertainty.resampling import SpreadTable, generator, resample, resample_records
 
 OMEGA = np.geomspace(1.5, 50.0, 40)
 STRUCTURE = rate_model("rate.roll")

@@ -10,18 +10,20 @@ import pytest
 from scipy.signal import lfilter
 
 from rotorid.errors import UsageError
-from rotorid.fit.nonlinear_fit import fit_nonlinear
-from rotorid.fit.nonlinear_problem import NonlinearProblem
-from rotorid.fit.output_error import OutputErrorFit, fit_output_error
-from rotorid.fit.time_data import TimeData
-from rotorid.fit.time_problem import TimeProblem
-from rotorid.models.nonlinear_catalog import nonlinear_model
-from rotorid.models.response import response_model
-from rotorid.simulate.linear import simulate_linear
-from rotorid.simulate.nonlinear import Scheme, simulate_nonlinear
-from rotorid.uncertainty.bootstrap_in_time import bootstrap_outputs, bootstrap_records
-from rotorid.uncertainty.colored import Process, autoregression, colored_covariance
-from rotorid.uncertainty.output_noise import BlockNoise, ColoredNoise, block_length
+from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
+from rotorid.fitting.time.output_error import OutputErrorFit, TimeData, TimeProblem, fit_output_error
+from rotorid.models.library import nonlinear_model, response_model
+from rotorid.simulation.linear import simulate_linear
+from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
+from rotorid.uncertainty.bootstrap import bootstrap_outputs, bootstrap_records
+from rotorid.uncertainty.colored import (
+    BlockNoise,
+    ColoredNoise,
+    Process,
+    autoregression,
+    block_length,
+    colored_covariance,
+)
 
 STRUCTURE = response_model("response.first_order", [("r_setpoint", "r")])
 RATE_HZ = 25.0

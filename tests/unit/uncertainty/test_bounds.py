@@ -9,14 +9,14 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.fit.identify import fit
-from rotorid.fit.problem import FrequencyProblem
+from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.expression import Expression
+from rotorid.models.library import rate_model
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rate import rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import ComplexArray, FloatArray
-from rotorid.uncertainty.bounds import bounds
+from rotorid.uncertainty.cramer_rao import bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 
 OMEGA = np.geomspace(1.5, 50.0, 40)

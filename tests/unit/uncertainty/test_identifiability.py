@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.fit.problem import FrequencyProblem
-from rotorid.fit.solution import Outcome, Solution
-from rotorid.models.description import from_toml
-from rotorid.models.rate import rate_model
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.bounds import bounds
+from rotorid.uncertainty.cramer_rao import bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 
 LEVEL = 0.02

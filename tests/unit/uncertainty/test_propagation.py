@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.models.description import from_toml
+from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.rate import rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
 from rotorid.typing import ComplexArray, FloatArray
-from rotorid.uncertainty.bounds import Bounds
+from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.propagation import Pole, covariance_of_all, pole_confidence, response_confidence
 
 DRAWS = 4000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.models.response import response_model
+from rotorid.models.library import response_model
 from rotorid.models.state_space import StateSpace
 from rotorid.vehicles import bebop
 

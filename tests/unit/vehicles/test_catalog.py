@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.io.ardupilot_write import write_ardupilot
-from rotorid.io.px4_write import write_px4
+from rotorid.io.ardupilot.writer import write_ardupilot
+from rotorid.io.px4.writer import write_px4
 from rotorid.io.registry import read
-from rotorid.models.physical_checks import check_inertia
-from rotorid.models.rotor_layout_log import layout_of
-from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
-from rotorid.simulate.wind import Wind
+from rotorid.models.physical import check_inertia
+from rotorid.models.rotors import layout_of
+from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
+from rotorid.simulation.wind import Wind
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles.catalog import VEHICLES, aircraft, aircraft_names
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.data.channel import AXES
-from rotorid.simulate.flight import Flight, fly
+from rotorid.data.record import AXES
+from rotorid.simulation.hover_flight import Flight, fly
 from rotorid.vehicles import demo_plan, s500
 
 LONGEST_S = 8.0 * 60.0

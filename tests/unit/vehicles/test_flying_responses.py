@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
-from rotorid.data.simulated_flight import SimulatedFlight
-from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
-from rotorid.simulate.sensors import PERFECT
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, SimulatedFlight
+from rotorid.simulation.multirotor import PERFECT
+from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.typing import Axis, ComplexArray, FloatArray
-from rotorid.vehicles import bebop, bebop_flight
+from rotorid.vehicles import bebop
+from rotorid.vehicles import bebop as bebop_flight
 from rotorid.vehicles.catalog import aircraft
 
 
@@ -40,8 +40,8 @@ def waves(
 def ratio(flown: SimulatedFlight, y: FloatArray, u: FloatArray, omega: FloatArray) -> ComplexArray:
     """Response at the lines, from the second half."""
     half = flown.samples // 2
-    turning = np.exp(-1j * np.outer(omega, flown.time_s[half:]))
-    return np.asarray((turning @ y[half:]) / (turning @ u[half:]))
+    motor_speed = np.exp(-1j * np.outer(omega, flown.time_s[half:]))
+    return np.asarray((motor_speed @ y[half:]) / (motor_speed @ u[half:]))
 
 
 LINES = 2.0 * np.pi / 20.0 * np.array([3, 5, 9, 15, 25, 41, 67, 111, 157])

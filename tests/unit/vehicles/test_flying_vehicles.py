@@ -8,15 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.data.channel import AXES
+from rotorid.data.record import AXES
 from rotorid.io.registry import read
 from rotorid.models.physical import hover_derivatives
-from rotorid.simulate.multirotor_flight import Aircraft, fly_multirotor
-from rotorid.simulate.packed import STATES
-from rotorid.simulate.wind import Wind
+from rotorid.simulation.multirotor import STATES
+from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
+from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
-from rotorid.vehicles import ardupilot_quad, crazyflie, gazebo, hummingbird_flight, px4_quad, s500, s500_flight
+from rotorid.vehicles import ardupilot as ardupilot_quad
+from rotorid.vehicles import crazyflie, gazebo, s500
+from rotorid.vehicles import hummingbird as hummingbird_flight
+from rotorid.vehicles import px4 as px4_quad
+from rotorid.vehicles import s500 as s500_flight
 from rotorid.vehicles.catalog import aircraft
 
 MOTIONS = {"u": 3, "v": 4, "w": 5, "p": 10, "q": 11, "r": 12}
@@ -29,7 +33,7 @@ STEP = 1e-5
 
 
 def rate_of(one: Aircraft, state: FloatArray, outputs: FloatArray) -> FloatArray:
-    from rotorid.simulate.multirotor_kernels import derivative
+    from rotorid.simulation.flight_kernels import derivative
 
     out = np.empty(state.size + 3)
     derivative(state, outputs, np.zeros(3), 1.0, one.vehicle.body(), out)

@@ -4,7 +4,7 @@ import pytest
 
 from rotorid.errors import UsageError
 from rotorid.vehicles.catalog import aircraft
-from rotorid.vehicles.gains import with_gains
+from rotorid.vehicles.px4 import with_gains
 
 
 @pytest.mark.parametrize("name", ["px4_quad", "x500", "iris", "s500", "ardupilot_quad"])

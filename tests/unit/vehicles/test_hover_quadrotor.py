@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.models.motor_mixer import check_mixer
-from rotorid.models.physical_checks import check_inertia
+from rotorid.models.physical import check_inertia
+from rotorid.models.rotors import check_mixer
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles import hover_quadrotor
 from rotorid.vehicles.hover_quadrotor import PUBLISHED, SAMPLE_RATE_HZ, TRUTH, fly

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.models.catalog import library_model
+from rotorid.models.library import library_model
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
 from rotorid.vehicles import hummingbird
 

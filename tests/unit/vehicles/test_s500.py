@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.data.channel import AXES
-from rotorid.simulate.controller import MEASURED
-from rotorid.simulate.vehicle import OUTPUTS
+from rotorid.data.record import AXES
+from rotorid.simulation.hover_flight import MEASURED, OUTPUTS
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
 from rotorid.vehicles import s500
 

@@ -1,0 +1,1 @@
+"""What the JSON files hold, and their schemas."""

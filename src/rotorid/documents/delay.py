@@ -1,0 +1,116 @@
+"""The document that ``rotorid delay`` writes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from rotorid.documents.base import Document
+from rotorid.documents.result import FindingDocument, ManeuverDocument, ProvenanceDocument
+from rotorid.fitting.delay.estimate import EARLIEST_S, LONGEST_S, DelayAnalysis, DelayEstimate
+from rotorid.fitting.delay.fit import OrderFit
+
+
+class OrderDelayDocument(Document):
+    """The delay beside a lag of one order; the least ``criterion`` fits best."""
+
+    order: str
+    zeros: int
+    poles: int
+    delay_s: float
+    std_s: float | None = None
+    criterion: float
+
+
+class DelayEstimateDocument(Document):
+    """A delay by one method: ``records``, ``response`` or ``samples``.
+
+    ``std_s`` and ``interval_s`` (95 %) tell what noise does within the model of ``order``; they are ``null`` for whole
+    samples, and ``std_s`` also where the interval is not of its width. ``orders`` holds the delays beside other lags.
+    """
+
+    method: Literal["records", "response", "samples"]
+    delay_s: float
+    delay_samples: float
+    std_s: float | None = None
+    interval_s: tuple[float, float] | None = None
+    order: str | None = None
+    meaning: str
+    band_rad_s: tuple[float, float] | None = None
+    orders: list[OrderDelayDocument] = Field(default_factory=list)
+
+
+class DelayPairDocument(Document):
+    """The delay from one input to one output.
+
+    ``recommended`` is the estimate to use, ``others`` stand beside it for comparison. ``whole_band`` is there where the
+    outputs had been filtered without phase: what a fit of all of the band would have said. ``feedback`` tells whether
+    the input contains feedback of the output, ``instrument`` the channel that removes its bias. Where records differ,
+    ``sample_s`` is the longest sample interval among them and ``hold`` is ``mixed``.
+    """
+
+    sample_s: float
+    hold: Literal["held", "smooth", "mixed"]
+    feedback: bool
+    instrument: str | None = None
+    recommended: DelayEstimateDocument
+    others: list[DelayEstimateDocument]
+    whole_band: DelayEstimateDocument | None = None
+    maneuvers: list[ManeuverDocument]
+
+
+class DelayDocument(Document):
+    """``delay.json``: delays by pair ``output/input``."""
+
+    schema_name: Annotated[Literal["rotorid.delay/1"], Field(alias="schema")] = "rotorid.delay/1"
+    pairs: dict[str, DelayPairDocument] = Field(default_factory=dict)
+    findings: list[FindingDocument] = Field(default_factory=list)
+    provenance: ProvenanceDocument
+
+
+def delay_pair_document(
+    analysis: DelayAnalysis, *, feedback: bool, instrument: str | None, maneuvers: list[ManeuverDocument]
+) -> DelayPairDocument:
+    """One pair of channels."""
+    sample_s = analysis.sample_s
+    return DelayPairDocument(
+        sample_s=sample_s,
+        hold=analysis.hold,
+        feedback=feedback,
+        instrument=instrument,
+        recommended=_estimate(analysis.recommended, sample_s),
+        others=[_estimate(one, sample_s) for one in analysis.others],
+        whole_band=_estimate(analysis.as_filtered, sample_s) if analysis.as_filtered else None,
+        maneuvers=maneuvers,
+    )
+
+
+def _estimate(estimate: DelayEstimate, sample_s: float) -> DelayEstimateDocument:
+    return DelayEstimateDocument(
+        method=estimate.method,
+        delay_s=estimate.delay_s,
+        delay_samples=estimate.delay_s / sample_s,
+        std_s=_telling(estimate.std_s),
+        interval_s=estimate.interval_s,
+        order=estimate.order.words if estimate.order else None,
+        meaning=estimate.meaning,
+        band_rad_s=estimate.band_rad_s,
+        orders=[_order(fit) for fit in estimate.orders],
+    )
+
+
+def _order(fit: OrderFit) -> OrderDelayDocument:
+    return OrderDelayDocument(
+        order=fit.order.words,
+        zeros=fit.order.zeros,
+        poles=fit.order.poles,
+        delay_s=fit.delay_s,
+        std_s=_telling(fit.std_s),
+        criterion=fit.criterion,
+    )
+
+
+def _telling(value: float | None) -> float | None:
+    """A standard deviation, unless it is wider than all that was looked at and so tells nothing."""
+    return value if value is not None and value < LONGEST_S - EARLIEST_S else None

@@ -1,0 +1,1 @@
+"""Models without a given structure: subspaces, polynomials, black boxes."""

@@ -1,0 +1,1 @@
+"""Delays of one output behind one input."""

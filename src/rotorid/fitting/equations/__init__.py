@@ -1,0 +1,1 @@
+"""Regression of equations of motion on measured motion."""

@@ -1,0 +1,709 @@
+r"""What is fitted to what: a structure to measured frequency responses.
+
+CIFER's frequency-domain cost, as residuals with an exact Jacobian.
+
+.. math:: J = \frac{20}{n_\omega} \sum W \left[ (\Delta |T|_{dB})^2 + 0.01745 \, (\Delta \angle T_{deg})^2 \right]
+
+Up to 100 is acceptable, up to 50 hardly to be told from the flight (Tischler and Remple, *Aircraft and Rotorcraft
+System Identification*, chapter 11).
+
+Logarithmic errors of a model at measured points, and their slopes, for many parameter vectors in one sweep.
+
+A parameter stands in few entries of the matrices. With :math:`A = j\omega M - F`, :math:`X = A^{-1} G` and
+:math:`L = (H_0 + j\omega H_1) A^{-1}`, one entry of a matrix changes the response by an outer product, for instance
+:math:`F_{ij}` by :math:`L_{yi} X_{ju}`. At the points alone, and entry by entry, this costs a few products per point
+and parameter.
+
+Which responses take part in a fit, by their names ``output/input``.
+
+What the measured errors of a response mean for the residuals of a fit: their covariance, and weights made of it.
+
+Points of one response share data with their neighbors, one gust moves several outputs at once, and one instrument may
+move several inputs. Of two outputs a and b, inputs u and v, and frequencies i and j
+
+.. math:: E[\delta H_{au}(\omega_i) \, \delta H_{bv}^*(\omega_j)]
+          = \rho_{ui,vj} \, [K_i K_j^H]_{ab} \, \sigma_{au,i} \sigma_{bv,j}
+
+with the correlation :math:`\rho`, which windows and instruments make and all outputs share, and :math:`K_i K_i^H`, that
+between outputs, which the disturbance makes.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import UsageError
+from rotorid.fitting.frequency.parameter_map import Matrices, ParameterMap, Slopes
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
+from rotorid.spectral.composite import level_about, output_correlation
+from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
+
+ACCEPTABLE_COST = 100.0
+EXCELLENT_COST = 50.0
+
+PHASE_WEIGHT = 0.01745
+DB_PER_NEPER = 20.0 / np.log(10.0)
+DEG_PER_RAD = 180.0 / np.pi
+_COST_SCALE = 20.0
+_ERROR_FLOOR = 0.02
+_SMALLEST_RATIO = 1e-4
+
+
+def coherence_weight(coherence: FloatArray) -> FloatArray:
+    r"""Weight of a point, :math:`W_\gamma = [1.58 (1 - e^{-\gamma^2})]^2`.
+
+    Examples
+    --------
+    >>> coherence_weight(np.array([0.6, 1.0])).round(2)
+    array([0.51, 1.  ])
+    """
+    return np.asarray((1.58 * (1.0 - np.exp(-coherence))) ** 2)
+
+
+def point_weights(data: FrequencyResponse, used: BoolArray) -> FloatArray:
+    r"""Weights of all points, shape ``(y, u, f)``; zero where a point is not used.
+
+    Direct estimates are weighted by coherence, as CIFER does. Joint estimates are weighted by the variance of the
+    instrument-variable estimate, :math:`1/(\varepsilon^2 + \varepsilon_0^2)`, because no coherence of theirs tells how
+    good a point is; the weights are scaled to the same sum, so that costs stay comparable. The floor
+    :math:`\varepsilon_0 = 2\,\%` stands for what random errors leave out: leakage, calibration, the model itself.
+    """
+    weights = np.where(used, coherence_weight(data.coherence), 0.0)
+    if data.estimate == "direct":
+        return weights
+    precise = np.where(used, 1.0 / (data.random_error**2 + _ERROR_FLOOR**2), 0.0)
+    total = precise.sum(axis=-1, keepdims=True)
+    share = weights.sum(axis=-1, keepdims=True) / np.where(total > 0.0, total, 1.0)
+    return np.asarray(precise * share)
+
+
+def residual_scales(weights: FloatArray, phase_weight: float = PHASE_WEIGHT) -> tuple[FloatArray, FloatArray]:
+    """Factors of magnitude (neper) and phase (radian) errors whose squares sum to the cost, each ``(y, u, f)``."""
+    points = np.count_nonzero(weights, axis=-1, keepdims=True)
+    root = np.sqrt(_COST_SCALE * weights / np.maximum(points, 1))
+    return root * DB_PER_NEPER, root * np.sqrt(phase_weight) * DEG_PER_RAD
+
+
+def expansion_point(model: ComplexArray, data: ComplexArray) -> ComplexArray:
+    """The model, or 1e-4 of the data where the model is smaller than that.
+
+    The logarithm of the model is taken there, and continued as a straight line. It is the model itself wherever a
+    model means anything (80 dB); below, the slope leads from a response of zero toward the data, where the logarithm
+    has none.
+    """
+    small = np.abs(model) < _SMALLEST_RATIO * np.abs(data)
+    return np.where(small, _SMALLEST_RATIO * data, model) if small.any() else model
+
+
+def log_error(model: ComplexArray, data: ComplexArray) -> ComplexArray:
+    """Model over data as a complex logarithm: magnitude error in neper and phase error in radians, wrapped to ±π.
+
+    A model below 1e-4 of the data has a finite error too, about 10 neper: :func:`expansion_point` says how.
+
+    Examples
+    --------
+    >>> log_error(np.array([1j, 0.0]), np.array([1.0, 1.0])).round(2)
+    array([  0.  +1.57j, -10.21+0.j  ])
+    """
+    return log_error_from(model, expansion_point(model, data), data)
+
+
+def log_error_from(model: ComplexArray, point: ComplexArray, data: ComplexArray) -> ComplexArray:
+    """The same, where the point of expansion is known."""
+    error = np.log(point / data)
+    return np.asarray(error if point is model else error + (model - point) / point)
+
+
+def pair_costs(model: ComplexArray, data: ComplexArray, weights: FloatArray) -> FloatArray:
+    """Cost of each response, shape ``(y, u)``; zero where no point is used."""
+    magnitude, phase = residual_scales(weights)
+    used = weights > 0.0
+    error = np.zeros(used.shape, dtype=np.complex128)
+    # Where no point is used, model and data may both be zero.
+    error[used] = log_error(*(np.broadcast_to(values, used.shape)[used] for values in (model, data)))
+    return np.asarray(np.sum((magnitude * error.real) ** 2 + (phase * error.imag) ** 2, axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Measured points: frequencies of all, shape ``(f,)``, and for each point its indices and value, shape ``(n,)``.
+
+    ``outputs`` and ``inputs`` count all channels, also those without a point.
+    """
+
+    omega_rad_s: FloatArray
+    output: IntArray
+    input: IntArray
+    frequency: IntArray
+    values: ComplexArray
+    outputs: int
+    inputs: int
+
+    @classmethod
+    def of(cls, omega_rad_s: FloatArray, values: ComplexArray, used: BoolArray) -> Points:
+        """The used points of measured responses, in the order of ``values[used]``."""
+        columns = used.any(axis=(0, 1))
+        output, source, frequency = np.nonzero(used[:, :, columns])
+        return cls(omega_rad_s[columns], output, source, frequency, values[used], *used.shape[:2])
+
+    @cached_property
+    def s(self) -> ComplexArray:
+        r""":math:`j\omega` of all frequencies, shape ``(f, 1, 1)``."""
+        return np.asarray(1j * self.omega_rad_s[:, None, None])
+
+    @cached_property
+    def point_s(self) -> ComplexArray:
+        r""":math:`j\omega` of the points, shape ``(n,)``."""
+        return np.asarray(1j * self.omega_rad_s[self.frequency])
+
+    @cached_property
+    def of_output(self) -> tuple[FloatArray, ...]:
+        """For each output, one at its points and zero at the others, shape ``(n,)``."""
+        return _one_hot(self.output, self.outputs)
+
+    @cached_property
+    def of_input(self) -> tuple[FloatArray, ...]:
+        """For each input, one at its points and zero at the others, shape ``(n,)``."""
+        return _one_hot(self.input, self.inputs)
+
+
+def _one_hot(channel: IntArray, count: int) -> tuple[FloatArray, ...]:
+    return tuple(np.asarray(channel == one, dtype=np.float64) for one in range(count))
+
+
+class _Response(NamedTuple):
+    """Response at the points, shape ``(b, n)``, with what its derivatives are made of.
+
+    The inverse of :math:`A` at all frequencies, ``(b, f, x, x)``, rows of :math:`L` and columns of :math:`X` at the
+    points, ``(b, x, n)``, and the delays as a factor, ``(b, n)``.
+    """
+
+    values: ComplexArray
+    inverse: ComplexArray
+    left: ComplexArray
+    right: ComplexArray
+    shift: ComplexArray
+
+
+@np.errstate(invalid="ignore")
+def log_errors(parameter_map: ParameterMap, thetas: FloatArray, points: Points) -> tuple[ComplexArray, ComplexArray]:
+    """Logarithm of model over data at the points, and its derivatives.
+
+    Parameters
+    ----------
+    parameter_map
+        From parameters to matrices.
+    thetas
+        Free parameters, shape ``(b, p)``.
+    points
+        Where, and what was measured there.
+
+    Returns
+    -------
+    numpy.ndarray
+        Errors, shape ``(b, n)``; not a number where the model has a pole on the imaginary axis at a point.
+    numpy.ndarray
+        Their derivatives, shape ``(b, p, n)``.
+    """
+    system, slopes = parameter_map.tangents(thetas)
+    model = _response(system, points)
+    place = expansion_point(model.values, points.values)
+    error = log_error_from(model.values, place, points.values)
+    return error, _slopes(slopes, thetas.shape[1], model, place, points)
+
+
+@np.errstate(invalid="ignore")
+def equation_errors(
+    parameter_map: ParameterMap, thetas: FloatArray, points: Points
+) -> tuple[ComplexArray, ComplexArray]:
+    r"""Errors of the model multiplied by its denominator, relative to data and denominator, and their derivatives.
+
+    With the denominator :math:`D = \det(j\omega M - F)`, :math:`e = (D / D_0) (T / T_{data} - 1)` is linear in the
+    parameters of a transfer function, where the response :math:`T` is not; :math:`D_0` is the denominator at the
+    present parameters, and stands still.
+
+    Returns
+    -------
+    numpy.ndarray
+        Errors, shape ``(b, n)``.
+    numpy.ndarray
+        Their derivatives, shape ``(b, p, n)``.
+    """
+    system, slopes = parameter_map.tangents(thetas)
+    model = _response(system, points)
+    error = model.values / points.values - 1.0
+    responses = _slopes(slopes, thetas.shape[1], model, np.broadcast_to(points.values, error.shape), points)
+    determinants = _determinant_slopes(slopes, thetas.shape[1], model.inverse, points)
+    return error, responses + determinants * error[:, None]
+
+
+@np.errstate(invalid="ignore")
+def sums_of_squares(
+    parameter_map: ParameterMap, thetas: FloatArray, points: Points, scales: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Cost of each of many parameter vectors, shape ``(b,)``; infinite where the model has no response."""
+    model = _response(parameter_map.tangents(thetas)[0], points).values
+    error = log_error(model, points.values)
+    squares = np.sum((scales[0] * error.real) ** 2 + (scales[1] * error.imag) ** 2, axis=-1)
+    return np.where(np.isfinite(squares), squares, np.inf)
+
+
+def _response(system: Matrices, points: Points) -> _Response:
+    jw = points.s
+    inverse = _inverse(np.asarray(jw * system.M[:, None] - system.F[:, None], dtype=np.complex128))
+    X = inverse @ system.G[:, None]
+    H = system.H0[:, None] + jw * system.H1[:, None]
+    L = H @ inverse
+    rational = (H @ X)[:, points.frequency, points.output, points.input]
+    delays = system.output_delays_s[:, points.output] + system.input_delays_s[:, points.input]
+    shift = np.exp(-points.point_s * delays)
+    return _Response(
+        values=rational * shift,
+        inverse=inverse,
+        left=L.transpose(0, 3, 2, 1)[:, :, points.output, points.frequency],
+        right=X.transpose(0, 2, 3, 1)[:, :, points.input, points.frequency],
+        shift=shift,
+    )
+
+
+def _inverse(matrices: ComplexArray) -> ComplexArray:
+    try:
+        return np.asarray(np.linalg.inv(matrices))
+    except np.linalg.LinAlgError:
+        # One of them is singular, and the call does not say which.
+        flat = matrices.reshape(-1, *matrices.shape[-2:])
+        regular = np.linalg.cond(flat) < 1.0 / np.finfo(np.float64).eps
+        inverse = np.full_like(flat, np.nan)
+        inverse[regular] = np.linalg.inv(flat[regular])
+        return inverse.reshape(matrices.shape)
+
+
+def _slopes(slopes: Slopes, size: int, model: _Response, place: ComplexArray, points: Points) -> ComplexArray:
+    """Derivatives of the logarithm along ``size`` parameters, shape ``(b, size, n)``."""
+    relative = model.shift / place
+    left, right = model.left, model.right * relative[:, None]
+    jw = points.point_s
+    total = np.zeros((len(place), size, place.shape[1]), dtype=np.complex128)
+    M, F, G, H0, H1, input_delays, output_delays = slopes
+    for k, i, j, factor in F:
+        total[:, k] += _times(left[:, i] * right[:, j], factor)
+    for k, i, j, factor in M:
+        total[:, k] -= _times(jw * left[:, i] * right[:, j], factor)
+    for k, i, j, factor in G:
+        total[:, k] += _times(left[:, i] * relative * points.of_input[j], factor)
+    for k, i, j, factor in H0:
+        total[:, k] += _times(right[:, j] * points.of_output[i], factor)
+    for k, i, j, factor in H1:
+        total[:, k] += _times(jw * right[:, j] * points.of_output[i], factor)
+    for k, j, _, factor in input_delays:
+        total[:, k] -= _times(jw * model.values / place * points.of_input[j], factor)
+    for k, i, _, factor in output_delays:
+        total[:, k] -= _times(jw * model.values / place * points.of_output[i], factor)
+    return total
+
+
+def _times(values: ComplexArray, factor: float | FloatArray) -> ComplexArray:
+    # Most parameters stand alone in their entry, and a product by one is a whole sweep over the points.
+    return values if isinstance(factor, float) and factor == 1.0 else values * factor
+
+
+def _determinant_slopes(slopes: Slopes, size: int, inverse: ComplexArray, points: Points) -> ComplexArray:
+    r"""Derivatives of :math:`\log\det A`, :math:`\mathrm{tr}(A^{-1} \dot A)`, at the points, ``(b, size, n)``."""
+    jw = points.s[:, 0, 0]
+    total = np.zeros((len(inverse), size, jw.size), dtype=np.complex128)
+    for k, i, j, factor in slopes[0]:
+        total[:, k] += factor * jw * inverse[:, :, j, i]
+    for k, i, j, factor in slopes[1]:
+        total[:, k] -= factor * inverse[:, :, j, i]
+    return np.asarray(total[:, :, points.frequency])
+
+
+_ROUNDING = 1e-9
+
+
+def pair_names(data: FrequencyResponse) -> tuple[str, ...]:
+    """Names of all responses, ``output/input``, in the order of their values."""
+    return tuple(f"{output}/{source}" for output in data.outputs for source in data.inputs)
+
+
+def pair_index(data: FrequencyResponse, name: str) -> tuple[int, int]:
+    """Indices of a response ``output/input``.
+
+    Raises
+    ------
+    UsageError
+        There is none of that name; the nearest one is suggested.
+    """
+    names = pair_names(data)
+    if name not in names:
+        near = difflib.get_close_matches(name, names, n=1)
+        raise UsageError(
+            f"there is no response {name!r}",
+            needed=f"one of {', '.join(names)}",
+            remedy=f"did you mean {near[0]}?" if near else "",
+        )
+    y, u = divmod(names.index(name), len(data.inputs))
+    return y, u
+
+
+def only_pairs(used: BoolArray, data: FrequencyResponse, names: Iterable[str]) -> BoolArray:
+    """Points of the named responses alone, shape ``(y, u, f)``.
+
+    Parameters
+    ----------
+    used
+        Points that could be used, shape ``(y, u, f)``.
+    data
+        Their responses.
+    names
+        Responses to keep, for instance ``["q/pitch_command", "ax/pitch_command"]``.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown.
+    """
+    kept = np.zeros(used.shape, dtype=np.bool_)
+    for name in names:
+        pair = pair_index(data, name)
+        kept[pair] = used[pair]
+    return kept
+
+
+def within_bands(used: BoolArray, data: FrequencyResponse, bands: Mapping[str, tuple[float, float]]) -> BoolArray:
+    """Points inside the band of each named response, and all points of the others, shape ``(y, u, f)``.
+
+    Parameters
+    ----------
+    used
+        Points that could be used, shape ``(y, u, f)``.
+    data
+        Their responses.
+    bands
+        Lowest and highest frequency of a response, rad/s.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown, or a band is empty.
+    """
+    kept = used.copy()
+    for name, (low, high) in bands.items():
+        pair = pair_index(data, name)
+        if not 0.0 <= low < high:
+            raise UsageError(f"the band {low:g} to {high:g} rad/s of {name} came", needed="0 <= low < high")
+        omega = data.omega_rad_s
+        kept[pair] &= (omega >= low * (1.0 - _ROUNDING)) & (omega <= high * (1.0 + _ROUNDING))
+    return kept
+
+
+MODEL_ERROR = 0.01
+"""Relative error of the model itself, independent from point to point: no structure and no sensor is better."""
+
+_OWN_SHARE = 0.1
+"""Part of a point's own variance that no other point shares: measured covariances are not known better than that."""
+
+_JITTER = 1e-9
+"""Outputs of which one is the integral of another err alike to the last digit; a factor needs some distance."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResidualErrors(Immutable):
+    """What the errors of the data make of the residuals of a problem.
+
+    Parameters
+    ----------
+    covariance
+        Of the residuals, shape ``(2 n, 2 n)``.
+    scale
+        Factor from a relative error to each residual, shape ``(2 n,)``.
+    """
+
+    covariance: FloatArray
+    scale: FloatArray
+
+    def __post_init__(self) -> None:
+        self._set(
+            covariance=read_only(self.covariance, np.float64, ndim=2),
+            scale=read_only(self.scale, np.float64, ndim=1),
+        )
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """Cholesky factor of the covariance with what no measured covariance knows, shape ``(2 n, 2 n)``."""
+        return np.asarray(np.linalg.cholesky(self.covariance + np.diag(self.own)))
+
+    @property
+    def own(self) -> FloatArray:
+        """Variances of what no measured covariance knows, independent from residual to residual, shape ``(2 n,)``."""
+        return np.asarray(_OWN_SHARE * np.diag(self.covariance) + (MODEL_ERROR * self.scale) ** 2)
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Residuals, or columns of a Jacobian, in units in which their errors have no correlation and variance one."""
+        from scipy.linalg import solve_triangular
+
+        return np.asarray(solve_triangular(self.root, values, lower=True, check_finite=False))
+
+    @cached_property
+    def whitened_trace(self) -> float:
+        """Sum of the variances of whitened residuals: what is measured of them, without what no covariance knows."""
+        from scipy.linalg.lapack import dtrtri
+
+        inverse = dtrtri(self.root.T, lower=0)[0]
+        return float(self.scale.size - np.einsum("ij,ij,i->", inverse, inverse, self.own))
+
+
+def residual_errors(
+    data: FrequencyResponse,
+    used: BoolArray,
+    scales: tuple[FloatArray, FloatArray],
+    *,
+    model: ComplexArray | None = None,
+) -> ResidualErrors:
+    """Covariance of the residuals of a fit.
+
+    Parameters
+    ----------
+    data
+        Measured responses.
+    used
+        Points that count, shape ``(y, u, f)``.
+    scales
+        Factors of magnitude and phase errors in the residuals of these points, each shape ``(n,)``.
+    model
+        The response about which errors are wanted, shape ``(y, u, f)``: that of a fit knows better than single points
+        what is response and what disturbance. None for the measured one itself.
+    """
+    if model is not None:
+        data = _about(data, used, model)
+    relative = _relative_covariance(data, *np.nonzero(used))
+    # The real and imaginary parts of a circular error: half of the covariance each, coupled by its imaginary part.
+    real, cross = 0.5 * relative.real, -0.5 * relative.imag
+    scale = np.concatenate(scales)
+    total = np.block([[real, cross], [cross.T, real]])
+    return ResidualErrors(covariance=scale[:, None] * total * scale, scale=scale)
+
+
+def _about(data: FrequencyResponse, used: BoolArray, model: ComplexArray) -> FrequencyResponse:
+    """The data with the errors that they have about a model: relative to it, and of what it leaves of the outputs."""
+    factor = np.where(used, data.values / np.where(used, model, 1.0), 1.0)
+    if data.disturbance is None:
+        return replace(data, covariance=data.covariance * factor[..., :, None] * factor.conj()[..., None, :])
+    difference = np.where(used, data.values - model, 0.0)
+    correlation = output_correlation(data.disturbance, data.omega_rad_s, difference)
+    factor = factor * level_about(data.disturbance, difference)
+    return replace(
+        data,
+        covariance=data.covariance * factor[..., :, None] * factor.conj()[..., None, :],
+        output_correlation=np.stack([correlation] * len(data.inputs)),
+    )
+
+
+def _relative_covariance(data: FrequencyResponse, output: IntArray, source: IntArray, point: IntArray) -> ComplexArray:
+    """Relative covariance of points of several responses, shape ``(n, n)``."""
+    values = data.values[output, source, point]
+    level = np.sqrt(np.einsum("yuff->yuf", data.covariance).real)[output, source, point] / np.abs(values)
+    phase = values / np.abs(values)
+    together = _between_points(data, output, source, point) * _between_outputs(data, output, source, point)
+    return np.asarray(together * level[:, None] * level / (phase[:, None] * phase.conj()))
+
+
+def _between_points(data: FrequencyResponse, output: IntArray, source: IntArray, point: IntArray) -> ComplexArray:
+    """Correlation of errors between frequencies and inputs, for a disturbance that all outputs share."""
+    alike = source[:, None] == source
+    if data.input_correlation is not None:
+        return np.asarray(data.input_correlation[source[:, None], source, point[:, None], point])
+    level = np.sqrt(np.einsum("yuff->yuf", data.covariance).real)
+    each = data.covariance / (level[..., :, None] * level[..., None, :])
+    if data.output_correlation is None:
+        own = each[output[:, None], source[:, None], point[:, None], point]
+        return np.asarray(np.where(alike, own, 0.0))
+    return np.asarray(np.where(alike, each.mean(axis=0)[source[:, None], point[:, None], point], 0.0))
+
+
+def _between_outputs(data: FrequencyResponse, output: IntArray, source: IntArray, point: IntArray) -> ComplexArray:
+    """Correlation of errors between outputs."""
+    if data.output_correlation is None:
+        return np.asarray(output[:, None] == output, dtype=np.complex128)
+    between = np.moveaxis(data.output_correlation, -1, 1)
+    factor = np.linalg.cholesky(between + _JITTER * np.eye(between.shape[-1]))[source, point, output]
+    return np.asarray(factor @ factor.conj().T)
+
+
+_OF_THE_DATA = ("weights", "scales", "points", "point_scales", "errors")
+_LARGEST_ERROR = 0.3
+_LONGEST_DIP = 3
+_FEWEST_POINTS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrequencyProblem(Immutable):
+    """Fit a linear structure to frequency responses in CIFER's cost.
+
+    Weights change what is minimized, and never what is reported: :meth:`costs` are CIFER's own numbers, comparable
+    between problems, while :meth:`residuals` and the cost of a solution carry the weights.
+
+    Parameters
+    ----------
+    structure
+        Its inputs and outputs name the responses, in this order.
+    parameters
+        Which parameters are free, and from where to start.
+    data
+        Measured responses of exactly these inputs and outputs.
+    used
+        Points that count, shape ``(y, u, f)``.
+    pair_weights
+        Factors on the costs of single responses ``output/input``; one where nothing is said.
+    phase_weight
+        Weight of a squared degree against a squared decibel; CIFER's 0.01745 makes 7.57° one decibel.
+    """
+
+    structure: LinearStructure
+    parameters: ParameterSet
+    data: FrequencyResponse
+    used: BoolArray
+    pair_weights: Mapping[str, float] = field(default_factory=dict)
+    phase_weight: float = PHASE_WEIGHT
+
+    def __post_init__(self) -> None:
+        if self.data.inputs != self.structure.inputs or self.data.outputs != self.structure.outputs:
+            raise UsageError(
+                f"responses of {', '.join(self.data.outputs)} to {', '.join(self.data.inputs)} came",
+                needed=f"{', '.join(self.structure.outputs)} to {', '.join(self.structure.inputs)}",
+            )
+        used = read_only(self.used, np.bool_, ndim=3)
+        if used.shape != self.data.values.shape:
+            raise UsageError(f"a selection of shape {used.shape} came", needed=f"shape {self.data.values.shape}")
+        for name, weight in self.pair_weights.items():
+            pair_index(self.data, name)
+            if not 0.0 < weight < np.inf:
+                raise UsageError(
+                    f"the weight {weight:g} of {name} came",
+                    needed="a positive number",
+                    remedy="leave the response out of the points that count instead",
+                )
+        if not 0.0 <= self.phase_weight < np.inf:
+            raise UsageError(f"the phase weight {self.phase_weight:g} came", needed="zero or a positive number")
+        self._set(used=used, pair_weights=self.pair_weights)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """CIFER's weights of the points, shape ``(y, u, f)``."""
+        return point_weights(self.data, self.used)
+
+    @cached_property
+    def scales(self) -> tuple[FloatArray, FloatArray]:
+        """Factors of magnitude (neper) and phase (radian) errors in the residuals, each ``(y, u, f)``."""
+        factors = np.ones(self.used.shape[:2])
+        for name, weight in self.pair_weights.items():
+            factors[pair_index(self.data, name)] = np.sqrt(weight)
+        magnitude, phase = residual_scales(self.weights, self.phase_weight)
+        return factors[..., None] * magnitude, factors[..., None] * phase
+
+    @cached_property
+    def parameter_map(self) -> ParameterMap:
+        """From the free parameters to the matrices."""
+        return ParameterMap(self.structure, self.parameters)
+
+    @cached_property
+    def points(self) -> Points:
+        """The points that count, in the order of the residuals."""
+        return Points.of(self.data.omega_rad_s, self.data.values, self.used)
+
+    @cached_property
+    def point_scales(self) -> tuple[FloatArray, FloatArray]:
+        """The scales at these points, each shape ``(n,)``."""
+        magnitude, phase = self.scales
+        return magnitude[self.used], phase[self.used]
+
+    @cached_property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the free parameters, each shape ``(p,)``."""
+        free = [self.parameters[name] for name in self.parameters.free]
+        return np.array([one.lower for one in free]), np.array([one.upper for one in free])
+
+    @cached_property
+    def errors(self) -> ResidualErrors:
+        """What the errors of the data make of the residuals."""
+        return residual_errors(self.data, self.used, self.point_scales)
+
+    def errors_about(self, theta: FloatArray) -> ResidualErrors:
+        """What the errors of the data make of the residuals, about the model at ``theta``."""
+        model = self.structure.response(self.parameters.unpack(theta).values, self.data.omega_rad_s)
+        return residual_errors(self.data, self.used, self.point_scales, model=model)
+
+    def with_parameters(self, parameters: ParameterSet) -> FrequencyProblem:
+        """The same problem with other free parameters or another start."""
+        changed = replace(self, parameters=parameters)
+        # What follows from the data alone need not be worked out again.
+        changed.__dict__.update({name: self.__dict__[name] for name in _OF_THE_DATA if name in self.__dict__})
+        return changed
+
+    def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals whose squares sum to the weighted cost, shape ``(2 n,)``, and their Jacobian ``(2 n, p)``.
+
+        Magnitudes come first, then phases. They are finite also where a response of the model is zero, see
+        :func:`rotorid.fitting.frequency.problem.log_error`, and not a number where it has a pole at a point.
+        """
+        residual, jacobian = self.many_residuals(np.asarray(theta)[None])
+        return residual[0], jacobian[0].T
+
+    def many_residuals(self, thetas: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals of many parameter vectors ``(b, p)``, shape ``(b, 2 n)``, and derivatives ``(b, p, 2 n)``."""
+        error, slope = log_errors(self.parameter_map, thetas, self.points)
+        magnitude, phase = self.point_scales
+        return _weighted(error, magnitude, phase), _weighted(slope, magnitude, phase)
+
+    def many_costs(self, thetas: FloatArray) -> FloatArray:
+        """Sum of the squared residuals for many parameter vectors ``(b, p)``, shape ``(b,)``; infinite at a pole."""
+        return sums_of_squares(self.parameter_map, thetas, self.points, self.point_scales)
+
+    def costs(self, theta: FloatArray) -> FloatArray:
+        """Cost of each response without weights of pairs, shape ``(y, u)``."""
+        model = self.structure.response(self.parameters.unpack(theta).values, self.data.omega_rad_s)
+        return pair_costs(model, self.data.values, self.weights)
+
+
+def _weighted(values: ComplexArray, magnitude: FloatArray, phase: FloatArray) -> FloatArray:
+    """Real and imaginary parts of ``(..., n)`` with their weights, one after the other, shape ``(..., 2 n)``."""
+    parts = np.empty((*values.shape[:-1], 2 * values.shape[-1]))
+    np.multiply(values.real, magnitude, out=parts[..., : magnitude.size])
+    np.multiply(values.imag, phase, out=parts[..., magnitude.size :])
+    return parts
+
+
+def usable_points(
+    data: FrequencyResponse, *, coherence: float, band_rad_s: tuple[float, float] | None = None
+) -> BoolArray:
+    """Points of a response that can be trusted, shape ``(y, u, f)``.
+
+    A point counts where the coherence reaches the limit and the random error stays below 0.3; of these the longest
+    stretch is taken, across dips of up to three points, and within the band that was asked for.
+    """
+    good = (data.coherence >= coherence) & (data.random_error <= _LARGEST_ERROR)
+    if band_rad_s is not None:
+        low, high = band_rad_s
+        good &= (data.omega_rad_s >= low * (1 - 1e-9)) & (data.omega_rad_s <= high * (1 + 1e-9))
+    return np.apply_along_axis(_longest_stretch, -1, good)
+
+
+def _longest_stretch(good: BoolArray) -> BoolArray:
+    index = np.flatnonzero(good)
+    if index.size == 0:
+        return good
+    runs = np.split(index, np.flatnonzero(np.diff(index) > _LONGEST_DIP + 1) + 1)
+    longest = max(runs, key=len)
+    kept = np.zeros_like(good)
+    # A point or two among many are coherent by chance.
+    kept[longest] = longest.size >= min(_FEWEST_POINTS, good.size)
+    return kept

@@ -1,0 +1,1 @@
+"""Inertia, thrust, motor lag and torque from motor outputs."""

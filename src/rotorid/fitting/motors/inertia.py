@@ -1,0 +1,324 @@
+r"""Inertia from acceleration on torque, and from torque on acceleration.
+
+Torque computed from motor outputs has no noise of the gyros; acceleration has. A plain regression of one on the other
+gives two answers for one inertia, whose ratio is the squared correlation:
+
+.. math::
+
+    I_{direct} = \frac{\sum \tau^2}{\sum \tau \dot p}, \qquad
+    I_{reverse} = \frac{\sum \tau \dot p}{\sum \dot p^2} = r^2 \, I_{direct}
+
+The second is too small by all that gusts and noise add to the acceleration; the first too, or too large, where a
+controller answers to them, so that they appear in the torque. Both biases go: errors are whitened, what is left of
+them, :math:`\epsilon`, is independent of the past and of the motors, which depend on the past alone, and the regression
+of whitened acceleration on whitened torque is consistent. Torque on acceleration takes an instrument :math:`z`, what
+the past of the motors, or an injected excitation, tells of the present torque,
+
+.. math:: I_{reverse} = \frac{\sum z \tau}{\sum z \dot p}.
+
+Both answers use different parts of the motion, and agree where the model is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.errors import UsageError
+from rotorid.fitting.motors.fit import Axis, Filter, MotorFit
+from rotorid.models.motors import RATES
+from rotorid.typing import FloatArray
+
+_INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
+_DAMPING = {"p": "L_p", "q": "M_q", "r": "N_r"}
+_PAST_S = (0.05, 0.07, 0.1, 0.14, 0.2, 0.28)
+_MEMORY_S = 0.25
+_TWO_SIDED = 1.96
+_WORTH_SAYING = 0.01
+_TELLING = 0.5
+_LEAST_SHARE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class InertiaRegression(Immutable):
+    """One moment of inertia, by four regressions.
+
+    Parameters
+    ----------
+    axis
+        ``p``, ``q`` or ``r``.
+    parameter
+        ``I_xx``, ``I_yy``, ``I_zz``; ``I_zz/kappa`` where neither of the two is known.
+    unit
+        Of all values.
+    plain
+        By acceleration on torque, and by torque on acceleration, as differences of the measured rate tell it.
+    corrected
+        The same two without their bias.
+    deviations
+        Standard deviations of the corrected ones, at the identified lag and delay.
+    """
+
+    axis: str
+    parameter: str
+    unit: str
+    plain: tuple[float, float]
+    corrected: tuple[float, float]
+    deviations: tuple[float, float]
+
+    @property
+    def explained(self) -> float:
+        """Share of the variance of the measured acceleration that torque explains; the ratio of the plain answers."""
+        return self.plain[1] / self.plain[0]
+
+    @property
+    def biases(self) -> tuple[float, float]:
+        """By how much the plain answers differ from the corrected first one, as a share of it."""
+        return self.plain[0] / self.corrected[0] - 1.0, self.plain[1] / self.corrected[0] - 1.0
+
+    @property
+    def apart(self) -> float:
+        """Difference of the corrected answers in standard deviations of a difference."""
+        return float((self.corrected[1] - self.corrected[0]) / np.hypot(*self.deviations))
+
+    @property
+    def telling(self) -> bool:
+        """Whether the second answer is known well enough to confirm the first."""
+        return self.deviations[1] < _TELLING * abs(self.corrected[1])
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the corrected answers agree within their intervals of 95 %."""
+        return abs(self.apart) <= _TWO_SIDED
+
+
+def inertia_regressions(
+    fit: MotorFit, *, excitations: Sequence[FloatArray | None] = ()
+) -> tuple[InertiaRegression, ...]:
+    """Every inertia of a fit, regressed both ways, plain and corrected.
+
+    Parameters
+    ----------
+    fit
+        Of motors; thrust, lag and delay are taken from it.
+    excitations
+        For every record what was injected, shape ``(n,)`` or ``(signals, n)`` on its clock, which no feedback reaches;
+        ``None``, and by default, the motors' own past is the instrument.
+
+    Returns
+    -------
+    tuple of BothWays
+        In the order of the axes that count in some record, without those that torque does not turn (``kappa`` of zero).
+
+    Raises
+    ------
+    UsageError
+        Excitations are not one for each record, of its length.
+
+    Notes
+    -----
+    Deviations hold for any color that is left in the products of instrument and error (Newey and West, *A Simple,
+    Positive Semi-Definite, Heteroskedasticity and Autocorrelation Consistent Covariance Matrix*, Econometrica 55(3),
+    1987). Lag and delay are held. Where motors move without lag and without slow excitation, their past tells little,
+    and the second answer is wide; see :attr:`BothWays.telling`.
+    """
+    injected = list(excitations) or [None] * len(fit.problem.records)
+    _require(fit, injected)
+    equations = fit.problem.equations(fit.solution.theta)
+    found = []
+    for axis in RATES:
+        rows = [
+            _rows(fit, one, filters[axis], excitation, record.sample_rate_hz, record.rates[RATES.index(axis)])
+            for record, filters, axes, excitation in zip(
+                fit.problem.records, fit.problem.filters, equations, injected, strict=True
+            )
+            for one in axes
+            if one.name == axis and axis in filters and _turned(fit, axis)
+        ]
+        if rows:
+            found.append(_regressed(fit, axis, rows))
+    return tuple(found)
+
+
+def judge_both_ways(found: Sequence[InertiaRegression]) -> list[Finding]:
+    """What an engineer should know of plain and corrected regressions.
+
+    Parameters
+    ----------
+    found
+        Of :func:`inertia_regressions`.
+
+    Examples
+    --------
+    >>> one = InertiaRegression(axis="p", parameter="I_xx", unit="kg m^2",
+    ...                         plain=(0.0102, 0.004), corrected=(0.01, 0.012),
+    ...                deviations=(0.0001, 0.0004))
+    >>> [finding.kind for finding in judge_both_ways([one])]
+    ['noisy_acceleration', 'both_ways_disagree']
+    """
+    findings = []
+    for one in found:
+        if max(map(abs, one.biases)) > _WORTH_SAYING:
+            findings.append(_noisy(one))
+        if not one.agrees:
+            findings.append(_disagreeing(one))
+    return findings
+
+
+class _Rows(NamedTuple):
+    """One record: what torque does (``plain_torque``) and what was measured, plain and whitened, and the instrument."""
+
+    plain_torque: FloatArray
+    plain_motion: FloatArray
+    torque: FloatArray
+    motion: FloatArray
+    instrument: FloatArray
+    memory: int
+
+
+def _rows(
+    fit: MotorFit, axis: Axis, shape: Filter, excitation: FloatArray | None, rate_hz: float, rate: FloatArray
+) -> _Rows:
+    names = fit.parameters.names
+    value = fit.parameters[_INERTIA[axis.name]].value
+    # Torque by inertia is inverse to the inertia, and proportional to kappa by inertia.
+    share = axis.slopes[names.index(_INERTIA[axis.name])] * (value if axis.name == "r" else -value)
+    damped = axis.predicted - share
+    known = [rate[:-1]] if fit.parameters[_DAMPING[axis.name]].status == "free" else []
+    # Nearer than the lag of a motor the past is the present: the two regressions would be one.
+    past = [round(lag_s * rate_hz) for lag_s in _PAST_S]
+    lags = past if excitation is None else [0, *past]
+    sources = share[None] if excitation is None else np.atleast_2d(excitation)[:, :-1]
+    late = [np.concatenate([np.full(lag, row[0]), row[: row.size - lag]]) for row in sources for lag in lags]
+    filtered = shape(np.stack([share, axis.measured - damped, *known, *late]))[:, max(past) :]
+    filtered = filtered - filtered.mean(axis=1, keepdims=True)
+    beside, tellers = filtered[2 : 2 + len(known)], filtered[2 + len(known) :]
+    torque, motion, *others = _beside(np.vstack([filtered[:2], tellers]), beside)
+    return _Rows(
+        plain_torque=share - share.mean(),
+        plain_motion=axis.measured - damped - (axis.measured - damped).mean(),
+        torque=torque,
+        motion=motion,
+        instrument=_told(torque, np.stack(others)),
+        memory=max(1, round(_MEMORY_S * rate_hz)),
+    )
+
+
+def _beside(rows: FloatArray, known: FloatArray) -> FloatArray:
+    """Rows without what the damping, whose size is not known, may explain of them."""
+    if not known.size:
+        return rows
+    solved = np.linalg.lstsq(known.T, rows.T, rcond=None)[0]
+    left: FloatArray = rows - solved.T @ known
+    return left
+
+
+def _told(torque: FloatArray, tellers: FloatArray) -> FloatArray:
+    """What the tellers say of the torque."""
+    size = np.linalg.norm(tellers, axis=1, keepdims=True)
+    scaled = tellers / np.where(size > 0.0, size, 1.0)
+    told: FloatArray = np.linalg.lstsq(scaled.T, torque, rcond=_LEAST_SHARE)[0] @ scaled
+    return told
+
+
+def _regressed(fit: MotorFit, axis: str, rows: Sequence[_Rows]) -> InertiaRegression:
+    parameter, unit, value = _stated(fit, axis)
+    torque, motion = (np.concatenate([getattr(one, name) for one in rows]) for name in ("plain_torque", "plain_motion"))
+    common = float(torque @ motion)
+    plain = value * float(torque @ torque) / common, value * common / float(motion @ motion)
+    direct = sum(one.torque @ one.torque for one in rows) / sum(one.torque @ one.motion for one in rows)
+    moved = sum(float(one.instrument @ one.motion) for one in rows)
+    reverse = sum(one.instrument @ one.torque for one in rows) / moved
+    spread = np.sqrt(sum(_spread(one.torque * (one.motion - one.torque / direct), one.memory) for one in rows))
+    through = np.sqrt(sum(_spread(one.instrument * (one.torque - reverse * one.motion), one.memory) for one in rows))
+    size = sum(float(one.torque @ one.torque) for one in rows)
+    return InertiaRegression(
+        axis=axis,
+        parameter=parameter,
+        unit=unit,
+        plain=plain,
+        corrected=(float(value * direct), float(value * reverse)),
+        deviations=(float(value * direct**2 * spread / size), float(value * through / abs(moved))),
+    )
+
+
+def _turned(fit: MotorFit, axis: str) -> bool:
+    """Whether torque turns an axis at all; where it does not, no inertia follows."""
+    names = (_INERTIA[axis], "I_zz") if axis == "r" else (_INERTIA[axis],)
+    return all(fit.parameters[name].value != 0.0 for name in names if name in fit.parameters.names)
+
+
+def _stated(fit: MotorFit, axis: str) -> tuple[str, str, float]:
+    """Name, unit and identified value of an inertia."""
+    parameters = fit.parameters
+    if axis != "r":
+        return _INERTIA[axis], "kg m^2", parameters[_INERTIA[axis]].value
+    if "I_zz" in parameters.names:
+        return "I_zz", "kg m^2", parameters["I_zz"].value
+    return "I_zz/kappa", "kg m", 1.0 / parameters["kappa_per_I_zz"].value
+
+
+def _spread(products: FloatArray, memory: int) -> float:
+    """Variance of the sum of products that go together over some samples, by Newey and West."""
+    total = float(products @ products)
+    for lag in range(1, min(memory, products.size - 1) + 1):
+        total += 2.0 * (1.0 - lag / (memory + 1.0)) * float(products[lag:] @ products[:-lag])
+    return max(total, 0.0)
+
+
+def _require(fit: MotorFit, injected: Sequence[FloatArray | None]) -> None:
+    if len(injected) != len(fit.problem.records):
+        raise UsageError(f"{len(injected)} excitations came for {len(fit.problem.records)} records", needed="as many")
+    for record, one in zip(fit.problem.records, injected, strict=True):
+        if one is not None and np.atleast_2d(one).shape[-1] != record.samples:
+            raise UsageError(
+                f"{np.atleast_2d(one).shape[-1]} samples of an excitation came for {record.name}",
+                needed=f"{record.samples}, as the record has",
+            )
+
+
+def _noisy(one: InertiaRegression) -> Finding:
+    direct, reverse = one.biases
+    return remark(
+        "noisy_acceleration",
+        one.parameter,
+        f"Plain regression would state {one.parameter} {_off(direct)} from acceleration on torque and "
+        f"{_off(reverse)} from torque on acceleration: torque explains {100.0 * one.explained:.3g} % of the measured "
+        f"acceleration, noise and gusts the rest. Corrected, the two state {_pair(one)}.",
+        bias_direct=direct,
+        bias_reverse=reverse,
+        explained=one.explained,
+        direct=one.corrected[0],
+        reverse=one.corrected[1],
+        direct_std=one.deviations[0],
+        reverse_std=one.deviations[1],
+    )
+
+
+def _disagreeing(one: InertiaRegression) -> Finding:
+    return warn(
+        "both_ways_disagree",
+        one.parameter,
+        f"Acceleration on torque and torque on acceleration state {_pair(one)} for {one.parameter}, "
+        f"{abs(one.apart):.1f} standard deviations apart: the slow motion that the past foretells goes another way "
+        "than the fast one; lag, delay or damping are not as modelled, or the outputs not what the motors received.",
+        direct=one.corrected[0],
+        reverse=one.corrected[1],
+        direct_std=one.deviations[0],
+        reverse_std=one.deviations[1],
+        apart=one.apart,
+    )
+
+
+def _off(share: float) -> str:
+    return f"{100.0 * abs(share):.2g} % too {'large' if share > 0.0 else 'small'}"
+
+
+def _pair(one: InertiaRegression) -> str:
+    (first, second), (near, far) = one.corrected, one.deviations
+    return f"{first:.4g} ± {_TWO_SIDED * near:.1g} and {second:.4g} ± {_TWO_SIDED * far:.1g} {one.unit}"

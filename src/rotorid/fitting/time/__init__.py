@@ -1,0 +1,1 @@
+"""Models fitted to time histories: output error, prediction error, nonlinear equations."""

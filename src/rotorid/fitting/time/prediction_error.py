@@ -1,0 +1,800 @@
+r"""Fit a structure to one-step predictions: the prediction-error method, unbiased on closed-loop data.
+
+The predictor of :mod:`rotorid.simulation.predictor` follows the measured outputs with the gain of a Kalman filter,
+which :mod:`rotorid.fitting.time.noise_model` computes from a noise model of few parameters. Whatever the feedback makes
+of the past is known to it, so what it cannot predict depends on no input: estimates are consistent in closed loop, as
+long as the noise model can take the shape of the noise. The vehicle may be unstable; its predictor is not.
+
+Prediction error: maximum likelihood of what a predictor that follows the vehicle does not foresee.
+
+Products of unknowns, slopes and residuals of a record, gathered piece by piece: all that least squares needs.
+
+What a prediction-error fit answers.
+
+A model together with what disturbs it: its own states and those of the gusts, on the samples of a record.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple, get_args
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Outcome, Solution, best_of
+from rotorid.fitting.time.noise_model import (
+    NoiseLevels,
+    NoiseModel,
+    Predictor,
+    gain_slopes,
+    noise_model,
+    steady_predictor,
+)
+from rotorid.fitting.time.output_error import InitialCondition, Part, TimeData, require_records
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.state_space import StateSpace
+from rotorid.models.structure import LinearStructure
+from rotorid.simulation.linear import Hold
+from rotorid.simulation.predictor import (
+    Innovations,
+    SampledModel,
+    free_innovations,
+    innovation_slopes,
+    innovations,
+    sampled_model,
+)
+from rotorid.simulation.sensitivity import Slopes
+from rotorid.typing import ComplexArray, FloatArray
+
+_SAME_DIRECTION = 1e-10
+"""Of squares: unknowns that differ by less than a hundred thousandth of their effect are one."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Gram:
+    """A sum of products, which grows.
+
+    Parameters
+    ----------
+    products
+        Of all columns with each other: unknowns, slopes, residual, shape ``(k + p + 1, k + p + 1)``.
+    unknowns
+        k.
+    """
+
+    products: FloatArray
+    unknowns: int
+
+    @classmethod
+    def empty(cls, unknowns: int, parameters: int) -> Gram:
+        """No samples yet."""
+        size = unknowns + parameters + 1
+        return cls(products=np.zeros((size, size)), unknowns=unknowns)
+
+    def add(self, unknown: FloatArray, slopes: FloatArray, residual: FloatArray) -> None:
+        """Add some samples: shapes ``(m, y, k)``, ``(m, y, p)`` and ``(m, y)``."""
+        columns = np.concatenate([unknown, slopes, residual[:, :, None]], axis=2).reshape(-1, len(self.products))
+        self.products += columns.T @ columns
+
+    def beside(self) -> FloatArray:
+        """Products of slopes and residual in what the unknowns leave, shape ``(p + 1, p + 1)``."""
+        k = self.unknowns
+        inner, cross, rest = self.products[:k, :k], self.products[:k, k:], self.products[k:, k:]
+        if k == 0 or not np.isfinite(self.products).all():
+            return rest
+        size = np.sqrt(np.where(inner.diagonal() > 0.0, inner.diagonal(), 1.0))
+        values, vectors = np.linalg.eigh(inner / np.outer(size, size))
+        seen = values > _SAME_DIRECTION * values[-1]
+        taken = (vectors[:, seen].T @ (cross / size[:, None])) / np.sqrt(values[seen])[:, None]
+        return np.asarray(rest - taken.T @ taken)
+
+
+class Followed(NamedTuple):
+    """A model with its predictor at one sample rate.
+
+    Parameters
+    ----------
+    model
+        On the samples, with derivatives by the parameters of model and noise.
+    steady
+        The predictor.
+    dgain
+        Derivatives of its gain, shape ``(p, x, y)``.
+    """
+
+    model: SampledModel
+    steady: Predictor
+    dgain: FloatArray
+
+
+def follow(
+    system: StateSpace, slopes: Slopes, noise: NoiseModel, theta: FloatArray, *, sample_rate_hz: float, hold: Hold
+) -> Followed:
+    """Give a model its best predictor under some noise.
+
+    Parameters
+    ----------
+    system, slopes
+        The model and its derivatives along the model's own directions.
+    noise, theta
+        The noise model and its parameters.
+    sample_rate_hz, hold
+        As in :func:`rotorid.simulation.predictor.sampled_model`.
+
+    Raises
+    ------
+    ModelError
+        There is no stable predictor, or the model cannot be put on samples.
+    """
+    levels = noise.at(theta)
+    whole, moves = _with_gusts(system, slopes, noise, levels)
+    model = sampled_model(whole, moves, sample_rate_hz=sample_rate_hz, hold=hold)
+    process, dprocess = _process(whole, moves, noise, levels, 1.0 / sample_rate_hz)
+    steady = steady_predictor(model.step.transition, model.C, process, levels.sensors)
+    dgain = gain_slopes(
+        steady,
+        model.step.transition,
+        model.C,
+        dtransition=model.tangent.transition,
+        dmeasured=model.dC,
+        dprocess=dprocess,
+        dsensor=_after(levels.dsensors, len(dprocess)),
+    )
+    return Followed(model=model, steady=steady, dgain=dgain)
+
+
+def _after(slopes: FloatArray, count: int) -> FloatArray:
+    """Derivatives along the noise's directions, after those of the model, along which they are zero."""
+    padded = np.zeros((count, *slopes.shape[1:]))
+    padded[count - len(slopes) :] = slopes
+    return padded
+
+
+def _with_gusts(
+    system: StateSpace, slopes: Slopes, noise: NoiseModel, levels: NoiseLevels
+) -> tuple[StateSpace, Slopes]:
+    order, gusts = len(system.F), len(levels.gusts)
+    count = len(slopes.F) + len(levels.dsensors)
+    here = order + np.arange(gusts)
+    F = _grown(system.F, gusts, gusts)
+    F[list(noise.disturbed)[:gusts], here] = 1.0
+    F[here, here] = -1.0 / levels.correlation_s
+    M = _grown(system.M, gusts, gusts)
+    M[here, here] = 1.0
+    dF = _longer(_grown(slopes.F, gusts, gusts), count)
+    dF[len(slopes.F) :, here, here] = (levels.dcorrelation_s / levels.correlation_s**2)[:, None]
+    # A constant wind is one more input to each disturbed equation.
+    G = _grown(system.G, gusts, len(noise.disturbed))
+    G[list(noise.disturbed), system.G.shape[1] + np.arange(len(noise.disturbed))] = 1.0
+    whole = StateSpace(
+        M=M,
+        F=F,
+        G=G,
+        H0=_grown(system.H0, 0, gusts),
+        H1=_grown(system.H1, 0, gusts),
+        input_delays_s=np.append(system.input_delays_s, np.zeros(len(noise.disturbed))),
+        output_delays_s=system.output_delays_s,
+    )
+    still = np.zeros((len(slopes.F), len(noise.disturbed)))
+    moves = Slopes(
+        M=_longer(_grown(slopes.M, gusts, gusts), count),
+        F=dF,
+        G=_longer(_grown(slopes.G, gusts, len(noise.disturbed)), count),
+        H0=_longer(_grown(slopes.H0, 0, gusts), count),
+        H1=_longer(_grown(slopes.H1, 0, gusts), count),
+        input_delays_s=_longer(np.hstack([slopes.input_delays_s, still]), count),
+        output_delays_s=_longer(slopes.output_delays_s, count),
+    )
+    return whole, moves
+
+
+def _grown(matrix: FloatArray, rows: int, columns: int) -> FloatArray:
+    """A matrix, or many of them, with rows and columns of zeros after its own."""
+    grown = np.zeros((*matrix.shape[:-2], matrix.shape[-2] + rows, matrix.shape[-1] + columns))
+    grown[..., : matrix.shape[-2], : matrix.shape[-1]] = matrix
+    return grown
+
+
+def _longer(slopes: FloatArray, count: int) -> FloatArray:
+    """Derivatives along the model's directions, before those of the noise, along which they are zero."""
+    padded = np.zeros((count, *slopes.shape[1:]))
+    padded[: len(slopes)] = slopes
+    return padded
+
+
+def _process(
+    system: StateSpace, slopes: Slopes, noise: NoiseModel, levels: NoiseLevels, step_s: float
+) -> tuple[FloatArray, FloatArray]:
+    r"""What disturbs the state in one step, and its derivatives.
+
+    The gusts are stationary, so a step brings what it decays by, :math:`(1 - e^{-2h/T}) \Sigma`. What a gust or a jolt
+    has done within the step in which it arose is left out, an error of the order of the step.
+    """
+    order, gusts = len(system.F), len(levels.gusts)
+    own = order - gusts
+    process, dprocess = np.zeros((order, order)), np.zeros((len(slopes.F), order, order))
+    after = len(slopes.F) - len(levels.dsensors)
+    kept = np.exp(-2.0 * step_s / levels.correlation_s)
+    dkept = kept * 2.0 * step_s / levels.correlation_s**2 * levels.dcorrelation_s
+    process[own:, own:] = (1.0 - kept) * levels.gusts
+    dprocess[after:, own:, own:] = (1.0 - kept) * levels.dgusts - dkept[:, None, None] * levels.gusts
+    inverse = np.linalg.inv(system.M)
+    reach = inverse[:, list(noise.disturbed)]
+    dreach = -(inverse @ slopes.M @ reach)
+    process += step_s * (reach * levels.jolts) @ reach.T
+    half = step_s * (dreach * levels.jolts) @ reach.T
+    dprocess += half + half.swapaxes(1, 2)
+    dprocess[after:] += step_s * (reach * levels.djolts[:, None, :]) @ reach.T
+    return process, dprocess
+
+
+_REWEIGHTED, _AT_REST = 30, 1e-9
+
+
+class _Run(NamedTuple):
+    """One record with its predictor: innovations from rest, and how the unknowns ``(n, y, k)`` move them."""
+
+    record: TimeData
+    followed: Followed
+    values: FloatArray
+    unknown: FloatArray
+
+
+class Settled(NamedTuple):
+    r"""All records with what was unknown of each estimated.
+
+    Parameters
+    ----------
+    followed
+        The predictor of each record.
+    runs
+        What it makes of it.
+    inputs
+        Inputs with the constants after them.
+    unknown
+        How the unknowns move the innovations, shape ``(n, y, k)``.
+    covariance
+        :math:`\hat R`, shape ``(y, y)``.
+    """
+
+    followed: list[Followed]
+    runs: list[Innovations]
+    inputs: list[tuple[FloatArray, FloatArray]]
+    unknown: list[FloatArray]
+    covariance: FloatArray
+
+    @property
+    def whitening(self) -> FloatArray:
+        """A square root of the inverse of the covariance."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+
+    def slopes(self, record: int) -> Iterator[FloatArray]:
+        """Derivatives of the whitened innovations of one record, piece by piece."""
+        u, before = self.inputs[record]
+        one = self.followed[record]
+        return innovation_slopes(
+            one.model, one.steady.gain, one.dgain, self.runs[record], u, before=before, whitening=self.whitening
+        )
+
+    def gram(self, record: int) -> Gram:
+        """Products of whitened unknowns, slopes and innovations of one record."""
+        W, values, unknown = self.whitening, self.runs[record].values, self.unknown[record]
+        gram = Gram.empty(unknown.shape[2], len(self.followed[record].dgain))
+        first = 0
+        for slopes in self.slopes(record):
+            here = slice(first, first + len(slopes))
+            gram.add(np.matmul(W, unknown[here]), slopes, values[here] @ W.T)
+            first = here.stop
+        return gram
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InnovationsProblem(Immutable):
+    r"""Fit a linear structure and a noise model to the innovations of their predictor.
+
+    .. math:: \min_\theta \; N \log\det \hat R(\theta), \qquad \hat R = \frac1N \sum_k e_k e_k^T
+
+    which is maximum likelihood for Gaussian noise whose covariance is free. Initial states, constants in the disturbed
+    equations and output shifts enter linearly and are solved for at every :math:`\theta`, for each record.
+
+    Parameters
+    ----------
+    structure
+        Its inputs and outputs name the rows of the records. No output may be late.
+    parameters
+        Which parameters are free, and from where to start.
+    records
+        What was measured, at full rate: a predictor needs every sample that the controller answered.
+    noise
+        The noise model; by default gusts and jolts on every equation with a parameter.
+    hold
+        What the inputs do between their samples: ``first`` for samples of a smooth command, ``zero`` for a command as
+        it was held. A wrong one moves the delays by half a sample.
+    unknowns
+        What is estimated beside the parameters, for each record.
+
+    Raises
+    ------
+    UsageError
+        A record has other rows than the structure, there is none, or a model delays an output.
+    """
+
+    structure: LinearStructure
+    parameters: ParameterSet
+    records: tuple[TimeData, ...]
+    noise: NoiseModel | None = None
+    hold: Hold = "first"
+    unknowns: tuple[InitialCondition, ...] = ("initial_state", "output_shift", "state_bias")
+
+    def __post_init__(self) -> None:
+        require_records(
+            self.records,
+            inputs=self.structure.inputs,
+            outputs=self.structure.outputs,
+            unknowns=self.unknowns,
+            known=get_args(InitialCondition),
+        )
+        noise = self.noise or noise_model(self.structure, self.parameters, self.records)
+        self._set(records=tuple(self.records), noise=noise, unknowns=tuple(self.unknowns))
+
+    @property
+    def noise_model(self) -> NoiseModel:
+        """The noise model."""
+        assert self.noise is not None
+        return self.noise
+
+    @cached_property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the free parameters and of those of the noise, each shape ``(p,)``."""
+        free = [self.parameters[name] for name in self.parameters.free]
+        lower, upper = self.noise_model.box
+        return np.array([*(one.lower for one in free), *lower]), np.array([*(one.upper for one in free), *upper])
+
+    @property
+    def start(self) -> FloatArray:
+        """The parameters as they are, and noise of its natural size, shape ``(p,)``."""
+        return self.theta()
+
+    def theta(self, noise: FloatArray | None = None) -> FloatArray:
+        """The parameters as they are with those of a noise, shape ``(p,)``."""
+        return np.concatenate([self.parameters.pack(), self.noise_model.start if noise is None else noise])
+
+    @property
+    def samples(self) -> int:
+        """Samples of all records together."""
+        return sum(record.samples for record in self.records)
+
+    def with_parameters(self, parameters: ParameterSet) -> InnovationsProblem:
+        """The same problem with other free parameters or another start."""
+        return replace(self, parameters=parameters)
+
+    def without_gusts(self) -> InnovationsProblem:
+        """The same problem with jolts only."""
+        return replace(self, noise=replace(self.noise_model, gusts=False))
+
+    def split(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The parameters of the model and those of the noise."""
+        count = len(self.parameters.free)
+        return theta[:count], theta[count:]
+
+    def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        r"""Residual of ``p + 1`` elements and its Jacobian: those of all innovations, condensed.
+
+        Their products are those of the innovations :math:`s^{1/2} \hat R^{-1/2} e` with
+        :math:`s = (\det \hat R / \det R_0)^{1/y}`. So the sum of squares is :math:`N y s`, which falls with the
+        likelihood's :math:`N \log\det \hat R`, and the gradient is that of it: a least-squares solver minimizes the
+        determinant without rounds of weights.
+
+        Both are not a number where there is no predictor, so that a search turns back.
+        """
+        try:
+            settled = self.settled(theta)
+        except ModelError:
+            return np.full(theta.size + 1, np.nan), np.full((theta.size + 1, theta.size), np.nan)
+        grams = [settled.gram(record).beside() for record in range(len(self.records))]
+        total = sum(grams, start=np.zeros((theta.size + 1, theta.size + 1)))
+        root = self._size(settled.covariance) * _root(total)
+        return root[:, -1], root[:, :-1]
+
+    def cost(self, theta: FloatArray) -> float:
+        """The sum of squares alone; infinite where there is no predictor."""
+        try:
+            size = self._size(self.settled(theta).covariance)
+        except ModelError:
+            return float(np.inf)
+        return self.samples * len(self.structure.outputs) * size**2
+
+    def _size(self, covariance: FloatArray) -> float:
+        """How large the innovations are, against the natural noise of the sensors."""
+        reference = 2.0 * np.sum(np.log(self.noise_model.sensors))
+        return float(np.exp(0.5 * (np.linalg.slogdet(covariance)[1] - reference) / len(covariance)))
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def settled(self, theta: FloatArray) -> Settled:
+        """The predictor over every record, with the unknowns that fit it best.
+
+        Raises
+        ------
+        ModelError
+            There is no stable predictor.
+        """
+        runs = self._from_rest(theta)
+        covariance, unknown = self._estimate(runs)
+        inputs, again = [], []
+        for one, beta in zip(runs, unknown, strict=True):
+            start, constants, shifts = self._told_apart(beta, len(one.followed.steady.gain))
+            u = _with_constants(one.record.inputs, constants)
+            before = np.append(np.asarray(one.record.before), constants)
+            y = one.record.outputs - shifts[:, None]
+            model, gain = one.followed.model, one.followed.steady.gain
+            again.append(innovations(model, gain, u, y, before=before, start=start))
+            inputs.append((u, before))
+        return Settled([one.followed for one in runs], again, inputs, [one.unknown for one in runs], covariance)
+
+    def _from_rest(self, theta: FloatArray) -> list[_Run]:
+        model, noise = self.split(theta)
+        parameters = self.parameters.unpack(model)
+        system, slopes = self.structure.matrices_and_jacobian(parameters.values, parameters.directions)
+        known: dict[float, Followed] = {}
+        found = []
+        for record in self.records:
+            rate = record.sample_rate_hz
+            if rate not in known:
+                known[rate] = follow(
+                    system, Slopes(*slopes), self.noise_model, noise, sample_rate_hz=rate, hold=self.hold
+                )
+            one = known[rate]
+            still = np.zeros(len(self.noise_model.disturbed))
+            run = innovations(
+                one.model,
+                one.steady.gain,
+                _with_constants(record.inputs, still),
+                record.outputs,
+                before=np.append(np.asarray(record.before), still),
+                start=np.zeros(len(one.steady.gain)),
+            )
+            free = free_innovations(one.model, one.steady.gain, record.samples, constants=still.size)
+            found.append(_Run(record, one, run.values, free[:, :, self._columns(len(one.steady.gain))]))
+        return found
+
+    def _columns(self, order: int) -> list[int]:
+        """Which of the free motions are unknown: starts, constants in the disturbed equations, shifts."""
+        disturbed, outputs = len(self.noise_model.disturbed), len(self.structure.outputs)
+        # Gusts begin at their mean: a start of their own would be known no better.
+        columns = list(range(len(self.structure.states))) if "initial_state" in self.unknowns else []
+        if "state_bias" in self.unknowns:
+            columns += range(order, order + disturbed)
+        if "output_shift" in self.unknowns:
+            columns += range(order + disturbed, order + disturbed + outputs)
+        return columns
+
+    def _told_apart(self, beta: FloatArray, order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Start, constants and shifts; zero where they are not unknown."""
+        disturbed, outputs = len(self.noise_model.disturbed), len(self.structure.outputs)
+        whole = np.zeros(order + disturbed + outputs)
+        whole[self._columns(order)] = beta
+        return whole[:order], whole[order : order + disturbed], whole[order + disturbed :]
+
+    def _estimate(self, runs: list[_Run]) -> tuple[FloatArray, list[FloatArray]]:
+        r"""Covariance :math:`\hat R` of the innovations beside all unknowns, and the unknowns of each record."""
+        R = np.diag(self.noise_model.sensors**2)
+        for _ in range(_REWEIGHTED):
+            W, before = np.linalg.inv(np.linalg.cholesky(R)), R
+            unknown = [_unknowns(one, W) for one in runs]
+            left = [one.values + one.unknown @ beta for one, beta in zip(runs, unknown, strict=True)]
+            R = sum((e.T @ e for e in left), start=np.zeros_like(W)) / self.samples
+            if not np.isfinite(R).all() or np.linalg.eigvalsh(R).min() <= 0.0:
+                raise ModelError("the innovations are no numbers or have no covariance", remedy="give another start")
+            if np.abs(W @ (R - before) @ W.T).max() <= _AT_REST:
+                break
+        return R, unknown
+
+    def parts(self, theta: FloatArray) -> list[Part]:
+        """Each record with whitened innovations beside all unknowns and their slopes, in full."""
+        settled = self.settled(theta)
+        W, found = settled.whitening, []
+        for record, (run, unknown) in enumerate(zip(settled.runs, settled.unknown, strict=True)):
+            slopes = np.concatenate(list(settled.slopes(record)))
+            basis = _basis(np.matmul(W, unknown))
+            residual = run.values @ W.T
+            found.append(Part(_without(residual[..., None], basis)[..., 0], _without(slopes, basis), basis))
+        return found
+
+
+def _with_constants(u: FloatArray, constants: FloatArray) -> FloatArray:
+    return np.vstack([u, np.repeat(constants[:, None], u.shape[1], axis=1)])
+
+
+def _unknowns(one: _Run, whitening: FloatArray) -> FloatArray:
+    """What fits the innovations best, shape ``(k,)``."""
+    count = one.unknown.shape[2]
+    columns = np.matmul(whitening, one.unknown).reshape(-1, count)
+    normal, right = columns.T @ columns, columns.T @ (one.values @ whitening.T).ravel()
+    size = np.sqrt(np.where(normal.diagonal() > 0.0, normal.diagonal(), 1.0))
+    if not (np.isfinite(normal).all() and np.isfinite(right).all()):
+        raise ModelError("the innovations are no numbers", remedy="give another start")
+    return np.asarray(-np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=1e-10)[0] / size)
+
+
+def _basis(columns: FloatArray) -> FloatArray:
+    """Orthonormal basis of what the unknowns can explain, shape ``(n, y, k)``."""
+    flat = columns.reshape(-1, columns.shape[2])
+    size = np.linalg.norm(flat, axis=0)
+    left, values, _ = np.linalg.svd(flat[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    seen = values > 1e-5 * values.max(initial=0.0)
+    return np.asarray(left[:, seen].reshape(*columns.shape[:2], -1), dtype=np.float64)
+
+
+def _without(columns: FloatArray, basis: FloatArray) -> FloatArray:
+    flat, span = columns.reshape(-1, columns.shape[2]), basis.reshape(-1, basis.shape[2])
+    return np.asarray((flat - span @ (span.T @ flat)).reshape(columns.shape))
+
+
+def _root(gram: FloatArray) -> FloatArray:
+    """A square matrix whose columns have the products of ``gram``."""
+    size = np.sqrt(np.where(gram.diagonal() > 0.0, gram.diagonal(), 1.0))
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size)
+
+
+_WHITE_S = 0.5
+_CHANCE_5_PERCENT = 1.959964
+_FLAT = 1e-9
+
+
+class Whiteness(NamedTuple):
+    """What is left in the innovations of one output: white ones have nothing.
+
+    Parameters
+    ----------
+    largest
+        Largest magnitude of the autocorrelation over half a second.
+    outside
+        Share of those lags beyond the limits of 5 % chance; about 0.05 of white innovations.
+    lags
+        How many lags there are.
+    """
+
+    largest: float
+    outside: float
+    lags: int
+
+
+class NoiseFound(NamedTuple):
+    """The noise that was identified, in SI units.
+
+    Parameters
+    ----------
+    gust_correlation_s
+        Correlation time, ``None`` without gusts.
+    gusts
+        Standard deviation of the gust in each disturbed equation.
+    jolts
+        Root of the two-sided spectral density of the jolts in each.
+    sensors
+        Standard deviation of each sensor. One that the predictor does not listen to only has a least value.
+    """
+
+    gust_correlation_s: float | None
+    gusts: Mapping[str, float]
+    jolts: Mapping[str, float]
+    sensors: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictionErrorFit(Immutable):
+    r"""End of a prediction-error fit.
+
+    Parameters
+    ----------
+    problem
+        What was fitted.
+    solution
+        Parameters of the model, then those of the noise. Residual and Jacobian are condensed, see
+        :meth:`rotorid.fitting.time.prediction_error.InnovationsProblem.residuals`.
+    gain
+        K, states of the model and of the gusts against outputs, shape ``(x, y)``; of the first record's rate.
+    noise_covariance
+        :math:`\hat R` of the innovations, shape ``(y, y)``.
+    predictor_poles
+        Of the predictor, inside the unit circle, shape ``(x,)``; of the first record's rate.
+    information
+        Fisher's information of the parameters of model and noise at the identified noise, shape ``(p, p)``.
+    whiteness
+        Output name to what is left in its innovations.
+    log_likelihood
+        Of the innovations, were they Gaussian.
+    noise
+        What disturbs the vehicle and its sensors.
+    """
+
+    problem: InnovationsProblem
+    solution: Solution
+    gain: FloatArray
+    noise_covariance: FloatArray
+    predictor_poles: ComplexArray
+    information: FloatArray
+    whiteness: Mapping[str, Whiteness]
+    log_likelihood: float
+    noise: NoiseFound
+
+    def __post_init__(self) -> None:
+        self._set(
+            gain=read_only(self.gain, np.float64, ndim=2),
+            noise_covariance=read_only(self.noise_covariance, np.float64, ndim=2),
+            predictor_poles=read_only(self.predictor_poles, np.complex128, ndim=1),
+            information=read_only(self.information, np.float64, ndim=2),
+            whiteness=self.whiteness,
+        )
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """The identified values of the model."""
+        return self.problem.parameters.unpack(self.problem.split(self.solution.theta)[0])
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        r"""Fisher's covariance of the free parameters of the model, the noise estimated with them, ``(p, p)``.
+
+        It holds for white innovations. What color is left is told by :attr:`whiteness`, and corrected for by
+        :func:`rotorid.uncertainty.colored.colored_covariance` of :meth:`InnovationsProblem.parts`.
+        """
+        count = len(self.problem.parameters.free)
+        lower, upper = self.problem.box
+        # A noise on its bound has no effect any more, and none on what is known of the model.
+        inside = (self.solution.theta > lower) & (self.solution.theta < upper)
+        kept = inside | (np.arange(inside.size) < count)
+        information = self.information[np.ix_(kept, kept)]
+        size = np.sqrt(np.where(information.diagonal() > 0.0, information.diagonal(), 1.0))
+        inverse = np.linalg.pinv(information / np.outer(size, size), rcond=_FLAT, hermitian=True)
+        return np.asarray((inverse / np.outer(size, size))[:count, :count])
+
+    @property
+    def std(self) -> Mapping[str, float]:
+        """One standard deviation of each free parameter, in its unit."""
+        return dict(zip(self.problem.parameters.free, np.sqrt(self.covariance.diagonal()).tolist(), strict=True))
+
+    @property
+    def others(self) -> tuple[Minimum, ...]:
+        """Other minima that the search met, best first."""
+        return self.solution.others
+
+
+def answer(problem: InnovationsProblem, solution: Solution) -> PredictionErrorFit:
+    """A solution with all that follows from it."""
+    settled = problem.settled(solution.theta)
+    steady, covariance = settled.followed[0].steady, settled.covariance
+    # The condensed Jacobian carries the size of the innovations; at their own covariance it is one.
+    count = problem.samples * len(problem.structure.outputs)
+    information = solution.jacobian.T @ solution.jacobian * (count / solution.cost)
+    return PredictionErrorFit(
+        problem=problem,
+        solution=solution,
+        gain=steady.gain,
+        noise_covariance=covariance,
+        predictor_poles=np.linalg.eigvals(steady.closed).astype(np.complex128),
+        information=information,
+        whiteness=_whiteness(problem, settled),
+        log_likelihood=-0.5 * problem.samples * _entropy(covariance),
+        noise=_noise(problem, solution.theta, settled),
+    )
+
+
+def _entropy(covariance: FloatArray) -> float:
+    return float(np.linalg.slogdet(covariance)[1]) + len(covariance) * (1.0 + math.log(2.0 * math.pi))
+
+
+def _whiteness(problem: InnovationsProblem, settled: Settled) -> dict[str, Whiteness]:
+    lags = max(1, round(_WHITE_S * min(record.sample_rate_hz for record in problem.records)))
+    found = {}
+    for row, name in enumerate(problem.structure.outputs):
+        parts = [run.values[:, row] for run in settled.runs]
+        power = sum(float(one @ one) for one in parts)
+        products = [sum(float(one[lag:] @ one[:-lag]) for one in parts) / power for lag in range(1, lags + 1)]
+        limit = _CHANCE_5_PERCENT / math.sqrt(problem.samples)
+        magnitude = np.abs(products)
+        found[name] = Whiteness(float(magnitude.max()), float(np.mean(magnitude > limit)), lags)
+    return found
+
+
+def _noise(problem: InnovationsProblem, theta: FloatArray, settled: Settled) -> NoiseFound:
+    model = problem.noise_model
+    levels = model.at(problem.split(theta)[1])
+    # The predictor knows ratios only; the innovations tell the size of all noise.
+    size = math.sqrt(
+        np.trace(np.linalg.solve(settled.followed[0].steady.innovation, settled.covariance)) / len(settled.covariance)
+    )
+    states = [problem.structure.states[row] for row in model.disturbed]
+    gusts = (np.sqrt(levels.gusts.diagonal()) * size).tolist()
+    return NoiseFound(
+        gust_correlation_s=levels.correlation_s if model.gusts else None,
+        gusts=dict(zip(states, gusts, strict=True)) if model.gusts else {},
+        jolts=dict(zip(states, (np.sqrt(levels.jolts) * size).tolist(), strict=True)) if model.jolts else {},
+        sensors=dict(zip(problem.structure.outputs, (np.sqrt(levels.sensors) * size).tolist(), strict=True)),
+    )
+
+
+_SIZES, _TIMES_S = (0.03, 0.3, 3.0, 30.0), (0.1, 1.0)
+"""Gusts that are tried: how large against their natural size, and how long they last."""
+
+_ITERATIONS, _TOLERANCE = 60, 1e-8
+_NO_MORE_TO_GAIN = 1e-2
+"""Of twice the logarithm of the likelihood: what moves a parameter by a tenth of its deviation."""
+
+
+def fit_prediction_error(
+    problem: InnovationsProblem,
+    *,
+    starts: Sequence[FloatArray] = (),
+    solver: LevenbergMarquardt | None = None,
+) -> PredictionErrorFit:
+    r"""Fit by maximum likelihood of the innovations.
+
+    Gusts have many minima, jolts one. So jolts alone are fitted first, and gusts added in the size and with the
+    correlation time that fit best. Sensitivities of predictor and gain are exact, the covariance of the innovations is
+    free, and the minimum of its determinant is found as one least-squares problem.
+
+    The estimates are consistent in closed loop where gusts and jolts on the disturbed equations and white noise of each
+    sensor can take the shape of the noise. What breaks that shows in ``whiteness``: other colors of noise, inputs
+    sampled more slowly than the controller answers, a wrong structure.
+
+    Parameters
+    ----------
+    problem
+        Structure, records, noise model.
+    starts
+        Start values of the parameters of model and noise, see :meth:`InnovationsProblem.theta`; by default the
+        parameters as they are with noise of its natural size, which is tried beside any other.
+    solver
+        Local solver.
+
+    Raises
+    ------
+    InsufficientDataError
+        There are fewer samples than parameters, or there is no predictor at any start.
+    """
+    solver = solver or LevenbergMarquardt(iterations=_ITERATIONS, tolerance=_TOLERANCE)
+    count = problem.samples * len(problem.structure.outputs)
+    first = [np.asarray(start, dtype=np.float64) for start in starts] or [problem.start]
+    if count <= 2 * first[0].size:
+        raise InsufficientDataError(f"{count} samples came", needed=f"more than {2 * first[0].size}")
+    found = [_search(problem, start, solver) for start in first]
+    solution = _rested(best_of(found, name=problem.structure.name), count)
+    return answer(problem, solution)
+
+
+def _rested(solution: Solution, count: int) -> Solution:
+    """A noise without effect has no smallest size: a search for it that gains nothing more has converged."""
+    if solution.outcome is Outcome.CONVERGED:
+        return solution
+    inside = ~np.array(solution.at_bound)
+    jacobian = solution.jacobian[:, inside]
+    taken = np.linalg.lstsq(jacobian, solution.residual, rcond=1e-7)[0]
+    promised = float(np.sum((jacobian @ taken) ** 2)) * count / solution.cost
+    return replace(solution, outcome=Outcome.CONVERGED) if promised <= _NO_MORE_TO_GAIN else solution
+
+
+def _search(problem: InnovationsProblem, start: FloatArray, solver: LevenbergMarquardt) -> Solution:
+    """The minimum from one start: with jolts alone, then with the gusts that promise most."""
+    noise = problem.noise_model
+    if not (noise.gusts and noise.jolts):
+        return solver.minimize(problem.residuals, start, *problem.box)
+    count = len(problem.parameters.free)
+    model, gusts, jolts = np.split(start, [count, count + noise.of_gusts])
+    plain = problem.without_gusts()
+    # Far from the model a wrong noise leads astray; its natural size is known from the data, and always tried too.
+    tried = [jolts] if np.array_equal(jolts, plain.noise_model.start) else [jolts, plain.noise_model.start]
+    firsts = [solver.minimize(plain.residuals, np.concatenate([model, one]), *plain.box) for one in tried]
+    first = min(firsts, key=lambda one: one.cost)
+    if not np.isfinite(first.cost):
+        return solver.minimize(problem.residuals, start, *problem.box)
+    model, jolts = np.split(first.theta, [count])
+    gusty = [noise.theta(gusts=size, correlation_s=T)[: noise.of_gusts] for size in _SIZES for T in _TIMES_S]
+    candidates = [np.concatenate([model, one, jolts]) for one in (gusts, *gusty)]
+    best = min(candidates, key=problem.cost)
+    return solver.minimize(problem.residuals, best, *problem.box)

@@ -1,0 +1,1 @@
+"""ArduPilot: DataFlash files, and how simulated flights are written as one."""

@@ -1,0 +1,609 @@
+"""Reader of ArduPilot logs: the tables of a DataFlash log as a flight record in the vocabulary of the package.
+
+Which column of which ArduPilot message is which channel, as tables, and the topics they make.
+
+Motors and sticks of an ArduPilot log: which channel is which, and what its pulse widths mean.
+
+Runs of ArduPilot's SYSTEMID mode: what was injected where, and the interval of each chirp.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from rotorid.data.findings import Finding, Severity, remark, warn
+from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.io.ardupilot.dataflash import Table, decode, sniff
+from rotorid.io.files import file_bytes, without_places
+from rotorid.typing import AnyArray, Axis, BoolArray
+from rotorid.units import parse_unit
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One column of a message: the channel that it is, its unit, and a factor where no unit says it.
+
+    The channel is ``scale * value + offset`` in ``unit``.
+    """
+
+    column: str
+    channel: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+def _rows(text: str, unit: str) -> tuple[Row, ...]:
+    """Rows that share a unit: ``"R:p P:q"``."""
+    pairs = (pair.split(":") for pair in text.split())
+    return tuple(Row(column, channel, unit) for column, channel in pairs)
+
+
+_RATES = "R:p RDes:p_setpoint P:q PDes:q_setpoint Y:r YDes:r_setpoint"
+_OUTPUTS = "ROut:roll_command POut:pitch_command YOut:yaw_command"
+_EKF = (*_rows("VN:velocity_north VE:velocity_east VD:velocity_down", "m/s"), *_rows("PN:north PE:east PD:down", "m"))
+_ATTITUDE = _rows(
+    "Roll:phi DesRoll:phi_setpoint Pitch:theta DesPitch:theta_setpoint Yaw:psi DesYaw:psi_setpoint", "deg"
+)
+
+MESSAGES: Mapping[str, tuple[Row, ...]] = MappingProxyType(
+    {
+        "RATE": (*_rows(_OUTPUTS + " AOut:thrust_command", "1"), *_rows(_RATES, "deg/s")),
+        "IMU": (*_rows("GyrX:p GyrY:q GyrZ:r", "rad/s"), *_rows("AccX:ax AccY:ay AccZ:az", "m/s^2")),
+        "ANG": _ATTITUDE,
+        "ATT": _ATTITUDE,
+        "XKF1": _EKF,
+        "NKF1": _EKF,
+        "EKF1": _EKF,
+        "CTUN": (Row("ThO", "thrust_command", "1"), Row("ThrOut", "thrust_command", "1", 1e-3)),
+        "BAT": _rows("Volt:battery_voltage", "V"),
+        "CURR": _rows("Volt:battery_voltage", "V"),
+    }
+)
+"""Messages in order of preference, the rows of old and new firmware side by side."""
+
+SYSTEM_ID = (*_rows("Gx:p Gy:q Gz:r", "deg/s"), *_rows("Ax:ax Ay:ay Az:az", "m/s^2"))
+"""Unfiltered gyros and accelerometers that SYSTEMID mode logs."""
+
+LEGACY_RATE = (
+    Row("ROut", "roll_command", "1", 1.0 / 4500.0),
+    Row("RllOut", "roll_command", "1", 1.0 / 4500.0),
+    Row("POut", "pitch_command", "1", 1.0 / 4500.0),
+    Row("PitOut", "pitch_command", "1", 1.0 / 4500.0),
+    Row("YOut", "yaw_command", "1", 1.0 / 4500.0),
+    Row("YawOut", "yaw_command", "1", 1.0 / 4500.0),
+    Row("AOut", "thrust_command", "1", 1e-3),
+    Row("AccOut", "thrust_command", "1", 1e-3),
+    *_rows(_RATES + " Rll:p RllDes:p_setpoint Pit:q PitDes:q_setpoint Yaw:r YawDes:r_setpoint", "cdeg/s"),
+)
+"""``RATE`` of firmware before 3.4: centidegrees per second, mixer inputs of ±4500, throttle of 0 to 1000."""
+
+_INSTANCE_COLUMNS = ("I", "Inst", "Instance", "C")
+
+
+def is_legacy_rate(table: Table) -> bool:
+    """Whether ``RATE`` is in the units of firmware before 3.4: its outputs are then far beyond one."""
+    if "RllOut" in table:
+        return True
+    outputs = [table.column(name) for name in ("ROut", "POut", "YOut", "AOut") if table.holds_numbers(name)]
+    return any(bool(np.any(np.abs(output[np.isfinite(output)]) > 1.5)) for output in outputs)
+
+
+def instances(table: Table) -> AnyArray | None:
+    """Number of the sensor behind each message, or ``None`` when the messages are not numbered."""
+    names = (table.instance_column, *_INSTANCE_COLUMNS)
+    column = next((name for name in names if name is not None and table.holds_numbers(name)), None)
+    return None if column is None else table.column(column)
+
+
+def topic_of(
+    table: Table, rows: Iterable[Row], *, name: str | None = None, chosen: BoolArray | slice | None = None
+) -> Topic | None:
+    """The channels that a table holds, or ``None`` when it holds none of the rows or has no clock.
+
+    Parameters
+    ----------
+    table
+        Messages of one kind.
+    rows
+        The columns looked for; a column that is not there is left out.
+    name
+        Name of the topic, when it is not that of the message.
+    chosen
+        The messages that belong to the topic; all when not given.
+    """
+    held = [row for row in rows if table.holds_numbers(row.column)]
+    part = table if chosen is None else table.chosen(chosen)
+    time_s = part.time_s
+    if not held or time_s is None:
+        return None
+    values = part.numbers(*(row.column for row in held))
+    with np.errstate(over="ignore"):
+        for target, row in zip(values, held, strict=True):
+            target *= row.scale
+            target += row.offset
+            target *= parse_unit(row.unit).factor
+    return Topic(
+        name=name or table.name,
+        time_s=time_s,
+        channels=tuple(
+            Channel(name=row.channel, unit=parse_unit(row.unit).si, source=f"{table.name}.{row.column}") for row in held
+        ),
+        values=values,
+    )
+
+
+def common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:
+    """Topics of the messages that every log has, best first; of several sensors the first one."""
+    for name, rows in MESSAGES.items():
+        if name not in tables:
+            continue
+        table = tables[name]
+        legacy = name == "RATE" and is_legacy_rate(table)
+        number = instances(table)
+        first = None if number is None else number == number.min()
+        topic = topic_of(table, LEGACY_RATE if legacy else rows, chosen=first)
+        if topic is not None:
+            yield topic
+
+
+MOTOR_FUNCTIONS: Mapping[int, int] = MappingProxyType(
+    {function: function - 32 for function in range(33, 41)} | {function: function - 73 for function in range(82, 86)}
+)
+"""``SERVOn_FUNCTION`` to the number of the motor."""
+
+FRAME_CLASS_MOTORS: Mapping[int, int] = MappingProxyType({1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10})
+"""``FRAME_CLASS`` to the number of motors."""
+
+FRAME_NAME_MOTORS: Mapping[str, int] = MappingProxyType(
+    {"QUAD": 4, "HEXA": 6, "OCTA": 8, "OCTA_QUAD": 8, "OCTAQUAD": 8, "Y6": 6, "TRI": 3, "DECA": 10, "DODECAHEXA": 12}
+)
+"""The same as the message ``Frame: QUAD/X`` names it."""
+
+DSHOT_TYPES = range(4, 8)
+"""``MOT_PWM_TYPE`` of digital protocols, which know no limits but 1000 and 2000."""
+
+STICKS: Mapping[str, tuple[str, int]] = MappingProxyType(
+    {"roll": ("RCMAP_ROLL", 1), "pitch": ("RCMAP_PITCH", 2), "yaw": ("RCMAP_YAW", 4), "thrust": ("RCMAP_THROTTLE", 3)}
+)
+"""Axis to the parameter that names its stick's channel, and the usual channel."""
+
+
+def motor_channels(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> Mapping[int, int]:
+    """Output channel to motor number, from 1; empty when the log does not say how many motors there are."""
+    functions = {
+        int(match[1]): int(value) for name, value in parameters.items() if (match := _SERVO_FUNCTION.fullmatch(name))
+    }
+    if functions:
+        return {
+            channel: MOTOR_FUNCTIONS[function]
+            for channel, function in sorted(functions.items())
+            if function in MOTOR_FUNCTIONS
+        }
+    count = FRAME_CLASS_MOTORS.get(int(parameters.get("FRAME_CLASS", 0.0)), 0) or _announced_motors(tables)
+    return {motor: motor for motor in range(1, count + 1)}
+
+
+_SERVO_FUNCTION = re.compile(r"SERVO(\d{1,2})_FUNCTION")
+
+
+def _announced_motors(tables: Mapping[str, Table]) -> int:
+    if "MSG" not in tables or not tables["MSG"].holds_text("Message"):
+        return 0
+    texts = tables["MSG"].column("Message").tolist()
+    frames = (re.split(r"[ /]", text.removeprefix("Frame: "))[0] for text in texts if text.startswith("Frame: "))
+    return next((FRAME_NAME_MOTORS[frame] for frame in frames if frame in FRAME_NAME_MOTORS), 0)
+
+
+def motor_topics(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> Iterator[Topic]:
+    """Motor outputs, 0 to 1 over the range of the pulse width, and measured motor speeds."""
+    motors = motor_channels(tables, parameters)
+    if "RCOU" in tables:
+        low, high = _motor_range(parameters)
+        rows = [
+            Row(f"C{channel}", f"motor_{motor}", "1", 1.0 / (high - low), -low / (high - low))
+            for channel, motor in sorted(motors.items(), key=lambda pair: pair[1])
+        ]
+        topic = topic_of(tables["RCOU"], rows)
+        if topic is not None:
+            yield topic
+    yield from _speed_topics(tables, motors)
+
+
+def _motor_range(parameters: Mapping[str, float]) -> tuple[float, float]:
+    """Pulse widths of no and of full output: as set for the motors, or else the throttle stick's (old firmware)."""
+    if int(parameters.get("MOT_PWM_TYPE", 0.0)) in DSHOT_TYPES:
+        return 1000.0, 2000.0
+    throttle = int(parameters.get("RCMAP_THROTTLE", 3.0))
+    for low_name, high_name in (("MOT_PWM_MIN", "MOT_PWM_MAX"), (f"RC{throttle}_MIN", f"RC{throttle}_MAX")):
+        low, high = parameters.get(low_name, 0.0), parameters.get(high_name, 0.0)
+        if 0.0 < low < high:
+            return low, high
+    return 1000.0, 2000.0
+
+
+def _speed_topics(tables: Mapping[str, Table], motors: Mapping[int, int]) -> Iterator[Topic]:
+    """Speeds that the motor controllers report; each numbers itself by its output channel, from 0."""
+    table = tables.get("ESC")
+    numbers = None if table is None else instances(table)
+    for channel, motor in motors.items():
+        row = Row("RPM", f"motor_speed_{motor}", "rpm")
+        topic = None
+        if table is not None and numbers is not None and bool(np.any(numbers == channel - 1)):
+            topic = topic_of(table, [row], name=f"ESC[{channel - 1}]", chosen=numbers == channel - 1)
+        elif f"ESC{channel}" in tables:
+            topic = topic_of(tables[f"ESC{channel}"], [row])
+        if topic is not None:
+            yield topic
+
+
+def stick_topic(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> Topic | None:
+    """Sticks, −1 to 1 and 0 to 1 for the throttle, with the calibration and direction of the log's parameters."""
+    if "RCIN" not in tables:
+        return None
+    return topic_of(tables["RCIN"], [_stick(axis, parameters) for axis in AXES])
+
+
+def _stick(axis: str, parameters: Mapping[str, float]) -> Row:
+    name, usual = STICKS[axis]
+    channel = int(parameters.get(name, usual))
+    low = parameters.get(f"RC{channel}_MIN", 1000.0)
+    high = parameters.get(f"RC{channel}_MAX", 2000.0)
+    span = high - low if high > low else 1000.0
+    if axis == "thrust":
+        return Row(f"C{channel}", "thrust_stick", "1", 1.0 / span, -low / span)
+    center = parameters.get(f"RC{channel}_TRIM", 1500.0)
+    reversed_ = parameters.get(f"RC{channel}_REVERSED", 0.0) == 1.0 or parameters.get(f"RC{channel}_REV", 1.0) == -1.0
+    slope = (-2.0 if reversed_ else 2.0) / span
+    return Row(f"C{channel}", f"{axis}_stick", "1", slope, -center * slope)
+
+
+ENTRIES: Mapping[int, tuple[Axis, str]] = MappingProxyType(
+    {
+        1: ("roll", "deg"),
+        2: ("pitch", "deg"),
+        3: ("yaw", "deg/s"),
+        4: ("roll", "deg"),
+        5: ("pitch", "deg"),
+        6: ("yaw", "deg/s"),
+        7: ("roll", "deg/s"),
+        8: ("pitch", "deg/s"),
+        9: ("yaw", "deg/s"),
+        10: ("roll", "1"),
+        11: ("pitch", "1"),
+        12: ("yaw", "1"),
+        13: ("thrust", "1"),
+    }
+)
+"""``SID_AXIS`` to the excited axis and the unit of the injected signal.
+
+1–3 enter as pilot input and 4–6 the same without feedforward (in yaw both are a rate), 7–9 the rate controller's
+target, 10–13 the mixer.
+"""
+
+
+_ENDED_EARLY = 0.9
+_LOOP_BY_LOOP = 0.75
+"""Below this part of the loop's rate at most every second sample was logged."""
+
+_EVERY_LOOP_BITS = 0b11
+"""Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Run:
+    """One stay in SYSTEMID mode.
+
+    Parameters
+    ----------
+    messages
+        Its ``SIDD`` messages.
+    start_s, stop_s
+        Their first and last stamp.
+    entry
+        ``SID_AXIS`` of the run, zero when the log does not say.
+    planned_rad_s
+        Band that was set, when the log says.
+    band_rad_s
+        Band that was flown: the run may have been left early.
+    """
+
+    messages: slice
+    start_s: float
+    stop_s: float
+    entry: int
+    planned_rad_s: tuple[float, float] | None
+    band_rad_s: tuple[float, float] | None
+
+    @property
+    def axis(self) -> Axis | None:
+        return ENTRIES[self.entry][0] if self.entry in ENTRIES else None
+
+
+def system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> tuple[Run, ...]:
+    """Runs in the order flown: a new one begins where the time of the waveform starts again.
+
+    ``SIDS``, written when the mode is entered, says axis and band. A log that lost it is read with ``SID_AXIS``, which
+    holds for the end of the flight.
+    """
+    data = tables.get("SIDD")
+    if data is None or (time_s := data.time_s) is None or not data.holds_numbers("Time"):
+        return ()
+    waveform_s = data.column("Time")
+    begins = np.flatnonzero(waveform_s[1:] < waveform_s[:-1]) + 1
+    edges = [0, *begins.tolist(), len(data)]
+    runs = []
+    for begin, end in pairwise(edges):
+        start_s, stop_s = float(time_s[begin]), float(time_s[end - 1])
+        entry, planned = _settings(tables.get("SIDS"), start_s) or (int(parameters.get("SID_AXIS", 0.0)), None)
+        messages = slice(begin, end)
+        runs.append(
+            Run(
+                messages=messages,
+                start_s=start_s,
+                stop_s=stop_s,
+                entry=entry,
+                planned_rad_s=planned,
+                band_rad_s=_flown(data, messages, planned),
+            )
+        )
+    return tuple(runs)
+
+
+def _flown(data: Table, messages: slice, planned: tuple[float, float] | None) -> tuple[float, float] | None:
+    """The band that was really flown: a pilot may leave the mode early, and a log may be cut."""
+    if not data.holds_numbers("F"):
+        return planned
+    frequency = 2.0 * math.pi * data.chosen(messages).numbers("F")[0]
+    frequency = frequency[np.isfinite(frequency) & (frequency > 0.0)]
+    if frequency.size == 0 or not frequency.min() < frequency.max():
+        return planned
+    return float(frequency.min()), float(frequency.max())
+
+
+def _settings(setup: Table | None, start_s: float) -> tuple[int, tuple[float, float] | None] | None:
+    """Axis and band of the last ``SIDS`` before a run."""
+    if setup is None or (time_s := setup.time_s) is None or not setup.holds_numbers("Ax"):
+        return None
+    last = int(np.searchsorted(time_s, start_s, side="right")) - 1
+    if last < 0:
+        return None
+    entry = int(setup.column("Ax")[last])
+    if not setup.holds_numbers("FSt", "FSp"):
+        return entry, None
+    low, high = sorted(2.0 * math.pi * float(setup.column(name)[last]) for name in ("FSt", "FSp"))
+    return entry, (low, high) if 0.0 < low < high < math.inf else None
+
+
+def system_id_topics(tables: Mapping[str, Table], runs: tuple[Run, ...]) -> Iterator[Topic]:
+    """One topic for each run, so that an excitation channel holds the runs of its axis alone."""
+    for number, run in enumerate(runs, start=1):
+        rows: tuple[Row, ...] = SYSTEM_ID
+        if run.axis is not None:
+            rows = (*rows, Row("Targ", f"{run.axis}_excitation", ENTRIES[run.entry][1]))
+        topic = topic_of(tables["SIDD"], rows, name=f"SIDD run {number}", chosen=run.messages)
+        if topic is not None:
+            yield topic
+
+
+def declared_maneuvers(runs: tuple[Run, ...]) -> tuple[Maneuver, ...]:
+    """The sweeps that the log announces."""
+    return tuple(
+        Maneuver(
+            axis=run.axis,
+            kind="sweep",
+            start_s=run.start_s,
+            stop_s=run.stop_s,
+            band_rad_s=run.band_rad_s,
+            origin="declared",
+            signal=f"{run.axis}_excitation",
+        )
+        for run in runs
+        if run.axis is not None and run.start_s < run.stop_s
+    )
+
+
+def system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
+    """Runs whose injected signal has no name here."""
+    for number, run in enumerate(runs, start=1):
+        if run.planned_rad_s and run.band_rad_s and run.band_rad_s[1] < _ENDED_EARLY * run.planned_rad_s[1]:
+            yield warn(
+                "sweep_ended_early",
+                f"SIDD run {number}",
+                f"the sweep of {run.start_s:.2f} s to {run.stop_s:.2f} s reached {run.band_rad_s[1]:.3g} of "
+                f"the planned {run.planned_rad_s[1]:.3g} rad/s",
+                reached_rad_s=run.band_rad_s[1],
+                planned_rad_s=run.planned_rad_s[1],
+            )
+        if run.axis is None:
+            yield warn(
+                "no_excitation",
+                f"SIDD run {number}",
+                f"the SYSTEMID run of {run.start_s:.2f} s to {run.stop_s:.2f} s was injected at SID_AXIS "
+                f"{run.entry}, which is none of 1 to 13; its signal is not used",
+                sid_axis=run.entry,
+                start_s=run.start_s,
+                stop_s=run.stop_s,
+            )
+
+
+def decimation_findings(
+    topics: tuple[Topic, ...], runs: tuple[Run, ...], parameters: Mapping[str, float]
+) -> Iterator[Finding]:
+    """Rates of a SYSTEMID log that hold every n-th sample of the loop, without a filter in front.
+
+    Vibration above half the rate of the log then appears as slower motion, in the band of the response or outside. The
+    remark is a warning where the sweeps themselves come within a factor of two of that limit: there the response's own
+    content is folded.
+    """
+    loop_hz = parameters.get("SCHED_LOOP_RATE", 0.0)
+    tops = [run.band_rad_s[1] for run in runs if run.band_rad_s]
+    reached_hz = max(tops, default=0.0) / (2.0 * math.pi)
+    mask = int(parameters.get("LOG_BITMASK", 0.0))
+    if not runs:
+        return
+    for topic in topics:
+        rate_hz = topic.sample_rate_hz
+        named = topic.name == "RATE" or topic.name.startswith("SIDD")
+        if not named or not 0.0 < rate_hz < _LOOP_BY_LOOP * loop_hz:
+            continue
+        bits = mask | _EVERY_LOOP_BITS
+        remedy = "" if bits == mask else f"; set bits 0 and 1 of LOG_BITMASK to log every loop: {mask} becomes {bits}"
+        yield (warn if 2.0 * reached_hz > 0.5 * rate_hz else remark)(
+            "decimated",
+            topic.name,
+            f"{topic.name} was logged at {rate_hz:.0f} Hz out of a loop of {loop_hz:.0f} Hz, one sample in "
+            f"{loop_hz / rate_hz:.0f} without a filter in front: what the vehicle does above "
+            f"{0.5 * rate_hz:.0f} Hz, vibration above all, folds into the response{remedy}",
+            rate_hz=rate_hz,
+            loop_hz=loop_hz,
+            nyquist_hz=0.5 * rate_hz,
+            sweep_top_hz=reached_hz,
+        )
+
+
+__all__ = ["FORMAT", "read", "sniff"]
+
+FORMAT = "ArduPilot DataFlash"
+
+FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
+"""Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
+
+WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC"}) | {
+    f"ESC{number}" for number in range(1, 33)
+}
+"""Messages that are read at all."""
+
+
+def read(path: Path, source: Source) -> FlightRecord:
+    """Read a log.
+
+    Rates and accelerations come from ``SIDD`` while SYSTEMID mode ran, else from ``RATE`` and ``IMU``; mixer inputs
+    from ``RATE``. All stamps are those of the log. ``RATE`` and ``IMU`` have passed the gyro filter
+    (``INS_GYRO_FILTER``), ``SIDD`` has not: a model fitted to the former carries the filter's delay. Positions are
+    relative to the origin of the estimator; where on Earth that is does not enter the record. The file is mapped and
+    only the messages behind the channels are collected, so that memory follows the record and not the log.
+
+    Parameters
+    ----------
+    path
+        The log, unpacked.
+    source
+        What is known of the file; the firmware is filled in.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read or is no DataFlash log.
+    """
+    log = decode(file_bytes(path), WANTED)
+    tables, parameters = log.tables, _parameters(log.tables)
+    runs = system_id_runs(tables, parameters)
+    sticks = stick_topic(tables, parameters)
+    flown = (*system_id_topics(tables, runs), *common_topics(tables), *motor_topics(tables, parameters))
+    topics = flown if sticks is None else (*flown, sticks)
+    return FlightRecord(
+        source=replace(source, firmware=_firmware(tables)),
+        topics=topics,
+        parameters=without_places(parameters),
+        declared=declared_maneuvers(runs),
+        instruments=_instruments(runs, sticks),
+        findings=(
+            *log.findings,
+            *system_id_findings(runs),
+            *decimation_findings(topics, runs, parameters),
+            *_dialect(tables),
+            *_slow(topics, parameters),
+        ),
+    )
+
+
+def _parameters(tables: Mapping[str, Table]) -> Mapping[str, float]:
+    """The autopilot's parameters; of one that changed in flight, the last value."""
+    table = tables.get("PARM")
+    if table is None or not (table.holds_text("Name") and table.holds_numbers("Value")):
+        return {}
+    return {
+        str(name): float(value)
+        for name, value in zip(table.column("Name"), table.column("Value"), strict=True)
+        if np.isfinite(value)
+    }
+
+
+def _firmware(tables: Mapping[str, Table]) -> str:
+    """``ArduCopter V4.5.7 (…)``, as the autopilot introduces itself."""
+    for name, column in (("VER", "FWS"), ("MSG", "Message")):
+        if name in tables and tables[name].holds_text(column):
+            texts = tables[name].column(column).tolist()
+            found = next((text for text in texts if re.search(r"\bV\d+\.\d+", text)), "")
+            if found:
+                return str(found)
+    return ""
+
+
+def _instruments(runs: tuple[Run, ...], sticks: Topic | None) -> Mapping[str, tuple[str, ...]]:
+    """Signals without feedback: the injection where there was one, then the stick, which a pilot closes slowly."""
+    excited = {run.axis for run in runs}
+    held = () if sticks is None else tuple(channel.name for channel in sticks.channels)
+    listed = {
+        axis: (
+            *([f"{axis}_excitation"] if axis in excited else []),
+            *([f"{axis}_stick"] if f"{axis}_stick" in held else []),
+        )
+        for axis in AXES
+    }
+    return {axis: names for axis, names in listed.items() if names}
+
+
+def _dialect(tables: Mapping[str, Table]) -> Iterator[Finding]:
+    if "RATE" not in tables:
+        yield warn(
+            "missing_channel",
+            "RATE",
+            "the log has no RATE messages, so that the mixer's inputs are not known; set bit 0 (fast attitude) "
+            "of LOG_BITMASK",
+        )
+    elif is_legacy_rate(tables["RATE"]):
+        yield remark(
+            "legacy_units",
+            "RATE",
+            "RATE is in the units of firmware before 3.4: rates were read as centidegrees per second, roll, "
+            "pitch and yaw outputs as parts of 4500, throttle as parts of 1000",
+        )
+
+
+def _slow(topics: tuple[Topic, ...], parameters: Mapping[str, float]) -> Iterator[Finding]:
+    """Topics too slow for what they are needed for, with the parameter to change."""
+    rates = {topic.name: topic.sample_rate_hz for topic in topics if topic.time_s.size > 1}
+    mask = int(parameters.get("LOG_BITMASK", 0.0))
+    for name, bit, meaning in FAST_BITS:
+        if rates.get(name, LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
+            said = f"bit {bit} of LOG_BITMASK ({meaning})"
+            if mask >> bit & 1:
+                remedy = f"{said} is set already, so that the autopilot's loop or its storage is too slow"
+            else:
+                remedy = f"set {said}: {mask} becomes {mask | 1 << bit}"
+            yield _too_slow(name, rates[name], "warning", remedy)
+    if rates.get("RCOU", LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
+        usable = rates.get("RATE", 0.0) >= LOWEST_RATE_HZ
+        remedy = "ArduPilot writes it ten times a second whatever LOG_BITMASK says: use the mixer's inputs in RATE"
+        yield _too_slow("RCOU", rates["RCOU"], "info" if usable else "warning", remedy)
+
+
+def _too_slow(name: str, rate_hz: float, severity: Severity, remedy: str) -> Finding:
+    return Finding(
+        kind="rate_too_low",
+        severity=severity,
+        where=name,
+        message=f"{name} was logged at {rate_hz:.1f} Hz, too slow for motor-level work, which needs at least "
+        f"{LOWEST_RATE_HZ:.0f} Hz; {remedy}",
+        numbers={"rate_hz": rate_hz, "needed_hz": LOWEST_RATE_HZ},
+    )

@@ -1,0 +1,1 @@
+"""Betaflight, Cleanflight and INAV: blackbox logs."""

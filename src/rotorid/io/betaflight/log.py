@@ -1,0 +1,458 @@
+"""Reader of Betaflight and INAV blackbox logs: flights as a record in the vocabulary of the package.
+
+Fields of a blackbox flight brought to the vocabulary of the package.
+
+The flight controllers of this family count in x forward, y left, z up: a positive pitch rate takes the nose down, a
+positive yaw rate takes it left. Signs of y and z change here and nowhere else.
+
+Betaflight's CHIRP: a sweep that the flight controller adds to the set-point of one axis, as its debug fields tell.
+
+The fields hold the phase of the sweep in units of 1/5000 rad, the axis (−1 while it rests), the frequency in tenths of
+a hertz, and a thousand times the cosine of the phase. Since the number of the debug mode changes with the firmware,
+the fields are recognized by that redundancy.
+
+Remarks of the blackbox reader: what was lost, which flights there are, and what had to be assumed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.errors import LogError
+from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
+from rotorid.typing import Axis, BoolArray, FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+FRD = (1.0, -1.0, -1.0)
+STICK_SPAN = 500.0
+CONTROLLER_SCALE = 1000.0
+"""What the mixer divides the sums of the controllers by to make parts of the motors' range of them."""
+QUAD_X: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
+    {
+        "roll_command": (-0.25, -0.25, 0.25, 0.25),
+        "pitch_command": (-0.25, 0.25, -0.25, 0.25),
+        "yaw_command": (-0.25, 0.25, 0.25, -0.25),
+        "thrust_command": (0.25, 0.25, 0.25, 0.25),
+    }
+)
+"""Inverse of the mixer for motors rear right, front right, rear left, front left; the first turns clockwise."""
+
+_DEGREE = math.pi / 180.0
+_REVISION = re.compile(r"(Betaflight|INAV)\D*(\d+)\.(\d+)")
+
+
+class Row(NamedTuple):
+    """A channel and its samples."""
+
+    name: str
+    source: str
+    values: FloatArray
+
+
+def main_topic(flight: Flight, extra: tuple[Row, ...] = ()) -> Topic:
+    """Everything that a flight logs with its main frames, on one clock."""
+    return _topic(f"flight {flight.number}", flight.time_s, (*_rows(flight), *extra))
+
+
+def _topic(name: str, time_s: FloatArray, rows: tuple[Row, ...]) -> Topic:
+    channels = tuple(Channel(name=row.name, unit=STANDARD_UNITS[row.name], source=row.source) for row in rows)
+    return Topic(name=name, time_s=time_s, channels=channels, values=np.array([row.values for row in rows]))
+
+
+def _rows(flight: Flight) -> Iterator[Row]:
+    header = flight.header
+    motors = tuple(_motors(flight))
+    yield from _commands(flight, motors)
+    yield from motors
+    # High resolution counts tenths.
+    tenths = 0.1 if header.number("blackbox_high_resolution") > 0.0 else 1.0
+    yield from _body(flight, "gyroADC", "p q r", _gyro_scale(header) * tenths)
+    if header.number("acc_1G") > 0.0:
+        yield from _body(flight, "accSmooth", "ax ay az", STANDARD_GRAVITY_M_S2 / header.number("acc_1G"))
+    setpoint = "setpoint" if "setpoint[0]" in flight.fields else "axisRate"
+    yield from _body(flight, setpoint, "p_setpoint q_setpoint r_setpoint", _DEGREE * tenths)
+    yield from _body(flight, "rcCommand", "roll_stick pitch_stick yaw_stick", tenths / STICK_SPAN)
+    if "rcCommand[3]" in flight.fields:
+        throttle = _float(flight, "rcCommand[3]") * tenths
+        yield Row("thrust_stick", "rcCommand[3]", (throttle - 1000.0) / 1000.0)
+    yield from _motor_speeds(flight)
+    yield from _navigation(flight)
+    yield from _battery(flight)
+
+
+def _body(flight: Flight, field: str, names: str, scale: float) -> Iterator[Row]:
+    """Three axes of a vector; a flight that logs one of them only has only that one."""
+    for index, name in enumerate(names.split()):
+        source = f"{field}[{index}]"
+        if source in flight.fields:
+            yield Row(name, source, _float(flight, source) * (scale * FRD[index]))
+
+
+def _float(flight: Flight, source: str) -> FloatArray:
+    return flight.field(source).astype(np.float64)
+
+
+def _gyro_scale(header: Header) -> float:
+    """Factor to rad/s. The first loggers gave it in rad/µs, all later ones in deg/s."""
+    scale = header.number("gyro_scale", 1.0)
+    return scale * (_DEGREE if "Firmware type" in header.values else 1e6)
+
+
+def _motors(flight: Flight) -> Iterator[Row]:
+    """Motors as parts of the range between idle and full; ``motorOutput`` says which, once the throttle limits did."""
+    header = flight.header
+    limits = header.values.get("motorOutput", "").split(",")
+    low, high = header.number("minthrottle", 1000.0), header.number("maxthrottle", 2000.0)
+    if len(limits) == 2 and all(limit.isdigit() for limit in limits):
+        low, high = float(limits[0]), float(limits[1])
+    span = high - low if high > low else 1000.0
+    for index in range(MOTORS):
+        source = f"motor[{index}]"
+        if source in flight.fields:
+            yield Row(f"motor_{index + 1}", source, (_float(flight, source) - low) / span)
+
+
+def _commands(flight: Flight, motors: tuple[Row, ...]) -> Iterator[Row]:
+    """What the mixer put out, from the motors of a quadrotor; for others, what the controllers put in.
+
+    The motors are the better source where their geometry is known: they hold what was left of a command after the
+    mixer had made room for it, which is what moved the vehicle.
+    """
+    if len(motors) == len(QUAD_X):
+        outputs = np.stack([motor.values for motor in motors])
+        for name, weights in QUAD_X.items():
+            sign = -1.0 if name == "yaw_command" and motors_reversed(flight.header) else 1.0
+            yield Row(name, "motor mix", sign * np.array(weights) @ outputs)
+        return
+    for index, axis in enumerate(("roll", "pitch", "yaw")):
+        parts = [name for term in "PIDFS" if (name := f"axis{term}[{index}]") in flight.fields]
+        summed = f"axisSum[{index}]"
+        parts = [summed] if summed in flight.fields else parts
+        if parts:
+            total = sum((_float(flight, part) for part in parts), start=np.zeros(flight.time_s.size)) * (
+                FRD[index] / CONTROLLER_SCALE
+            )
+            yield Row(f"{axis}_command", " + ".join(parts), total)
+    if "setpoint[3]" in flight.fields:
+        yield Row("thrust_command", "setpoint[3]", _float(flight, "setpoint[3]") / 1000.0)
+
+
+def motors_reversed(header: Header) -> bool:
+    """Whether the motors turn the other way round than usual ("props out")."""
+    return header.number("yaw_motors_reversed") == 1.0 or header.number("yaw_motor_direction", 1.0) == -1.0
+
+
+def _motor_speeds(flight: Flight) -> Iterator[Row]:
+    """Speeds from the electrical ones, which are logged in hundreds of turns per minute and count pairs of poles."""
+    poles = flight.header.number("motor_poles")
+    for index in range(MOTORS):
+        source = f"eRPM[{index}]"
+        if source in flight.fields and poles > 0.0:
+            yield Row(
+                f"motor_speed_{index + 1}",
+                source,
+                _float(flight, source) * (100.0 * 2.0 / poles * 2.0 * math.pi / 60.0),
+            )
+
+
+def _navigation(flight: Flight) -> Iterator[Row]:
+    """INAV's own estimate of position and velocity: centimeters, north, east, up."""
+    for field, names in (
+        ("navPos", "north east down"),
+        ("navVel", "velocity_north velocity_east velocity_down"),
+    ):
+        for index, name in enumerate(names.split()):
+            source = f"{field}[{index}]"
+            if source in flight.fields:
+                yield Row(name, source, _float(flight, source) * (-0.01 if index == 2 else 0.01))
+
+
+def _battery(flight: Flight) -> Iterator[Row]:
+    """Voltage, where the firmware's version says in what it was counted."""
+    revision = _REVISION.search(flight.header.values.get("Firmware revision", ""))
+    if revision is None:
+        return
+    name, version = revision[1], (int(revision[2]), int(revision[3]))
+    source = "vbat" if name == "INAV" and "vbat" in flight.fields else "vbatLatest"
+    if source not in flight.fields or (name == "Betaflight" and version < (3, 1)):
+        return
+    yield Row(
+        "battery_voltage", source, _float(flight, source) * (0.01 if name == "INAV" or version >= (4, 0) else 0.1)
+    )
+
+
+PHASE_SCALE = 5000.0
+COSINE_SCALE = 1000.0
+SHORTEST_S = 1.0
+_TOLERANCE = 20.0
+"""Of the cosine, in thousandths: the controller's fast cosine and the rounding of the phase."""
+_DIRECT_HZ = 1.0
+"""Below this frequency the controller lowers the amplitude in proportion to the frequency."""
+_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+_FIELDS = tuple(f"debug[{index}]" for index in range(4))
+
+
+def chirp_rows(flight: Flight) -> tuple[Row, ...]:
+    """Excitation of every axis that was swept, in rad/s at the rate set-point.
+
+    This is the sweep as generated, times its amplitude: the controller's lead–lag shaping, which follows, is a known
+    linear filter and takes nothing from its use as an instrument.
+    """
+    if not is_chirp(flight):
+        return ()
+    axis, wave = flight.field("debug[1]"), _wave(flight)
+    rows = []
+    for index, name in enumerate(_AXES):
+        amplitude = flight.header.number(f"chirp_amplitude_{name}") * math.pi / 180.0
+        if np.any(axis == index):
+            values = np.where(axis == index, wave, 0.0) * (amplitude * FRD[index])
+            rows.append(Row(f"{name}_excitation", "debug[3]", values))
+    return tuple(rows)
+
+
+def chirp_maneuvers(flight: Flight) -> tuple[Maneuver, ...]:
+    """Sweeps of at least a second, with the band that was reached."""
+    if not is_chirp(flight):
+        return ()
+    axis, tenths = flight.field("debug[1]"), flight.field("debug[2]")
+    running = np.where(tenths > 0, axis, -1)
+    borders = [0, *(np.flatnonzero(np.diff(running)) + 1).tolist(), running.size]
+    found = []
+    for first, stop in pairwise(borders):
+        start_s, stop_s = float(flight.time_s[first]), float(flight.time_s[stop - 1])
+        if running[first] < 0 or stop_s - start_s < SHORTEST_S:
+            continue
+        name = _AXES[int(running[first])]
+        low, high = (float(edge) * 0.1 * 2.0 * math.pi for edge in (tenths[first], tenths[stop - 1]))
+        found.append(
+            Maneuver(
+                axis=name,
+                kind="sweep",
+                start_s=start_s,
+                stop_s=stop_s,
+                band_rad_s=(min(low, high), max(low, high)),
+                origin="declared",
+                signal=f"{name}_excitation",
+            )
+        )
+    return tuple(found)
+
+
+def is_chirp(flight: Flight) -> bool:
+    """Whether the debug fields are those of a sweep."""
+    if not set(_FIELDS) <= set(flight.fields) or "chirp_time_seconds" not in flight.header.values:
+        return False
+    axis = flight.field("debug[1]")
+    running = (axis >= 0) & (flight.field("debug[2]") > 0)
+    if not running.any() or axis.min() < -1 or axis.max() > 2:
+        return False
+    return bool(np.all(_agrees(flight)[running]))
+
+
+def _agrees(flight: Flight) -> BoolArray:
+    cosine = COSINE_SCALE * np.cos(flight.field("debug[0]") / PHASE_SCALE)
+    logged = flight.field("debug[3]")
+    lowered = flight.field("debug[2]") < 10.0 * _DIRECT_HZ + 1.0
+    agrees: BoolArray = np.where(
+        lowered, np.abs(logged) <= COSINE_SCALE + _TOLERANCE, np.abs(logged - cosine) < _TOLERANCE
+    )
+    return agrees
+
+
+def _wave(flight: Flight) -> FloatArray:
+    wave: FloatArray = flight.field("debug[3]") / COSINE_SCALE
+    return wave
+
+
+_NEEDED = (
+    ("p", "the gyro is not logged, so that no response can be measured; enable it with blackbox_disable_gyro = OFF"),
+    ("az", "the accelerometer is not logged; enable it with blackbox_disable_acc = OFF"),
+    (
+        "roll_command",
+        "neither the motors nor the sums of the controllers are logged; enable them with blackbox_disable_motors = OFF",
+    ),
+)
+
+
+def findings_of(
+    flights: Sequence[Flight], unread: Sequence[tuple[int, LogError]], topics: Sequence[Topic]
+) -> tuple[Finding, ...]:
+    """All remarks on a log; ``flights`` and ``topics`` with the preferred flight first."""
+    return (
+        *_others(flights),
+        *(_unread(number, error) for number, error in unread),
+        *(finding for flight in flights for finding in _damage(flight)),
+        *_missing(topics[0]),
+        *_geometry(flights[0]),
+    )
+
+
+def _others(flights: Sequence[Flight]) -> Iterator[Finding]:
+    if len(flights) < 2:
+        return
+    first, *others = flights
+    listed = ", ".join(f"flight {flight.number} ({_span(flight)})" for flight in others)
+    yield remark(
+        "several_flights",
+        "log",
+        f"the log holds {len(flights)} flights; the longest, flight {first.number} ({_span(first)}), comes "
+        f"first, and the others are {listed}",
+        flights=len(flights),
+        longest_s=first.duration_s,
+    )
+
+
+def _span(flight: Flight) -> str:
+    return f"{flight.time_s[0]:.1f} to {flight.time_s[-1]:.1f} s"
+
+
+def _unread(number: int, error: LogError) -> Finding:
+    return warn("corrupt_log", f"flight {number}", f"flight {number} was left out: {error.came}", flight=number)
+
+
+def _damage(flight: Flight) -> Iterator[Finding]:
+    damage, where = flight.damage, f"flight {flight.number}"
+    if damage.skipped_bytes:
+        yield warn(
+            "corrupt_log",
+            where,
+            f"{damage.skipped_bytes} bytes in {damage.places} places of {where} are not frames and were "
+            f"skipped, the first {damage.first_byte} bytes after its beginning; {damage.lost_frames} frames are "
+            "missing, and the format has no checksum to vouch for the others",
+            bytes=damage.skipped_bytes,
+            places=damage.places,
+            first_byte=damage.first_byte,
+            lost_frames=damage.lost_frames,
+        )
+    elif damage.lost_frames:
+        yield warn(
+            "gap",
+            where,
+            f"{damage.lost_frames} frames of {where} were never written: the logger could not keep up; lower "
+            "the logging rate (blackbox_sample_rate) or use a faster card",
+            lost_frames=damage.lost_frames,
+            frames=len(flight.frames),
+        )
+    if damage.cut_bytes or not damage.ended:
+        yield remark(
+            "corrupt_log",
+            where,
+            f"{where} was not closed: it ends without the logger's last word, and {damage.cut_bytes} bytes of "
+            "an incomplete frame were skipped",
+            bytes=damage.cut_bytes,
+            frames=len(flight.frames),
+        )
+
+
+def _missing(topic: Topic) -> Iterator[Finding]:
+    for name, message in _NEEDED:
+        if topic.row(name) is None:
+            yield warn("missing_channel", topic.name, message)
+
+
+def _geometry(flight: Flight) -> Iterator[Finding]:
+    if sum(name.startswith("motor[") for name in flight.fields) != len(QUAD_X):
+        return
+    known = {"yaw_motors_reversed", "yaw_motor_direction"} & set(flight.header.values)
+    turning = "" if known else ", and that the first motor turns clockwise seen from above"
+    yield remark(
+        "assumed_geometry",
+        f"flight {flight.number}",
+        "the commands are the mix of the four motors, which are taken to be those of a quad X: rear right, "
+        f"front right, rear left, front left; the log does not say so{turning}",
+    )
+
+
+FORMAT = "Betaflight blackbox"
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a blackbox log.
+
+    Examples
+    --------
+    >>> sniff(b"H Product:Blackbox flight data recorder by Nicholas Sherlock"), sniff(b"ULog")
+    (True, False)
+    """
+    return head.lstrip(b"\xff\x00\r\n").startswith(MAGIC)
+
+
+def read(path: Path, source: Source) -> FlightRecord:
+    """Read a log.
+
+    Every flight becomes a topic ``flight N`` on the flight controller's own clock, the longest first. Body rates are
+    the gyro as the controllers saw it, behind its filters: a model fitted to them carries the filters' delay. The
+    commands are the mix of the four motors of a quadrotor; for other vehicles the sums of the controllers. Where on
+    Earth the flight was does not enter the record.
+
+    Parameters
+    ----------
+    path
+        The log, unpacked.
+    source
+        What is known of the file; the firmware is filled in.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, or none of its flights can.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
+    flown, unread = _sorted(data)
+    if not flown:
+        raise unread[0][1] if unread else _empty(source.name)
+    longest = flown[0]
+    topics = tuple(main_topic(flight, chirp_rows(flight)) for flight in flown)
+    if not topics[0].channels:
+        raise _empty(source.name)
+    return FlightRecord(
+        source=replace(source, firmware=longest.header.values.get("Firmware revision", "")),
+        topics=topics,
+        parameters=parameters_of(longest.header),
+        declared=tuple(maneuver for flight in flown for maneuver in chirp_maneuvers(flight)),
+        instruments=_instruments(topics),
+        findings=findings_of(flown, unread, topics),
+    )
+
+
+def _sorted(data: bytes) -> tuple[list[Flight], list[tuple[int, LogError]]]:
+    """The flights that hold frames, longest first, and the others with the reason."""
+    flown: list[Flight] = []
+    unread: list[tuple[int, LogError]] = []
+    for number, outcome in flights(data):
+        if isinstance(outcome, LogError):
+            unread.append((number, outcome))
+        elif outcome.time_s.size:
+            flown.append(outcome)
+        else:
+            unread.append((number, _empty(f"flight {number}")))
+    return sorted(flown, key=lambda flight: -flight.duration_s), unread
+
+
+def _instruments(topics: tuple[Topic, ...]) -> dict[str, tuple[str, ...]]:
+    """Signals without feedback: the injected sweep where there is one, then the stick."""
+    held = {channel.name for topic in topics for channel in topic.channels}
+    present = {axis: tuple(name for name in (f"{axis}_excitation", f"{axis}_stick") if name in held) for axis in AXES}
+    return {axis: names for axis, names in present.items() if names}
+
+
+def _empty(name: str) -> LogError:
+    return LogError(
+        f"{name} holds no frame that can be read",
+        needed="a blackbox log with a complete header and at least one I frame",
+        remedy="download the log from the flight controller again",
+    )

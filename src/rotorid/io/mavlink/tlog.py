@@ -1,0 +1,420 @@
+"""Reader of MAVLink telemetry logs (``.tlog``), as ground stations write them.
+
+One clock for telemetry: seconds since the autopilot booted, from stamps of several widths and from none at all.
+
+Which field of which MAVLink message is which channel, as a table, and the topics they make.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.errors import LogError
+from rotorid.frames import euler_from_quaternion
+from rotorid.io.ardupilot.dataflash import HEADER_BYTES, Format, Table
+from rotorid.io.ardupilot.log import motor_topics, stick_topic
+from rotorid.io.files import without_places
+from rotorid.io.mavlink.messages import Messages, Telemetry, decode, starts_like_telemetry
+from rotorid.typing import AnyArray, BoolArray, FloatArray
+from rotorid.units import parse_unit
+
+_UNITS_PER_S = {"time_boot_ms": 1e3, "time_usec": 1e6}
+_LARGEST_DELAY_S = 60.0
+"""A radio link that is later than this does not exist; a stamp that is, counts from another origin."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BootClock:
+    r"""The boot of the autopilot on the clock of the ground station.
+
+    A message that was sent at :math:`t` after the boot is received at :math:`t + t_0 + d` with a delay
+    :math:`d \ge 0`; the smallest difference of the two stamps is the best estimate of :math:`t_0`. It assumes that the
+    two clocks run equally fast: a drift of 50 ppm is 90 ms in half an hour, which only messages without a stamp feel.
+
+    Parameters
+    ----------
+    boot_s
+        :math:`t_0`, seconds since 1970; the first reception when nothing in the log is stamped.
+    restarts
+        How often the autopilot began to count anew.
+    """
+
+    boot_s: float
+    restarts: int = 0
+
+    @classmethod
+    def of(cls, messages: Iterable[Messages]) -> BootClock:
+        """The clock of messages that carry ``time_boot_ms``."""
+        messages = list(messages)
+        stamped = [item for item in messages if "time_boot_ms" in (item.fields.dtype.names or ())]
+        if not stamped:
+            return cls(boot_s=min((float(item.received_us.min()) * 1e-6 for item in messages), default=0.0))
+        longest = max(stamped, key=lambda item: item.fields.size)
+        booted = [item.received_us * 1e-6 - item.fields["time_boot_ms"] * 1e-3 for item in stamped]
+        # A restart takes the count back to zero; packets that overtake one another take it back by less than this.
+        steps = np.diff(longest.fields["time_boot_ms"].astype(np.int64))
+        return cls(
+            boot_s=min(float(item.min()) for item in booted), restarts=int(np.count_nonzero(steps < -_RESTART_MS))
+        )
+
+    def stamps(self, messages: Messages) -> FloatArray:
+        """Seconds since boot, shape ``(messages,)``: the message's own stamps, or when it was received.
+
+        A stamp of 32 bits in microseconds wraps every 71.6 minutes; the time of reception says how often it did.
+        """
+        received = messages.received_us * 1e-6 - self.boot_s
+        field = next((name for name in _UNITS_PER_S if name in (messages.fields.dtype.names or ())), None)
+        if field is None:
+            return np.asarray(received, dtype=np.float64)
+        own = messages.fields[field] / _UNITS_PER_S[field]
+        if field == "time_boot_ms":
+            return np.asarray(own, dtype=np.float64)
+        if messages.fields.dtype[field].itemsize == 4:
+            span = 2.0**32 * 1e-6
+            own = own + span * np.round((received - own) / span)
+        # Some firmware stamps by the time of day instead of the time since boot.
+        foreign = np.abs(received - own) > _LARGEST_DELAY_S
+        return np.asarray(np.where(foreign, received, own), dtype=np.float64)
+
+    def findings(self) -> Iterator[Finding]:
+        """What to remark about the clock."""
+        if self.restarts:
+            yield warn(
+                "clock_skew",
+                "time_boot_ms",
+                f"The autopilot restarted {self.restarts} times within the log, and its clock with it: stamps "
+                "of the parts overlap. Cut the log at the restart and read the parts one by one.",
+                restarts=self.restarts,
+            )
+
+
+_RESTART_MS = 5_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rule:
+    """Fields of a message and the channels that they are; MAVLink speaks FRD and NED throughout.
+
+    Parameters
+    ----------
+    message, fields
+        As the protocol names them.
+    channels
+        One for each field; three Euler angles for the four parts of a quaternion.
+    unit
+        Unit of the numbers in the message.
+    ignored_by
+        Bits of ``type_mask`` that declare the fields void.
+    """
+
+    message: str
+    fields: tuple[str, ...]
+    channels: tuple[str, ...]
+    unit: str
+    ignored_by: int = 0
+
+
+def _rule(message: str, fields: str, channels: str, unit: str, ignored_by: int = 0) -> Rule:
+    return Rule(
+        message=message,
+        fields=tuple(fields.split()),
+        channels=tuple(channels.split()),
+        unit=unit,
+        ignored_by=ignored_by,
+    )
+
+
+_GYRO, _ACCELEROMETER = ("xgyro ygyro zgyro", "p q r"), ("xacc yacc zacc", "ax ay az")
+_COMMANDS = "roll_command pitch_command yaw_command thrust_command"
+_TARGET_RATES = "body_roll_rate body_pitch_rate body_yaw_rate"
+_INTEGER_IMUS = ("SCALED_IMU", "RAW_IMU", "SCALED_IMU2", "SCALED_IMU3")
+
+RULES: tuple[Rule, ...] = (
+    _rule("ACTUATOR_CONTROL_TARGET", "control0 control1 control2 control3", _COMMANDS, "1"),
+    _rule("ATTITUDE_TARGET", "thrust", "thrust_command", "1", 64),
+    _rule("HIGHRES_IMU", *_GYRO, "rad/s"),
+    _rule("HIGHRES_IMU", *_ACCELEROMETER, "m/s^2"),
+    _rule("ATTITUDE", "rollspeed pitchspeed yawspeed", "p q r", "rad/s"),
+    _rule("ATTITUDE", "roll pitch yaw", "phi theta psi", "rad"),
+    *(_rule(name, *_GYRO, "mrad/s") for name in _INTEGER_IMUS),
+    *(_rule(name, *_ACCELEROMETER, "mg") for name in _INTEGER_IMUS),
+    _rule("LOCAL_POSITION_NED", "vx vy vz", "velocity_north velocity_east velocity_down", "m/s"),
+    _rule("LOCAL_POSITION_NED", "x y z", "north east down", "m"),
+    _rule("ATTITUDE_TARGET", "qw qx qy qz", "phi_setpoint theta_setpoint psi_setpoint", "1", 128),
+    _rule("ATTITUDE_TARGET", _TARGET_RATES, "p_setpoint q_setpoint r_setpoint", "rad/s", 7),
+    _rule("SYS_STATUS", "voltage_battery", "battery_voltage", "mV"),
+)
+"""In order of preference. The rates of ``ATTITUDE`` are finer than the whole milliradians of the integer sensors."""
+
+_ATTITUDE_GROUP = 0
+_UNKNOWN_VOLTAGE = 0xFFFF
+
+
+def message_topics(messages: Mapping[str, Messages], clock: BootClock, *, scaled_raw: bool) -> Iterator[Topic]:
+    """Topics of the messages in ``RULES``, best first.
+
+    Parameters
+    ----------
+    messages
+        Name to messages of one autopilot.
+    clock
+        Its clock.
+    scaled_raw
+        Whether ``RAW_IMU`` is in the units of ``SCALED_IMU``, as ArduPilot sends it; elsewhere its numbers are counts
+        of an unknown converter, which are left out.
+    """
+    for rule in RULES:
+        if rule.message not in messages or (rule.message == "RAW_IMU" and not scaled_raw):
+            continue
+        item = messages[rule.message].chosen(_valid(rule, messages[rule.message]))
+        with np.errstate(invalid="ignore"):  # a payload may hold numbers that are none, which are left out
+            values = np.stack([item.fields[field].astype(np.float64) for field in rule.fields])
+        finite = np.isfinite(values).all(axis=0)
+        if not finite.any():
+            continue
+        values, sources = values[:, finite], [f"{rule.message}.{field}" for field in rule.fields]
+        if len(rule.channels) == 3 and len(sources) == 4:
+            values, sources = euler_from_quaternion(values), [f"{rule.message}.q"] * 3
+        yield Topic(
+            name=rule.message,
+            time_s=clock.stamps(item)[finite],
+            channels=tuple(
+                Channel(name=name, unit=STANDARD_UNITS[name], source=source)
+                for name, source in zip(rule.channels, sources, strict=True)
+            ),
+            values=values * _factor(rule.unit),
+        )
+
+
+def _factor(unit: str) -> float:
+    # A thousandth of standard gravity is a unit of this protocol alone.
+    return 1e-3 * parse_unit("g").factor if unit == "mg" else parse_unit(unit).factor
+
+
+def _valid(rule: Rule, messages: Messages) -> BoolArray:
+    """Messages whose fields mean something: not masked, of the attitude group, not the code for "unknown"."""
+    fields = messages.fields
+    valid: BoolArray = np.ones(fields.size, dtype=np.bool_)
+    if rule.ignored_by:
+        valid = (fields["type_mask"] & rule.ignored_by) == 0
+    elif rule.message == "ACTUATOR_CONTROL_TARGET":
+        valid = fields["group_mlx"] == _ATTITUDE_GROUP
+    elif rule.message == "SYS_STATUS":
+        valid = fields["voltage_battery"] != _UNKNOWN_VOLTAGE
+    return valid
+
+
+def pulse_topics(
+    messages: Mapping[str, Messages], clock: BootClock, parameters: Mapping[str, float]
+) -> Iterator[Topic]:
+    """Motors and sticks of an ArduPilot vehicle, as far as its parameters say which output is which motor.
+
+    The messages are the ``RCOU`` and ``RCIN`` of its own logs under another name, so that the same rules hold.
+    """
+    servos, sticks = messages.get("SERVO_OUTPUT_RAW"), messages.get("RC_CHANNELS")
+    if servos is not None:
+        first_port = servos.chosen(servos.fields["port"] == 0)
+        if first_port.fields.size:
+            yield from motor_topics({"RCOU": _table("RCOU", first_port, clock, "servo", 16)}, parameters)
+    if sticks is not None:
+        topic = stick_topic({"RCIN": _table("RCIN", sticks, clock, "chan", 16)}, parameters)
+        if topic is not None:
+            yield topic
+
+
+def _table(name: str, messages: Messages, clock: BootClock, stem: str, count: int) -> Table:
+    """Pulse widths as a table of the autopilot's own kind: stamps in microseconds, then ``C1``, ``C2``, …."""
+    labels = tuple(f"C{number}" for number in range(1, count + 1))
+    kind = np.dtype([("head", f"S{HEADER_BYTES}"), ("TimeUS", "<u8"), *((label, "<u2") for label in labels)])
+    rows = np.zeros(messages.fields.size, dtype=kind)
+    rows["TimeUS"] = np.round(np.maximum(clock.stamps(messages), 0.0) * 1e6)
+    for number, label in enumerate(labels, start=1):
+        rows[label] = messages.fields[f"{stem}{number}_raw"]
+    layout = Format(number=0, length=kind.itemsize, name=name, letters="Q" + "H" * count, columns=("TimeUS", *labels))
+    positions = np.arange(rows.size, dtype=np.int64) * kind.itemsize
+    return Table(format=layout, units={}, data=rows.view(np.uint8), positions=positions)
+
+
+FORMAT = "MAVLink telemetry"
+
+ARDUPILOT, PX4 = 3, 12
+"""``HEARTBEAT.autopilot`` of the two firmwares whose habits are known."""
+
+_AUTOPILOT_COMPONENT = 1
+_INTEGER_TYPES = {1: "<u1", 2: "<i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4"}
+_REMEDY = "copy it again from the ground station"
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a row of MAVLink frames behind eight-byte stamps."""
+    return starts_like_telemetry(head)
+
+
+def read(path: Path, source: Source) -> FlightRecord:
+    """Read a telemetry log.
+
+    Telemetry is a decimated copy of what the autopilot knows, often 4 to 50 Hz, without a filter against aliasing: good
+    for an overview and for slow modes, not for motor lag and delay. All stamps are seconds since the boot of the
+    autopilot, as it sent them; messages without a stamp stand where the ground station received them. Only the
+    autopilot that sent most is read. Positions are relative to the origin of the estimator.
+
+    Parameters
+    ----------
+    path
+        The log, unpacked.
+    source
+        What is known of the file; the firmware is filled in.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, holds no frame, or nothing that the package has a name for.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
+    telemetry = decode(data)
+    if not telemetry.messages:
+        raise LogError(
+            f"{source.name} holds {telemetry.frames} MAVLink frames and no message that is known, intact",
+            needed="telemetry of a flight, such as ATTITUDE",
+            remedy=_REMEDY,
+        )
+    sender = _autopilot(telemetry.messages)
+    messages = dict(_sent_by(telemetry.messages, sender))
+    firmware = _firmware(messages)
+    parameters = _parameters(messages, firmware)
+    clock = BootClock.of(messages.values())
+    topics = (
+        *message_topics(messages, clock, scaled_raw=firmware == ARDUPILOT),
+        *(pulse_topics(messages, clock, parameters) if firmware == ARDUPILOT else ()),
+    )
+    if not topics:
+        raise LogError(
+            f"{source.name} holds {', '.join(messages) or 'no message'} of the autopilot {sender[0]}",
+            needed="a telemetry log of a flight, such as ATTITUDE with SERVO_OUTPUT_RAW",
+            remedy="raise the stream rates (SR0_EXTRA1, SR0_RAW_SENS, SR0_RC_CHAN), or use the log on the SD card",
+        )
+    return FlightRecord(
+        source=replace(source, firmware={ARDUPILOT: "ArduPilot", PX4: "PX4"}.get(firmware, "")),
+        topics=topics,
+        parameters=without_places(parameters),
+        instruments=_instruments(topics),
+        findings=(
+            *_damage(telemetry, len(data)),
+            *_others(telemetry.messages, sender),
+            *clock.findings(),
+            _decimated(topics),
+            *_missing(topics),
+        ),
+    )
+
+
+def _autopilot(messages: Mapping[str, Messages]) -> tuple[int, int]:
+    """System and component that sent most, a flight controller rather than a camera or the ground station."""
+    senders = np.concatenate([_senders(item) for item in messages.values()])
+    found, count = np.unique(senders, return_counts=True)
+    best = max(zip(found.tolist(), count.tolist(), strict=True), key=lambda it: (it[0] & 0xFF == 1, it[1]))[0]
+    return best >> 8, best & 0xFF
+
+
+def _senders(messages: Messages) -> AnyArray:
+    return messages.system.astype(np.int64) << 8 | messages.component
+
+
+def _sent_by(messages: Mapping[str, Messages], sender: tuple[int, int]) -> Iterator[tuple[str, Messages]]:
+    for name, item in messages.items():
+        chosen = item.chosen(_senders(item) == (sender[0] << 8 | sender[1]))
+        if chosen.fields.size:
+            yield name, chosen
+
+
+def _firmware(messages: Mapping[str, Messages]) -> int:
+    beats = messages.get("HEARTBEAT")
+    return -1 if beats is None else int(beats.fields["autopilot"][-1])
+
+
+def _parameters(messages: Mapping[str, Messages], firmware: int) -> dict[str, float]:
+    """The autopilot's parameters as far as they were sent; of one that changed, the last value."""
+    if "PARAM_VALUE" not in messages:
+        return {}
+    fields = messages["PARAM_VALUE"].fields
+    found: dict[str, float] = {}
+    for label, value, kind in zip(fields["param_id"], fields["param_value"], fields["param_type"], strict=True):
+        # PX4 lays the bytes of an integer into the float; ArduPilot sends its value.
+        whole = firmware == PX4 and int(kind) in _INTEGER_TYPES
+        number = value.tobytes() if whole else b""
+        plain = float(np.frombuffer(number, _INTEGER_TYPES[int(kind)])[0]) if whole else float(value)
+        name = label.split(b"\0")[0].decode("ascii", errors="replace")
+        if name and np.isfinite(plain):
+            found[name] = plain
+    return found
+
+
+def _instruments(topics: tuple[Topic, ...]) -> dict[str, tuple[str, ...]]:
+    held = {channel.name for topic in topics for channel in topic.channels}
+    return {axis: (f"{axis}_stick",) for axis in ("roll", "pitch", "yaw", "thrust") if f"{axis}_stick" in held}
+
+
+def _damage(telemetry: Telemetry, size_bytes: int) -> Iterator[Finding]:
+    if not telemetry.lost_bytes and not telemetry.failed:
+        return
+    where = f", first at byte {telemetry.first_byte} of {size_bytes}" if telemetry.lost_bytes else ""
+    yield warn(
+        "corrupt_log",
+        "telemetry",
+        f"{telemetry.lost_bytes} bytes of the file belong to no frame{where}, and {telemetry.failed} frames "
+        f"have a wrong checksum; both were left out. A radio link may cause that; otherwise {_REMEDY}.",
+        lost_bytes=telemetry.lost_bytes,
+        places=telemetry.places,
+        first_byte=telemetry.first_byte,
+        wrong_checksums=telemetry.failed,
+        frames=telemetry.frames,
+    )
+
+
+def _others(messages: Mapping[str, Messages], sender: tuple[int, int]) -> Iterator[Finding]:
+    if "ATTITUDE" not in messages:
+        return
+    item = messages["ATTITUDE"]
+    systems = np.unique(item.system[item.component == _AUTOPILOT_COMPONENT])
+    others = systems[systems != sender[0]].tolist()
+    if others:
+        yield warn(
+            "several_vehicles",
+            "telemetry",
+            f"The log holds several vehicles. System {sender[0]}, which sent most, was read; "
+            f"{', '.join(map(str, others))} left out.",
+            read_system=sender[0],
+            other_systems=len(others),
+        )
+
+
+def _decimated(topics: tuple[Topic, ...]) -> Finding:
+    fastest = max(topics, key=lambda topic: topic.sample_rate_hz)
+    return remark(
+        "decimated",
+        "telemetry",
+        "Telemetry is decimated without a filter, so that faster motion appears as slower: the fastest topic, "
+        f"{fastest.name}, comes at {fastest.sample_rate_hz:.0f} Hz. Use the log on the vehicle's SD card for motor "
+        "lag, delay and anything above a fifth of that rate.",
+        fastest_hz=fastest.sample_rate_hz,
+    )
+
+
+def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
+    held = {channel.name for topic in topics for channel in topic.channels}
+    if not any(name.endswith("_command") or name.startswith("motor_") for name in held):
+        yield warn(
+            "missing_channel",
+            "motor_1",
+            "The log does not say what the motors were told: that needs SERVO_OUTPUT_RAW and the parameters "
+            "SERVOn_FUNCTION or FRAME_CLASS of ArduPilot, or ACTUATOR_CONTROL_TARGET of PX4.",
+        )

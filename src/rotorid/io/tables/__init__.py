@@ -1,0 +1,1 @@
+"""Tables and arrays of any source, whose channels a mapping names."""

@@ -1,0 +1,219 @@
+"""CSV logs: the package's own, with ``name [unit]`` in the header, and any other through a mapping."""
+
+from __future__ import annotations
+
+import csv
+import io
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rotorid.data.findings import Finding
+from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
+from rotorid.errors import LogError, UsageError
+from rotorid.io.files import write_atomically
+from rotorid.io.tables.mapped import HEADER_RULE, assemble, by_header, sources_of
+from rotorid.io.tables.mapping import ChannelMapping, nearest
+from rotorid.typing import FloatArray
+
+FORMAT = "CSV"
+
+_MOST_COLUMNS = 5000
+_SEPARATORS = ",;\t"
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a table in text: a first line with separators and no binary bytes."""
+    line = head.removeprefix(b"\xef\xbb\xbf").lstrip().partition(b"\n")[0].decode("utf-8", errors="replace")
+    binary = b"\0" in head or "\ufffd" in line.rstrip("\ufffd")
+    return not binary and any(sign in line for sign in _SEPARATORS)
+
+
+def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> FlightRecord:
+    """Read a CSV log.
+
+    Parameters
+    ----------
+    path
+        Text in UTF-8 with one header line; the separator is a comma, a semicolon or a tab, the decimal sign a point.
+    source
+        Name, format and hash of the file as the user gave it.
+    mapping
+        Which column is which channel. Without one the header must say it: ``time [s]`` first, then ``name [unit]`` with
+        the names of the vocabulary. A column with another name is left out, with a finding.
+
+    Raises
+    ------
+    LogError
+        The header is no header, or a cell is missing or no finite number; the message names line and column.
+    UsageError
+        The mapping names a column that does not exist, or the unit of a column is unknown.
+    """
+    header, separator, first_line = _header(path, source.name)
+    findings: tuple[Finding, ...] = ()
+    if mapping is None:
+        mapping, findings = by_header(header, source.name)
+    missing = [name for name in sources_of(mapping) if name not in header]
+    if missing:
+        close = nearest(missing[0], header)
+        raise UsageError(
+            f"{source.name} has no column {missing[0]!r}",
+            needed=f"one of {', '.join(header[:30])}",
+            remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
+        )
+    wanted = sorted({header.index(name) for name in sources_of(mapping)})
+    table = _table(path, source.name, header, wanted, separator, first_line)
+    arrays = {header[column]: table[:, place] for place, column in enumerate(wanted)}
+    return assemble(arrays, mapping, source, findings)
+
+
+def write_csv(path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray]) -> None:
+    """Write a CSV log that `read` reads back, with seven significant digits, atomically.
+
+    Parameters
+    ----------
+    path
+        File to write or replace.
+    time_s
+        Stamps in s, shape ``(samples,)``; written with ten digits.
+    columns
+        Name of a channel of the vocabulary to its samples in SI units, each of shape ``(samples,)``.
+
+    Raises
+    ------
+    UsageError
+        A name is not of the vocabulary, or the place cannot be written.
+    ValueError
+        A channel has not as many samples as there are stamps.
+    """
+    for name, samples in columns.items():
+        if name not in STANDARD_UNITS:
+            raise UsageError(
+                f"{name!r} is no channel name", needed="a name of the vocabulary", remedy=nearest(name, STANDARD_UNITS)
+            )
+        if np.shape(samples) != np.shape(time_s):
+            raise ValueError(f"{name}: {np.shape(time_s)} stamps and {np.shape(samples)} samples came")
+    header = ",".join(["time [s]", *(f"{name} [{STANDARD_UNITS[name]}]" for name in columns)])
+    row = ",".join(["%.10g", *["%.7g"] * len(columns)])
+    values = zip(
+        np.asarray(time_s).tolist(), *(np.asarray(samples).tolist() for samples in columns.values()), strict=True
+    )
+    write_atomically(path, "\n".join([header, *(row % cells for cells in values), ""]))
+
+
+def _header(path: Path, file: str) -> tuple[list[str], str, int]:
+    """Column names, separator, and the number of the line after the header."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            for number, line in enumerate(stream, start=1):
+                if line.strip():
+                    separator = max(_SEPARATORS, key=line.count)
+                    cells = [cell.strip() for cell in _cells(line, separator, file)]
+                    _require_few(cells, file)
+                    _refuse_twins(cells, file)
+                    return cells, separator, number + 1
+    except UnicodeDecodeError as error:
+        raise _no_text(file) from error
+    raise LogError(f"{file} is empty", needed=HEADER_RULE, remedy="check how it was written")
+
+
+def _refuse_twins(cells: Sequence[str], file: str) -> None:
+    seen: set[str] = set()
+    for cell in cells:
+        if cell and cell in seen:
+            raise LogError(f"{file} has two columns {cell!r}", needed="each name once", remedy="rename one of them")
+        seen.add(cell)
+
+
+def _require_few(cells: Sequence[str], file: str) -> None:
+    if len(cells) > _MOST_COLUMNS:
+        raise LogError(
+            f"{file} has {len(cells)} columns", needed=f"at most {_MOST_COLUMNS}", remedy="export the needed ones only"
+        )
+
+
+def _cells(line: str, separator: str, file: str) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=separator))
+    except csv.Error as error:
+        raise LogError(
+            f"{file} holds a line that is no row of a table ({error})",
+            needed="a table of numbers",
+            remedy="check how it was written",
+        ) from error
+
+
+def _no_text(file: str) -> LogError:
+    return LogError(f"{file} is no text in UTF-8", needed="a CSV in UTF-8", remedy="save it again in that encoding")
+
+
+def _table(
+    path: Path, file: str, header: Sequence[str], wanted: Sequence[int], separator: str, first_line: int
+) -> FloatArray:
+    """Columns ``wanted`` as numbers, shape ``(samples, columns)``; every row must be as long as the header."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # an empty table is refused below
+            table = np.loadtxt(
+                path,
+                delimiter=separator,
+                skiprows=first_line - 1,
+                usecols=wanted,
+                comments=None,
+                quotechar='"',
+                encoding="utf-8-sig",
+                ndmin=2,
+            )
+    except UnicodeDecodeError as error:
+        raise _no_text(file) from error
+    except ValueError as error:
+        raise _first_fault(path, file, header, wanted, separator, first_line) or LogError(
+            f"{file} cannot be read: {error}",
+            needed="a rectangular table of numbers",
+            remedy="check how it was written",
+        ) from error
+    if not table.size:
+        raise LogError(f"{file} has a header and no samples", needed="samples", remedy="check how it was written")
+    suspicious = not np.isfinite(table).all() or not _is_rectangular(path, separator, len(table) + 1, len(header))
+    if suspicious and (fault := _first_fault(path, file, header, wanted, separator, first_line)):
+        raise fault
+    return table
+
+
+def _is_rectangular(path: Path, separator: str, n_lines: int, n_columns: int) -> bool:
+    """Whether a table can have rows of one length: a quick count, since NumPy ignores cells beyond the wanted ones."""
+    return path.read_bytes().count(separator.encode()) == n_lines * (n_columns - 1)
+
+
+def _first_fault(
+    path: Path, file: str, header: Sequence[str], wanted: Sequence[int], separator: str, first_line: int
+) -> LogError | None:
+    """Look for the cell that spoils a table, line by line: slow, and only done when there is one."""
+    for number, cells in _rows(path, separator, first_line):
+        if len(cells) != len(header):
+            return LogError(
+                f"{file}, line {number} has {len(cells)} cells and the header {len(header)}",
+                needed="one cell for each column",
+                remedy="complete or delete the line; the last one is often cut when a recording stops",
+            )
+        for column in wanted:
+            try:
+                finite = bool(np.isfinite(float(cells[column])))
+            except ValueError:
+                finite = False
+            if not finite:
+                return LogError(
+                    f"{file}, line {number}, column {header[column]!r} is {cells[column].strip()!r}",
+                    needed="a finite number with a decimal point",
+                    remedy="correct or delete the line",
+                )
+    return None
+
+
+def _rows(path: Path, separator: str, first_line: int) -> Iterator[tuple[int, list[str]]]:
+    lines = io.StringIO(path.read_text(encoding="utf-8-sig", errors="replace"))
+    for number, line in enumerate(lines, start=1):
+        if number >= first_line and line.strip():
+            yield number, _cells(line, separator, path.name)

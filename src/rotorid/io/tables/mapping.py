@@ -1,0 +1,819 @@
+"""Mapping files: the user's own names for the channels of a foreign file, in TOML.
+
+The language has a page of its own in the documentation, ``docs/mapping.md``.
+
+Tables of a mapping that name channels: one by one, or as the vectors that they are parts of.
+
+Keys of a mapping file with the types that they need; every mistake names the table, the key and what to write.
+
+What a mapping says, as values: where each channel of a foreign file stands, and on which clock.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from types import MappingProxyType
+from typing import Any, cast, get_args
+
+from rotorid.data.record import AXES, STANDARD_UNITS, Kind
+from rotorid.errors import UsageError
+from rotorid.frames import BodyFrame, SignedAngles, WorldFrame, signed_angles, signed_axes
+from rotorid.typing import Axis
+from rotorid.units import parse_unit
+
+
+def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
+    """The known names that look most like ``name``, as words for a message; empty when none does.
+
+    Examples
+    --------
+    >>> nearest("pich_command", ["pitch_command", "yaw_command", "battery_voltage"])
+    'pitch_command, yaw_command'
+    """
+    return ", ".join(difflib.get_close_matches(name, list(known), n=3, cutoff=likeness))
+
+
+def only_keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    """Refuse a key that means nothing here."""
+    for key in table:
+        if key not in known:
+            raise UsageError(
+                f"{where} has a key `{key}`",
+                needed=f"one of {', '.join(known)}",
+                remedy=f"did you mean {close}?" if (close := nearest(key, known)) else "remove it",
+            )
+
+
+def table(value: object, where: str) -> Mapping[str, Any]:
+    """A table, as ``[name]`` or ``{...}`` writes it."""
+    if not isinstance(value, Mapping):
+        raise UsageError(f"{where} is {value!r}", needed="a table", remedy="write it as in the documentation of --map")
+    return value
+
+
+def text(values: Mapping[str, Any], key: str, where: str) -> str:
+    """A name that must be there."""
+    value = values.get(key)
+    if not isinstance(value, str) or not value:
+        came = f"has no `{key}`" if value is None else f"has `{key}` = {value!r}"
+        raise UsageError(f"{where} {came}", needed="a name in quotes", remedy=f'write {key} = "NAME"')
+    return value
+
+
+def names(values: Mapping[str, Any], key: str, count: int | None, where: str) -> tuple[str, ...]:
+    """A list of names, or of whole numbers that serve as such; each once."""
+    value = values.get(key)
+    number = "several" if count is None else str(count)
+    if (
+        not isinstance(value, list)
+        or not value
+        or (count is not None and len(value) != count)
+        or not all((isinstance(item, str) and item) or type(item) is int for item in value)
+        or len({str(item) for item in value}) < len(value)
+    ):
+        came = f"has no `{key}`" if value is None else f"has `{key}` = {value!r}"
+        raise UsageError(
+            f"{where} {came}", needed=f"a list of {number} different names", remedy=f'write {key} = ["A", "B", ...]'
+        )
+    return tuple(str(item) for item in value)
+
+
+def number(values: Mapping[str, Any], key: str, where: str) -> float | None:
+    """A finite number, or ``None`` where the key is missing."""
+    value = values.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
+        raise UsageError(f"{where} has `{key}` = {value!r}", needed="a finite number", remedy="write it without quotes")
+    return float(value)
+
+
+def band(values: Mapping[str, Any], key: str, where: str) -> tuple[float, float] | None:
+    """Two rising numbers above zero, or ``None`` where the key is missing."""
+    if key not in values:
+        return None
+    value = values[key]
+    ends = {str(place): end for place, end in enumerate(value)} if isinstance(value, list) else {}
+    low, high = number(ends, "0", f"{where} `{key}`"), number(ends, "1", f"{where} `{key}`")
+    if len(ends) != 2 or low is None or high is None or not 0.0 < low < high:
+        raise UsageError(
+            f"{where} has `{key}` = {value!r}", needed="two rising numbers above zero", remedy="write [LOW, HIGH]"
+        )
+    return low, high
+
+
+def index(values: Mapping[str, Any], key: str, where: str) -> int | None:
+    """A place counted from zero, or ``None`` where the key is missing."""
+    value = values.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise UsageError(f"{where} has `{key}` = {value!r}", needed="a whole number from 0", remedy="count from zero")
+    return value
+
+
+def choice(values: Mapping[str, Any], key: str, known: Sequence[str], default: str, where: str) -> str:
+    """One of a few words."""
+    value = values.get(key, default)
+    if value not in known:
+        raise UsageError(f"{where} has `{key}` = {value!r}", needed=f"one of {', '.join(known)}", remedy="correct it")
+    return str(value)
+
+
+def unit(values: Mapping[str, Any], key: str, si: str, where: str) -> str:
+    """A unit that measures what it should, or the empty text where the key is missing.
+
+    Parameters
+    ----------
+    values, key, where
+        The table, the key in it, and what the messages call the table.
+    si
+        SI unit of the quantity; empty when any known unit will do.
+    """
+    if key not in values:
+        return ""
+    found = text(values, key, where)
+    try:
+        measured = parse_unit(found).si
+    except UsageError as error:
+        raise UsageError(f"{where} `{key}`: {error.came}", needed=error.needed, remedy=error.remedy) from error
+    if si and measured != si:
+        raise UsageError(
+            f"{where} `{key}` is {found!r}", needed=f"a unit of {si}", remedy="correct the unit or the channel name"
+        )
+    return found
+
+
+def file_below(values: Mapping[str, Any], where: str) -> str:
+    """The key ``file``: a path that cannot lead out of the log's folder, or the empty text where it is missing."""
+    if "file" not in values:
+        return ""
+    found = text(values, "file", where)
+    as_windows = PureWindowsPath(found)
+    leads_away = PurePosixPath(found).is_absolute() or as_windows.anchor or ".." in as_windows.parts
+    if leads_away or "\0" in found:
+        raise UsageError(
+            f"{where} has `file` = {found!r}",
+            needed="a path below the folder of the log",
+            remedy="put the file next to the log and give its name alone",
+        )
+    return found
+
+
+PLACEHOLDER = "{experiment}"
+"""Stands in a source for the name of each experiment."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Series:
+    """One row of numbers in a foreign file: ``(number + offset) * scale``, then the unit is converted.
+
+    Parameters
+    ----------
+    source
+        Variable, struct field by dots, or column name.
+    unit
+        Unit of the numbers once offset and scale are applied; empty means SI.
+    scale
+        Sign and factor.
+    offset
+        Added first, in the numbers of the file: ``-1000.0`` for pulses that rest at 1000 µs.
+    row, column
+        Which one of a matrix, counted from zero; at most one of them.
+    file
+        Path of the file below the folder of the log; empty for the log itself.
+    """
+
+    source: str
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    row: int | None = None
+    column: int | None = None
+    file: str = ""
+
+    def of_experiment(self, name: str) -> Series:
+        """The same row in one of several experiments."""
+        return replace(self, source=self.source.replace(PLACEHOLDER, name))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clock:
+    """Stamps for the channels that have none of their own: exactly one of the three.
+
+    Parameters
+    ----------
+    time
+        The stamps themselves.
+    steps
+        Differences of the stamps: from each sample to the next. The first stamp is zero.
+    sample_rate_hz
+        A uniform clock that starts at zero.
+    """
+
+    time: Series | None = None
+    steps: Series | None = None
+    sample_rate_hz: float | None = None
+
+    def of_experiment(self, name: str) -> Clock:
+        """The same clock in one of several experiments."""
+        return replace(
+            self,
+            time=self.time and self.time.of_experiment(name),
+            steps=self.steps and self.steps.of_experiment(name),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MappedChannel:
+    """A channel, where its samples stand, and its own stamps if it has some."""
+
+    name: str
+    samples: Series
+    time: Series | None = None
+
+    @property
+    def si(self) -> str:
+        """SI unit: that of the vocabulary, or of the unit that a name outside of it came with."""
+        return STANDARD_UNITS.get(self.name) or parse_unit(self.samples.unit).si
+
+    def of_experiment(self, name: str) -> MappedChannel:
+        """The same channel in one of several experiments."""
+        return replace(self, samples=self.samples.of_experiment(name), time=self.time and self.time.of_experiment(name))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MappedAttitude:
+    """A quaternion that becomes ``phi``, ``theta`` and ``psi``.
+
+    Parameters
+    ----------
+    parts
+        Its w, x, y and z, from the body to the earth.
+    angles
+        Sign and offset that bring each angle from the frames of the file to FRD and NED.
+    time
+        Its own stamps, if it has some.
+    """
+
+    parts: tuple[Series, Series, Series, Series]
+    angles: SignedAngles
+    time: Series | None = None
+
+    def of_experiment(self, name: str) -> MappedAttitude:
+        """The same quaternion in one of several experiments."""
+        w, x, y, z = (part.of_experiment(name) for part in self.parts)
+        return replace(self, parts=(w, x, y, z), time=self.time and self.time.of_experiment(name))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Segment:
+    """A part of the record to use, by time on the log's own clock or by sample of the first channel.
+
+    With neither it is the whole record, or the whole of each experiment. ``signal`` is the channel in which the
+    excitation shows and ``band_rad_s`` its lowest and highest frequency, where they are known.
+    """
+
+    axis: Axis
+    kind: Kind = "other"
+    start_s: float | None = None
+    stop_s: float | None = None
+    start_sample: int | None = None
+    stop_sample: int | None = None
+    signal: str = ""
+    band_rad_s: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Experiments:
+    """Several experiments in one file, which follow each other on one clock.
+
+    Parameters
+    ----------
+    names
+        What stands for ``{experiment}`` in the sources, in the order of time.
+    spacing_s
+        From the zero of one experiment's stamps to that of the next, s; zero where the stamps go on by themselves.
+    """
+
+    names: tuple[str, ...]
+    spacing_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ChannelMapping:
+    """What a mapping file says.
+
+    Parameters
+    ----------
+    channels
+        At least one, unless there is an attitude.
+    clock
+        Clock of the channels without their own.
+    segments
+        Parts of the record that were excited.
+    attitude
+        Quaternion behind the attitude angles.
+    experiments
+        Several experiments in one file.
+    """
+
+    channels: tuple[MappedChannel, ...]
+    clock: Clock | None = None
+    segments: tuple[Segment, ...] = ()
+    attitude: MappedAttitude | None = None
+    experiments: Experiments | None = None
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that hold the channels, each once; the log itself is the empty name."""
+        owners = [channel.samples.file for channel in self.channels]
+        owners += [self.attitude.parts[0].file] if self.attitude else []
+        return tuple(dict.fromkeys(owners))
+
+    def part(self, file: str) -> ChannelMapping:
+        """What stands in one of the files, as the mapping of that file alone."""
+        channels = (
+            replace(
+                channel, samples=replace(channel.samples, file=""), time=channel.time and replace(channel.time, file="")
+            )
+            for channel in self.channels
+            if channel.samples.file == file
+        )
+        attitude = self.attitude
+        if attitude is not None:
+            w, x, y, z = (replace(series, file="") for series in attitude.parts)
+            own = replace(attitude, parts=(w, x, y, z), time=attitude.time and replace(attitude.time, file=""))
+            attitude = own if self.attitude and self.attitude.parts[0].file == file else None
+        return replace(self, channels=tuple(channels), attitude=attitude, segments=() if file else self.segments)
+
+    def each_experiment(self) -> Iterator[ChannelMapping]:
+        """One mapping for each experiment; itself where there is but one."""
+        if self.experiments is None:
+            yield self
+            return
+        for name in self.experiments.names:
+            yield replace(
+                self,
+                channels=tuple(channel.of_experiment(name) for channel in self.channels),
+                clock=self.clock and self.clock.of_experiment(name),
+                attitude=self.attitude and self.attitude.of_experiment(name),
+                experiments=None,
+            )
+
+
+SERIES_KEYS = ("source", "unit", "scale", "offset", "row", "column")
+FRAME_KEYS = ("frame", "world")
+_PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
+_CHANNEL_KEYS = (*SERIES_KEYS, *_PLACE_KEYS)
+_VECTOR_KEYS = ("sources", "source", "by", "unit", "scale", *_PLACE_KEYS)
+
+BODY_VECTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "rates": ("p", "q", "r"),
+        "body_velocity": ("u", "v", "w"),
+        "specific_force": ("ax", "ay", "az"),
+        "angular_acceleration": ("p_dot", "q_dot", "r_dot"),
+        "body_acceleration": ("u_dot", "v_dot", "w_dot"),
+        "rates_setpoint": ("p_setpoint", "q_setpoint", "r_setpoint"),
+        "body_velocity_setpoint": ("u_setpoint", "v_setpoint", "w_setpoint"),
+    }
+)
+EARTH_VECTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "position": ("north", "east", "down"),
+        "velocity": ("velocity_north", "velocity_east", "velocity_down"),
+        "position_setpoint": ("north_setpoint", "east_setpoint", "down_setpoint"),
+        "velocity_setpoint": ("velocity_north_setpoint", "velocity_east_setpoint", "velocity_down_setpoint"),
+    }
+)
+ANGLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"attitude": ("phi", "theta", "psi"), "attitude_setpoint": ("phi_setpoint", "theta_setpoint", "psi_setpoint")}
+)
+QUATERNION = "quaternion"
+
+_OWN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+_TOO_LIKE = 0.9
+"""A name of the user's own that is more like one of the vocabulary is taken for a misspelling of it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frames:
+    """Axes that a table of a mapping is written in, and what the messages call it."""
+
+    frame: BodyFrame
+    world: WorldFrame
+    where: str
+
+    def angles(self) -> SignedAngles:
+        """Sign and offset of the attitude angles."""
+        try:
+            return signed_angles(self.frame, self.world)
+        except UsageError as error:
+            raise UsageError(
+                f"{self.where}: {error.came}", needed=error.needed, remedy='write frame = "..." and world = "..."'
+            ) from error
+
+    def turned(self, name: str, series: Series) -> Series:
+        """A channel that is named after its component here, out of the same component there, with its sign.
+
+        North out of ENU is north, whichever place it has in a vector.
+        """
+        for vectors, frame in ((BODY_VECTORS, self.frame), (EARTH_VECTORS, self.world)):
+            for channels in vectors.values():
+                if name in channels:
+                    sign = _own_signs(frame)[channels.index(name)]
+                    return replace(series, scale=sign * series.scale)
+        for channels in ANGLES.values():
+            if name in channels:
+                sign, offset_rad = self.angles()[channels.index(name)]
+                # sign * value + offset, written as (number + offset) * scale in the unit of the file.
+                factor = series.scale * parse_unit(series.unit or "rad").factor
+                moved = sign * offset_rad / factor if offset_rad else 0.0
+                return replace(series, scale=sign * series.scale, offset=series.offset + moved)
+        return series
+
+
+def read_frames(values: Mapping[str, Any], where: str, outer: Frames | None = None) -> Frames:
+    """The keys ``frame`` and ``world``; what is missing is as around the table, and FRD and NED at the top."""
+    frame = choice(values, "frame", get_args(BodyFrame), outer.frame if outer else "FRD", where)
+    world = choice(values, "world", get_args(WorldFrame), outer.world if outer else "NED", where)
+    return Frames(frame=cast("BodyFrame", frame), world=cast("WorldFrame", world), where=where)
+
+
+def read_channel(name: str, value: object, frames: Frames, where: str) -> MappedChannel:
+    """A table ``[channels.NAME]``."""
+    values = table(value, where)
+    only_keys(values, _CHANNEL_KEYS, where)
+    if name not in STANDARD_UNITS:
+        _check_own_name(name, values, where)
+    series = replace(read_series(values, where, si=STANDARD_UNITS.get(name, "")), file=file_below(values, where))
+    if name in STANDARD_UNITS:
+        series = read_frames(values, where, frames).turned(name, series)
+    return MappedChannel(name=name, samples=series, time=_own_time(values, where))
+
+
+def read_vector(
+    name: str, value: object, frames: Frames, where: str
+) -> tuple[tuple[MappedChannel, ...], MappedAttitude | None]:
+    """A table ``[vectors.NAME]``: the channels that it spells out, or the quaternion."""
+    values = table(value, where)
+    only_keys(values, _VECTOR_KEYS, where)
+    known = {**BODY_VECTORS, **EARTH_VECTORS, **ANGLES}
+    if name not in known and name != QUATERNION:
+        close = nearest(name, (*known, QUATERNION))
+        raise UsageError(
+            f"{where} is no vector of the vocabulary",
+            needed=f"one of {', '.join((*known, QUATERNION))}",
+            remedy=f"did you mean {close}?" if close else "name its parts as channels",
+        )
+    own = read_frames(values, where, frames)
+    si = "1" if name == QUATERNION else STANDARD_UNITS[known[name][0]]
+    parts = _parts(values, 4 if name == QUATERNION else 3, si, where)
+    time = _own_time(values, where)
+    if name == QUATERNION:
+        w, x, y, z = parts
+        return (), MappedAttitude(parts=(w, x, y, z), angles=own.angles(), time=time)
+    if name in ANGLES:
+        turned = [own.turned(channel, part) for channel, part in zip(known[name], parts, strict=True)]
+    else:
+        axes = signed_axes(own.frame if name in BODY_VECTORS else own.world)
+        turned = [replace(parts[place], scale=sign * parts[place].scale) for place, sign in axes]
+    channels = zip(known[name], turned, strict=True)
+    return tuple(MappedChannel(name=channel, samples=part, time=time) for channel, part in channels), None
+
+
+def read_series(values: Mapping[str, Any], where: str, *, si: str) -> Series:
+    """The keys ``source``, ``unit``, ``scale``, ``offset`` and ``row`` or ``column``."""
+    row, column = index(values, "row", where), index(values, "column", where)
+    if row is not None and column is not None:
+        raise UsageError(f"{where} has `row` and `column`", needed="one of them", remedy="remove the other")
+    measured = unit(values, "unit", si, where)
+    scale = _scale(values, where)
+    return Series(
+        source=text(values, "source", where),
+        unit=measured,
+        scale=scale,
+        offset=number(values, "offset", where) or 0.0,
+        row=row,
+        column=column,
+    )
+
+
+def _own_signs(frame: str) -> tuple[float, float, float]:
+    """Signs of forward, right, down or north, east, down against the same line in another frame."""
+    return (1.0, 1.0, -1.0) if frame == "ENU" else ((1.0, -1.0, -1.0) if frame in ("FLU", "NWU") else (1.0, 1.0, 1.0))
+
+
+def _scale(values: Mapping[str, Any], where: str) -> float:
+    scale = number(values, "scale", where)
+    if scale == 0.0:
+        raise UsageError(f"{where} has `scale` = 0", needed="a sign and factor", remedy="correct it or remove it")
+    return 1.0 if scale is None else scale
+
+
+def _parts(values: Mapping[str, Any], count: int, si: str, where: str) -> tuple[Series, ...]:
+    """The components in the order of the file: variables of their own, or rows or columns of a matrix."""
+    common = Series(
+        source="", unit=unit(values, "unit", si, where), scale=_scale(values, where), file=file_below(values, where)
+    )
+    if ("sources" in values) == ("source" in values):
+        raise UsageError(
+            f"{where} has {'both' if 'source' in values else 'neither'} of `sources` and `source`",
+            needed="one of them",
+            remedy=f"give {count} names as `sources`, or a matrix as `source`",
+        )
+    if "sources" in values:
+        if "by" in values:
+            raise UsageError(f"{where} has `by` beside `sources`", needed="`by` for a matrix", remedy="remove it")
+        return tuple(replace(common, source=source) for source in names(values, "sources", count, where))
+    source = text(values, "source", where)
+    by_row = choice(values, "by", ("row", "column"), "row", where) == "row"
+    return tuple(
+        replace(common, source=source, row=place if by_row else None, column=None if by_row else place)
+        for place in range(count)
+    )
+
+
+def _own_time(values: Mapping[str, Any], where: str) -> Series | None:
+    if "time" not in values:
+        if "time_unit" in values:
+            raise UsageError(
+                f"{where} has `time_unit` and no `time`", needed="both", remedy="give the unit in [clock] instead"
+            )
+        return None
+    return Series(
+        source=text(values, "time", where),
+        unit=unit(values, "time_unit", "s", where),
+        file=file_below(values, where),
+    )
+
+
+def _check_own_name(name: str, values: Mapping[str, Any], where: str) -> None:
+    """A name outside the vocabulary needs a unit, and must not look like a misspelling."""
+    close = nearest(name, STANDARD_UNITS, likeness=_TOO_LIKE)
+    if close or not _OWN_NAME.fullmatch(name):
+        raise UsageError(
+            f"{where} is no channel of the vocabulary",
+            needed="a name such as roll_command, p, phi, ax, or one of your own in letters, digits and underscores",
+            remedy=f"did you mean {close}? A name of your own must differ more" if close else "choose another name",
+        )
+    if "unit" not in values:
+        suggested = nearest(name, STANDARD_UNITS)
+        raise UsageError(
+            f"{where} is no channel of the vocabulary and has no `unit`",
+            needed='a unit for a name of your own, such as unit = "1"',
+            remedy=f"add it, or did you mean {suggested}?" if suggested else "add it",
+        )
+
+
+__all__ = [
+    "ChannelMapping",
+    "Clock",
+    "Experiments",
+    "MappedAttitude",
+    "MappedChannel",
+    "Segment",
+    "Series",
+    "nearest",
+    "parse_mapping",
+    "read_mapping",
+]
+
+_LARGEST_BYTES = 20_000
+_LARGEST_INTEGER = 2**63
+"""TOML's own limit; Python would carry more, and fail to write them down."""
+
+_KEYS = ("channels", "vectors", "clock", "experiments", "segments", *FRAME_KEYS)
+_CLOCK_KEYS = ("time", "steps", "sample_rate_hz")
+_CLOCK_SERIES_KEYS = ("source", "unit", "row", "column")
+_SEGMENT_KEYS = ("start_s", "stop_s", "start_sample", "stop_sample", "axis", "kind", "signal", "band_rad_s")
+
+
+def read_mapping(path: Path) -> ChannelMapping:
+    """Read a mapping file.
+
+    Raises
+    ------
+    UsageError
+        The file is missing, is no TOML, or says something impossible; the message names the key.
+    """
+    try:
+        content = path.read_bytes()
+        if len(content) > _LARGEST_BYTES:
+            raise UsageError(
+                f"the mapping {path.name} holds {len(content)} bytes",
+                needed=f"at most {_LARGEST_BYTES}",
+                remedy="give the mapping to --map, and the log before it",
+            )
+        document = tomllib.loads(content.decode("utf-8"))
+    except OSError as error:
+        raise UsageError(
+            f"the mapping {path} cannot be opened: {error.strerror or error}",
+            needed="a TOML file with a table [channels.NAME] for each channel",
+            remedy="check the path given to --map",
+        ) from error
+    # The parser follows nested brackets by recursion, and refuses numbers of thousands of digits with a plain error.
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise UsageError(
+            f"the mapping {path.name} is no TOML: {error}",
+            needed='text as in `[channels.q]` followed by `source = "gyro_y"`',
+            remedy="correct the line",
+        ) from error
+    if _holds_huge_integer(document):
+        raise UsageError(
+            f"the mapping {path.name} holds a number of more than 64 bits",
+            needed="numbers that a flight log may hold",
+            remedy="correct it",
+        )
+    return parse_mapping(document, path.name)
+
+
+def _holds_huge_integer(document: Mapping[str, Any]) -> bool:
+    waiting: list[object] = [document]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Mapping):
+            waiting += value.values()
+        elif isinstance(value, list):
+            waiting += value
+        elif isinstance(value, int) and not -_LARGEST_INTEGER <= value < _LARGEST_INTEGER:
+            return True
+    return False
+
+
+def parse_mapping(document: Mapping[str, Any], where: str = "mapping") -> ChannelMapping:
+    """Check a mapping that was read from TOML, and give it types.
+
+    Parameters
+    ----------
+    document
+        Tables ``channels`` and ``vectors``, of which one may be missing; optionally ``clock``, ``experiments`` and
+        ``segments``, and the axes ``frame`` (FRD or FLU) and ``world`` (NED, ENU or NWU) that the file is written in.
+    where
+        What the messages call it.
+
+    Raises
+    ------
+    UsageError
+        A key is unknown or missing, a value has the wrong type, a name looks like a misspelling of one of the
+        vocabulary, or a unit does not measure what the channel holds.
+
+    Examples
+    --------
+    >>> document = {"clock": {"sample_rate_hz": 250.0}, "channels": {"q": {"source": "gyro", "unit": "deg/s"}}}
+    >>> mapping = parse_mapping(document)
+    >>> mapping.channels[0].samples.source
+    'gyro'
+    """
+    only_keys(document, _KEYS, where)
+    frames = read_frames(document, where)
+    clock = _clock(document["clock"], f"{where}: [clock]") if "clock" in document else None
+    channels, attitude = _channels(document, frames, where)
+    mapping = ChannelMapping(
+        channels=channels,
+        attitude=attitude,
+        clock=clock,
+        experiments=_experiments(document, where),
+        segments=_segments(document, {channel.name for channel in channels}, where),
+    )
+    _check_whole(mapping, where)
+    return mapping
+
+
+def _channels(
+    document: Mapping[str, Any], frames: Frames, where: str
+) -> tuple[tuple[MappedChannel, ...], MappedAttitude | None]:
+    """All channels, those of vectors among them, and the quaternion."""
+    tables = table(document.get("channels", {}), f"{where}: [channels]")
+    channels = [read_channel(name, value, frames, f"{where}: [channels.{name}]") for name, value in tables.items()]
+    attitude = None
+    for name, value in table(document.get("vectors", {}), f"{where}: [vectors]").items():
+        found, quaternion = read_vector(name, value, frames, f"{where}: [vectors.{name}]")
+        channels += found
+        attitude = quaternion or attitude
+    if not channels and attitude is None:
+        raise UsageError(f"{where} names no channel", needed="a table [channels.NAME]", remedy="add one per channel")
+    held = [channel.name for channel in channels] + (["phi", "theta", "psi"] if attitude else [])
+    twins = sorted({name for name in held if held.count(name) > 1})
+    if twins:
+        raise UsageError(
+            f"{where} names {', '.join(twins)} twice",
+            needed="each channel once",
+            remedy="remove it from [channels] or from [vectors]",
+        )
+    return tuple(channels), attitude
+
+
+def _check_whole(mapping: ChannelMapping, where: str) -> None:
+    """What only all of a mapping together can get wrong."""
+    timed = [(f"[channels.{channel.name}]", channel.time) for channel in mapping.channels]
+    timed += [("[vectors.quaternion]", mapping.attitude.time)] if mapping.attitude else []
+    for name, time in timed:
+        if mapping.clock is None and time is None:
+            raise UsageError(
+                f"{where}: {name} has no stamps",
+                needed="a key `time` in it, or a table [clock] for all",
+                remedy="add one of them; `sample_rate_hz = 250.0` in [clock] is enough for a uniform rate",
+            )
+    if "" not in mapping.files:
+        raise UsageError(
+            f"{where}: every channel stands in another file than the log",
+            needed="at least one channel without `file`",
+            remedy=f"give {mapping.files[0]} as the log and remove `file` from its channels",
+        )
+    sources = [channel.samples.source for channel in mapping.channels]
+    sources += [part.source for part in mapping.attitude.parts] if mapping.attitude else []
+    if any(PLACEHOLDER in source for source in sources) != (mapping.experiments is not None):
+        raise UsageError(
+            f"{where} has {'[experiments]' if mapping.experiments else f'a source with {PLACEHOLDER}'} alone",
+            needed=f"a table [experiments] and {PLACEHOLDER} in the sources of its channels",
+            remedy='write names = ["1", "2"] in [experiments], and source = "data{experiment}"',
+        )
+
+
+def _clock(value: object, where: str) -> Clock:
+    values = table(value, where)
+    only_keys(values, _CLOCK_KEYS, where)
+    if len(values) != 1:
+        raise UsageError(
+            f"{where} has {len(values)} keys", needed=f"exactly one of {', '.join(_CLOCK_KEYS)}", remedy="keep one"
+        )
+    rate = number(values, "sample_rate_hz", where)
+    if rate is not None:
+        if rate <= 0.0:
+            raise UsageError(
+                f"{where} has `sample_rate_hz` = {rate:g}", needed="a rate above zero", remedy="correct it"
+            )
+        return Clock(sample_rate_hz=rate)
+    key = next(iter(values))
+    series = table(values[key], f"{where} {key}")
+    only_keys(series, _CLOCK_SERIES_KEYS, f"{where} {key}")
+    found = read_series(series, f"{where} {key}", si="s")
+    return Clock(time=found) if key == "time" else Clock(steps=found)
+
+
+def _experiments(document: Mapping[str, Any], where: str) -> Experiments | None:
+    if "experiments" not in document:
+        return None
+    where = f"{where}: [experiments]"
+    values = table(document["experiments"], where)
+    only_keys(values, ("names", "spacing_s"), where)
+    spacing_s = number(values, "spacing_s", where) or 0.0
+    if spacing_s < 0.0:
+        raise UsageError(f"{where} has `spacing_s` = {spacing_s:g}", needed="zero or more", remedy="correct it")
+    return Experiments(names=names(values, "names", None, where), spacing_s=spacing_s)
+
+
+def _segments(document: Mapping[str, Any], held: set[str], where: str) -> tuple[Segment, ...]:
+    where = f"{where}: [segments]"
+    values = table(document.get("segments", {}), where)
+    only_keys(values, ("use",), where)
+    items = values.get("use", [])
+    if not isinstance(items, list):
+        raise UsageError(f"{where} `use` is {items!r}", needed="a list of tables", remedy="add brackets")
+    return tuple(_segment(item, held, f"{where} use, number {place}") for place, item in enumerate(items, start=1))
+
+
+def _segment(value: object, held: set[str], where: str) -> Segment:
+    values = table(value, where)
+    only_keys(values, _SEGMENT_KEYS, where)
+    excited = {axis for axis in AXES if f"{axis}_command" in held or f"{axis}_excitation" in held}
+    axis = values.get("axis", next(iter(excited)) if len(excited) == 1 else None)
+    if axis not in AXES:
+        raise UsageError(
+            f"{where} has `axis` = {axis!r}" if axis else f"{where} does not say which axis it excites",
+            needed=f"one of {', '.join(AXES)}",
+            remedy='write axis = "pitch"',
+        )
+    kind = cast("Kind", choice(values, "kind", get_args(Kind), "other", where))
+    by_time = (number(values, "start_s", where), number(values, "stop_s", where))
+    by_sample = (index(values, "start_sample", where), index(values, "stop_sample", where))
+    whole = Segment(
+        axis=cast("Axis", axis),
+        kind=kind,
+        signal=_signal(values, str(axis), held, where),
+        band_rad_s=band(values, "band_rad_s", where),
+    )
+    if (*by_time, *by_sample) == (None,) * 4:
+        return whole
+    start, stop = by_time if None not in by_time else by_sample
+    if (by_time != (None, None)) == (by_sample != (None, None)) or start is None or stop is None or not start < stop:
+        raise UsageError(
+            f"{where} is no interval",
+            needed="start_s and stop_s, or start_sample and stop_sample, the start before the stop; or none of them",
+            remedy="give one of the two pairs, or neither for the whole record",
+        )
+    return replace(whole, start_s=by_time[0], stop_s=by_time[1], start_sample=by_sample[0], stop_sample=by_sample[1])
+
+
+def _signal(values: Mapping[str, Any], axis: str, held: set[str], where: str) -> str:
+    """The channel in which a segment shows: the one that is named, else the injected signal or the command."""
+    if "signal" in values:
+        return choice(values, "signal", sorted(held), "", where)
+    return next((name for kind in ("excitation", "command") if (name := f"{axis}_{kind}") in held), "")

@@ -1,0 +1,397 @@
+"""A model that is to be judged: its structure, its values, and where it holds.
+
+The controllers that flew, from the gains in a log or a file, and whether they are the ones that flew.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark
+from rotorid.data.record import STANDARD_UNITS, FlightRecord, TimeHistory
+from rotorid.documents.result import ProvenanceDocument
+from rotorid.errors import ModelError, UsageError
+from rotorid.models.controller import Driven, RateController, rate_controller
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.state_space import StateSpace
+from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
+from rotorid.models.toml_source import Source
+from rotorid.pipeline.frequency_fit import Fitted
+from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.segments import source_of
+from rotorid.pipeline.settings import MODEL as MOTORS
+from rotorid.typing import Axis
+from rotorid.verification.closed_loop import Loop, LoopScores, controller_alone
+from rotorid.verification.sampled import Filter
+from rotorid.verification.scores import GOOD_TIC
+
+RATES: Mapping[Axis, tuple[str, str]] = MappingProxyType(
+    {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "psi")}
+)
+"""Rate and angle that the controller of an axis feeds back."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GivenController(Immutable):
+    """A controller that a person gave.
+
+    Parameters
+    ----------
+    controller
+        Gains and filters.
+    setpoint
+        Channel that drives it; empty for the outermost set-point that is logged and explains the command.
+    """
+
+    controller: RateController
+    setpoint: str = ""
+
+    def __str__(self) -> str:
+        numbers = ((one.name, getattr(self.controller, one.name)) for one in fields(self.controller))
+        told = [f"{name}={value!r}" for name, value in numbers if value]
+        return " ".join([*told, *([f"setpoint={self.setpoint}"] if self.setpoint else [])])
+
+
+def read_controllers(path: Path) -> dict[Axis, GivenController]:
+    """Read the controllers of a TOML file, one table for each axis.
+
+    ::
+
+        [pitch]
+        proportional_s = 0.15
+        integral = 0.2
+        angle_1_s = 6.0
+        setpoint = "theta_setpoint"
+
+    Parameters
+    ----------
+    path
+        The file. Its fields are those of :class:`rotorid.models.controller.RateController`, and ``setpoint``.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read, is no TOML, or says something else; the message names the line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        table = tomllib.loads(text)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}", needed="a TOML file with gains") from error
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{path.name} is no TOML: {error}", needed="[pitch] and proportional_s = 0.15") from error
+    source = Source(text=text, where=path.name)
+    try:
+        found = {
+            _axis(name, source): _given(source.table(value, (name,)), name, source) for name, value in table.items()
+        }
+    except ModelError as error:
+        raise UsageError(error.came, needed=error.needed, remedy=error.remedy) from None
+    if not found:
+        raise UsageError(f"{path.name} holds no controller", needed=f"a table [{'], ['.join(RATES)}]")
+    return found
+
+
+def _axis(name: str, source: Source) -> Axis:
+    if name not in RATES:
+        raise source.unknown("axis", name, RATES, (name,))
+    return name  # type: ignore[return-value]
+
+
+def _given(table: Mapping[str, Any], axis: str, source: Source) -> GivenController:
+    known = [one.name for one in fields(RateController)]
+    values: dict[str, Any] = {}
+    for name, value in table.items():
+        if name not in (*known, "setpoint"):
+            raise source.unknown("field of a controller", name, (*known, "setpoint"), (axis, name))
+        if name == "derivative_of_error":
+            if not isinstance(value, bool):
+                raise source.error((axis, name), f"{name} is {value!r}", needed="true or false")
+            values[name] = value
+        elif name != "setpoint":
+            values[name] = source.number(value, (axis, name))
+    if "proportional_s" not in values:
+        raise source.error((axis,), f"[{axis}] has no proportional_s", needed="the gain on the rate")
+    try:
+        controller = RateController(**values)
+    except UsageError as error:
+        raise source.error((axis,), error.came, needed=error.needed) from None
+    return GivenController(
+        controller=controller, setpoint=source.text_of(table.get("setpoint", ""), (axis, "setpoint"))
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Controllers(Immutable):
+    """The controllers of one log.
+
+    Parameters
+    ----------
+    record
+        The log.
+    given
+        Those that a person gave; they go before the gains in the log.
+    """
+
+    record: FlightRecord
+    given: Mapping[Axis, GivenController]
+
+    def __post_init__(self) -> None:
+        self._set(given=self.given)
+
+    def of(self, axis: Axis) -> GivenController | None:
+        """The controller of an axis, where one is known."""
+        if axis in self.given:
+            return self.given[axis]
+        logged = rate_controller(self.record.parameters, axis) if axis in RATES else None
+        return GivenController(controller=logged) if logged else None
+
+    def channels(self, axes: Sequence[Axis]) -> tuple[str, ...]:
+        """Channels that may drive the controllers of some axes, as far as they are logged.
+
+        Raises
+        ------
+        UsageError
+            The log lacks a set-point that was named.
+        """
+        wanted = []
+        for axis in axes:
+            found = self.of(axis)
+            if found is None:
+                continue
+            if found.setpoint and found.setpoint not in self.record.channel_names:
+                raise UsageError(
+                    f"{self.record.source.name} holds no {found.setpoint} for the {axis} controller",
+                    needed=f"one of {', '.join(n for n in self.record.channel_names if n.endswith('_setpoint'))}",
+                )
+            wanted += [name for name, _ in _setpoints(axis, found)] + [f"{axis}_excitation"]
+        return tuple(dict.fromkeys(name for name in wanted if name in self.record.channel_names))
+
+    def loop(self, axis: Axis, history: TimeHistory, filtered: Filter) -> tuple[Loop, str, LoopScores] | None:
+        """The loop of an axis, its set-point, and how well its controller alone explains the measured command.
+
+        Of several set-points the outermost one counts with which it does so closely, else the one that comes nearest.
+        ``None`` where there is no controller or no set-point.
+        """
+        found = self.of(axis)
+        if found is None:
+            return None
+        tried = []
+        for name, driven in _setpoints(axis, found):
+            if name not in history.names or RATES[axis][0] not in history.names:
+                continue
+            loop = Loop(
+                command=f"{axis}_command",
+                rate=RATES[axis][0],
+                controller=found.controller,
+                driven=driven,
+                setpoint=history[name],
+                excitation=_excitation(axis, history),
+            )
+            scores = controller_alone(
+                loop,
+                history[loop.rate],
+                history[loop.command],
+                filtered=filtered,
+                sample_rate_hz=history.sample_rate_hz,
+            )
+            if scores.alike:
+                return loop, name, scores
+            tried.append((loop, name, scores))
+        return min(tried, key=lambda item: item[2].tic, default=None)
+
+
+def _setpoints(axis: Axis, given: GivenController) -> list[tuple[str, Driven]]:
+    """What may drive a controller, the outermost set-point first."""
+    rate, angle = (f"{name}_setpoint" for name in RATES[axis])
+    if given.setpoint:
+        return [(given.setpoint, "angle" if given.controller.angle_1_s and given.setpoint != rate else "rate")]
+    outer: list[tuple[str, Driven]] = [(angle, "angle")] if given.controller.angle_1_s else []
+    return [*outer, (rate, "rate")]
+
+
+def _excitation(axis: Axis, history: TimeHistory) -> np.ndarray:
+    """The test signal on the command, zero where there is none: one in another unit enters elsewhere."""
+    name = f"{axis}_excitation"
+    if name in history.names:
+        channel = history.channels[history.names.index(name)]
+        if channel.unit == STANDARD_UNITS[f"{axis}_command"]:
+            return np.nan_to_num(history[name])
+    return np.zeros(history.values.shape[1])
+
+
+def no_controller(record: str, axes: Sequence[Axis]) -> Finding:
+    """The remark that a log holds no gains."""
+    table = f"[{axes[0]}]"
+    return remark(
+        "no_controller",
+        record,
+        f"Not flown in closed loop: {record} holds no gains or no set-point of the {' and '.join(axes)} "
+        f"controller. Give rotorid verify a --controller FILE.toml with a table {table} of proportional_s, "
+        "integral, derivative_s2, angle_1_s and, where it is no standard one, the setpoint that drives it.",
+    )
+
+
+def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores) -> Finding:
+    """The remark that the gains are not those that flew."""
+    return remark(
+        "other_controller",
+        f"{record}: {axis}",
+        f"Not flown in closed loop: with its gains the {axis} controller does not make the logged {axis} command "
+        f"of {setpoint} and the measured rate (Theil coefficient {scores.tic:.2f}, good: up to {GOOD_TIC:g}). It "
+        "has parts that are not modelled, the gains changed in flight, or its set-point is another one.",
+        tic=scores.tic,
+        nrmse_fit_percent=scores.nrmse_fit_percent,
+    )
+
+
+RESULT, MODEL = "result.json", "model.toml"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate(Immutable):
+    """A model with all that judging it needs.
+
+    Parameters
+    ----------
+    structure, parameters
+        The model.
+    band_rad_s
+        Where it was fitted, or ``None`` when that is not known.
+    sources
+        Output to where it stood in the logs that were fitted; empty when that is not known.
+    controllers
+        Controllers that a person gave, to fly the model in closed loop; they go before the gains in a log.
+    provenance
+        Which data it was fitted to, or ``None`` when that is not known.
+    """
+
+    structure: LinearStructure
+    parameters: ParameterSet
+    band_rad_s: tuple[float, float] | None = None
+    sources: Mapping[str, str] | None = None
+    controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
+    provenance: ProvenanceDocument | None = None
+
+    @property
+    def system(self) -> StateSpace:
+        """The model as numbers."""
+        return self.structure.matrices(self.parameters.values)
+
+    def system_of(self, outputs: Sequence[str]) -> StateSpace:
+        """The model as numbers, with some of its outputs."""
+        rows = [self.structure.outputs.index(name) for name in outputs]
+        whole = self.system
+        return replace(whole, H0=whole.H0[rows], H1=whole.H1[rows], output_delays_s=whole.output_delays_s[rows])
+
+
+def candidate_of(fitted: Fitted, measured: Measured) -> Candidate:
+    """A model that has just been fitted."""
+    return Candidate(
+        structure=fitted.structure,
+        parameters=fitted.structure.parameters,
+        band_rad_s=fitted.band_rad_s,
+        sources=output_sources(measured),
+    )
+
+
+def output_sources(measured: Measured) -> dict[str, str]:
+    """Output to where it stood in the first log."""
+    return {name: source_of(measured.segments[0], name) for name in measured.response.outputs}
+
+
+def read_candidate(result: Path) -> Candidate:
+    """The model behind a result folder, a ``result.json`` or a ``model.toml``.
+
+    Parameters
+    ----------
+    result
+        A folder that ``identify`` wrote, or one of the two files. Of a ``result.json`` the ``model.toml`` next to it
+        is read too.
+
+    Raises
+    ------
+    UsageError
+        There is no such model, the result is none of ``identify``, or it is one of ``physical.motors``, whose model
+        does not say how its inputs are had from a log.
+    ModelError
+        The ``model.toml`` is wrong.
+    """
+    folder = result if result.is_dir() else result.parent
+    model = result if result.suffix == ".toml" else folder / MODEL
+    structure = from_toml(_text(model), where=model.name)
+    if structure.name == MOTORS:
+        raise motors_refused(str(result))
+    document = folder / RESULT
+    if result.suffix != ".toml" or document.exists():
+        return _with_result(structure, document, required=result.suffix != ".toml")
+    return Candidate(structure=structure, parameters=structure.parameters)
+
+
+def motors_refused(which: str) -> UsageError:
+    """Why a result of ``physical.motors`` is not scored on logs as other models are.
+
+    Parameters
+    ----------
+    which
+        The result.
+    """
+    return UsageError(
+        f"{which} is a result of {MOTORS}, whose inputs are motors that identify makes ready from each log by itself",
+        needed="a result of another model to score on a log",
+        remedy=f"rotorid identify LOGS --model {MOTORS} --verify LOG judges it on unseen flights",
+    )
+
+
+def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:
+    wanted = "a result.json with the schema rotorid.result/1, as identify writes it"
+    try:
+        table = json.loads(_text(path))
+    except ValueError as error:
+        raise UsageError(f"{path} is no JSON: {error}", needed=wanted) from error
+    known = isinstance(table, dict) and table.get("schema") == "rotorid.result/1"
+    if not known or table.get("model") != structure.name:
+        if not required:
+            return Candidate(structure=structure, parameters=structure.parameters)
+        raise UsageError(f"{path} is not the result of the {MODEL} next to it", needed=wanted)
+    pairs = (table.get("cost") or {}).get("pairs") or {}
+    bands = [pair["band_rad_s"] for pair in pairs.values()]
+    sources = (table.get("provenance") or {}).get("sources") or None
+    return Candidate(
+        structure=structure,
+        parameters=structure.parameters,
+        band_rad_s=(min(low for low, _ in bands), max(high for _, high in bands)) if bands else None,
+        sources=sources,
+        provenance=_provenance(table),
+    )
+
+
+def _provenance(table: Mapping[str, Any]) -> ProvenanceDocument | None:
+    """Where a result came from; of one that was shortened by hand nothing is known."""
+    from pydantic import ValidationError
+
+    try:
+        return ProvenanceDocument.model_validate(table.get("provenance"))
+    except ValidationError:
+        return None
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise UsageError(
+            f"{path} cannot be read: {reason}",
+            needed="a folder that rotorid identify wrote, its result.json or a model.toml",
+        ) from error

@@ -1,0 +1,756 @@
+"""The public verb `design`: plans for a vehicle, as large as limits allow, and what each of them will tell.
+
+What is believed of a vehicle before the flight that is being planned: its library entry, or a previous result.
+
+From wishes to a flight plan: shapes on axes one after the other, each as large as the limits allow.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from pydantic import ValidationError
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
+from rotorid.data.record import AXES
+from rotorid.documents.result import ResultDocument
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.excitation.plan import planned, sequence, together
+from rotorid.io.registry import format_of, log_rate_hz
+from rotorid.models.library import RATE_AXES
+from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.resolve import named_model
+from rotorid.pipeline.scope import INERTIAL
+from rotorid.pipeline.simulation import truth_of
+from rotorid.planning.aircraft_loop import aircraft_loop
+from rotorid.planning.amplitude import Amplitude, Limits, Reached, largest_amplitude, limit_words, reached
+from rotorid.planning.expected import FitChoices
+from rotorid.planning.loop import LoopModel, Responds
+from rotorid.planning.prediction import Prediction, predict
+from rotorid.planning.shortest import Shortest, shortest
+from rotorid.signal.filters import butterworth_low_pass
+from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, piloted
+from rotorid.simulation.wind import CALM, Wind
+from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.vehicles.catalog import aircraft as library_aircraft
+from rotorid.vehicles.px4 import with_gains
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+_LARGEST_FILE = 100_000_000
+_SHORTEST_LAG_S = 0.005
+"""Where a fit of a motor without lag begins; it drops the lag where the data have none."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prior(Immutable):
+    """A model from a previous flight.
+
+    Parameters
+    ----------
+    structure
+        What was identified.
+    values
+        Its parameters.
+    source
+        File that it came from.
+    """
+
+    structure: LinearStructure
+    values: Mapping[str, float]
+    source: str
+
+    def __post_init__(self) -> None:
+        self._set(values=self.values)
+
+
+def read_prior(path: Path) -> Prior:
+    """A previous result: a ``result.json``, beside which ``model.toml`` holds its structure, or the folder of both.
+
+    Raises
+    ------
+    UsageError
+        A file is missing or no result.
+    ModelError
+        The model has no linear structure, or holds one that the design cannot use.
+    """
+    file = path / "result.json" if path.is_dir() else path
+    try:
+        if file.stat().st_size > _LARGEST_FILE:
+            raise UsageError(f"{file} has {file.stat().st_size} bytes", needed=f"a result of at most {_LARGEST_FILE}")
+        document = ResultDocument.model_validate_json(file.read_bytes())
+        text = file.with_name("model.toml").read_text(encoding="utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"{error.filename} cannot be read: {error.strerror}",
+            needed="the result.json of an identification, with its model.toml beside it",
+        ) from error
+    except ValidationError as error:
+        raise UsageError(f"{file} is no result of an identification", needed="a result.json") from error
+    structure = from_toml(text, where=str(file.with_name("model.toml")))
+    values = {name: one.value for name, one in document.parameters.items()}
+    return Prior(structure=structure, values=values, source=file.as_posix())
+
+
+def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None = None) -> dict[str, float]:
+    """Values of the free parameters of a model: those of the previous result, else those of the aircraft.
+
+    Raises
+    ------
+    ModelError
+        Neither knows a parameter.
+    """
+    known = {name: one.value for name, one in truth_of(craft).items()}
+    known["T_motor"] = max(known["T_motor"], _SHORTEST_LAG_S)
+    known |= {f"tau_{axis}": known[f"tau_{axis}"] + filtered_s(craft, axis) for axis in AXES}
+    known |= dict(prior.values) if prior is not None else {}
+    if missing := [name for name in model.parameters.free if name not in known]:
+        raise ModelError(
+            f"{model.name} has the parameters {', '.join(missing)}, of which {craft.name} has no value",
+            needed="a model of derivatives: rate.*, hover.*, or that of a previous result",
+            remedy="give the result of an earlier flight with --prior",
+        )
+    return {name: _inside(model, name, known[name]) for name in model.parameters.free}
+
+
+def filtered_s(craft: Aircraft, axis: str) -> float:
+    """How late the log shows the motion of an axis: the autopilot's filters, or the mean over a turn of its loop."""
+    autopilot = craft.autopilot
+    if autopilot.kind == "ardupilot":
+        # The force of rotors without lag does not change in a turn, so that its mean is not late.
+        even = axis == "thrust" and not craft.vehicle.rotors.lag_up_s
+        return 0.0 if even else 0.5 / autopilot.rate_hz
+    cutoff_hz = autopilot.accelerometer_cutoff_hz if axis == "thrust" else autopilot.gyro_cutoff_hz
+    lag_s = craft.sensors.accelerometer_lag_s if axis == "thrust" else craft.sensors.gyro_lag_s
+    return lag_s + (butterworth_low_pass(cutoff_hz, autopilot.rate_hz).delay_s if cutoff_hz > 0.0 else 0.0)
+
+
+def _inside(model: LinearStructure, name: str, value: float) -> float:
+    parameter = model.parameters[name]
+    return float(np.clip(value, parameter.lower, parameter.upper))
+
+
+def with_prior(loop: LoopModel, prior: Prior) -> LoopModel:
+    """The loop of an aircraft whose answers to commands are those of a previous result, as far as it has them.
+
+    Everything else (controllers, noise, gusts, and what the result has no answer for) stays that of the aircraft, each
+    answer in proportion to the rate of its axis.
+    """
+    shared = [name for name in prior.structure.inputs if name in loop.inputs]
+    if not shared or not any(name in loop.outputs for name in prior.structure.outputs):
+        raise UsageError(
+            f"{prior.source} leads from {', '.join(prior.structure.inputs)} to {', '.join(prior.structure.outputs)}",
+            needed=f"commands and outputs of {loop.name}: {', '.join((*loop.inputs, *loop.outputs))}",
+        )
+    return replace(loop, plant=_Overlaid(loop=loop, prior=prior, base=loop.plant))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Overlaid:
+    """Outputs by commands, those of a previous result put over those of an aircraft."""
+
+    loop: LoopModel
+    prior: Prior
+    base: Responds
+
+    def response(self, omega_rad_s: FloatArray) -> ComplexArray:
+        plant = self.base.response(omega_rad_s).copy()
+        structure = self.prior.structure
+        found = structure.matrices(dict(self.prior.values)).response(omega_rad_s)
+        for u, command in enumerate(structure.inputs):
+            if command not in self.loop.inputs:
+                continue
+            column = self.loop.inputs.index(command)
+            own = _own_output(command)
+            if own in structure.outputs:
+                # Angles, speeds and accelerations follow the rate.
+                ratio = found[structure.outputs.index(own), u] / plant[self.loop.outputs.index(own), column]
+                plant[:, column] *= ratio
+            for y, output in enumerate(structure.outputs):
+                if output in self.loop.outputs:
+                    plant[self.loop.outputs.index(output), column] = found[y, u]
+        return plant
+
+
+def _own_output(command: str) -> str:
+    own = {"roll_command": "p", "pitch_command": "q", "yaw_command": "r", "thrust_command": "az"}
+    return own.get(command, "")
+
+
+STEPS: tuple[Shape, ...] = ("doublet", "two_one_one", "three_two_one_one")
+"""Shapes whose duration is their band."""
+
+_STEP_S = 0.3
+_UNITS_OF_STEPS: Mapping[Shape, int] = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
+_SWEEP_UNITS = 200
+"""Default lengths: one of a step, how many there are of it, and what does not step as if it had so many."""
+
+DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
+_SAMPLE_RATE_HZ = 250.0
+_LONGEST_LOOK_S = 400.0
+_MARGIN = 0.9
+_LARGEST: Mapping[Entry, float] = MappingProxyType(
+    {"command": 1.0, "stick": 1.0, "attitude_setpoint": 1.2, "rate_setpoint": 20.0}
+)
+"""No test input is larger, in the unit of where it is added."""
+
+_MOST_REPEATS = 20
+_LONGEST_PLAN_S = 1800.0
+_REST_S = 4.0
+"""Between inputs: as long as an identification wants to look before and after one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanChoices(Immutable):
+    """What is to be flown.
+
+    Parameters
+    ----------
+    shape
+        Form of the test input.
+    axes
+        Excited one after the other; a multisine excites them at the same time.
+    band_rad_s
+        Lowest and highest frequency, where the shape has a band.
+    duration_s
+        Of each test input, of a multisine with all its periods; by default 60 s, and of steps 0.3 s for each unit.
+    repeats
+        How often each is flown in a row, every time with other noise. Steps alternate in sign.
+    entry
+        Where they are added; by default see :func:`default_entry`.
+    amplitudes
+        By axis, for those that are not to be searched for.
+    limits
+        What the flight may reach.
+    doublets
+        Whether doublets that no model will be fitted to follow, to verify it.
+    wind
+        The wind that the amplitudes allow for.
+    seed
+        Of what is random in the inputs, and of wind and noise while amplitudes are searched for.
+    """
+
+    shape: Shape = "pilot_sweep"
+    axes: tuple[Axis, ...] = AXES  # type: ignore[assignment]
+    band_rad_s: tuple[float, float] = (0.6, 50.0)
+    duration_s: float | None = None
+    repeats: int = 1
+    entry: Entry | None = None
+    amplitudes: Mapping[str, float] = field(default_factory=dict)
+    limits: Limits = field(default_factory=Limits)
+    doublets: bool = False
+    wind: Wind = CALM
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
+        if wrong or not self.axes or not 1 <= self.repeats <= _MOST_REPEATS:
+            raise UsageError(
+                f"the axes {', '.join(self.axes) or 'none'} with {self.repeats} repeats came",
+                needed=f"some of {', '.join(AXES)}, each once, and 1 to {_MOST_REPEATS} repeats",
+            )
+        if not 0.0 < self.length_s <= _LONGEST_PLAN_S:
+            raise UsageError(
+                f"a duration of {self.length_s:g} s came", needed=f"above 0 and up to {_LONGEST_PLAN_S:g} s"
+            )
+        for axis, size in self.amplitudes.items():
+            if axis not in self.axes or not 0.0 < size < math.inf:
+                raise UsageError(
+                    f"the amplitude {axis}={size:g} came",
+                    needed=f"a positive one for one of the axes that are flown: {', '.join(self.axes)}",
+                )
+        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes)
+
+    @property
+    def length_s(self) -> float:
+        """Duration of each test input."""
+        if self.duration_s is not None:
+            return self.duration_s
+        return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Planned(Immutable):
+    """A plan with how large its inputs are and why.
+
+    Parameters
+    ----------
+    plan
+        What to fly.
+    amplitudes
+        What was found for each shape and axis whose amplitude was searched for.
+    reached
+        What the whole plan reaches in the simulator.
+    """
+
+    plan: FlightPlan
+    amplitudes: Mapping[str, Amplitude]
+    reached: Reached
+
+    def limited_by(self, part: PlannedInput) -> str:
+        """The limit that a larger input would pass; empty where its amplitude was given."""
+        found = self.amplitudes.get(f"{part.shape} of {part.axis}")
+        return found.limited_by if found is not None else ""
+
+
+def default_entry(aircraft: Aircraft, axis: Axis) -> Entry:
+    """Where a user of this autopilot can add a test input without hands.
+
+    ArduPilot adds chirps to what the mixer receives. PX4 takes attitudes and thrust from outside (Offboard), and no
+    torques.
+    """
+    return "attitude_setpoint" if aircraft.autopilot.kind == "px4" and axis != "thrust" else "command"
+
+
+def by_hand(aircraft: Aircraft, axis: Axis) -> Entry:
+    """Where steps are added: ArduPilot flies them by no script, and a pilot by the stick."""
+    return "stick" if aircraft.autopilot.kind == "ardupilot" else default_entry(aircraft, axis)
+
+
+def sweep_of(aircraft: Aircraft) -> Shape:
+    """The sweep that an autopilot can fly by itself: ArduPilot has its logarithmic chirp and no other."""
+    return "logarithmic_sweep" if aircraft.autopilot.kind == "ardupilot" else "pilot_sweep"
+
+
+def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Planned:
+    """A plan whose inputs are as large as the limits allow, with a tenth to spare.
+
+    Each axis is tried alone in the simulator; then the whole plan is flown, and where inputs at the same time pass a
+    limit together, all are made smaller by the same factor.
+
+    Parameters
+    ----------
+    aircraft
+        What will fly.
+    choices
+        What is to be flown.
+    name
+        Of the plan.
+    """
+    if choices.shape == "multisine":
+        _common_entry(aircraft, choices)
+    found: dict[str, Amplitude] = {}
+    sizes = dict(choices.amplitudes)
+    for axis in choices.axes:
+        if axis not in sizes:
+            _PROGRESS.info(f"looking for the largest {choices.shape.replace('_', ' ')} of {axis}")
+            largest = _largest(aircraft, choices, axis, choices.shape, choices.length_s)
+            found[f"{choices.shape} of {axis}"] = largest
+            sizes[axis] = _rounded(_MARGIN * largest.value)
+    doublets = dict(sizes)
+    if choices.doublets and choices.shape not in STEPS:
+        for axis in choices.axes:
+            _PROGRESS.info(f"looking for the largest doublet of {axis}")
+            largest = _largest(aircraft, choices, axis, "doublet", DOUBLET_S)
+            found[f"doublet of {axis}"] = largest
+            doublets[axis] = _rounded(_MARGIN * largest.value)
+    plan = plan_with(aircraft, choices, sizes, doublets=doublets, name=name)
+    _PROGRESS.info("flying the whole plan")
+    factor, whole = _together(aircraft, plan, choices)
+    if factor < 1.0:
+        plan = replace(plan, inputs=tuple(_scaled(one, factor) for one in plan.inputs))
+    return Planned(plan=plan, amplitudes=found, reached=whole)
+
+
+def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanChoices) -> tuple[float, Reached]:
+    """Factor that brings the whole plan back into the limits, one where it is there, and what it then reaches."""
+    if choices.amplitudes.keys() >= set(choices.axes):
+        return 1.0, reached(fly_multirotor(aircraft, plan, wind=choices.wind, seed=choices.seed))
+    whole = largest_amplitude(
+        aircraft,
+        lambda factor: replace(plan, inputs=tuple(_scaled(one, factor) for one in plan.inputs)),
+        choices.limits,
+        start=1.0,
+        wind=choices.wind,
+        seed=choices.seed,
+    )
+    return whole.value, whole.reached
+
+
+def _largest(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape, duration_s: float) -> Amplitude:
+    """Largest amplitude of one axis on its own."""
+    length_s = min(duration_s, _LONGEST_LOOK_S)
+
+    # Made once: the phases of a multisine take longer to find than a flight.
+    unit = _input(aircraft, choices, axis, shape, length_s, 1.0, repeat=0)
+
+    def alone(amplitude: float) -> FlightPlan:
+        return FlightPlan(name=f"{shape} of {axis}", inputs=(_scaled(unit, amplitude),), trim_s=2.0)
+
+    return largest_amplitude(
+        aircraft, alone, choices.limits, largest=_LARGEST[unit.entry], wind=choices.wind, seed=choices.seed
+    )
+
+
+def plan_with(
+    aircraft: Aircraft,
+    choices: PlanChoices,
+    sizes: Mapping[str, float],
+    *,
+    doublets: Mapping[str, float] | None = None,
+    name: str = "",
+) -> FlightPlan:
+    """A plan with given amplitudes by axis, those of its doublets apart."""
+    parts: list[PlannedInput | Sequence[PlannedInput]] = []
+    if choices.shape == "multisine":
+        # Periods in a row are one input: their joints are smooth, and only the first holds a transient.
+        parts.append(
+            together(
+                {axis: sizes[axis] for axis in choices.axes},
+                start_s=0.0,
+                band_rad_s=choices.band_rad_s,
+                period_s=choices.length_s / (choices.repeats + 1),
+                periods=choices.repeats + 1,
+                sample_rate_hz=_SAMPLE_RATE_HZ,
+                entry=_common_entry(aircraft, choices),
+                seed=choices.seed,
+            )
+        )
+    else:
+        parts += [
+            _input(aircraft, choices, axis, choices.shape, choices.length_s, sizes[axis], repeat=repeat)
+            for axis in choices.axes
+            for repeat in range(choices.repeats)
+        ]
+    if choices.doublets:
+        parts += [
+            _input(aircraft, choices, axis, "doublet", DOUBLET_S, (doublets or sizes)[axis], repeat=repeat)
+            for axis in choices.axes
+            for repeat in range(2)
+        ]
+    title = name or f"{choices.shape.replace('_', ' ')} on {', '.join(choices.axes)}"
+    return sequence(title, parts, trim_s=_REST_S)
+
+
+def _common_entry(aircraft: Aircraft, choices: PlanChoices) -> Entry:
+    """Where inputs of several axes at the same time are added."""
+    if choices.entry is not None:
+        return choices.entry
+    entries = {default_entry(aircraft, axis) for axis in choices.axes}
+    if len(entries) > 1:
+        raise UsageError(
+            f"a {choices.shape} of {', '.join(choices.axes)} came, and {aircraft.name} takes {' and '.join(entries)}",
+            needed="axes with one entry",
+            remedy="leave out thrust, or name an --entry for all",
+        )
+    return entries.pop()
+
+
+def _input(
+    aircraft: Aircraft,
+    choices: PlanChoices,
+    axis: Axis,
+    shape: Shape,
+    duration_s: float,
+    amplitude: float,
+    *,
+    repeat: int,
+) -> PlannedInput:
+    settings = {"noise_fraction": 0.1} if shape == "pilot_sweep" else {}
+    if shape == "logarithmic_sweep":
+        # As ArduPilot flies it: two cycles of the lowest frequency, and a slow fade.
+        constant_s = 4.0 * math.pi / choices.band_rad_s[0]
+        settings = {
+            "constant_s": constant_s,
+            "fade_in_s": min(5.0, 0.1 * duration_s),
+            "fade_out_s": min(2.0, 0.05 * duration_s),
+        }
+        duration_s += constant_s
+    one = planned(
+        axis,
+        shape,
+        start_s=0.0,
+        amplitude=-amplitude if shape in STEPS and repeat % 2 else amplitude,
+        duration_s=duration_s,
+        sample_rate_hz=_SAMPLE_RATE_HZ,
+        band_rad_s=None if shape in STEPS else choices.band_rad_s,
+        entry=choices.entry or (by_hand(aircraft, axis) if shape in STEPS else default_entry(aircraft, axis)),
+        seed=choices.seed + AXES.index(axis) + len(AXES) * repeat,
+        **settings,
+    )
+    if shape == "pilot_sweep":
+        # The noise on top of the sine counts, for limits are kept by what is flown.
+        one = replace(one, values=one.values * (abs(amplitude) / np.abs(one.values).max()))
+    return one
+
+
+def _scaled(one: PlannedInput, factor: float) -> PlannedInput:
+    return replace(one, values=factor * one.values, amplitude=factor * one.amplitude)
+
+
+def _rounded(amplitude: float) -> float:
+    """Two digits, downward: what a person would set."""
+    place = 10.0 ** (math.floor(math.log10(amplitude)) - 1)
+    return round(math.floor(amplitude / place + 1e-9) * place, 9)
+
+
+_LONGEST_FLIGHT_S = 300.0
+_SHORTEST_S = 15.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignChoices(Immutable):
+    """What is to be designed.
+
+    Parameters
+    ----------
+    vehicle
+        Name in the library.
+    kinds
+        Shapes, one plan each.
+    plan
+        What all plans share: axes, band, duration, limits, wind.
+    models
+        Names of models whose parameters are to be known; by default the rate model of every axis.
+    reach
+        Parameter to the largest standard deviation wanted, in percent: the shortest duration is looked for.
+    changes
+        Numbers of the vehicle that are to be otherwise.
+    prior
+        A previous result, whose values replace those of the vehicle.
+    gains
+        Parameters of an autopilot, whose gains replace those of the vehicle.
+    gains_source
+        File that they came from.
+    fit
+        How the flight will be identified.
+    """
+
+    vehicle: str
+    kinds: tuple[Shape, ...]
+    plan: PlanChoices = field(default_factory=PlanChoices)
+    models: tuple[str, ...] = ()
+    reach: Mapping[str, float] = field(default_factory=dict)
+    changes: Mapping[str, float] = field(default_factory=dict)
+    prior: Prior | None = None
+    gains: Mapping[str, float] = field(default_factory=dict)
+    gains_source: str = ""
+    fit: FitChoices = field(default_factory=FitChoices)
+
+    def __post_init__(self) -> None:
+        if not self.kinds or len(set(self.kinds)) < len(self.kinds):
+            raise UsageError(f"the kinds {', '.join(self.kinds) or '(none)'} came", needed="at least one, each once")
+        self._set(
+            kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes, gains=self.gains
+        )
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """What will fly."""
+        craft = changed(library_aircraft(self.vehicle), self.changes)
+        if self.gains_source:
+            craft = with_gains(craft, self.gains, source=self.gains_source)
+        return piloted(craft)
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """The models in force."""
+        if self.models:
+            return self.models
+        if self.prior is not None:
+            return (self.prior.structure.name,)
+        return tuple(
+            name for name in RATE_AXES if named_model(name).inputs[0].removesuffix("_command") in self.plan.axes
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Told(Immutable):
+    """What a plan will tell for a model, or why it could not support it."""
+
+    model: str
+    prediction: Prediction | None
+    refused: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Designed(Immutable):
+    """A plan and what it will tell.
+
+    Parameters
+    ----------
+    kind
+        Its shape.
+    planned
+        What to fly, with amplitudes and what it reaches.
+    told
+        One for each model.
+    shortest
+        By model, where an accuracy was asked for.
+    wanted
+        By model, what was asked for: parameter to percent.
+    """
+
+    kind: Shape
+    planned: Planned
+    told: tuple[Told, ...]
+    shortest: Mapping[str, Shortest]
+    wanted: Mapping[str, Mapping[str, float]]
+
+    @property
+    def percent(self) -> dict[str, float]:
+        """Standard deviations in percent by model and parameter, ``rate.roll L_roll``, of all that will be shown."""
+        return {
+            f"{told.model} {one.name}": one.percent
+            for told in self.told
+            for one in (told.prediction.parameters if told.prediction is not None else ())
+        }
+
+
+def design(choices: DesignChoices) -> tuple[Designed, ...]:
+    """Plans of all kinds, each with what it will tell.
+
+    Amplitudes are searched for in the nonlinear simulator; what the flight will tell follows from the linear loop about
+    hover, with the noise of the sensors and the turbulence of the wind, and takes no further flight.
+
+    Parameters
+    ----------
+    choices
+        What is to be designed.
+
+    Raises
+    ------
+    UsageError
+        A wanted parameter is in none of the models, or the limits leave no room for a test input.
+    ModelError
+        There is no such vehicle or model.
+    """
+    craft = choices.aircraft
+    rate_hz = craft.autopilot.rate_hz
+    logged_hz = log_rate_hz(format_of(craft.autopilot.kind), rate_hz)
+    loop = aircraft_loop(craft, wind=choices.plan.wind, log_rate_hz=logged_hz)
+    if choices.prior is not None:
+        loop = with_prior(loop, choices.prior)
+    models = [_model(choices, name) for name in choices.model_names]
+    _require_wanted(choices, models)
+    return tuple(_designed(choices, craft, loop, models, kind) for kind in choices.kinds)
+
+
+def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:
+    """The remark that a plan passes limits, as one with amplitudes given by hand may."""
+    passed = one.planned.reached.beyond(limits)
+    if not passed:
+        return []
+    reached = {name: float(getattr(one.planned.reached, name)) for name in passed}
+    words = ", ".join(f"{limit_words([name])} {value:.3g}" for name, value in reached.items())
+    message = (
+        f"The plan passes its limits in simulation: {words} (SI units). Predictions hold for a loop that is linear, "
+        "and motors at their limits are not. Fly less, or raise the limits on purpose with --limit."
+    )
+    return [warn("beyond_limits", one.kind, message, **reached)]
+
+
+def best_of(designed: Sequence[Designed]) -> dict[str, str]:
+    """The kind that tells most about each parameter, where there are several."""
+    if len(designed) < 2:
+        return {}
+    names = dict.fromkeys(name for one in designed for name in one.percent)
+    return {name: min(designed, key=lambda one: one.percent.get(name, np.inf)).kind for name in names}
+
+
+def _designed(
+    choices: DesignChoices,
+    craft: Aircraft,
+    loop: LoopModel,
+    models: Sequence[LinearStructure],
+    kind: Shape,
+) -> Designed:
+    planned = plan_for(craft, replace(choices.plan, shape=kind))
+    excited = tested(planned.plan, kind)
+    told = []
+    for model in models:
+        _PROGRESS.info(f"what the {kind.replace('_', ' ')} will tell about {model.name}")
+        told.append(_told(choices, craft, loop, model, excited))
+    return Designed(
+        kind=kind,
+        planned=planned,
+        told=tuple(told),
+        shortest=_shortest(choices, craft, loop, models, kind, planned),
+        wanted={model.name: _wanted(choices, model) for model in models},
+    )
+
+
+def tested(plan: FlightPlan, kind: Shape) -> FlightPlan:
+    """The part of a plan that a model will be fitted to: without the doublets that verify it."""
+    if kind in STEPS:
+        return plan
+    return replace(plan, inputs=tuple(one for one in plan.inputs if one.shape == kind))
+
+
+def _told(choices: DesignChoices, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan) -> Told:
+    try:
+        prediction = predict(
+            model, expected_values(model, craft, choices.prior), loop, plan, choices=_fit(choices, model)
+        )
+    except InsufficientDataError as error:
+        return Told(model=model.name, prediction=None, refused=str(error))
+    return Told(model=model.name, prediction=prediction)
+
+
+def _shortest(
+    choices: DesignChoices,
+    craft: Aircraft,
+    loop: LoopModel,
+    models: Sequence[LinearStructure],
+    kind: Shape,
+    planned: Planned,
+) -> dict[str, Shortest]:
+    """Durations by model; amplitudes stay those of the plan, so that only time is asked for."""
+    swept = [one for one in planned.plan.inputs if one.shape == kind]
+    sizes: dict[str, float] = {one.axis: abs(one.amplitude) for one in swept}
+
+    def lasting(duration_s: float) -> FlightPlan:
+        wish = replace(choices.plan, shape=kind, duration_s=duration_s, amplitudes=sizes, doublets=False)
+        return plan_with(craft, wish, sizes)
+
+    found: dict[str, Shortest] = {}
+    for model in models:
+        wanted = _wanted(choices, model)
+        if wanted and kind not in STEPS:
+            _PROGRESS.info(f"the shortest {kind.replace('_', ' ')} for {model.name}")
+            found[model.name] = shortest(
+                model,
+                expected_values(model, craft, choices.prior),
+                loop,
+                lasting,
+                wanted,
+                shortest_s=_SHORTEST_S,
+                longest_s=_LONGEST_FLIGHT_S,
+                choices=_fit(choices, model),
+            )
+    return found
+
+
+def _fit(choices: DesignChoices, model: LinearStructure) -> FitChoices:
+    """How an identification would fit: outputs that sensors measure, unless others were asked for."""
+    measured = tuple(name for name in model.outputs if name in INERTIAL)
+    return choices.fit if choices.fit.outputs or not measured else replace(choices.fit, outputs=measured)
+
+
+def _wanted(choices: DesignChoices, model: LinearStructure) -> dict[str, float]:
+    return {name: percent for name, percent in choices.reach.items() if name in model.parameters.free}
+
+
+def _model(choices: DesignChoices, name: str) -> LinearStructure:
+    if choices.prior is not None and name == choices.prior.structure.name:
+        return choices.prior.structure
+    return named_model(name)
+
+
+def _require_wanted(choices: DesignChoices, models: Sequence[LinearStructure]) -> None:
+    free = {name for model in models for name in model.parameters.free}
+    if wrong := [name for name in choices.reach if name not in free]:
+        raise UsageError(
+            f"{wrong[0]} should be reached to {choices.reach[wrong[0]]:g} %",
+            needed=f"a free parameter of {', '.join(model.name for model in models)}: {', '.join(sorted(free))}",
+        )

@@ -1,0 +1,644 @@
+r"""From measured responses to a fitted model with bounds.
+
+What a careful engineer would remark on a fit.
+
+Whether measured responses can support a model at all: the refusals, each with its reason.
+
+Speed damping in two steps, as it is often done: X_u and Y_v first, from one response each, then the rest.
+
+.. math:: \frac{\dot u}{\theta} = \frac{-s g}{s - X_u}, \qquad \frac{\dot v}{\phi} = \frac{s g}{s - Y_v}
+
+Both leave out that a command pushes the vehicle sideways too (X_pitch, Y_roll). Where it does, the damping comes out
+several times too small from slow responses and several times too large from fast ones, however good the data are. So
+this is an option, and the remark says what it does and how well the first step fits at all.
+
+Where the delay between a command and a sensor comes from.
+
+.. math:: \tau_{y/u} = \tau_u + T_{motor} + \tau_y
+
+The delay of the input holds what computation, transport and motor controllers need, the lag of the motors counts as a
+delay of its time constant, which it is well below its corner, and the delay of the output is that of the sensor beyond
+the others. What filters of the autopilot delay is in these numbers; where their settings are logged it is said how much
+of the total they are. After *Open-Loop Quadrotor Flight Dynamics Identification in Frequency Domain via Closed-Loop
+Flight Testing*, eq 21.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.record import AXES
+from rotorid.documents.result import DelayDocument
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.frequency.fit import fit, refine, without_structural_zeros
+from rotorid.fitting.frequency.problem import (
+    ACCEPTABLE_COST,
+    EXCELLENT_COST,
+    FrequencyProblem,
+    only_pairs,
+    within_bands,
+)
+from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.models.library import MOTOR_LAG, RATE_AXES, speed_damping
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.state_space import StateSpace
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.measure import Measured, feedback_bias, measure
+from rotorid.pipeline.resolve import chosen_parameters
+from rotorid.pipeline.searching import Searched, judge_minima, searched
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.reduction.guided import Step, fit_and_drop, reduce_guided
+from rotorid.typing import BoolArray, FloatArray
+from rotorid.uncertainty.cramer_rao import (
+    CRAMER_RAO_GUIDELINE_PERCENT,
+    INSENSITIVITY_GUIDELINE_PERCENT,
+    Bounds,
+    Weights,
+    bounds,
+)
+from rotorid.uncertainty.identifiability import Combination
+from rotorid.uncertainty.propagation import covariance_of_all
+
+_EXCITED_SHARE = 0.7
+
+_INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
+_KNOWN = 0.25
+"""Lag and delay count as told apart when each is known to a quarter of itself."""
+
+_LARGEST_CORRELATION = 0.95
+_NOTHING = 1e9
+
+
+def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
+    """Parameters above CIFER's guidelines, and lag and delay that the data hardly tell apart."""
+    findings = []
+    for name, cramer_rao, insensitivity in zip(bounds.names, bounds.cramer_rao, bounds.insensitivity, strict=True):
+        value = abs(parameters[name].value)
+        if value == 0.0:
+            continue
+        percents = (100.0 * cramer_rao / value, 100.0 * insensitivity / value)
+        if percents[1] > INSENSITIVITY_GUIDELINE_PERCENT:
+            findings.append(
+                warn(
+                    "insensitive_parameter",
+                    name,
+                    f"The response hardly depends on {name}: its insensitivity is {percents[1]:.0f} % "
+                    f"(guideline {INSENSITIVITY_GUIDELINE_PERCENT:g} %).",
+                    insensitivity_percent=percents[1],
+                )
+            )
+        elif percents[0] > CRAMER_RAO_GUIDELINE_PERCENT:
+            findings.append(
+                warn(
+                    "uncertain_parameter",
+                    name,
+                    f"{name} trades against other parameters: its Cramér–Rao bound is {percents[0]:.0f} % "
+                    f"(guideline {CRAMER_RAO_GUIDELINE_PERCENT:g} %).",
+                    cramer_rao_percent=percents[0],
+                )
+            )
+    return (*findings, *_lag_and_delay(parameters, bounds))
+
+
+def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
+    """Whether the data tell motor lag and delay apart, and their sum, which they know better than either."""
+    delays = [name for name in bounds.names if name in _INPUT_DELAYS]
+    if MOTOR_LAG not in bounds.names or not delays:
+        return ()
+    return tuple(_one_lag_and_delay(parameters, bounds, name) for name in delays)
+
+
+def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> Finding:
+    rows = [bounds.names.index(name) for name in (MOTOR_LAG, delay)]
+    values = [parameters[name].value for name in (MOTOR_LAG, delay)]
+    block = bounds.covariance[np.ix_(rows, rows)]
+    lag_std, delay_std = (math.sqrt(block[row, row]) for row in range(2))
+    together, std = sum(values), math.sqrt(max(float(block.sum()), 0.0))
+    correlation = float(bounds.correlation[rows[0], rows[1]])
+    known = lag_std <= _KNOWN * abs(values[0]) and delay_std <= _KNOWN * abs(values[1])
+    apart = known and abs(correlation) <= _LARGEST_CORRELATION
+    each = f"{1e3 * values[0]:.1f} ± {1e3 * lag_std:.1f} ms and {1e3 * values[1]:.1f} ± {1e3 * delay_std:.1f} ms"
+    total = f"{1e3 * together:.1f} ± {1e3 * std:.1f} ms"
+    message = (
+        f"Motor lag and delay are told apart, as {each} with a correlation of {correlation:.2f}; together they are "
+        f"{total}, which is known better than either."
+        if apart
+        else f"Motor lag and delay are hardly told apart: {each} with a correlation of {correlation:.2f}. Trust their "
+        f"sum of {total}. A wider band would separate them, or the lag from a bench or from measured motor speeds "
+        f"(--fix {MOTOR_LAG}=VALUE)."
+    )
+    return (remark if apart else warn)(
+        "lag_plus_delay" if apart else "not_identifiable",
+        f"{MOTOR_LAG}, {delay}",
+        message,
+        sum_s=together,
+        std_s=std,
+        correlation=correlation,
+    )
+
+
+def judge_combinations(combinations: Sequence[Combination]) -> tuple[Finding, ...]:
+    """A warning for each group of parameters that the data do not tell apart at all."""
+    return tuple(
+        warn(
+            "not_identifiable",
+            ", ".join(item.names or item.vector),
+            item.words(),
+            relative_std=min(item.relative_std, _NOTHING),
+        )
+        for item in combinations
+        if item.flat
+    )
+
+
+def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -> tuple[Finding, ...]:
+    """How well the structure follows the data, and how the solver ended."""
+    findings = []
+    if mean_cost > EXCELLENT_COST:
+        acceptable = mean_cost <= ACCEPTABLE_COST
+        findings.append(
+            (remark if acceptable else warn)(
+                "poor_fit",
+                problem.structure.name,
+                f"The average cost is {mean_cost:.0f}: "
+                + (
+                    f"acceptable, but above the {EXCELLENT_COST:g} of a model hardly to be told from the flight."
+                    if acceptable
+                    else f"above the {ACCEPTABLE_COST:g} of an acceptable model. Narrow the band, or take a "
+                    "structure with the missing dynamics."
+                ),
+                average_cost=mean_cost,
+            )
+        )
+    for name, at_bound in zip(problem.parameters.free, solution.at_bound, strict=True):
+        if at_bound:
+            findings.append(
+                warn(
+                    "parameter_at_bound",
+                    name,
+                    f"{name} ended on a bound of the search; its value says no more than that.",
+                )
+            )
+    if solution.outcome is not Outcome.CONVERGED:
+        findings.append(warn("not_converged", problem.structure.name, solution.outcome.value))
+    return tuple(findings)
+
+
+def _what_ends(measured: Measured, top: float) -> str:
+    """Why the fitted band ends where it does."""
+    if measured.excited_to_rad_s < measured.asked_rad_s[1] and top > 0.9 * measured.trusted_rad_s[1]:
+        return f"the sweeps end at {measured.excited_to_rad_s:.3g} rad/s"
+    return "the rest is not coherent enough, or its error is above 30 %"
+
+
+def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
+    """How much of the band that was asked for could be used."""
+    data = measured.response
+    findings = []
+    for y, u in np.ndindex(used.shape[:2]):
+        omega = data.omega_rad_s[used[y, u]]
+        if not omega.size:
+            continue
+        share = np.log(omega[-1] / omega[0]) / np.log(measured.asked_rad_s[1] / measured.asked_rad_s[0])
+        if share < _EXCITED_SHARE:
+            low, high = measured.asked_rad_s
+            findings.append(
+                warn(
+                    "low_coherence",
+                    f"{data.outputs[y]}/{data.inputs[u]}",
+                    f"Of the band {low:.2g} to {high:.3g} rad/s only {omega[0]:.2g} to {omega[-1]:.3g} rad/s could "
+                    f"be fitted; {_what_ends(measured, float(omega[-1]))}.",
+                    low_rad_s=float(omega[0]),
+                    high_rad_s=float(omega[-1]),
+                )
+            )
+    return tuple(findings)
+
+
+LOWEST_TOP_RAD_S = 8.0
+"""A rate model is not identified from data that end below: there the speed modes of the airframe rule."""
+
+_LEAST_WIDTH = 2.0
+"""Highest over lowest fitted frequency: below an octave, gain, damping and delay cannot be told apart."""
+
+
+def require_support(measured: Measured, used: BoolArray, *, least_coherence: float, rate_model: bool) -> None:
+    """Refuse a fit where the data end below, or hold less than, what the model needs.
+
+    Parameters
+    ----------
+    measured
+        The responses.
+    used
+        Points that can be trusted, shape ``(y, u, f)``.
+    least_coherence
+        The limit by which they were chosen.
+    rate_model
+        Whether the model needs data above the speed modes.
+
+    Raises
+    ------
+    UsageError
+        The band that the user gave cannot do.
+    InsufficientDataError
+        The excitation or the coherence ends too early, or what is left is too narrow.
+    """
+    low, high = measured.asked_rad_s
+    needed = max(low, LOWEST_TOP_RAD_S) if rate_model else low
+    if measured.excited_to_rad_s < needed:
+        raise _not_excited(measured, needed)
+    if high < needed:
+        raise UsageError(
+            f"the band {low:g}:{high:g} rad/s ends below the {needed:g} rad/s that a rate model needs",
+            needed="a band above the speed modes of the airframe, such as 1:60",
+            remedy="widen --band",
+        )
+    omega = measured.response.omega_rad_s[used.any(axis=(0, 1))]
+    if omega.size == 0:
+        raise _not_coherent(measured, least_coherence)
+    if omega[-1] < needed or omega[-1] < _LEAST_WIDTH * omega[0]:
+        raise _too_narrow(measured, float(omega[0]), float(omega[-1]), needed)
+
+
+def _name(measured: Measured) -> str:
+    return f"{measured.response.outputs[0]}/{measured.response.inputs[0]}"
+
+
+def _not_excited(measured: Measured, needed: float) -> InsufficientDataError:
+    name, top = _name(measured), measured.excited_to_rad_s
+    rounded = f"{top:.0f}" if top >= 2.0 else f"{top:.2g}"
+    return InsufficientDataError(
+        f"no excitation above {rounded} rad/s came for {name}",
+        needed=f"excitation that goes on to {needed:.3g} rad/s and more",
+        remedy="fly a sweep that goes faster",
+        findings=[
+            refusal(
+                "no_excitation",
+                name,
+                f"There is no excitation above {rounded} rad/s in {name}; what is coherent above is feedback and "
+                "noise.",
+                highest_rad_s=top,
+                needed_rad_s=needed,
+            )
+        ],
+    )
+
+
+def _not_coherent(measured: Measured, least_coherence: float) -> InsufficientDataError:
+    data, name = measured.response, _name(measured)
+    low, high = measured.trusted_rad_s
+    inside = (data.omega_rad_s >= low) & (data.omega_rad_s <= high)
+    best = float(data.coherence[:, :, inside].max(initial=0.0))
+    error = float(data.random_error[:, :, inside].min(initial=np.inf))
+    reason = f"reaches a coherence of {best:.3f} and an error of {100.0 * error:.0f} % at best"
+    return InsufficientDataError(
+        f"{name} {reason} inside {low:.3g} to {high:.3g} rad/s",
+        needed=f"points with a coherence of {least_coherence:g} and an error below 30 %",
+        remedy="excite the axis harder or longer, fly in calmer air, or lower --coherence",
+        findings=[
+            refusal(
+                "low_coherence",
+                name,
+                f"No point of {name} can be used: it {reason}.",
+                best_coherence=best,
+                limit=least_coherence,
+                least_error=min(error, 1e9),
+            )
+        ],
+    )
+
+
+def _too_narrow(measured: Measured, low: float, high: float, needed: float) -> InsufficientDataError:
+    name = _name(measured)
+    return InsufficientDataError(
+        f"{name} can be used from {low:.3g} to {high:.3g} rad/s only",
+        needed=f"at least an octave, and data up to {needed:.3g} rad/s and more",
+        remedy="excite a wider band, or widen --band",
+        findings=[
+            refusal(
+                "low_coherence",
+                name,
+                f"{name} is usable from {low:.3g} to {high:.3g} rad/s only; gain, damping and delay cannot be told "
+                "apart in that.",
+                low_rad_s=low,
+                high_rad_s=high,
+            )
+        ],
+    )
+
+
+def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bounds) -> None:
+    """Refuse a model whose gain could as well have the other sign.
+
+    Raises
+    ------
+    InsufficientDataError
+        The gain lies within two standard deviations of zero.
+    """
+    if gain not in bounds.names:
+        return
+    value, std = parameters[gain].value, float(bounds.std[bounds.names.index(gain)])
+    if abs(value) >= 2.0 * std:
+        return
+    found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"
+    raise InsufficientDataError(
+        f"the data do not show {gain}: {found}",
+        needed="a gain that differs from zero by two standard deviations",
+        remedy="give longer segments or a wider band, or excite the axis harder",
+        findings=[
+            refusal(
+                "not_identifiable",
+                gain,
+                f"Not even the sign of {gain} is certain: the fit gives {found}.",
+                value=value,
+                std=std,
+            )
+        ],
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fitted:
+    """A model with what is known about it.
+
+    Parameters
+    ----------
+    problem
+        What was fitted, without the parameters that were dropped.
+    solution
+        How the solver ended in CIFER's cost.
+    final
+        How it ended with the weights from which the values come.
+    weights
+        What the values come from: CIFER's cost, or weights of the measured covariance.
+    costs
+        CIFER's cost of each response at the identified values, shape ``(y, u)``.
+    parameters
+        The identified values.
+    bounds
+        Their uncertainty.
+    steps
+        How the model was reduced.
+    findings
+        Remarks on data, fit and parameters.
+    search
+        The search that the fit began at, if any.
+    """
+
+    problem: FrequencyProblem
+    solution: Solution
+    final: Solution
+    weights: Weights
+    costs: FloatArray
+    parameters: ParameterSet
+    bounds: Bounds
+    steps: tuple[Step, ...]
+    findings: tuple[Finding, ...]
+    search: Searched | None = None
+
+    @property
+    def structure(self) -> LinearStructure:
+        """What the values belong to, without states that a dropped lag has left without dynamics."""
+        return self.problem.structure.condensed(self.parameters)
+
+    @property
+    def system(self) -> StateSpace:
+        """The identified system as numbers."""
+        return self.structure.matrices(self.parameters.values)
+
+    @property
+    def band_rad_s(self) -> tuple[float, float]:
+        """Lowest and highest fitted frequency."""
+        return fitted_band(self.problem)
+
+
+def fitted_band(problem: FrequencyProblem) -> tuple[float, float]:
+    """Lowest and highest fitted frequency of a problem that has points."""
+    omega = problem.data.omega_rad_s[problem.used.any(axis=(0, 1))]
+    return float(omega[0]), float(omega[-1])
+
+
+def pose(structure: LinearStructure, measured: Measured, settings: IdentifySettings) -> FrequencyProblem:
+    """The problem of fitting a structure to the trusted points of measured responses.
+
+    Responses that the structure cannot have at all take no part.
+
+    Raises
+    ------
+    InsufficientDataError
+        There are no such points, or they end below what the model needs.
+    """
+    data = measured.response
+    limit = settings.least_coherence(joint=data.estimate == "joint")
+    used = measured.trusted_points(data, limit)
+    if settings.pairs:
+        used = only_pairs(used, data, settings.pairs)
+        used = within_bands(used, data, {name: band for name, band in settings.pairs.items() if band is not None})
+    require_support(measured, used, least_coherence=limit, rate_model=structure.name in RATE_AXES)
+    problem = FrequencyProblem(
+        structure=structure,
+        parameters=chosen_parameters(structure, settings),
+        data=data,
+        used=used,
+        pair_weights=settings.pair_weights,
+    )
+    return without_structural_zeros(problem)[0]
+
+
+def fit_with_bounds(
+    problem: FrequencyProblem,
+    measured: Measured,
+    settings: IdentifySettings | None = None,
+) -> Fitted:
+    """Fit, drop what the data do not show, bound the rest, and remark on all of it.
+
+    The fit in CIFER's cost comes first, from the best of a search where one was asked for, and the reduction judges by
+    it. Of several outputs the errors go together; then
+    the fit goes on with weights made of their covariance, from which the values come.
+
+    Raises
+    ------
+    InsufficientDataError
+        Not even the sign of the gain is certain.
+    """
+    settings = settings or IdentifySettings()
+    search = searched(problem, settings)
+    reduced = fit_and_drop(_begun(problem, search))
+    problem, solution, findings = reduced.problem, reduced.solution, reduced.findings
+    steps: tuple[Step, ...] = ()
+    if settings.reduce:
+        reduction = reduce_guided(problem, solution, distances=_distances(problem, solution, settings))
+        problem, solution, steps = reduction.problem, reduction.solution, reduction.steps
+        findings = (*findings, *reduction.findings)
+    weights = _weights(problem, settings)
+    final = refine(problem, solution) if weights == "covariance" else solution
+    parameters = problem.parameters.unpack(final.theta)
+    limits = bounds(problem, final, weights=weights)
+    require_known_gain(problem.structure.gain, parameters, limits)
+    costs = problem.costs(final.theta)
+    mean_cost = float(np.mean(costs[problem.used.any(axis=-1)]))
+    remarks = (
+        *judge_band(measured, problem.used),
+        *feedback_bias(measured, problem.used),
+        *findings,
+        *judge_parameters(parameters, limits),
+        *judge_fit(problem, replace(solution, at_bound=final.at_bound), mean_cost),
+        *judge_minima(search, parameters, limits),
+    )
+    return Fitted(
+        problem=problem,
+        solution=solution,
+        final=final,
+        weights=weights,
+        costs=costs,
+        parameters=parameters,
+        bounds=limits,
+        steps=steps,
+        findings=remarks,
+        search=search,
+    )
+
+
+def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:
+    """The same problem at the best minimum of a search; its structure too, for later fits to parts of the data."""
+    if search is None:
+        return problem
+    own, values = problem.structure.parameters, search.values(search.minima[0])
+    known = {name: value for name, value in values.items() if own[name].status != "tied"}
+    structure = replace(problem.structure, parameters=own.with_values(known))
+    return replace(problem, structure=structure, parameters=problem.parameters.with_values(values))
+
+
+def _distances(problem: FrequencyProblem, solution: Solution, settings: IdentifySettings) -> dict[str, float]:
+    """How many standard deviations each parameter lies from zero, where errors are weighed by their covariance."""
+    if _weights(problem, settings) == "cifer":
+        return {}
+    final = refine(problem, solution)
+    limits = bounds(problem, final, weights="covariance")
+    return dict(zip(limits.names, map(float, np.abs(final.theta) / limits.std), strict=True))
+
+
+def _weights(problem: FrequencyProblem, settings: IdentifySettings) -> Weights:
+    if settings.weights != "auto":
+        return settings.weights
+    several = int(problem.used.any(axis=(1, 2)).sum()) > 1
+    return "covariance" if several else "cifer"
+
+
+_STEPS = {"X_u": ("u_dot", "theta", "pitch"), "Y_v": ("v_dot", "phi", "roll")}
+_NEGLECTED = {"X_u": "X_pitch", "Y_v": "Y_roll"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstStep:
+    """What the first step found: parameters to hold, with the remark on each."""
+
+    fix: dict[str, float]
+    findings: tuple[Finding, ...]
+
+
+def first_step(structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings) -> FirstStep:
+    """X_u and Y_v, as far as the structure has them, each from the sweeps of its own axis.
+
+    Parameters
+    ----------
+    structure
+        What will be fitted in the second step.
+    flown
+        Maneuvers; attitude and acceleration along the body must be logged or follow from what is.
+    settings
+        Choices of the run; bands and instruments are those of the second step and not used here.
+
+    Raises
+    ------
+    UsageError
+        The structure has neither parameter.
+    InsufficientDataError
+        A channel is missing, or the response is not coherent.
+    """
+    names = [name for name in _STEPS if name in structure.parameters.free]
+    if not names:
+        raise UsageError(
+            f"two steps of speed damping for {structure.name} came, which has no free X_u and no free Y_v",
+            needed="a model with one of them, such as hover.longitudinal",
+        )
+    found = {name: _one(name, flown, settings) for name in names}
+    return FirstStep(
+        fix={name: value for name, (value, _) in found.items()}, findings=tuple(f for _, f in found.values())
+    )
+
+
+def _one(name: str, flown: Sequence[Flown], settings: IdentifySettings) -> tuple[float, Finding]:
+    output, source, axis = _STEPS[name]
+    own = [item for item in flown if item[1].axis == axis] or list(flown)
+    plain = replace(settings, instruments=(), estimate="direct", pairs={}, pair_weights={}, shifts={})
+    measured = measure(own, inputs=(source,), outputs=(output,), settings=plain)
+    structure = speed_damping(output, source)
+    used = measured.trusted_points(measured.response, plain.least_coherence(joint=False))
+    problem = FrequencyProblem(structure=structure, parameters=structure.parameters, data=measured.response, used=used)
+    solution = fit(problem)
+    value, std = float(solution.theta[0]), float(bounds(problem, solution).std[0])
+    cost = float(problem.costs(solution.theta)[0, 0])
+    omega = measured.response.omega_rad_s[used[0, 0]]
+    return value, warn(
+        "speed_damping_biased",
+        name,
+        f"{name} = {value:.3g} ± {std:.2g} 1/s was taken from {output}/{source} between {omega[0]:.2g} and "
+        f"{omega[-1]:.3g} rad/s, at a cost of {cost:.0f}, and held. It leaves out {_NEGLECTED[name]}: "
+        f"where the command pushes the vehicle sideways, {name} is off several times, too small from slow "
+        "responses and too large from fast ones. The joint fit of all responses has no such bias.",
+        value=value,
+        std=std,
+        cost=cost,
+        low_rad_s=float(omega[0]),
+        high_rad_s=float(omega[-1]),
+    )
+
+
+def delay_budget(
+    structure: LinearStructure,
+    parameters: ParameterSet,
+    bounds: Bounds,
+    fitted: BoolArray,
+    known_filters_s: Mapping[str, float],
+) -> dict[str, DelayDocument]:
+    """Delays of every fitted response ``output/input``.
+
+    Parameters
+    ----------
+    structure, parameters, bounds
+        The identified model.
+    fitted
+        Which responses were fitted, shape ``(y, u)``.
+    known_filters_s
+        Output to the delay of the autopilot's filters in front of it, as far as the log tells.
+    """
+    covariance = covariance_of_all(parameters, bounds)
+    system, derivatives = structure.matrices_and_jacobian(parameters.values, np.eye(len(parameters)))
+    lag, slope = _motor_lag(parameters)
+    budget = {}
+    for y, u in np.argwhere(fitted):
+        total = derivatives[5][:, u] + derivatives[6][:, y] + slope
+        before, after = float(system.input_delays_s[u]), float(system.output_delays_s[y])
+        spread = math.sqrt(max(float(total @ covariance @ total), 0.0))
+        budget[f"{structure.outputs[y]}/{structure.inputs[u]}"] = DelayDocument(
+            input_delay_s=before,
+            motor_lag_s=lag,
+            output_delay_s=after,
+            total_s=before + lag + after,
+            total_std_s=spread if spread > 0.0 else None,
+            known_filters_s=known_filters_s.get(structure.outputs[y]),
+        )
+    return budget
+
+
+def _motor_lag(parameters: ParameterSet) -> tuple[float, FloatArray]:
+    """The lag of the motors, and how it moves with the parameters."""
+    slope = np.array([float(name == MOTOR_LAG) for name in parameters.names])
+    return (parameters[MOTOR_LAG].value if MOTOR_LAG in parameters.names else 0.0), slope

@@ -1,0 +1,841 @@
+"""From records of motors to physical parameters with bounds.
+
+How well a flight tells the physics of motors: random errors, and what no repetition of the flight would show.
+
+What an engineer remarks on the physics of motors.
+
+Accelerations measured and modeled, as far as motors make them: up to a few hertz.
+
+The identified vehicle as a linear model around hover, from motor outputs to rates and specific force.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.record import Maneuver
+from rotorid.errors import InsufficientDataError
+from rotorid.fitting.motors.fit import (
+    LEAST_CORRELATION,
+    SLOW_HZ,
+    Axis,
+    Excitation,
+    MotorFit,
+    MotorProblem,
+    excitations,
+    excited_axes,
+    fit_motors,
+    motor_speed,
+)
+from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
+from rotorid.models.motors import (
+    CURVE_TERMS,
+    Curve,
+    check_figure_of_merit,
+    check_motor_constants,
+    motor_parameters,
+    scale_of,
+    yaw_range,
+)
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.frequency_fit import judge_parameters
+from rotorid.pipeline.motor_data import MotorData, MotorFlight
+from rotorid.pipeline.results import SimulatedRecord
+from rotorid.pipeline.settings import MotorChoices
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.colored import colored_apart
+from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.propagation import covariance_of_all
+from rotorid.units import STANDARD_GRAVITY_M_S2
+from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+ACCELEROMETER_BIAS_M_S2 = 0.05
+"""Of a calibrated accelerometer."""
+
+CURVE_SHARE = 0.3
+"""Thrust that was not moved: its slope lies between that of a line and twice as much, that of a parabola."""
+
+_DELAYS = ("tau_gyro", "tau_accel")
+_GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
+_FLAT = 1e-12
+
+
+def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
+    """Bounds of the parameters that did not end on a bound, and the memory of the errors.
+
+    Raises
+    ------
+    InsufficientDataError
+        The data do not determine all of them.
+    """
+    parts = fit.parts()
+    slopes = np.concatenate([part.slopes[:, 0] for part in parts])
+    fisher = slopes.T @ slopes
+    length = np.sqrt(np.maximum(fisher.diagonal(), 1e-300))
+    even = fisher / np.outer(length, length)
+    weakest = np.linalg.eigh(even)
+    if weakest.eigenvalues[0] <= _FLAT:
+        mixed = [name for name, part in zip(fit.moving, weakest.eigenvectors[:, 0], strict=True) if abs(part) > 0.1]
+        raise InsufficientDataError(
+            f"the flights do not determine {' and '.join(mixed)} apart",
+            needed="motion that tells them apart",
+            remedy="choose a curve with fewer terms with --curve, or hold a parameter with --fix",
+        )
+    colored = colored_apart(parts)
+    inverse = np.linalg.inv(even).diagonal() / length**2
+    ratio = np.log(colored.corrected.diagonal() / colored.white.diagonal())
+    bounds = Bounds(
+        names=fit.moving,
+        cramer_rao=2.0 * np.sqrt(inverse),
+        insensitivity=1.0 / length,
+        covariance=colored.corrected,
+        inflation=math.exp(0.5 * float(np.mean(ratio))),
+    )
+    return bounds, colored.memory
+
+
+def with_systematic_errors(
+    bounds: Bounds, parameters: ParameterSet, fit: MotorFit, data: MotorData, *, curve_assumed: bool
+) -> Bounds:
+    r"""Bounds that also hold what is wrong in the same way all through a flight.
+
+    - The accelerometer is off by up to :data:`ACCELEROMETER_BIAS_M_S2`, which thrust and inertia follow.
+    - Where a known filter was put into the model, stamps and its rate are known to half a sample: delays.
+    - Where thrust was not moved, its slope is a guess (:data:`CURVE_SHARE`), and inertia follows it.
+    - Motors that were logged too slowly did between their samples what the log does not tell. Errors of the outputs
+      pull gains toward zero by up to :math:`r^2`, errors of the motion push them away by as much: half the way from one
+      regression to the other, :math:`(1/r^2 - 1)/2`, counts as one standard deviation; of lag and delays, half a step.
+    """
+    covariance = bounds.covariance.copy()
+    shifted = _by_bias(fit)
+    covariance += np.outer(shifted, shifted)
+    directions: list[Mapping[str, float]] = []
+    if any(record.gyro_taps.size > 1 for record in data.records):
+        slowest_hz = min(record.sample_rate_hz for record in data.records)
+        directions += [{name: 0.5 / slowest_hz} for name in _DELAYS]
+    if curve_assumed:
+        signs = {"c_0": 1.0, "c_1": 1.0, "c_2": 1.0, "I_xx": 1.0, "I_yy": 1.0, "kappa_per_I_zz": -1.0}
+        values = parameters.values
+        directions.append({name: CURVE_SHARE * sign * values[name] for name, sign in signs.items() if name in values})
+    if data.slow:
+        directions += list(_by_slow_motors(parameters, fit, data))
+    for direction in directions:
+        row = np.array([direction.get(name, 0.0) for name in bounds.names])
+        covariance += np.outer(row, row)
+    return replace(bounds, covariance=covariance)
+
+
+def _by_bias(fit: MotorFit) -> FloatArray:
+    """How far a bias of the accelerometer moves the parameters, shape ``(p,)``."""
+    kept = np.array([name in fit.moving for name in fit.parameters.free])
+    normal = np.zeros((kept.size, kept.size))
+    pulled = np.zeros(kept.size)
+    for place, axis, _, slopes in fit.problem.whitened(fit.solution.theta):
+        normal += slopes @ slopes.T
+        if axis == "az":
+            pulled += slopes.sum(axis=1) * ACCELEROMETER_BIAS_M_S2 / fit.problem.filters[place][axis].scale
+    moved: FloatArray = np.linalg.pinv(normal[np.ix_(kept, kept)], hermitian=True) @ pulled[kept]
+    return moved
+
+
+def _by_slow_motors(parameters: ParameterSet, fit: MotorFit, data: MotorData) -> Iterator[Mapping[str, float]]:
+    step_s = 1.0 / min(history.sample_rate_hz for history in data.histories)
+    yield from ({name: 0.5 * step_s} for name in ("T_motor", *_DELAYS))
+    for axis, names in _GAINS.items():
+        seen = [one[axis].correlation for one in fit.excitations if one[axis].correlation >= LEAST_CORRELATION]
+        if seen:
+            share = 0.5 * (1.0 / float(np.mean(seen)) ** 2 - 1.0)
+            yield {name: share * parameters[name].value for name in names if name in parameters.names}
+
+
+CHANNELS: Mapping[str, str] = {"p": "p_dot", "q": "q_dot", "r": "r_dot", "az": "az"}
+"""Equation to the channel that it is about."""
+
+
+class Motion(NamedTuple):
+    """A stretch: what was measured and what the motors make of it.
+
+    Parameters
+    ----------
+    flight
+        The stretch.
+    counted
+        Channels whose axis was excited.
+    rows
+        Channel to measurement and model, slow, shape ``(n,)`` each at the samples :attr:`kept`; the mean of an angular
+        acceleration is taken off.
+    """
+
+    flight: MotorFlight
+    counted: tuple[str, ...]
+    rows: Mapping[str, tuple[FloatArray, FloatArray]]
+
+    @property
+    def kept(self) -> slice:
+        """The samples of the record that the rows are of: none near its ends, where a low-pass knows too little."""
+        return slice(1 + _edge(self.flight.record.sample_rate_hz), -_edge(self.flight.record.sample_rate_hz))
+
+
+def motions(
+    problem: MotorProblem,
+    theta: FloatArray,
+    flights: Sequence[MotorFlight],
+    found: Sequence[Mapping[str, Excitation]],
+) -> tuple[Motion, ...]:
+    """Every stretch with its axes of the problem, passed through a low-pass without phase."""
+    moved = []
+    for flight, record, seen in zip(flights, problem.equations(theta), found, strict=True):
+        rate_hz = flight.record.sample_rate_hz
+        axes = [axis for axis in record if axis.name in CHANNELS]
+        moved.append(
+            Motion(
+                flight,
+                tuple(CHANNELS[axis.name] for axis in axes if seen[axis.name].correlation >= LEAST_CORRELATION),
+                {CHANNELS[axis.name]: _pair(axis, rate_hz) for axis in axes},
+            )
+        )
+    return tuple(moved)
+
+
+def _pair(axis: Axis, rate_hz: float) -> tuple[FloatArray, FloatArray]:
+    factor = 1.0 if axis.name == "az" else rate_hz
+    measured, modeled = (_slow(factor * row, rate_hz) for row in (axis.measured, axis.predicted))
+    if axis.name == "az":
+        return measured, modeled
+    return measured - measured.mean(), modeled - modeled.mean()
+
+
+def _edge(rate_hz: float) -> int:
+    return max(1, round(rate_hz / SLOW_HZ))
+
+
+def _slow(row: FloatArray, rate_hz: float) -> FloatArray:
+    from scipy.signal import butter, sosfiltfilt
+
+    inside = slice(_edge(rate_hz), -_edge(rate_hz))
+    if rate_hz <= 2.5 * SLOW_HZ:
+        return row[inside]
+    return np.asarray(sosfiltfilt(butter(2, SLOW_HZ, fs=rate_hz, output="sos"), row)[inside], dtype=np.float64)
+
+
+def unexplained_by_curve(problem: MotorProblem, theta: FloatArray, found: Sequence[Mapping[str, Excitation]]) -> float:
+    """Share of the slow errors of specific force that a constant, the outputs and their squares would explain."""
+    errors, columns = [], []
+    for record, equations, seen in zip(problem.records, problem.equations(theta), found, strict=True):
+        force = next((axis for axis in equations if axis.name == "az"), None)
+        if force is None or seen["az"].correlation < LEAST_CORRELATION:
+            continue
+        lag = problem.parameters.unpack(theta).values.get("T_motor", seen["az"].lag_s)
+        motors = motor_speed(record.outputs, lag_s=max(lag, 1e-4), delay_s=0.0, step_s=1.0 / record.sample_rate_hz)
+        level = np.asarray(motors.level, dtype=np.float64)[:, 1:]
+        sums = [_slow(row, record.sample_rate_hz) for row in (level.sum(axis=0), (level**2).sum(axis=0))]
+        errors.append(_slow(force.measured - force.predicted, record.sample_rate_hz))
+        columns.append(np.stack([np.ones(sums[0].size), *sums], axis=1))
+    if not errors:
+        return 0.0
+    error, columns_together = np.concatenate(errors), np.concatenate(columns)
+    coefficients = np.linalg.lstsq(columns_together, error, rcond=None)[0]
+    size = float(error @ error)
+    return 1.0 - float(np.sum((error - columns_together @ coefficients) ** 2)) / size if size > 0.0 else 0.0
+
+
+def fit_percents(moved: Sequence[Motion], channels: Sequence[str]) -> dict[str, float]:
+    """Channel to the share of its slow motion that is explained, of all stretches that excite it."""
+    percents = {}
+    for name in channels:
+        pairs = [one.rows[name] for one in moved if name in one.counted]
+        missed = sum(float(np.sum((a - b) ** 2)) for a, b in pairs)
+        spread = sum(float(np.sum((a - a.mean()) ** 2)) for a, _ in pairs)
+        if spread > 0.0:
+            percents[name] = 100.0 * (1.0 - (missed / spread) ** 0.5)
+    return percents
+
+
+class Scored(NamedTuple):
+    """How one channel of an unseen stretch was explained."""
+
+    nrmse_fit_percent: float
+    tic: float
+    rms: float
+    bias: float
+    reference_shift: float
+
+
+def scores(moved: Motion) -> dict[str, Scored]:
+    """Scores of the excited channels of a stretch."""
+    found = {}
+    for name in moved.counted:
+        measured, modeled = moved.rows[name]
+        # Where an accelerometer has its zero is no matter of the motors.
+        shift = float(np.mean(measured - modeled))
+        modeled = modeled + shift
+        found[name] = Scored(
+            nrmse_fit_percent(measured, modeled),
+            theil_inequality(measured - measured.mean(), modeled - measured.mean()),
+            rms(measured - modeled),
+            0.0,
+            shift,
+        )
+    return found
+
+
+def simulated_record(moved: Motion, channels: Sequence[str]) -> SimulatedRecord:
+    """A stretch for the pictures of a report."""
+    record = moved.flight.record
+    outputs = record.outputs[:, moved.kept]
+    maneuver: Maneuver = moved.flight.maneuver
+    return SimulatedRecord(
+        record=record.name,
+        maneuver=maneuver,
+        time_s=record.time_s[moved.kept],
+        inputs=outputs - outputs.mean(axis=1, keepdims=True),
+        measured=np.stack([moved.rows[name][0] for name in channels]),
+        simulated=np.stack([moved.rows[name][1] for name in channels]),
+    )
+
+
+_EXPLAINED_BY_SLOW = 50.0
+"""Percent of an axis that motors logged too slowly must explain to count."""
+
+_STAMPS_S = 0.01
+"""Errors of stamps, and of the rate at which a filter is taken to work, stay below."""
+
+AXIS_WORDS = {"az": "thrust", "p": "roll", "q": "pitch", "r": "yaw"}
+
+
+class Derived(NamedTuple):
+    """A quantity that follows from the parameters."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotorIdentified(Immutable):
+    """Physical parameters of a vehicle, as far as its flights tell them.
+
+    Parameters
+    ----------
+    data
+        What was fitted.
+    fit
+        How it ended.
+    curve
+        Thrust of a rotor by its output.
+    curve_assumed
+        Whether no stretch moved thrust, so that the curve is a guess.
+    parameters
+        The identified values; one that ended on a bound is held there.
+    bounds
+        Their uncertainty.
+    memory
+        Order of the autoregressions that describe the errors.
+    both
+        Each inertia by regressions both ways.
+    hover_output
+        Mean output of the motors.
+    derived
+        Thrust of a rotor and its slope at that output, at full output, and thrust over weight there.
+    """
+
+    data: MotorData
+    fit: MotorFit
+    curve: Curve
+    curve_assumed: bool
+    parameters: ParameterSet
+    bounds: Bounds
+    memory: int
+    both: tuple[InertiaRegression, ...]
+    hover_output: float
+    derived: Mapping[str, Derived]
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that some stretch excites."""
+        return tuple(axis for axis in self.fit.problem.axes if axis != "weight")
+
+
+def levers_of(data: MotorData) -> FloatArray:
+    """Roll, pitch and yaw moment of a newton of each rotor, shape ``(3, motors)``."""
+    arms, torque = data.layout.moment_arms, data.layout.torque_axes
+    return np.stack([arms[0], arms[1], torque[2]])
+
+
+def fit_motor_data(data: MotorData, choices: MotorChoices) -> MotorIdentified:
+    """Fit what was excited, and bound it.
+
+    Axes of which the motors then explain nothing are left out: what was seen there was the controller, or motors that
+    were logged too slowly. So is a motor lag that the data do not tell from zero, or from a delay. Then the rest is
+    fitted again.
+
+    Raises
+    ------
+    InsufficientDataError
+        The motors explain the motion along no axis, or the data do not determine all parameters.
+    """
+    levers = levers_of(data)
+    found = excitations(data.records, levers)
+    axes = excited_axes(found)
+    if not axes:
+        raise _nothing_excited(data, found)
+    fit, curve = _fitted(data, choices, levers, axes)
+    unexplained = _unexplained(fit, data)
+    if unexplained:
+        left = tuple(axis for axis in axes if axis not in unexplained)
+        if not left:
+            raise _nothing_explained(data)
+        fit, curve = _fitted(data, choices, levers, left)
+    parameters = fit.parameters
+    for name in set(parameters.free) - set(fit.moving):
+        parameters = parameters.fix(name, parameters[name].value)
+    bounds, memory = motor_bounds(fit)
+    # The weight tells thrust at hover whatever the curve is; its slope is another matter.
+    at_hover = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=False)
+    assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
+    bounds = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=assumed and data.kind != "speed")
+    hover = float(np.mean([record.outputs.mean() for record in data.records]))
+    return MotorIdentified(
+        data=data,
+        fit=fit,
+        curve=curve,
+        parameters=parameters,
+        bounds=bounds,
+        memory=memory,
+        curve_assumed=assumed and data.kind != "speed",
+        both=inertia_regressions(fit),
+        hover_output=hover,
+        derived=_derived(parameters, bounds, at_hover, hover, data),
+    )
+
+
+def _fitted(
+    data: MotorData,
+    choices: MotorChoices,
+    levers: FloatArray,
+    axes: tuple[str, ...],
+) -> tuple[MotorFit, Curve]:
+    """The fit of some axes, with a motor lag where the data tell one."""
+    curve = _curve(choices, data, axes)
+
+    def fitted(lag: bool) -> MotorFit:
+        parameters = motor_parameters(
+            curve=curve,
+            known=choices.known,
+            axes=axes,
+            lag=lag,
+            heave_damping=all(record.w.size > 0 for record in data.records),
+            earliest_s=-_STAMPS_S if any(record.gyro_taps.size > 1 for record in data.records) else 0.0,
+        )
+        problem = MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *axes))
+        return fit_motors(problem)
+
+    _PROGRESS.info("fitting motors, thrust and inertia")
+    fit = fitted(data.kind != "speed")
+    if _lag_unseen(fit):
+        fit = fitted(False)
+    return fit, curve
+
+
+def _unexplained(fit: MotorFit, data: MotorData) -> set[str]:
+    """Axes of which the identified motors explain nothing, although both moved together."""
+    moved = motions(fit.problem, fit.solution.theta, data.flights, fit.excitations)
+    channels = {CHANNELS[axis]: axis for axis in fit.problem.axes if axis in CHANNELS}
+    least = _EXPLAINED_BY_SLOW if data.slow else 0.0
+    return {channels[name] for name, percent in fit_percents(moved, list(channels)).items() if percent <= least}
+
+
+def _lag_unseen(fit: MotorFit) -> bool:
+    if "T_motor" not in fit.parameters.free:
+        return False
+    if "T_motor" not in fit.moving:
+        return True
+    place = fit.moving.index("T_motor")
+    bounds, _ = motor_bounds(fit)
+    lag_s = fit.parameters["T_motor"].value
+    if lag_s <= bounds.std[place]:
+        return True
+    # A delay below zero that takes the lag away again is no delay: both stand for stamps that are off.
+    late_s = fit.parameters["tau_gyro"].value if "tau_gyro" in fit.moving else 0.0
+    return late_s < 0.0 and lag_s + late_s <= 0.5 / min(one.sample_rate_hz for one in fit.problem.records)
+
+
+def _curve(choices: MotorChoices, data: MotorData, axes: tuple[str, ...]) -> Curve:
+    if choices.curve != "auto":
+        return choices.curve
+    if data.straightened:
+        return "linear"
+    if data.kind == "speed":
+        return "quadratic"
+    return "polynomial" if "az" in axes else "linear" if data.kind == "thrust_demand" else "quadratic"
+
+
+def _nothing_explained(data: MotorData) -> InsufficientDataError:
+    names = ", ".join(dict.fromkeys(record.name for record in data.records))
+    slow = [one for one in data.findings if one.kind == "rate_too_low"]
+    message = f"The motors of {names} move with the vehicle, and explain less than half of its motion along every axis"
+    return InsufficientDataError(
+        message if data.slow else message.replace("less than half", "nothing"),
+        needed="motor outputs logged faster than the motors answer, 40 Hz and more",
+        remedy=slow[0].message if slow else "look at the layout of the rotors and at the stamps of the log",
+        findings=[refusal("poor_fit", names, f"{message}."), *data.findings],
+    )
+
+
+def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...]) -> InsufficientDataError:
+    best = {axis: max(one[axis].correlation for one in found) for axis in AXIS_WORDS}
+    told = ", ".join(f"{AXIS_WORDS[axis]} {correlation:.2f}" for axis, correlation in best.items())
+    names = ", ".join(dict.fromkeys(record.name for record in data.records))
+    slow = [one for one in data.findings if one.kind == "rate_too_low"]
+    message = (
+        f"The motors of {names} explain its motion along no axis: correlation of torque and acceleration up to 5 Hz "
+        f"is {told}, and {LEAST_CORRELATION:g} is needed"
+    )
+    return InsufficientDataError(
+        message,
+        needed="sweeps or doublets, and motor outputs logged faster than the motors answer",
+        remedy=slow[0].message if slow else "fly excitations on each axis",
+        findings=[
+            refusal("no_excitation", names, f"{message}.", **best),
+            *data.findings,
+        ],
+    )
+
+
+def _derived(
+    parameters: ParameterSet, bounds: Bounds, at_hover: Bounds, hover: float, data: MotorData
+) -> dict[str, Derived]:
+    """Thrust at hover, its slope, and what the rotors give at full output."""
+
+    def of_curve(terms: Mapping[str, float], unit: str, limits: Bounds = bounds) -> Derived:
+        value = sum(parameters[name].value * factor for name, factor in terms.items() if name in parameters.names)
+        return Derived(float(value), _std(limits, terms), unit)
+
+    slope_unit = "N s/rad" if data.kind == "speed" else "N"
+    found = {
+        "thrust_hover": of_curve({"c_0": 1.0, "c_1": hover, "c_2": hover**2}, "N", at_hover),
+        "thrust_slope": of_curve({"c_1": 1.0, "c_2": 2.0 * hover}, slope_unit),
+    }
+    if data.kind == "speed":
+        return found
+    found["thrust_full"] = of_curve({"c_0": 1.0, "c_1": 1.0, "c_2": 1.0}, "N")
+    full, mass = found["thrust_full"].value, parameters["m"].value
+    weight = mass * STANDARD_GRAVITY_M_S2 / data.layout.rotors
+    gradient = {"c_0": 1.0 / weight, "c_1": 1.0 / weight, "c_2": 1.0 / weight, "m": -full / (weight * mass)}
+    found["thrust_to_weight"] = Derived(full / weight, _std(bounds, gradient), "1")
+    return found
+
+
+def _std(bounds: Bounds, gradient: Mapping[str, float]) -> float:
+    slopes = np.array([gradient.get(name, 0.0) for name in bounds.names])
+    return float(np.sqrt(slopes @ bounds.covariance @ slopes))
+
+
+_GOOD_PERCENT = 50.0
+_OPPOSED = 0.6
+_DOUBTFUL = 0.2
+
+
+def judge_motors(
+    identified: MotorIdentified, choices: MotorChoices, fit_percent: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
+    return (
+        *_unexcited(identified),
+        *_turned_around(identified),
+        *_assumed(identified),
+        *_doubted(identified, choices),
+        *_unused(identified, choices),
+        *_scale(identified, choices),
+        *_arm(identified),
+        *_yaw(identified),
+        *_physics(identified, choices),
+        *_merit(identified, choices),
+        *judge_both_ways(identified.both),
+        *_ended(identified),
+        *_judged_parameters(identified),
+        *_poor(fit_percent),
+    )
+
+
+def _unexcited(identified: MotorIdentified) -> Iterator[Finding]:
+    missing = [axis for axis in AXIS_WORDS if axis not in identified.axes]
+    if not missing:
+        return
+    best = {axis: max(one[axis].correlation for one in identified.fit.excitations) for axis in missing}
+    words = " and ".join(f"{AXIS_WORDS[axis]} ({best[axis]:.2f})" for axis in missing)
+    yield warn(
+        "no_excitation",
+        ", ".join(AXIS_WORDS[axis] for axis in missing),
+        f"Nothing was identified of {words}: so far do motors and motion go together there, and "
+        f"{LEAST_CORRELATION:g} is needed, or the motors explain nothing of it. Where a controller only answers "
+        "gusts and noise, motors show the controller. Fly a sweep or doublets on these axes.",
+        **{AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
+    )
+
+
+def _turned_around(identified: MotorIdentified) -> Iterator[Finding]:
+    """Axes along which the motors act against their levers."""
+    for axis, word in AXIS_WORDS.items():
+        lowest = min(one[axis].opposed for one in identified.fit.excitations)
+        if axis not in identified.axes and lowest <= -_OPPOSED:
+            yield warn(
+                "rotor_layout",
+                word,
+                f"Motors and {word} motion go together with a correlation of {lowest:.2f}: the motors do not "
+                f"stand, are not numbered, or do not turn as {identified.data.layout.name} has them. Name the "
+                "layout with --layout.",
+                correlation=lowest,
+            )
+
+
+def _assumed(identified: MotorIdentified) -> Iterator[Finding]:
+    if not identified.curve_assumed:
+        return
+    yield warn(
+        "assumed_curve",
+        "thrust",
+        f"Thrust was not moved, so that its curve is not seen: a {identified.curve} one is assumed, and inertia "
+        f"follows its slope. The deviations of thrust and inertia hold {100.0 * CURVE_SHARE:.0f} % for that. Fly a "
+        "sweep of the throttle, or say with --curve what is known of the motors.",
+        share=CURVE_SHARE,
+    )
+
+
+def _doubted(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+    """A curve that was named and leaves of the specific force what another curve would explain."""
+    if choices.curve in ("auto", "polynomial") or "az" not in identified.axes:
+        return
+    share = unexplained_by_curve(identified.fit.problem, identified.fit.solution.theta, identified.fit.excitations)
+    if share < _DOUBTFUL:
+        return
+    yield warn(
+        "assumed_curve",
+        "thrust",
+        f"{100.0 * share:.0f} % of what the {identified.curve} curve of thrust leaves of the specific force "
+        "follows the outputs in another way: the curve is another one, and inertia follows its slope. Leave "
+        "--curve out, or give --curve polynomial.",
+        share=share,
+    )
+
+
+def _unused(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+    names = [name for name in choices.known if name not in identified.parameters.names]
+    if names:
+        yield warn(
+            "unused_choice",
+            ", ".join(names),
+            f"{' and '.join(names)} {'was' if len(names) == 1 else 'were'} given and used nowhere: what the "
+            "logs excite does not show it.",
+        )
+
+
+def _scale(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+    if scale_of(choices.known, identified.axes) is not None:
+        return
+    yield warn(
+        "not_identifiable",
+        "m",
+        "Accelerations tell ratios of mass, thrust and inertia alone: thrust and inertia are those of a vehicle of "
+        "1 kg, to be multiplied with its mass. Weigh it and give --fix m=KILOGRAMS, or a thrust from a bench.",
+    )
+
+
+def _arm(identified: MotorIdentified) -> Iterator[Finding]:
+    if identified.data.layout.arm_known or not {"p", "q"} & set(identified.axes):
+        return
+    yield warn(
+        "not_identifiable",
+        "I_xx, I_yy",
+        "The log does not tell the size of the vehicle: I_xx and I_yy are those of an arm of 1 m, to be multiplied "
+        "with its length. Measure from the center to the farthest rotor and give --arm METERS.",
+    )
+
+
+def _yaw(identified: MotorIdentified) -> Iterator[Finding]:
+    parameters = identified.parameters
+    if "kappa_per_I_zz" not in parameters.names or "I_zz" in parameters.names:
+        return
+    ratio = parameters["kappa_per_I_zz"].value
+    known = "Give --fix kappa=METERS from a bench, or --fix I_zz=VALUE."
+    numbers = {"kappa_per_I_zz": ratio}
+    bound = ""
+    if {"I_xx", "I_yy"} <= set(parameters.names) and identified.data.layout.arm_known:
+        inertia, torque = yaw_range(parameters.values)
+        bound = (
+            f"No body has an I_zz beyond I_xx + I_yy = {inertia.high:.4g} kg m^2, so that kappa is {torque.high:.4g} m "
+            "at most; a flat vehicle comes close to both. "
+        )
+        numbers |= {"I_zz_at_most": inertia.high, "kappa_at_most": torque.high}
+    yield remark(
+        "not_identifiable",
+        "kappa, I_zz",
+        f"Yaw tells kappa over I_zz alone, {ratio:.4g} 1/(kg m). {bound}{known}",
+        **numbers,
+    )
+
+
+def _judged_parameters(identified: MotorIdentified) -> Iterator[Finding]:
+    """Guidelines of single parameters; coefficients of one curve trade against each other, and their sum counts."""
+    for finding in judge_parameters(identified.parameters, identified.bounds):
+        if not (identified.curve == "polynomial" and finding.where in CURVE_TERMS["polynomial"]):
+            yield finding
+
+
+def _physics(identified: MotorIdentified, choices: MotorChoices) -> list[Finding]:
+    data, values = identified.data, identified.parameters.values
+    if scale_of(choices.known, identified.axes) is None:
+        # All others are per kilogram.
+        values = {name: value for name, value in values.items() if name not in ("I_zz", "kappa")}
+    spread = covariance_of_all(identified.parameters, identified.bounds)
+    names = identified.parameters.names
+    pairs = {(one, two): float(spread[i, j]) for i, one in enumerate(names) for j, two in enumerate(names)}
+    return check_motor_constants(
+        values,
+        records=data.records,
+        levers=levers_of(data) if data.layout.arm_known else None,
+        covariance=pairs,
+        full_output=None if data.kind == "speed" else 1.0,
+    )
+
+
+def _merit(identified: MotorIdentified, choices: MotorChoices) -> list[Finding]:
+    """The figure of merit of the rotors, where their speed was measured and their size is known."""
+    data = identified.data
+    weighed = scale_of(choices.known, identified.axes) is not None
+    if data.kind != "speed" or choices.rotor_diameter_m is None or not weighed:
+        return []
+    return check_figure_of_merit(
+        identified.parameters.values,
+        speed_rad_s=identified.hover_output,
+        rotor_diameter_m=choices.rotor_diameter_m,
+        rotors=data.layout.rotors,
+    )
+
+
+def _ended(identified: MotorIdentified) -> Iterator[Finding]:
+    fit = identified.fit
+    for name in fit.parameters.free:
+        if name not in fit.moving:
+            value = fit.parameters[name].value
+            yield (remark if value == 0.0 else warn)(
+                "parameter_at_bound",
+                name,
+                f"{name} went to its bound, {value:g} {fit.parameters[name].unit}, and is held there.",
+                value=value,
+            )
+    if identified.data.kind != "speed" and "T_motor" not in identified.parameters.names:
+        yield remark(
+            "lag_plus_delay",
+            "T_motor",
+            "The data do not tell a motor lag from none, or from a delay; tau_gyro stands for both.",
+        )
+    if not fit.settled:
+        yield warn(
+            "not_converged", "physical.motors", f"Values and color of the errors still moved after {fit.rounds} rounds."
+        )
+
+
+def _poor(fit_percent: Mapping[str, float]) -> Iterator[Finding]:
+    for name, percent in fit_percent.items():
+        if percent < _GOOD_PERCENT:
+            yield warn(
+                "poor_fit", name, f"The motors explain {percent:.0f} % of {name} up to 5 Hz.", fit_percent=percent
+            )
+
+
+_ROWS = {"p": ("p", "roll"), "q": ("q", "pitch"), "r": ("r", "yaw")}
+_DAMPING = {"p": "L_p", "q": "M_q", "r": "N_r"}
+_INERTIA = {"p": "1/I_xx", "q": "1/I_yy", "r": "kappa_per_I_zz"}
+
+
+def hover_model(identified: MotorIdentified) -> LinearStructure:
+    r"""Small motions about hover, with the identified values.
+
+    .. math:: \delta F_i = (c_1 + 2 c_2 x_0) \, \delta x_i
+
+    at the mean output :math:`x_0` of the flights. The delay to the gyros stands for that to the accelerometer too.
+    """
+    parameters = identified.parameters
+    axes = [axis for axis in ("p", "q", "r") if axis in identified.axes]
+    motors = range(1, identified.data.layout.rotors + 1)
+    lag = "T_motor" in parameters.names
+    thrusts = {i: f"x_{i}" if lag else f"motor_{i}" for i in motors}
+    equations = [f"T_motor*x_{i}' = -x_{i} + motor_{i}" for i in motors] if lag else []
+    for axis, levers in zip(("p", "q", "r"), levers_of(identified.data), strict=True):
+        if axis in axes:
+            moment = _sum({thrusts[i]: lever for i, lever in zip(motors, levers.tolist(), strict=True)})
+            equations.append(f"{axis}' = {_DAMPING[axis]}*{axis} + {axis}_thrust*({moment})")
+    force = f"az_thrust*({_sum(dict.fromkeys(thrusts.values(), -1.0))})"
+    heave = "Z_w" in parameters.names
+    equations.append(f"w' = {'Z_w*w + ' if heave else ''}{force}")
+    states = [*([f"x_{i}" for i in motors] if lag else []), *axes, "w"]
+    lines = [
+        'schema = "rotorid.model/1"',
+        'name = "physical.motors"',
+        'source = "motor outputs to rates and specific force, linear around hover"',
+        f"inputs = [{', '.join(_quoted(f'motor_{i}') for i in motors)}]",
+        f"states = [{', '.join(map(_quoted, states))}]",
+        "equations = [",
+        *(f"    {_quoted(one)}," for one in equations),
+        "]",
+        f"outputs = [{', '.join(map(_quoted, (*axes, 'az = w' + chr(39))))}]",
+        "[delays]",
+        *_delays(identified),
+        "[constants]",
+        f"x_0 = {identified.hover_output!r}",
+        *_parameter_tables(identified, axes),
+    ]
+    return from_toml("\n".join(lines), where="the hover model")
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"'
+
+
+def _sum(terms: dict[str, float]) -> str:
+    return " + ".join(f"({factor!r})*{name}" for name, factor in terms.items() if factor != 0.0)
+
+
+def _delays(identified: MotorIdentified) -> list[str]:
+    motors = range(1, identified.data.layout.rotors + 1)
+    return [f'motor_{i} = "{name}"' for name in _delayed(identified) for i in motors]
+
+
+def _delayed(identified: MotorIdentified) -> tuple[str, ...]:
+    """The delay that stands for all: to the gyros, or where no rate was excited to the accelerometer."""
+    names = [one for one in ("tau_gyro", "tau_accel") if one in identified.parameters.names]
+    return tuple(names[:1])
+
+
+def _parameter_tables(identified: MotorIdentified, axes: Sequence[str]) -> list[str]:
+    slope = " + ".join(
+        term for name, term in (("c_1", "c_1"), ("c_2", "2*c_2*x_0")) if name in identified.parameters.names
+    )
+    used = {"m", "c_1", "c_2", "Z_w", "T_motor", *_delayed(identified)}
+    used |= {name for axis in axes for name in (_DAMPING[axis], _INERTIA[axis].removeprefix("1/"))}
+    lines: list[str] = []
+    for one in identified.parameters:
+        if one.name not in used:
+            continue
+        held = ['status = "fixed"'] if one.status != "free" else []
+        lines += [f"[parameters.{one.name}]", f"value = {one.value!r}", f'unit = "{one.unit}"', *held]
+    tied = {f"{axis}_thrust": (f"({slope})*{_INERTIA[axis]}".replace("*1/", "/"), "1/(kg m^2)") for axis in axes}
+    tied["az_thrust"] = (f"({slope})/m", "m/s^2")
+    for name, (expression, _) in tied.items():
+        unit = "m/s^2" if name == "az_thrust" else "rad/(m s^2)" if name != "r_thrust" else "rad/s^2"
+        lines += [f"[parameters.{name}]", f'tied = "{expression}"', f'unit = "{unit}"']
+    return lines

@@ -1,0 +1,454 @@
+"""Logs in, frequency responses out: what is coherent, what can be used, and what is no vehicle at all.
+
+Which stretches of which logs a frequency response is made from.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+import numpy as np
+
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
+from rotorid.data.response import FrequencyResponse
+from rotorid.documents.response import RecordDocument, ResponseDocument, input_coherences, pair_documents
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
+from rotorid.pipeline.instruments import Flown, axes_of, axis_of, is_command
+from rotorid.pipeline.inverse import without_inverse_controller
+from rotorid.pipeline.loops import ATTITUDE, AxisLoop, axis_loop
+from rotorid.pipeline.measure import Measured, feedback_bias, measure, without_known_filters
+from rotorid.pipeline.results import Segment
+from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside, of_axes, whole_flights
+from rotorid.pipeline.settings import ResponseSettings
+from rotorid.signal.excitations import find_excitations
+from rotorid.typing import Axis, BoolArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+_FAR_LESS = 0.5
+"""A maneuver with less than this share of the coherence of the best one on its axis is left out."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """A maneuver, its own mean coherence by pair ``output/input``, and whether it is used."""
+
+    record: FlightRecord
+    maneuver: Maneuver
+    coherence: Mapping[str, float]
+    used: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """Maneuvers of a response, those left out among the candidates."""
+
+    candidates: tuple[Candidate, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def flown(self) -> tuple[Flown, ...]:
+        """Records and maneuvers that are used."""
+        return tuple((item.record, item.maneuver) for item in self.candidates if item.used)
+
+
+def choose(
+    records: Sequence[FlightRecord],
+    inputs: Sequence[str],
+    outputs: tuple[str, ...],
+    settings: ResponseSettings,
+) -> Chosen:
+    """The rich excitations of the inputs' axes, without those that are far less coherent than the best of their axis.
+
+    Inputs that are no commands of an axis take the excitations of the outputs' axes. Without any excitation a flight is
+    read whole.
+
+    Raises
+    ------
+    InsufficientDataError
+        A given segment lies outside of every record, or no record has a flight.
+    """
+    each_once(records)
+    axes = axes_of(inputs, outputs)
+    flown = _given(records, axes, settings) or _found(records, axes)
+    if not flown:
+        return _whole_flights(records, axes)
+    if len(flown) < 2:
+        return Chosen(candidates=tuple(_plain(item) for item in flown), findings=())
+    _PROGRESS.info("coherence of each maneuver")
+    return _by_coherence([_candidate(item, inputs, outputs, settings) for item in flown])
+
+
+def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flown]:
+    if not settings.segments:
+        return []
+    segments = of_axes(settings.segments, axes)
+    flown = [(record, described(record, m)) for record in records for m in segments if inside(record, m)]
+    if not flown:
+        spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
+        message = f"No given segment lies inside {spans}."
+        raise InsufficientDataError(
+            "no given segment lies inside the records",
+            needed=f"a segment of {' or '.join(axes)} within {spans}",
+            remedy="see the excitations that rotorid inspect finds",
+            findings=[refusal("no_excitation", ", ".join(axes), message)],
+        )
+    return flown
+
+
+def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flown]:
+    found = [(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
+    return [(record, m) for record, m in found if m.kind in RICH_KINDS or m.origin == "given"]
+
+
+def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> Chosen:
+    candidates, findings = [], []
+    for record, maneuver in whole_flights(records, axes):
+        start_s, stop_s = maneuver.start_s, maneuver.stop_s
+        candidates.append(Candidate(record=record, maneuver=maneuver, coherence={}))
+        findings.append(
+            warn(
+                "no_excitation",
+                record.source.name,
+                f"No sweep, multisine or random binary signal of {' or '.join(axes)} was found in "
+                f"{record.source.name}, so the whole flight from {start_s:.1f} to {stop_s:.1f} s was used. "
+                "Where gusts and not the pilot move the vehicle, such a response shows the controller.",
+                start_s=start_s,
+                stop_s=stop_s,
+            )
+        )
+    return Chosen(candidates=tuple(candidates), findings=tuple(findings))
+
+
+def _plain(flown: Flown) -> Candidate:
+    record, maneuver = flown
+    return Candidate(record=record, maneuver=maneuver, coherence={})
+
+
+def _candidate(flown: Flown, inputs: Sequence[str], outputs: tuple[str, ...], settings: ResponseSettings) -> Candidate:
+    """A maneuver with the coherence that it has alone, to the input of its own axis."""
+    record, maneuver = flown
+    own = tuple(name for name in inputs if name == f"{maneuver.axis}_command") or tuple(inputs)
+    alone = (
+        replace(settings, instruments=(), windows_s=()) if len(own) < len(inputs) else replace(settings, windows_s=())
+    )
+    try:
+        measured = measure([flown], inputs=own, outputs=outputs, settings=alone)
+    except InsufficientDataError:
+        # Too short or too still to be judged alone: it may still add to the others.
+        return _plain(flown)
+    # That of input and output, with an instrument or without, so that maneuvers can be compared.
+    response = measured.beside or measured.response
+    coherence = {
+        f"{output}/{name}": float(np.mean(response.coherence[y, u]))
+        for y, output in enumerate(response.outputs)
+        for u, name in enumerate(response.inputs)
+    }
+    return Candidate(record=record, maneuver=maneuver, coherence=coherence)
+
+
+def _by_coherence(candidates: Sequence[Candidate]) -> Chosen:
+    best = {axis: max((_peak(item) for item in candidates if item.maneuver.axis == axis), default=0.0) for axis in AXES}
+    kept, findings = [], []
+    for item in candidates:
+        top = best[item.maneuver.axis]
+        used = not item.coherence or item.maneuver.origin == "given" or _peak(item) >= _FAR_LESS * top
+        kept.append(replace(item, used=used))
+        if not used:
+            where = f"{item.record.source.name}: {item.maneuver.axis} at {item.maneuver.start_s:.1f} s"
+            findings.append(
+                warn(
+                    "low_coherence",
+                    where,
+                    f"This maneuver has a mean coherence of {_peak(item):.2f} and the best of its axis {top:.2f}; "
+                    "it was left out. Name it with --segment to use it.",
+                    mean_coherence=_peak(item),
+                    best=top,
+                )
+            )
+    return Chosen(candidates=tuple(kept), findings=tuple(findings))
+
+
+def _peak(item: Candidate) -> float:
+    """The coherence of the pair that shows the maneuver best."""
+    return max(item.coherence.values(), default=0.0)
+
+
+_SPLIT_IS_GOOD, _SPLIT_IS_WORTHLESS = 0.5, 0.8
+"""Mean coherence between two inputs up to which their responses can be told apart well, and above which not at all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Responses:
+    """A finished run of ``response``.
+
+    Parameters
+    ----------
+    document
+        What ``response.json`` holds.
+    measured
+        The responses and the data behind them.
+    used
+        Points that can be used, shape ``(y, u, f)``.
+    loops
+        Axis to what its loop looks like.
+    least_coherence
+        Coherence below which points were left out.
+    """
+
+    document: ResponseDocument
+    measured: Measured
+    used: BoolArray
+    loops: Mapping[Axis, AxisLoop]
+    least_coherence: float
+
+    @property
+    def response(self) -> FrequencyResponse:
+        """The responses."""
+        return self.measured.response
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The data behind them."""
+        return self.measured.segments
+
+
+def response(
+    records: Sequence[FlightRecord],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    settings: ResponseSettings | None = None,
+    command: Sequence[str] = (),
+) -> Responses:
+    """Frequency responses of flight records: what ``rotorid response`` does.
+
+    All rich excitations of the inputs' axes in all records enter one estimate, except maneuvers that are far less
+    coherent than the others. A flight without excitation is read whole, from take-off to landing. Joint input–output
+    wherever every input has an instrument, and the direct estimate beside it.
+
+    Parameters
+    ----------
+    records
+        Logs as :func:`rotorid.read` gives them.
+    inputs, outputs
+        Channels. What a log lacks and can be reconstructed (``u_dot``, ``p_dot``, body velocities) is.
+    settings
+        Choices; everything has a default.
+    command
+        For the provenance of the result.
+
+    Returns
+    -------
+    Responses
+        The document of ``response.json`` and the arrays behind it.
+
+    Raises
+    ------
+    InsufficientDataError
+        Nothing can be used; the findings say why. One of them is ``inverse_controller`` where the controller alone
+        moved the vehicle.
+    UsageError
+        A channel or an option is wrong.
+
+    Examples
+    --------
+    >>> from rotorid.io.registry import read
+    >>> result = response([read("flight.BIN")], inputs=["roll_command"], outputs=["p"])  # doctest: +SKIP
+    >>> result.document.pairs["p/roll_command"].band_rad_s  # doctest: +SKIP
+    (1.2, 88.0)
+    """
+    settings = settings or ResponseSettings()
+    inputs, outputs = tuple(inputs), tuple(outputs)
+    _require_channels(records, inputs, outputs, settings)
+    chosen = choose(records, inputs, outputs, settings)
+    measured = measure(
+        chosen.flown,
+        inputs=inputs,
+        outputs=outputs,
+        settings=settings,
+        also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
+    )
+    # Loops and controllers are those that flew, filters and all.
+    flown = measured
+    if settings.correct_filters:
+        measured = without_known_filters(measured, chosen.flown)
+    response = measured.response
+    limit = settings.least_coherence(joint=response.estimate == "joint")
+    trusted = measured.trusted_points(response, limit)
+    used, findings = without_inverse_controller(flown, trusted, settings, chosen.flown)
+    if not used.any():
+        raise _nothing_usable(measured, (*findings, *chosen.findings), limit)
+    _PROGRESS.info("loops and margins")
+    axes = [axis_of(name) for name in inputs if is_command(name)]
+    loops = {axis: loop for axis in axes if (loop := axis_loop(axis, flown, chosen.flown))}
+    remarks = (
+        *(f for record in records for f in record.findings),
+        *chosen.findings,
+        *measured.findings,
+        *findings,
+        *feedback_bias(measured, used),
+        *_split(measured, used),
+        *_unusable(response, used, limit),
+    )
+    return Responses(
+        document=_document(records, chosen, measured, used, loops, remarks, settings, command),
+        measured=measured,
+        used=used,
+        loops=loops,
+        least_coherence=limit,
+    )
+
+
+def _require_channels(
+    records: Sequence[FlightRecord], inputs: Sequence[str], outputs: Sequence[str], settings: ResponseSettings
+) -> None:
+    """Refuse names that no log can hold, and an output that is an input."""
+    for name in outputs:
+        if name in inputs:
+            raise UsageError(f"{name} came as an input and as an output", needed="different channels")
+    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
+    for name in (*inputs, *outputs, *settings.instruments):
+        if name not in known:
+            close = ", ".join(get_close_matches(name, sorted(known), n=3))
+            raise UsageError(
+                f"there is no channel {name}",
+                needed="names such as roll_command, p, az, or those of the mapping",
+                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
+            )
+
+
+def refused_response(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    settings: ResponseSettings,
+    command: Sequence[str] = (),
+) -> ResponseDocument:
+    """The document for data that show nothing: its findings say why, and no number is given."""
+    findings = [*(f for record in records for f in record.findings), *error.findings]
+    if not error.findings:
+        where = f"{', '.join(outputs)} over {', '.join(inputs)}"
+        findings.append(refusal("low_coherence", where, str(error)))
+    return ResponseDocument(
+        inputs=list(inputs),
+        outputs=list(outputs),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command),
+    )
+
+
+def _document(
+    records: Sequence[FlightRecord],
+    chosen: Chosen,
+    measured: Measured,
+    used: BoolArray,
+    loops: Mapping[Axis, AxisLoop],
+    findings: Sequence[Finding],
+    settings: ResponseSettings,
+    command: Sequence[str],
+) -> ResponseDocument:
+    response, diagnostics = measured.response, measured.diagnostics
+    trusted = np.asarray(used.any(axis=(0, 1)))
+    return ResponseDocument(
+        inputs=list(response.inputs),
+        outputs=list(response.outputs),
+        estimate=response.estimate,
+        instruments=list(response.instruments),
+        windows_s=list(response.windows_s),
+        omega_rad_s=response.omega_rad_s.tolist(),
+        pairs=pair_documents(
+            response,
+            used,
+            beside=measured.beside,
+            diagnostics=diagnostics,
+            measured_inputs=[name for name in response.inputs if not is_command(name)],
+        ),
+        input_coherence=dict(input_coherences(response.inputs, diagnostics.input_coherence, trusted)),
+        largest_condition=float(diagnostics.condition[used.any(axis=(0, 1))].max())
+        if len(response.inputs) > 1
+        else None,
+        records=[
+            RecordDocument(
+                **maneuver_document(item.record, item.maneuver).model_dump(),
+                coherence=dict(item.coherence),
+                used=item.used,
+            )
+            for item in chosen.candidates
+        ],
+        loops={axis: loop.document() for axis, loop in loops.items()},
+        processing=list(response.processing),
+        findings=finding_documents(findings),
+        provenance=provenance_document(records, settings, command=command, flown=chosen.flown, response=response),
+    )
+
+
+def _split(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
+    """How well several inputs can be told apart."""
+    diagnostics, inputs = measured.diagnostics, measured.response.inputs
+    trusted = np.asarray(used.any(axis=(0, 1)))
+    condition = float(diagnostics.condition[trusted].max())
+    findings = []
+    for name, mean in input_coherences(inputs, diagnostics.input_coherence, trusted).items():
+        first, second = name.split(",")
+        good = mean <= _SPLIT_IS_GOOD
+        verdict = "can be told apart well" if good else "can hardly be told apart"
+        if mean > _SPLIT_IS_WORTHLESS:
+            verdict = "cannot be told apart"
+        findings.append(
+            (remark if good else warn)(
+                "correlated_inputs",
+                name,
+                f"{first} and {second} have a mean coherence of {mean:.2f} (up to {_SPLIT_IS_GOOD:g} is good, "
+                f"above {_SPLIT_IS_WORTHLESS:g} worthless) and their spectra a condition number of "
+                f"{condition:.3g} at most: their responses {verdict}.",
+                mean_coherence=mean,
+                condition=condition,
+            )
+        )
+    return tuple(findings)
+
+
+def _unusable(response: FrequencyResponse, used: BoolArray, limit: float) -> tuple[Finding, ...]:
+    """Pairs of which nothing can be used: a warning where an input shows in no output at all."""
+    findings = []
+    for y, u in np.argwhere(~used.any(axis=-1)):
+        name = f"{response.outputs[y]}/{response.inputs[u]}"
+        best = float(response.coherence[y, u].max())
+        findings.append(
+            (remark if used[:, u].any() else warn)(
+                "low_coherence",
+                name,
+                f"Nothing of {name} can be used: its coherence reaches {best:.2f}, and {limit:g} is needed.",
+                best_coherence=best,
+                limit=limit,
+            )
+        )
+    return tuple(findings)
+
+
+def _nothing_usable(measured: Measured, findings: Sequence[Finding], limit: float) -> InsufficientDataError:
+    response = measured.response
+    names = f"{', '.join(response.outputs)} over {', '.join(response.inputs)}"
+    causes = [finding for finding in findings if finding.kind == "inverse_controller"]
+    if causes:
+        return InsufficientDataError(
+            causes[0].message.rstrip("."),
+            needed="excitation that is stronger than gusts and noise",
+            findings=findings,
+        )
+    remarks = [*findings, *_unusable(response, np.zeros(response.values.shape, dtype=bool), limit)]
+    return InsufficientDataError(
+        f"no point of {names} reaches a coherence of {limit:g} with an error below 30 %",
+        needed="excitation of the input that shows in the output",
+        remedy="excite the axis harder or longer, fly in calmer air, or lower --coherence",
+        findings=remarks,
+    )

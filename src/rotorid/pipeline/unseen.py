@@ -1,0 +1,736 @@
+"""Verification on maneuvers that the fit has not seen.
+
+Unseen records, simulated by a model that was fitted in time.
+
+Where all that was flown was fitted: fit again without one maneuver, and judge that model on it.
+
+Data that a model was identified on: they flatter it, and are no test of it.
+
+Judge a frozen model on sweeps that it has not seen, in the frequency domain.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import STANDARD_UNITS, FlightRecord, Maneuver
+from rotorid.data.response import FrequencyResponse
+from rotorid.documents.result import ProvenanceDocument
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_costs, point_weights, usable_points
+from rotorid.fitting.time.output_error import Fitted as Simulated
+from rotorid.fitting.time.output_error import TimeProblem
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.candidate import Candidate, candidate_of
+from rotorid.pipeline.frequency_check import FrequencyCheck, PairCheck
+from rotorid.pipeline.frequency_fit import Fitted, fitted_band
+from rotorid.pipeline.instruments import Flown, axes_of, axis_of, is_command
+from rotorid.pipeline.inverse import pose_screened
+from rotorid.pipeline.maneuvers import predict_maneuvers, remarks_on, telling, usual_motion
+from rotorid.pipeline.measure import Measured, default_band, measure
+from rotorid.pipeline.results import Segment
+from rotorid.pipeline.segments import TimeRecords, require_channels, source_of, time_records
+from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes, select_records, wholly_flown
+from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
+from rotorid.pipeline.time_fit import TimeFitted, growth, nothing_unseen
+from rotorid.reduction.guided import fit_and_drop
+from rotorid.signal.excitations import find_excitations
+from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
+from rotorid.verification.sampled import LowPass
+from rotorid.verification.scores import j_rms, nrmse_fit_percent, rms, theil_inequality
+from rotorid.verification.verification import Scores, Verification
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def check_sweeps(
+    structure: LinearStructure,
+    parameters: ParameterSet,
+    sweeps: Sequence[Flown],
+    *,
+    band_rad_s: tuple[float, float],
+    settings: MeasureSettings,
+) -> FrequencyCheck:
+    r"""Cost of a frozen model against the responses of sweeps that were not fitted.
+
+    Judged are the responses to inputs that were swept, where the model was fitted and where the sweeps of each input
+    excite: above their end there is coherence too, of noise that the controller fed back. What the controller does
+    meanwhile with the other inputs :math:`v` was measured too, and the model is given it,
+
+    .. math:: H_{yu} + H_{yv} \, (v/u)
+
+    A response without usable points, such as that of an output that does not follow, is left out and not judged.
+
+    Parameters
+    ----------
+    structure, parameters
+        The model.
+    sweeps
+        What it has not seen.
+    band_rad_s
+        The fitted band.
+    settings
+        Choices of the run.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel is missing, the sweeps are too short, or no point of them is usable in the fitted band.
+    """
+    swept = _swept(structure.inputs, sweeps)
+    others = tuple(name for name in structure.inputs if name not in swept and _moves(name, sweeps))
+    measured = measure(
+        sweeps,
+        inputs=swept,
+        outputs=(*structure.outputs, *others),
+        settings=_of_inputs(settings, structure.inputs, swept),
+    )
+    data = _of_outputs(measured.response, len(structure.outputs))
+    limit = settings.least_coherence(joint=data.estimate == "joint")
+    used = _used(measured, data, band_rad_s, limit)
+    if not used.any():
+        raise _nothing_usable(band_rad_s, measured.trusted_rad_s, limit)
+    model = _model(structure, parameters, measured.response)
+    costs = pair_costs(model, data.values, point_weights(data, used))
+    pairs = {}
+    for y, u in np.ndindex(used.shape[:2]):
+        omega = data.omega_rad_s[used[y, u]]
+        if omega.size:
+            band = (float(omega[0]), float(omega[-1]))
+            pairs[f"{data.outputs[y]}/{data.inputs[u]}"] = PairCheck(
+                cost=float(costs[y, u]), band_rad_s=band, points=omega.size
+            )
+    records = tuple(dict.fromkeys(record.source.name for record, _ in sweeps))
+    return FrequencyCheck(
+        pairs=pairs,
+        findings=(*measured.findings, *_poor(records, pairs)),
+        records=records,
+        response=data,
+        model_response=model,
+        used=used,
+    )
+
+
+def _swept(inputs: Sequence[str], sweeps: Sequence[Flown]) -> tuple[str, ...]:
+    """Inputs of a model that sweeps excite; one that is no command may be moved by any."""
+    axes = {maneuver.axis for _, maneuver in sweeps}
+    return tuple(name for name in inputs if not is_command(name) or axis_of(name) in axes)
+
+
+def _moves(name: str, sweeps: Sequence[Flown]) -> bool:
+    """Whether a channel is anything but constant in the logs of some sweeps."""
+    return any(np.ptp(topic.values[row]) > 0.0 for record, _ in sweeps for topic, row in record.holding(name))
+
+
+def _of_inputs(settings: MeasureSettings, inputs: Sequence[str], swept: Sequence[str]) -> MeasureSettings:
+    """The choices of a run for some of its inputs: of instruments that were given, theirs."""
+    if len(settings.instruments) != len(inputs):
+        return settings
+    given = dict(zip(inputs, settings.instruments, strict=True))
+    return replace(settings, instruments=tuple(given[name] for name in swept))
+
+
+def _of_outputs(data: FrequencyResponse, count: int) -> FrequencyResponse:
+    """The responses of the first outputs only."""
+    if len(data.outputs) == count:
+        return data
+    between = data.output_correlation
+    return replace(
+        data,
+        outputs=data.outputs[:count],
+        values=data.values[:count],
+        coherence=data.coherence[:count],
+        random_error=data.random_error[:count],
+        covariance=data.covariance[:count],
+        output_correlation=None if between is None else between[:, :count, :count],
+        disturbance=None,
+    )
+
+
+def _model(structure: LinearStructure, parameters: ParameterSet, data: FrequencyResponse) -> ComplexArray:
+    """The model with what the other inputs did, of which ``data`` holds the responses after those of its outputs."""
+    whole = structure.response(parameters.values, data.omega_rad_s)
+    count = len(structure.outputs)
+    swept = [structure.inputs.index(name) for name in data.inputs]
+    others = [structure.inputs.index(name) for name in data.outputs[count:]]
+    return np.asarray(whole[:, swept] + np.einsum("yvf,vuf->yuf", whole[:, others], data.values[count:]))
+
+
+def _used(measured: Measured, data: FrequencyResponse, fitted_rad_s: tuple[float, float], limit: float) -> BoolArray:
+    """Points in the fitted band, each input as far as its own sweeps went, shape ``(y, u, f)``."""
+    trusted = measured.trusted_rad_s
+    used = np.zeros(data.values.shape, dtype=np.bool_)
+    reached = np.asarray(measured.trusted_points(data, limit).any(axis=0))
+    for u in range(len(data.inputs)):
+        tops = data.omega_rad_s[reached[u]]
+        if tops.size:
+            band = max(fitted_rad_s[0], trusted[0]), min(fitted_rad_s[1], float(tops[-1]))
+            used[:, u] = usable_points(data, coherence=limit, band_rad_s=band)[:, u]
+    return used
+
+
+def _nothing_usable(
+    fitted_rad_s: tuple[float, float], trusted_rad_s: tuple[float, float], least_coherence: float
+) -> InsufficientDataError:
+    band = f"the fitted band of {fitted_rad_s[0]:.3g} to {fitted_rad_s[1]:.3g} rad/s"
+    apart = trusted_rad_s[1] <= fitted_rad_s[0] or trusted_rad_s[0] >= fitted_rad_s[1]
+    return InsufficientDataError(
+        f"its sweeps, trusted from {trusted_rad_s[0]:.3g} to {trusted_rad_s[1]:.3g} rad/s, do not reach {band}"
+        if apart
+        else f"no point of its sweeps in {band} reaches the coherence of {least_coherence:g}",
+        needed="usable points in the fitted band",
+        remedy="fly a sweep over the fitted band",
+    )
+
+
+def _poor(records: Sequence[str], pairs: Mapping[str, PairCheck]) -> list[Finding]:
+    where = ", ".join(records)
+    return [
+        warn(
+            "poor_verification",
+            f"{where}: {name}",
+            f"The model misses the response {name} of unseen sweeps with a cost of {pair.cost:.0f}, above the "
+            f"{ACCEPTABLE_COST:g} of an acceptable model.",
+            cost=pair.cost,
+        )
+        for name, pair in pairs.items()
+        if not pair.cost <= ACCEPTABLE_COST
+    ]
+
+
+_ADVICE = "Fly doublets, or give another log with --verify."
+
+
+def hold_out(structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings) -> FrequencyCheck:
+    """Fit a structure to all maneuvers but one, and judge that second model on that one.
+
+    Held out is the last maneuver of an axis that was flown more than once: without the only sweep of an axis its
+    parameters would be those of noise. The second fit begins from nothing: its band, its start values and what it drops
+    come from the maneuvers that are left. It is another model than the one of the result, which has seen all of them.
+
+    Parameters
+    ----------
+    structure
+        What to fit.
+    flown
+        All maneuvers that the model of the result was fitted to.
+    settings
+        Choices of the run.
+    """
+    axes = [maneuver.axis for _, maneuver in flown]
+    again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]
+    if not again:
+        return FrequencyCheck(findings=(nothing_left(),))
+    rest, held = [*flown[: again[-1]], *flown[again[-1] + 1 :]], flown[again[-1]]
+    name = f"{held[0].source.name} at {held[1].start_s:.1f} s"
+    _PROGRESS.info(f"holding out {name}")
+    try:
+        measured = measure(rest, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        reduced = fit_and_drop(pose_screened(structure, measured, settings, rest).problem)
+        parameters = reduced.problem.parameters.unpack(reduced.solution.theta)
+        band = fitted_band(reduced.problem)
+        judged = check_sweeps(structure, parameters, [held], band_rad_s=band, settings=settings)
+    except InsufficientDataError as error:
+        return FrequencyCheck(findings=(_not_held_out(name, error),))
+    # What was said of the data when all of it was fitted need not be said of its parts again.
+    poor = (finding for finding in judged.findings if finding.kind == "poor_verification")
+    findings = (*poor, _held_out(name, max(judged.costs.values()), band))
+    return replace(judged, findings=findings)
+
+
+def nothing_left() -> Finding:
+    """What to say where a model was judged on nothing that it had not seen, and nothing can be held out."""
+    return warn(
+        "not_verified",
+        "verification",
+        f"Everything that was flown was fitted, and no axis twice, so nothing is left to judge the model on. {_ADVICE}",
+    )
+
+
+def _not_held_out(name: str, error: InsufficientDataError) -> Finding:
+    return warn(
+        "not_verified",
+        name,
+        f"No maneuver is left unseen, and that of {name} could not be held out of a second fit: "
+        f"{error.came.rstrip('.')}. {_ADVICE}",
+    )
+
+
+def _held_out(name: str, worst: float, band_rad_s: tuple[float, float]) -> Finding:
+    # Fewer maneuvers may carry a narrower band, in which a model of the wrong form passes: so the band is said.
+    return remark(
+        "held_out",
+        name,
+        f"No maneuver is left unseen. A second model, fitted from {band_rad_s[0]:.2g} to {band_rad_s[1]:.3g} rad/s "
+        f"without that of {name}, predicts its response with a cost of {worst:.1f}; the model of this result was "
+        "fitted to all maneuvers.",
+        cost=worst,
+        low_rad_s=band_rad_s[0],
+        high_rad_s=band_rad_s[1],
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verifications:
+    """What verification found.
+
+    Parameters
+    ----------
+    verifications
+        Unseen maneuvers in the time domain.
+    frequency
+        Cost of the model against each response of unseen sweeps, the worst where several logs were judged.
+    findings
+        Remarks.
+    judged
+        Unseen sweeps in the frequency domain, with the measured responses and those of the model.
+    """
+
+    verifications: tuple[Verification, ...] = ()
+    frequency: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    judged: tuple[FrequencyCheck, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UnseenLog:
+    """One log with what the fit has not seen of it, or the cause why there is nothing."""
+
+    record: FlightRecord
+    outputs: tuple[str, ...] = ()
+    short: tuple[Flown, ...] = ()
+    sweeps: tuple[Flown, ...] = ()
+    cause: str = ""
+
+
+def check(
+    fitted: Fitted,
+    measured: Measured,
+    selection: Selection,
+    verify: Sequence[FlightRecord],
+    settings: IdentifySettings,
+) -> Verifications:
+    """Judge a fitted model on whatever it has not seen.
+
+    Short maneuvers of the same logs and of further ones are predicted in the time domain, sweeps of further ones in
+    the frequency domain. Where nothing was left over, the last fitted maneuver is held out of a second fit. A log that
+    was given to verify and adds nothing is said to add nothing.
+    """
+    candidate = candidate_of(fitted, measured)
+    axes = axes_of(fitted.structure.inputs, fitted.structure.outputs)
+    own = {id(record): record for record, _ in selection.unseen}.values()
+    logs = [
+        *(
+            UnseenLog(
+                record=mine, outputs=fitted.structure.outputs, short=tuple(f for f in selection.unseen if f[0] is mine)
+            )
+            for mine in own
+        ),
+        *unseen_logs(candidate, verify, axes, fits=selection.fits),
+    ]
+    usual = usual_motion(measured, fitted.band_rad_s)
+    found = check_logs(candidate, logs, settings, usual=usual)
+    if found.verifications or found.judged or verify:
+        return found
+    held = hold_out(fitted.problem.structure, selection.fitted, settings)
+    judged = (held,) if held.response is not None else ()
+    return Verifications(frequency=held.costs, findings=(*held.findings, *found.findings), judged=judged)
+
+
+def check_logs(
+    candidate: Candidate,
+    logs: Sequence[UnseenLog],
+    settings: MeasureSettings,
+    *,
+    vibration_filter: LowPass = "auto",
+    usual: Mapping[str, float] | None = None,
+) -> Verifications:
+    """Judge a model on logs that it has not seen; whatever fails leaves the others standing.
+
+    Parameters
+    ----------
+    candidate
+        The model.
+    logs
+        What there is to judge it on, see :func:`unseen_logs`.
+    settings
+        Choices of the run.
+    vibration_filter
+        See :func:`rotorid.verification.time_domain.verify_in_time`.
+    usual
+        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.maneuvers.telling`.
+    """
+    parts: list[Verifications] = []
+    heard: list[UnseenLog] = []
+    causes = [(log, log.cause) for log in logs if log.cause]
+    for members, attempt in _attempts(candidate, logs, settings, vibration_filter, usual or {}):
+        try:
+            parts.append(attempt())
+            heard += members
+        except InsufficientDataError as error:
+            causes += [(log, error.came.rstrip(".")) for log in members]
+    frequency: dict[str, float] = {}
+    for part in parts:
+        frequency |= {pair: max(cost, frequency.get(pair, 0.0)) for pair, cost in part.frequency.items()}
+    return Verifications(
+        verifications=tuple(item for part in parts for item in part.verifications),
+        frequency=frequency,
+        findings=(
+            *(finding for part in parts for finding in part.findings),
+            *(_not_verified(log, cause, part=log in heard) for log, cause in causes),
+        ),
+        judged=tuple(item for part in parts for item in part.judged),
+    )
+
+
+def unseen_logs(
+    candidate: Candidate,
+    records: Sequence[FlightRecord],
+    axes: Sequence[Axis],
+    *,
+    segments: Sequence[Maneuver] = (),
+    fits: Callable[[FlightRecord, Maneuver], bool] = lambda _record, _maneuver: False,
+) -> tuple[UnseenLog, ...]:
+    """What each log has to judge a model on.
+
+    Parameters
+    ----------
+    candidate
+        The model; its channels are needed.
+    records
+        The logs.
+    axes
+        Axes of its inputs.
+    segments
+        Intervals to use instead of the excitations that are found.
+    fits
+        Whether a maneuver was fitted, which is no test.
+    """
+    given = of_axes(segments, axes)
+    structure = candidate.structure
+    logs = []
+    for record in records:
+        there = tuple(name for name in structure.outputs if not _lacking(record, [name]))
+        # Without an input nothing can be predicted; of the outputs those that are there will do.
+        lacking = _lacking(record, (*structure.inputs, *(there or structure.outputs)))
+        found = [m for axis in axes for m in find_excitations(record, axis)]
+        wanted = [described(record, m) for m in given if inside(record, m)] if segments else found
+        flown = [(record, m) for m in wanted if not fits(record, m)]
+        if lacking:
+            logs.append(UnseenLog(record=record, cause=lacking))
+        elif not flown:
+            what = "no given segment" if segments else f"no excitation of {' or '.join(axes)} beyond what was fitted"
+            logs.append(UnseenLog(record=record, cause=f"it holds {what}"))
+        else:
+            short = tuple((r, m) for r, m in flown if m.kind not in RICH_KINDS)
+            short = short if segments else wholly_flown(short)
+            sweeps = tuple((r, m) for r, m in flown if m.kind in RICH_KINDS)
+            logs.append(UnseenLog(record=record, outputs=there, short=short, sweeps=sweeps))
+    return tuple(logs)
+
+
+def _lacking(record: FlightRecord, channels: Sequence[str]) -> str:
+    """Why a record cannot be used, where it lacks a channel that cannot be made of others either."""
+    try:
+        require_channels(record, channels)
+    except InsufficientDataError as error:
+        return error.came
+    return ""
+
+
+def _attempts(
+    candidate: Candidate,
+    logs: Sequence[UnseenLog],
+    settings: MeasureSettings,
+    vibration_filter: LowPass,
+    usual: Mapping[str, float],
+) -> list[tuple[list[UnseenLog], Callable[[], Verifications]]]:
+    """What to judge the model on, and the logs behind each."""
+    axes = set(axes_of(candidate.structure.inputs, candidate.structure.outputs))
+    flying = [log for log in logs if log.sweeps]
+    # A log that excites every input stands alone, so that a good one does not hide a bad one in a common average.
+    alone = [log for log in flying if axes <= {m.axis for _, m in log.sweeps}]
+    together = [log for log in flying if log not in alone]
+    groups = [*([log] for log in alone), *([together] if together else [])]
+    return [
+        *(([log], partial(_predict, candidate, log, settings, vibration_filter, usual)) for log in logs if log.short),
+        *((group, partial(_judge, candidate, group, settings)) for group in groups),
+    ]
+
+
+def _predict(
+    candidate: Candidate,
+    log: UnseenLog,
+    settings: MeasureSettings,
+    vibration_filter: LowPass,
+    usual: Mapping[str, float],
+) -> Verifications:
+    checks, findings = predict_maneuvers(
+        candidate, log.short, settings, outputs=log.outputs, vibration_filter=vibration_filter
+    )
+    told = telling(checks, candidate, usual)
+    if not told:
+        raise InsufficientDataError("its short maneuvers move no output more than it moves before them")
+    # Only what tells about the model is remarked on.
+    said = [finding for check in checks for finding in remarks_on(check)]
+    data = [finding for finding in findings if finding not in said]
+    remarks = [finding for check in told for finding in remarks_on(check)]
+    return Verifications(verifications=told, findings=(*_without(candidate, [log], log.outputs), *data, *remarks))
+
+
+def _judge(candidate: Candidate, logs: Sequence[UnseenLog], settings: MeasureSettings) -> Verifications:
+    sweeps = [flown for log in logs for flown in log.sweeps]
+    outputs = tuple(name for name in candidate.structure.outputs if all(name in log.outputs for log in logs))
+    if not outputs:
+        raise InsufficientDataError("the logs have no output of the model in common")
+    judged = check_sweeps(
+        candidate.structure if outputs == candidate.structure.outputs else candidate.structure.select(outputs=outputs),
+        candidate.parameters,
+        sweeps,
+        band_rad_s=candidate.band_rad_s or default_band(sweeps, math.inf),
+        settings=settings,
+    )
+    findings = (*_without(candidate, logs, outputs), *judged.findings)
+    return Verifications(frequency=judged.costs, findings=findings, judged=(judged,))
+
+
+def _without(candidate: Candidate, logs: Sequence[UnseenLog], outputs: Sequence[str]) -> list[Finding]:
+    """Outputs of the model that could not be judged, because a log does not hold them."""
+    left_out = [name for name in candidate.structure.outputs if name not in outputs]
+    where = ", ".join(log.record.source.name for log in logs)
+    return [
+        remark(
+            "missing_channel",
+            f"{where}: {name}",
+            f"{where} holds no {name}, so that output of the model was not judged there.",
+        )
+        for name in left_out
+    ]
+
+
+def _not_verified(log: UnseenLog, cause: str, *, part: bool) -> Finding:
+    name = log.record.source.name
+    return (remark if part else warn)(
+        "not_verified", name, f"{'A part of ' if part else ''}{name} did not verify the model: {cause}."
+    )
+
+
+def has_seen(provenance: ProvenanceDocument, record: FlightRecord, maneuver: Maneuver) -> bool:
+    """Whether any part of a maneuver was fitted, by the hash of its log.
+
+    A result that does not list its maneuvers has seen its logs as a whole.
+
+    Parameters
+    ----------
+    provenance
+        Where a result came from.
+    record, maneuver
+        What may have been fitted.
+    """
+    # Logs of one name are told apart by a number behind it.
+    names = {_plain(name) for name, sha256 in provenance.inputs.items() if sha256 == record.source.sha256}
+    return bool(names) and (
+        not provenance.maneuvers
+        or any(
+            _plain(one.record) in names and one.start_s < maneuver.stop_s and maneuver.start_s < one.stop_s
+            for one in provenance.maneuvers
+        )
+    )
+
+
+def fitted_logs(provenance: ProvenanceDocument) -> frozenset[str]:
+    """Hashes of the logs that a result was fitted to, without those that only verified it."""
+    names = {_plain(one.record) for one in provenance.maneuvers}
+    return frozenset(sha256 for name, sha256 in provenance.inputs.items() if not names or _plain(name) in names)
+
+
+def seen_data(record: FlightRecord, maneuver: Maneuver) -> Finding:
+    """What to say of a maneuver that was to verify a model and was fitted by it."""
+    name = record.source.name
+    return warn(
+        "seen_data",
+        name,
+        f"{name} from {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s was fitted, at least in part: it flatters "
+        "the model and does not count as a verification. Give another log.",
+        start_s=maneuver.start_s,
+        stop_s=maneuver.stop_s,
+    )
+
+
+def _plain(name: str) -> str:
+    return name.partition(" (")[0]
+
+
+def check_in_time(
+    fitted: TimeFitted,
+    records: TimeRecords,
+    selection: Selection,
+    verify: Sequence[FlightRecord],
+    settings: IdentifySettings,
+    *,
+    band_rad_s: tuple[float, float] | None = None,
+) -> Verifications:
+    """Judge a model on whatever it has not seen.
+
+    Models of the vehicle are judged as those of the frequency domain are. Responses to set-points are simulated over
+    whole records, or what stands out in them.
+
+    Parameters
+    ----------
+    fitted
+        The model.
+    records, selection
+        What it was fitted to.
+    verify
+        Further logs.
+    settings
+        Choices of the run.
+    band_rad_s
+        Where the data speak, as far as that is known.
+    """
+    structure = fitted.structure
+    if all(is_command(name) for name in structure.inputs):
+        return _as_flown(fitted, records, selection, verify, settings, band_rad_s)
+    parts = [_simulated(fitted, records, selection, record, settings) for record in verify]
+    if not parts:
+        return Verifications(findings=(nothing_unseen([one.record for one in records.segments]),))
+    return Verifications(
+        verifications=tuple(check for checks, _ in parts for check in checks),
+        findings=tuple(finding for _, findings in parts for finding in findings),
+    )
+
+
+def _as_flown(
+    fitted: TimeFitted,
+    records: TimeRecords,
+    selection: Selection,
+    verify: Sequence[FlightRecord],
+    settings: IdentifySettings,
+    band_rad_s: tuple[float, float] | None,
+) -> Verifications:
+    structure = fitted.structure
+    candidate = Candidate(
+        structure=structure,
+        parameters=structure.parameters,
+        band_rad_s=band_rad_s,
+        sources={name: source_of(records.segments[0], name) for name in structure.outputs},
+    )
+    own = {id(record): record for record, _ in selection.unseen}.values()
+    logs = [
+        *(
+            UnseenLog(record=one, outputs=structure.outputs, short=tuple(f for f in selection.unseen if f[0] is one))
+            for one in own
+        ),
+        *unseen_logs(candidate, verify, axes_of(structure.inputs, structure.outputs), fits=selection.fits),
+    ]
+    if not logs:
+        return Verifications(findings=(nothing_unseen([one.record for one in records.segments]),))
+    return check_logs(candidate, logs, settings)
+
+
+def _simulated(
+    fitted: TimeFitted,
+    records: TimeRecords,
+    selection: Selection,
+    record: FlightRecord,
+    settings: IdentifySettings,
+) -> tuple[list[Verification], list[Finding]]:
+    _PROGRESS.info(f"simulating {record.source.name}")
+    structure = fitted.structure
+    plain = replace(settings, segments=())
+    seen: list[Finding] = []
+    try:
+        flown = select_records(structure, [record], plain).selection.fitted
+        new = [item for item in flown if not selection.fits(*item)]
+        seen += [seen_data(*item) for item in flown if selection.fits(*item)]
+        if not new:
+            return [], seen
+        # The hold is that of the fit.
+        unseen = time_records(structure, new, replace(plain, hold=records.hold), every_input=False)
+        problem = TimeProblem(
+            structure=structure,
+            parameters=structure.parameters,
+            records=unseen.data,
+            hold=records.hold,
+            unknowns=fitted.problem.unknowns,
+            noise=fitted.problem.noise,
+        )
+        predicted = problem.predicted(structure.parameters.pack())
+        shifts = estimated_shifts(problem, predicted)
+    except (InsufficientDataError, ModelError) as error:
+        return [], [*seen, _record_not_verified(record, error.came)]
+    checks = [
+        _check(fitted, segment, one, shift)
+        for segment, one, shift in zip(unseen.segments, predicted, shifts, strict=True)
+    ]
+    return checks, [*seen, *(finding for check in checks for finding in remarks_on(check))]
+
+
+def estimated_shifts(problem: TimeProblem, predicted: Sequence[Simulated]) -> list[FloatArray]:
+    """The output shifts in predictions with unknowns estimated, for each record, shape ``(y,)``.
+
+    A prediction is the response to the inputs, that to the initial state, and the shift. The last two are told apart
+    again by the motions that initial states cause. Where one of those is a constant, as behind an integrator, nothing
+    tells it from a shift, and both get a share.
+    """
+    if "output_shift" not in problem.unknowns:
+        return [np.zeros(len(problem.structure.outputs)) for _ in predicted]
+    from rotorid.simulation.linear import simulate_linear
+
+    system = problem.structure.matrices(problem.parameters.values)
+    alone = replace(problem, unknowns=()).predicted(problem.parameters.pack())
+    shifts = []
+    for one, driven in zip(predicted, alone, strict=True):
+        still = np.zeros_like(one.record.inputs)
+        states = np.eye(len(problem.structure.states) if "initial_state" in problem.unknowns else 0)
+        rate_hz = one.record.sample_rate_hz
+        free = [simulate_linear(system, still, sample_rate_hz=rate_hz, x0=x0).ravel() for x0 in states]
+        outputs, samples = one.predicted.shape
+        columns = np.column_stack([*free, np.repeat(np.eye(outputs), samples, axis=0)])
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0.0] = 1.0
+        found = np.linalg.lstsq(columns / size, (one.predicted - driven.predicted).ravel(), rcond=None)[0] / size
+        shifts.append(np.asarray(found[len(free) :]))
+    return shifts
+
+
+def _check(fitted: TimeFitted, segment: Segment, one: Simulated, shift: FloatArray) -> Verification:
+    structure = fitted.structure
+    measured, predicted = one.record.outputs, one.predicted
+    trim = measured.mean(axis=1, keepdims=True)
+    return Verification(
+        record=segment.record,
+        maneuver=segment.maneuver,
+        time_s=segment.history.time_s,
+        inputs=one.record.inputs,
+        measured=measured,
+        predicted=predicted,
+        input_names=structure.inputs,
+        output_names=structure.outputs,
+        scores={
+            name: Scores(
+                nrmse_fit_percent=nrmse_fit_percent(measured[row], predicted[row]),
+                tic=theil_inequality(measured[row] - trim[row], predicted[row] - trim[row]),
+                rms=rms(measured[row] - predicted[row]),
+                bias=0.0,
+                reference_shift=float(shift[row]),
+            )
+            for row, name in enumerate(structure.outputs)
+        },
+        biases=np.zeros(len(structure.states)),
+        j_rms=j_rms(measured - predicted, [STANDARD_UNITS.get(name, "1") for name in structure.outputs]),
+        growth_1_s=growth(structure, structure.parameters),
+    )
+
+
+def _record_not_verified(record: FlightRecord, cause: str) -> Finding:
+    name = record.source.name
+    return warn("not_verified", name, f"{name} did not verify the model: {cause.rstrip('.')}.")

@@ -1,0 +1,223 @@
+"""How large a test input may be: the plan is flown in the simulator, larger and larger, until a limit is reached."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.flight_plan import FlightPlan, SimulatedFlight
+from rotorid.errors import UsageError
+from rotorid.simulation.multirotor_flight import Aircraft, LostError, fly_multirotor
+from rotorid.simulation.wind import CALM, Wind
+from rotorid.typing import FloatArray
+
+_TOLERANCE = 0.02
+_SMALLEST = 1e-5
+_MOTORS = tuple(f"motor_{number}" for number in range(1, 17))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits(Immutable):
+    """What a flight may reach.
+
+    Parameters
+    ----------
+    tilt_rad
+        Between the vehicle's axis and the vertical.
+    rate_rad_s
+        Of roll, pitch or yaw.
+    position_m
+        Horizontally from where it began.
+    height_m
+        Above or below where it began.
+    motor_low, motor_high
+        Least and greatest output to a motor.
+    saturated
+        Share of the time with motors at a limit of their own.
+    """
+
+    tilt_rad: float = math.radians(25.0)
+    rate_rad_s: float = math.radians(180.0)
+    position_m: float = 10.0
+    height_m: float = 5.0
+    motor_low: float = 0.05
+    motor_high: float = 0.95
+    saturated: float = 0.0
+
+    def __post_init__(self) -> None:
+        numbers = (self.tilt_rad, self.rate_rad_s, self.position_m, self.height_m)
+        if min(numbers) <= 0.0 or not self.motor_low < self.motor_high:
+            raise UsageError(f"the limits {self} came", needed="positive limits, and motor_low below motor_high")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reached(Immutable):
+    """What a flight reached; the names are those of :class:`Limits`.
+
+    Parameters
+    ----------
+    tilt_rad, rate_rad_s, position_m, height_m, motor_low, motor_high
+        Extremes of the whole flight.
+    saturated
+        Share of the ticks at which the motors could not do what was asked of them.
+    """
+
+    tilt_rad: float
+    rate_rad_s: float
+    position_m: float
+    height_m: float
+    motor_low: float
+    motor_high: float
+    saturated: float
+
+    def beyond(self, limits: Limits) -> tuple[str, ...]:
+        """Names of the limits that were passed."""
+        higher = ("tilt_rad", "rate_rad_s", "position_m", "height_m", "motor_high", "saturated")
+        passed = [name for name in higher if getattr(self, name) > getattr(limits, name)]
+        return (*passed, *(("motor_low",) if self.motor_low < limits.motor_low else ()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amplitude(Immutable):
+    """The largest amplitude within limits.
+
+    Parameters
+    ----------
+    value
+        In the unit of the test input, to 2 %.
+    reached
+        What the flight with it reached.
+    limited_by
+        The limit that a larger one would pass; empty where the largest one asked for stays within all.
+    flights
+        How many were simulated.
+    """
+
+    value: float
+    reached: Reached
+    limited_by: str
+    flights: int
+
+
+def limit_words(names: Sequence[str]) -> str:
+    """Names of limits as a person says them.
+
+    Examples
+    --------
+    >>> limit_words(["tilt_rad", "motor_low", "position_m"])
+    'tilt, motor low, position'
+    """
+    plain = [re.sub(r"_(rad|rad_s|m)$", "", name).replace("_", " ") for name in names]
+    return ", ".join(plain)
+
+
+def reached(flown: SimulatedFlight) -> Reached:
+    """Extremes of a flight, of its truth and of its motor outputs.
+
+    Examples
+    --------
+    >>> still = {name: [0.0, 0.0] for name in ("p", "q", "r", "phi", "theta", "north", "east", "down")}
+    >>> flown = SimulatedFlight(vehicle="demo", autopilot="simple", sample_rate_hz=1.0, time_s=[0.0, 1.0],
+    ...               columns={"motor_1": [0.4, 0.5]}, truth=still | {"phi": [0.0, 0.1]})
+    >>> round(reached(flown).tilt_rad, 6), reached(flown).motor_high
+    (0.1, 0.5)
+    """
+    truth = flown.truth
+    motors = np.stack([flown.columns[name] for name in _MOTORS if name in flown.columns])
+    upright = np.clip(np.cos(truth["phi"]) * np.cos(truth["theta"]), -1.0, 1.0)
+    away = np.hypot(truth["north"] - truth["north"][0], truth["east"] - truth["east"][0])
+    low, high = float(motors.min()), float(motors.max())
+    return Reached(
+        tilt_rad=_largest(np.arccos(upright)),
+        rate_rad_s=max(_largest(truth[name]) for name in "pqr"),
+        position_m=_largest(away),
+        height_m=_largest(truth["down"] - truth["down"][0]),
+        motor_low=low,
+        motor_high=high,
+        saturated=flown.saturated,
+    )
+
+
+def largest_amplitude(
+    aircraft: Aircraft,
+    plan_of: Callable[[float], FlightPlan],
+    limits: Limits,
+    *,
+    start: float = 0.02,
+    largest: float = 1.0,
+    wind: Wind = CALM,
+    seed: int = 0,
+) -> Amplitude:
+    """Largest amplitude whose flight stays within limits.
+
+    The plan is flown in closed loop by the nonlinear simulator, with sensors' noise and wind: what gusts already use
+    of the room is not there for the test input. The search doubles or halves until it has the limit between two
+    amplitudes, and then halves the ratio of the two.
+
+    Parameters
+    ----------
+    aircraft
+        What will fly.
+    plan_of
+        The plan for an amplitude.
+    limits
+        See :class:`Limits`.
+    start
+        Where the search begins.
+    largest
+        Where it ends.
+    wind, seed
+        As :func:`~rotorid.simulation.multirotor_flight.fly_multirotor` takes them.
+
+    Raises
+    ------
+    UsageError
+        Even a flight with almost no test input passes a limit.
+    """
+    count = 0
+
+    def tried(value: float) -> tuple[Reached | None, tuple[str, ...]]:
+        nonlocal count
+        count += 1
+        try:
+            result = reached(fly_multirotor(aircraft, plan_of(value), wind=wind, seed=seed))
+        except LostError:
+            return None, ("control",)
+        return result, result.beyond(limits)
+
+    low, high = 0.0, math.inf
+    low_reached: Reached | None = None
+    names: tuple[str, ...] = ()
+    value = start
+    while high > (1.0 + _TOLERANCE) * low:
+        found, passed = tried(value)
+        if passed or found is None:
+            high, names = value, passed
+        else:
+            low, low_reached = value, found
+        if low >= largest:
+            break
+        if high < _SMALLEST:
+            raise UsageError(
+                f"{aircraft.name} passes its limits of {limit_words(names)} with no test input to speak of",
+                needed="limits that a hover leaves room in, with this vehicle, its gains and this wind",
+                remedy="raise the limits or plan for less wind",
+            )
+        value = _next(low, high, largest)
+    assert low_reached is not None
+    return Amplitude(value=low, reached=low_reached, limited_by=names[0] if names else "", flights=count)
+
+
+def _next(low: float, high: float, largest: float) -> float:
+    if low == 0.0:
+        return 0.5 * high
+    return min(2.0 * low, largest) if high == math.inf else math.sqrt(low * high)
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.abs(values).max())

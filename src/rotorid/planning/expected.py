@@ -1,0 +1,587 @@
+r"""The frequency response that a planned flight is expected to show, with its coherence and its errors.
+
+Every estimate is made of spectra. Those of a planned flight are the sum of two: what the test inputs move, known as a
+history, because a sweep is a passing thing and no stationary noise, and what gusts and noise make of the loop,
+
+.. math:: S_{ab} = \frac1K \sum_k A_k^* B_k + N_{ab}
+
+with the transforms of the history in every window. From there on the estimator itself is asked what it would answer and
+how sure it would be: told apart, cleared of leakage, joined over the windows.
+
+The fit of a structure to an expected response, as an identification goes about it.
+
+What a loop will do with the test inputs of a plan, gusts and noise aside.
+
+A plan as its records will be cut: which maneuvers are fitted, how much quiet time goes with them, which windows.
+
+How a planned flight will be identified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
+from rotorid.data.record import Channel, Maneuver, TimeHistory
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.frequency.fit import fit, refine, without_structural_zeros
+from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
+from rotorid.fitting.least_squares import Solution
+from rotorid.planning.loop import LoopModel
+from rotorid.planning.remarks import as_seen
+from rotorid.spectral.composite import Composer, disturbance_of, output_correlation
+from rotorid.spectral.conditioning import (
+    OutputSpectra,
+    conditioned_response,
+    derivatives,
+    line_variance,
+    output_spectra,
+    without_leakage,
+)
+from rotorid.spectral.spectra import SpectralMatrix, require_windows, spectral_matrices
+from rotorid.spectral.windows import HANN, WindowPlan, given_windows, plan_windows, refined
+from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
+from rotorid.uncertainty.cramer_rao import Weights
+
+_POINTS = 100
+_HIGHEST_RAD_S = 100.0
+_LONGEST_MARGIN_S = 20.0
+_SHORT_KINDS = ("doublet", "multistep")
+_ENDING_KINDS = ("sweep", "multisine")
+"""Of which nothing lies above a highest frequency; what shows there is the flank of a window's spectral line."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Planned(Immutable):
+    """Test inputs as they will stand in the records of a fit.
+
+    Parameters
+    ----------
+    flight
+        Test inputs of the whole flight, one channel for each axis.
+    spans
+        First sample of each record, and the one after its last.
+    axes
+        The axes of these channels, those of the inputs of the model first.
+    entries
+        Where the test inputs of each axis enter.
+    fitted
+        The test inputs that are fitted, as an identification sees them.
+    """
+
+    flight: TimeHistory
+    spans: tuple[tuple[int, int], ...]
+    axes: tuple[Axis, ...]
+    entries: tuple[Entry, ...]
+    fitted: tuple[Maneuver, ...]
+
+    def records(self, flight: TimeHistory | None = None) -> tuple[TimeHistory, ...]:
+        """The records that are cut out of the test inputs, or out of a history of the same flight."""
+        whole = flight or self.flight
+        return tuple(
+            replace(whole, values=whole.values[:, first:last], start_s=whole.start_s + first / whole.sample_rate_hz)
+            for first, last in self.spans
+        )
+
+    def windows(self, band_rad_s: tuple[float, float], lengths_s: Sequence[float] = ()) -> WindowPlan:
+        """Windows for the band: those given, or by the rule that an identification follows."""
+        lengths = np.sort([(last - first) / self.flight.sample_rate_hz for first, last in self.spans])[::-1]
+        typical = float(lengths[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])
+        if lengths_s:
+            return given_windows(lengths_s, typical)
+        return plan_windows(typical, float(lengths.sum()), band_rad_s)
+
+    @property
+    def band_rad_s(self) -> tuple[float, float]:
+        """The band to look at where none was asked for: that of the sweeps, or what the log carries."""
+        nyquist_rad_s = np.pi * self.flight.sample_rate_hz
+        carried = min(0.25 * nyquist_rad_s, _HIGHEST_RAD_S)
+        bands = [one.band_rad_s for one in self.fitted if one.band_rad_s is not None]
+        sweeps = all(one.kind == "sweep" and one.band_rad_s is not None for one in self.fitted)
+        low = min((band[0] for band in bands), default=0.5)
+        return low, min(max(band[1] for band in bands) if sweeps else carried, 0.8 * nyquist_rad_s)
+
+    def excited_to_rad_s(self, axis: Axis) -> float:
+        """How far up sweeps and multisines of an axis go; infinite where others leave that to the coherence."""
+        own = [one for one in self.fitted if one.axis == axis]
+        tops = [one.band_rad_s[1] for one in own if one.kind in _ENDING_KINDS and one.band_rad_s is not None]
+        return max(tops) if tops and len(tops) == len(own) else np.inf
+
+
+def grid_rad_s(band_rad_s: tuple[float, float], windows: WindowPlan) -> FloatArray:
+    """Logarithmic grid over what the windows support of a band, shape ``(f,)``."""
+    low, high = max(band_rad_s[0], windows.lowest_rad_s), band_rad_s[1]
+    return np.geomspace(min(low, 0.9 * high), high, _POINTS)
+
+
+def as_planned(
+    plan: FlightPlan,
+    axes: Sequence[Axis],
+    sample_rate_hz: float,
+    *,
+    declared: Sequence[Entry] = ("command",),
+    alone: bool = False,
+) -> Planned:
+    """Cut a plan as an identification of some axes will cut its log.
+
+    Doublets and multisteps are kept for verification where anything longer is flown. Quiet time of up to 20 s and half
+    of a maneuver goes with it, up to the next maneuver of another axis; what then touches becomes one record.
+
+    Parameters
+    ----------
+    plan
+        The flight.
+    axes
+        Of the inputs of the model.
+    sample_rate_hz
+        Rate of the log.
+    declared
+        Where test inputs enter that the log declares with their band; of others an identification finds what it can.
+    alone
+        Whether the log holds declared test inputs only while they are flown, so that no quiet time goes with them.
+
+    Raises
+    ------
+    InsufficientDataError
+        An axis is not excited.
+    UsageError
+        Test inputs of one axis enter at several places.
+    """
+    own = [one for one in plan.inputs if one.axis in axes]
+    fitted = tuple(one for one in own if one.maneuver.kind not in _SHORT_KINDS) or tuple(own)
+    if silent := [axis for axis in axes if axis not in {one.axis for one in fitted}]:
+        raise InsufficientDataError(
+            f"the plan {plan.name} without test inputs on {', '.join(silent)} came", needed="test inputs on every axis"
+        )
+    spans = _spans(plan, fitted, declared if alone else ())
+    sources = (*axes, *(axis for axis in plan.axes if axis not in axes and _moves(plan, axis, spans)))
+    flight = _flight(plan, sources, sample_rate_hz)
+    return Planned(
+        flight=flight,
+        spans=tuple((round(start_s * sample_rate_hz), round(stop_s * sample_rate_hz)) for start_s, stop_s in spans),
+        axes=sources,
+        entries=tuple(_entry(plan, axis) for axis in sources),
+        fitted=as_seen(fitted, flight, declared=declared),
+    )
+
+
+def _spans(plan: FlightPlan, fitted: Sequence[PlannedInput], alone: Sequence[Entry]) -> list[tuple[float, float]]:
+    """Start and stop of each record; no quiet time goes with what enters at one of ``alone``."""
+    widest_s = min(0.5 * max(one.maneuver.duration_s for one in fitted), _LONGEST_MARGIN_S)
+    barriers = [one for one in plan.inputs if not any(_overlap(one, mine) for mine in fitted)]
+    spans: list[tuple[float, float]] = []
+    for one in sorted(fitted, key=lambda mine: mine.start_s):
+        earliest = max([0.0, *(other.stop_s for other in barriers if other.stop_s <= one.start_s)])
+        latest = min([plan.duration_s, *(other.start_s for other in barriers if other.start_s >= one.stop_s)])
+        margin_s = 0.0 if one.entry in alone else widest_s
+        start_s, stop_s = max(one.start_s - margin_s, earliest), min(one.stop_s + margin_s, latest)
+        if spans and start_s < spans[-1][1]:
+            start_s, stop_s = spans[-1][0], max(spans.pop()[1], stop_s)
+        spans.append((start_s, stop_s))
+    return spans
+
+
+def _overlap(a: PlannedInput, b: PlannedInput) -> bool:
+    return a.start_s < b.stop_s and b.start_s < a.stop_s
+
+
+def _moves(plan: FlightPlan, axis: Axis, spans: Sequence[tuple[float, float]]) -> bool:
+    own = [one for one in plan.inputs if one.axis == axis]
+    return any(one.start_s < stop_s and start_s < one.stop_s for one in own for start_s, stop_s in spans)
+
+
+def _entry(plan: FlightPlan, axis: Axis) -> Entry:
+    entries = list(dict.fromkeys(one.entry for one in plan.inputs if one.axis == axis))
+    if len(entries) > 1:
+        raise UsageError(f"test inputs of {axis} at {' and '.join(entries)} came", needed="one place for each axis")
+    return entries[0]
+
+
+def _flight(plan: FlightPlan, axes: Sequence[Axis], sample_rate_hz: float) -> TimeHistory:
+    time_s = np.arange(round(plan.duration_s * sample_rate_hz)) / sample_rate_hz
+    rows = [
+        sum((one.at(time_s) for one in plan.inputs if one.axis == axis), start=np.zeros_like(time_s)) for axis in axes
+    ]
+    return TimeHistory(
+        values=np.stack(rows),
+        channels=tuple(Channel(name=f"{axis}_excitation", unit="1") for axis in axes),
+        sample_rate_hz=sample_rate_hz,
+        start_s=0.0,
+    )
+
+
+_SETTLING_S = 60.0
+"""Time after the flight in which its last motion has died out."""
+
+
+def excited_channels(loop: LoopModel, planned: Planned, omega_rad_s: FloatArray, names: Sequence[str]) -> ComplexArray:
+    """Commands and outputs by the test inputs of a plan, the loop closed, shape ``(channels, sources, f)``.
+
+    Raises
+    ------
+    UsageError
+        The loop does not say how the test inputs get to the commands.
+    """
+    responses = loop.at(omega_rad_s)
+    columns = [loop.inputs.index(f"{axis}_command") for axis in planned.axes]
+    entered = np.stack(
+        [loop.excitation(omega_rad_s, entry)[:, u] for entry, u in zip(planned.entries, columns, strict=True)], axis=1
+    )
+    commands = np.einsum("ijf,jsf->isf", responses.excited, entered)
+    outputs = np.einsum("yuf,usf->ysf", responses.plant, commands)
+    return np.asarray(np.concatenate([commands, outputs])[loop_rows(loop, names)])
+
+
+def loop_rows(loop: LoopModel, names: Sequence[str]) -> list[int]:
+    """Rows of commands and outputs of a loop, counted over both."""
+    return [(*loop.inputs, *loop.outputs).index(name) for name in names]
+
+
+def excited_flight(loop: LoopModel, planned: Planned, names: Sequence[str], *, highest_rad_s: float) -> TimeHistory:
+    """Test inputs, commands and outputs of a whole flight without gusts and noise.
+
+    By the frequency response of the closed loop over the whole flight, with time to settle behind it.
+
+    Parameters
+    ----------
+    loop, planned
+        What will fly, and what.
+    names
+        Commands and outputs, behind the test inputs.
+    highest_rad_s
+        What moves faster is left out.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    flight = planned.flight
+    samples, rate_hz = flight.values.shape[1], flight.sample_rate_hz
+    length = int(next_fast_len(samples + round(_SETTLING_S * rate_hz), real=True))
+    omega = np.asarray(2.0 * np.pi * rate_hz / length * np.arange(length // 2 + 1), dtype=np.float64)
+    kept = (omega > 0.0) & (omega <= highest_rad_s)
+    sources: ComplexArray = rfft(flight.values, n=length, axis=1)
+    moved = np.zeros((len(names), omega.size), dtype=np.complex128)
+    moved[:, kept] = np.einsum("csf,sf->cf", excited_channels(loop, planned, omega[kept], names), sources[:, kept])
+    values = np.concatenate([flight.values, irfft(moved, n=length, axis=1)[:, :samples]])
+    return TimeHistory(
+        values=values,
+        channels=(*flight.channels, *(Channel(name=name, unit="1") for name in names)),
+        sample_rate_hz=rate_hz,
+        start_s=flight.start_s,
+    )
+
+
+_OVERLAP = 0.8
+_BEYOND = 3.0
+"""How far beyond the highest frequency the loop is followed: what is faster does not leak that far."""
+
+
+class _Foreseen(Composer):
+    """A composer of expected spectra: nothing was fitted to them, so they hold the whole disturbance."""
+
+    @property
+    def left(self) -> tuple[FloatArray, ...]:
+        return tuple(np.ones(window.matrix.omega_rad_s.size) for window in self.windows)
+
+
+def expected_response(
+    loop: LoopModel,
+    planned: Planned,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    omega_rad_s: FloatArray,
+    windows_s: Sequence[float],
+    joint: bool = True,
+) -> FrequencyResponse:
+    """What :func:`rotorid.spectral.estimate.frequency_response` is expected to answer.
+
+    Parameters
+    ----------
+    loop
+        What will fly.
+    planned
+        Its test inputs as they will be cut, the instruments of ``inputs`` first.
+    inputs, outputs
+        Channels of the response.
+    omega_rad_s, windows_s
+        As for the estimate.
+    joint
+        Whether the test inputs are the instruments, or the commands their own.
+
+    Raises
+    ------
+    InsufficientDataError
+        Too few windows fit into the records.
+
+    Notes
+    -----
+    Estimates of few windows scatter about their expectation, coherence included; that of a coherence near zero is
+    somewhat higher. Noise is taken as smooth over the line of a window, and what is known of leakage as known from
+    expected responses: in flight it is known a little worse.
+    """
+    fine_rad_s, asked = refined(omega_rad_s)
+    names = (*inputs, *outputs)
+    records = planned.records(excited_flight(loop, planned, names, highest_rad_s=_BEYOND * omega_rad_s[-1]))
+    flown, grid = spectral_matrices(
+        records,
+        fine_rad_s,
+        windows_s=sorted(windows_s, reverse=True),
+        overlap=_OVERLAP,
+        taper=HANN,
+        slopes_of=inputs,
+    )
+    flown = tuple(matrix for matrix in flown if len(matrix.transforms) > len(inputs))
+    require_windows(flown, records, windows_s)
+    sources = len(planned.axes)
+    moved = loop.logged_noise(fine_rad_s)[np.ix_(loop_rows(loop, names), loop_rows(loop, names))]
+    noise = np.moveaxis(moved, -1, 0).conj()
+    matrices = [_expected(matrix, noise, sources, len(inputs)) for matrix in flown]
+    input_rows = list(range(sources, sources + len(inputs)))
+    drivers = list(range(len(inputs))) if joint else input_rows
+    if not joint:
+        matrices = [_self_excited(one, alone) for one, alone in zip(matrices, flown, strict=True)]
+    composer = _Foreseen(
+        windows=[conditioned_response(matrix, instruments=drivers, inputs=input_rows) for matrix in matrices],
+        omega_rad_s=max((matrix.omega_rad_s for matrix in matrices), key=len),
+        grid=grid,
+        blocks=sum(record.values.shape[1] // grid.samples_per_block for record in records),
+        overlap=_OVERLAP,
+        taper=HANN,
+        corrected=True,
+        composition="minimum_variance",
+    )
+    instruments = records[0].names[: len(inputs)] if joint else ()
+    return _composed(composer, asked, inputs=inputs, outputs=outputs, instruments=instruments)
+
+
+def _expected(matrix: SpectralMatrix, noise: ComplexArray, sources: int, inputs: int) -> SpectralMatrix:
+    """A spectral matrix of the history with what gusts and noise add, and of the inputs what they add to slopes."""
+    here = noise[len(noise) - matrix.omega_rad_s.size :]
+    values = matrix.values.copy()
+    moved = slice(sources, sources + noise.shape[1])
+    values[:, moved, moved] += here
+    values[:, -inputs:, -inputs:] += line_variance(HANN, matrix.window_s) * here[:, :inputs, :inputs]
+    return replace(matrix, values=values)
+
+
+def _self_excited(matrix: SpectralMatrix, history: SpectralMatrix) -> SpectralMatrix:
+    """The matrix for channels that are their own instruments, and are excited by what they do anyhow, too."""
+    whole, planned = (np.einsum("fcc->cf", part.values).real for part in (matrix, history))
+    scale = np.sqrt(whole / np.where(planned > 0.0, planned, whole))
+    return replace(matrix, transforms=matrix.transforms * scale)
+
+
+def _respond(composer: Composer, row: int, inputs: Sequence[int]) -> list[OutputSpectra]:
+    """Densities of one output without what windows add to it, known from a first answer that still has it."""
+    matrices = [window.matrix for window in composer.windows]
+    draft = composer.responses([output_spectra(matrix, row) for matrix in matrices], draft=True)
+    corrected = []
+    for matrix in matrices:
+        points = slice(composer.omega_rad_s.size - matrix.omega_rad_s.size, None)
+        slopes = derivatives(
+            matrix.omega_rad_s, draft.values[:, points], draft.random_error[:, points], line_rad_s=matrix.line_rad_s
+        )
+        corrected.append(without_leakage(matrix, output=row, inputs=inputs, derivatives=slopes, taper=HANN))
+    return corrected
+
+
+def _composed(
+    composer: Composer,
+    asked: BoolArray,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    instruments: Sequence[str],
+) -> FrequencyResponse:
+    matrices = [window.matrix for window in composer.windows]
+    rows = [matrices[0].channels.index(name) for name in outputs]
+    columns = [matrices[0].channels.index(name) for name in inputs]
+    with np.errstate(divide="ignore", invalid="ignore"):  # an output that an input cannot move has no relative error
+        densities = [_respond(composer, row, columns) for row in rows]
+        whole = [composer.responses(spectra) for spectra in densities]
+    asked = asked[-composer.omega_rad_s.size :]
+    parts = [part.at(asked) for part in whole]
+    disturbance = disturbance_of(composer.windows, densities, whole, composer.left, asked)
+    omega_rad_s = composer.omega_rad_s[asked]
+    share = np.mean([part.share for part in whole], axis=0)
+    return FrequencyResponse(
+        omega_rad_s=omega_rad_s,
+        values=np.stack([part.values for part in parts]),
+        coherence=np.stack([part.coherence for part in parts]),
+        random_error=np.stack([part.random_error for part in parts]),
+        covariance=np.stack([part.covariance for part in parts]),
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        estimate="joint" if instruments else "direct",
+        instruments=tuple(instruments),
+        windows_s=tuple(matrix.window_s for matrix in matrices),
+        output_correlation=np.stack([output_correlation(disturbance, omega_rad_s)] * len(inputs)),
+        input_correlation=composer.input_correlation(share, asked) if len(inputs) > 1 else None,
+        disturbance=disturbance,
+    )
+
+
+EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
+WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
+
+_JOINT_COHERENCE, _DIRECT_COHERENCE = 0.2, 0.6
+"""The limits of an identification."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitChoices(Immutable):
+    """How the flight will be identified; the defaults are those of an identification.
+
+    Parameters
+    ----------
+    band_rad_s
+        Band to look at; by default that of the sweeps, as the log declares or shows it.
+    windows_s
+        Window lengths; by default five by rule.
+    coherence
+        Least coherence of a point; by default 0.6 for a direct and 0.2 for a joint estimate.
+    estimate
+        ``auto`` is the joint one, as the test inputs will be logged.
+    weights
+        ``auto`` takes CIFER's for one response and those of the covariance of all errors for several.
+    outputs
+        Outputs to fit; by default all of the structure that the loop has.
+    """
+
+    band_rad_s: tuple[float, float] | None = None
+    windows_s: tuple[float, ...] = ()
+    coherence: float | None = None
+    estimate: EstimateChoice = "auto"
+    weights: WeightsChoice = "auto"
+    outputs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(windows_s=tuple(self.windows_s), outputs=tuple(self.outputs))
+        for what, given, kind in (
+            ("estimate", self.estimate, EstimateChoice),
+            ("weights", self.weights, WeightsChoice),
+        ):
+            if given not in get_args(kind):
+                raise UsageError(f"the {what} {given!r} came", needed=f"one of {', '.join(get_args(kind))}")
+
+    @property
+    def joint(self) -> bool:
+        """Whether test inputs will be the instruments."""
+        return self.estimate != "direct"
+
+    @property
+    def least_coherence(self) -> float:
+        """The limit in force."""
+        if self.coherence is not None:
+            return self.coherence
+        return _JOINT_COHERENCE if self.joint else _DIRECT_COHERENCE
+
+
+_LARGEST_RISE = 2.0
+"""An identification keeps an optional parameter when the mean cost without it rises by more than this."""
+
+_HALF_LINE = 1.5
+"""Half the width of a window's spectral line, in units of one over its length: it must lie below the end of a sweep."""
+
+
+class ExpectedFit(NamedTuple):
+    """Where a fit to the expected response ends.
+
+    Parameters
+    ----------
+    problem
+        Without the parameters that were dropped.
+    solution
+        The end, with the weights below.
+    weights
+        CIFER's, or those of the covariance of all errors.
+    dropped
+        Parameters that an identification would leave out.
+    """
+
+    problem: FrequencyProblem
+    solution: Solution
+    weights: Weights
+    dropped: tuple[str, ...]
+
+
+def expected_fit(problem: FrequencyProblem, choices: FitChoices) -> ExpectedFit:
+    """Fit from the parameters of a problem, which are those that are expected.
+
+    Parameters
+    ----------
+    problem
+        Structure, expected parameters, expected response and its usable points.
+    choices
+        How the flight will be identified.
+    """
+    problem = without_structural_zeros(problem)[0]
+    problem, solution, dropped = _reduced(problem)
+    weights = _weights(problem, choices)
+    return ExpectedFit(
+        problem=problem,
+        solution=refine(problem, solution) if weights == "covariance" else solution,
+        weights=weights,
+        dropped=dropped,
+    )
+
+
+def usable(
+    response: FrequencyResponse,
+    planned: Planned,
+    axes: Sequence[Axis],
+    band_rad_s: tuple[float, float],
+    choices: FitChoices,
+) -> BoolArray:
+    """Points that an identification would trust, shape ``(y, u, f)``.
+
+    Parameters
+    ----------
+    response
+        The expected one.
+    planned, axes
+        What is flown, and the axes of the inputs.
+    band_rad_s, choices
+        The band to look at, and how the flight will be identified.
+    """
+    line = _HALF_LINE * 2.0 * np.pi / min(response.windows_s)
+    tops = [min(band_rad_s[1], planned.excited_to_rad_s(axis) - line) for axis in axes]
+    each = [
+        usable_points(response, coherence=choices.least_coherence, band_rad_s=(band_rad_s[0], top))[:, u]
+        for u, top in enumerate(tops)
+    ]
+    return np.stack(each, axis=1)
+
+
+def _reduced(problem: FrequencyProblem) -> tuple[FrequencyProblem, Solution, tuple[str, ...]]:
+    """The fit from the values that were given, without parameters that it would drop, and their names."""
+    solution = fit(problem, starts=[problem.parameters.pack()])
+    responses = np.count_nonzero(problem.used.any(axis=-1))
+    dropped: list[str] = []
+    optional = [name for name in problem.structure.optional if name in problem.parameters.free]
+    for name in (*optional, *(name for name in problem.parameters.free if name not in optional)):
+        parameter = problem.parameters[name]
+        value = float(solution.theta[problem.parameters.free.index(name)])
+        at_zero = value == 0.0 and value in (parameter.lower, parameter.upper)
+        may_go = name in optional and parameter.lower <= 0.0 <= parameter.upper
+        if not (at_zero or may_go):
+            continue
+        left = problem.parameters.unpack(solution.theta).drop(name)
+        smaller = problem.with_parameters(left)
+        trial = fit(smaller, starts=[left.pack()])
+        if at_zero or trial.cost - solution.cost <= _LARGEST_RISE * responses:
+            problem, solution = smaller, trial
+            dropped.append(name)
+    return problem, solution, tuple(dropped)
+
+
+def _weights(problem: FrequencyProblem, choices: FitChoices) -> Weights:
+    if choices.weights != "auto":
+        return choices.weights
+    return "covariance" if np.count_nonzero(problem.used.any(axis=(1, 2))) > 1 else "cifer"

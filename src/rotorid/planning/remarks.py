@@ -1,0 +1,254 @@
+"""What an identification would remark on a flight, said before it is flown.
+
+Test inputs as an identification will see them in the log: declared with their band, or found in the signals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.flight_plan import Entry, PlannedInput
+from rotorid.data.record import FlightRecord, Maneuver, Source, TimeHistory, Topic
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError
+from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
+from rotorid.fitting.least_squares import Solution
+from rotorid.signal.excitations import find_excitations
+from rotorid.typing import BoolArray
+from rotorid.uncertainty.cramer_rao import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, Bounds
+from rotorid.uncertainty.identifiability import unseen_combinations
+
+_EXCITED_SHARE = 0.7
+_LEAST_WIDTH = 2.0
+_CERTAIN = 2.0
+
+
+def require_octave(response: FrequencyResponse, used: BoolArray, least_coherence: float) -> None:
+    """Refuse a flight that leaves less than an octave to fit.
+
+    Raises
+    ------
+    InsufficientDataError
+        With the finding ``low_coherence``.
+    """
+    omega = response.omega_rad_s[used.any(axis=(0, 1))]
+    if omega.size and omega[-1] >= _LEAST_WIDTH * omega[0]:
+        return
+    names, best = ", ".join(pair_names(response)), float(response.coherence.max())
+    low, high = (float(omega[0]), float(omega[-1])) if omega.size else (0.0, 0.0)
+    message = f"Of {names} less than an octave will be usable; the coherence will reach {best:.2f} at best."
+    raise InsufficientDataError(
+        f"a flight came of which only {low:.3g} to {high:.3g} rad/s can be used",
+        needed=f"at least an octave with a coherence of {least_coherence:g} and an error below 30 %",
+        remedy="excite harder, longer or a wider band, or fly in calmer air",
+        findings=[
+            refusal(
+                "low_coherence",
+                names,
+                message,
+                best_coherence=best,
+                limit=least_coherence,
+                low_rad_s=low,
+                high_rad_s=high,
+            )
+        ],
+    )
+
+
+def remarks(
+    problem: FrequencyProblem,
+    solution: Solution,
+    limits: Bounds,
+    values: Mapping[str, float],
+    band_rad_s: tuple[float, float],
+    dropped: Sequence[str],
+) -> tuple[Finding, ...]:
+    """Remarks on coherence and parameters of a flight that is not flown yet.
+
+    Parameters
+    ----------
+    problem, solution, limits
+        The expected fit and its bounds.
+    values
+        Parameters as they were given.
+    band_rad_s
+        The band that was asked for.
+    dropped
+        Parameters that the fit would drop.
+    """
+    return (
+        *_on_bands(problem, band_rad_s),
+        *(_on_dropped(name) for name in dropped),
+        *_on_parameters(solution, limits),
+        *_on_gain(problem, solution, limits),
+        *_on_biases(problem, solution, limits, values),
+        *_on_combinations(problem, solution, limits),
+    )
+
+
+def _on_bands(problem: FrequencyProblem, band_rad_s: tuple[float, float]) -> tuple[Finding, ...]:
+    data, (low, high) = problem.data, band_rad_s
+    findings = []
+    for y, u in np.ndindex(problem.used.shape[:2]):
+        omega = data.omega_rad_s[problem.used[y, u]]
+        if omega.size and np.log(omega[-1] / omega[0]) < _EXCITED_SHARE * np.log(high / low):
+            findings.append(
+                warn(
+                    "low_coherence",
+                    f"{data.outputs[y]}/{data.inputs[u]}",
+                    f"Of the band {low:.2g} to {high:.3g} rad/s only {omega[0]:.2g} to {omega[-1]:.3g} rad/s will "
+                    "be usable; above and below coherence will be too low or the windows too short.",
+                    low_rad_s=float(omega[0]),
+                    high_rad_s=float(omega[-1]),
+                )
+            )
+    return tuple(findings)
+
+
+def _on_dropped(name: str) -> Finding:
+    return remark(
+        "dropped_parameter",
+        name,
+        f"The flight will not show {name} beside the other parameters: an identification will leave it out.",
+    )
+
+
+def _on_parameters(solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
+    """Parameters above CIFER's guidelines."""
+    findings = []
+    columns = (limits.names, solution.theta, limits.cramer_rao, limits.insensitivity)
+    for name, value, cramer_rao, insensitivity in zip(*columns, strict=True):
+        if value == 0.0:
+            continue
+        seen, known = 100.0 * insensitivity / abs(value), 100.0 * cramer_rao / abs(value)
+        kind, percent, limit = "", 0.0, 0.0
+        if seen > INSENSITIVITY_GUIDELINE_PERCENT:
+            kind, percent, limit = "insensitive_parameter", seen, INSENSITIVITY_GUIDELINE_PERCENT
+        elif known > CRAMER_RAO_GUIDELINE_PERCENT:
+            kind, percent, limit = "uncertain_parameter", known, CRAMER_RAO_GUIDELINE_PERCENT
+        if kind:
+            what = "insensitivity" if kind == "insensitive_parameter" else "Cramér–Rao bound"
+            findings.append(
+                warn(
+                    kind,
+                    name,
+                    f"The {what} of {name} will be {percent:.0f} % (guideline {limit:g} %).",
+                    **{f"{'insensitivity' if what == 'insensitivity' else 'cramer_rao'}_percent": percent},
+                )
+            )
+    return tuple(findings)
+
+
+def _on_gain(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
+    """A gain whose sign the flight will not tell."""
+    gain = problem.structure.gain
+    if gain not in limits.names:
+        return ()
+    row = limits.names.index(gain)
+    value, std = float(solution.theta[row]), float(limits.std[row])
+    if abs(value) >= _CERTAIN * std:
+        return ()
+    return (
+        refusal(
+            "not_identifiable",
+            gain,
+            f"Not even the sign of {gain} will be certain: {value:.2g} ± {std:.1g}.",
+            value=value,
+            std=std,
+        ),
+    )
+
+
+def _on_biases(
+    problem: FrequencyProblem, solution: Solution, limits: Bounds, values: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """Parameters that the fit will miss by more than chance."""
+    findings = []
+    for name, found, std in zip(limits.names, solution.theta, limits.std, strict=True):
+        missed = float(found - values[name])
+        if abs(missed) > _CERTAIN * std:
+            cause = (
+                "a direct estimate in closed loop leans toward the inverse of the controller"
+                if problem.data.estimate == "direct"
+                else "the structure leaves out a part of what the loop does, or windows are too short for it"
+            )
+            findings.append(
+                warn(
+                    "biased_parameter",
+                    name,
+                    f"{name} will come out near {found:.3g} and not {values[name]:.3g}, {abs(missed) / std:.1f} "
+                    f"standard deviations away: {cause}.",
+                    expected=float(found),
+                    value=float(values[name]),
+                    std=float(std),
+                )
+            )
+    return tuple(findings)
+
+
+def _on_combinations(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
+    """Groups of parameters that the flight will not tell apart at all."""
+    return tuple(
+        warn("not_identifiable", ", ".join(item.names or item.vector), item.words())
+        for item in unseen_combinations(problem.parameters.unpack(solution.theta), limits)
+        if item.flat
+    )
+
+
+_TOLD_BY_SHAPE = ("sweep", "random_binary", "multisine")
+
+
+def as_seen(
+    inputs: Sequence[PlannedInput], flight: TimeHistory, *, declared: Sequence[Entry] = ()
+) -> tuple[Maneuver, ...]:
+    """Kind and band of each test input as an identification takes them.
+
+    An autopilot that makes a sweep itself logs its band. What comes from outside is found in the signals, with the band
+    of its half waves: a sweep that goes through its lowest frequencies in less than a period begins higher than it was
+    planned to. What is not recognized is taken for what was planned.
+
+    Parameters
+    ----------
+    inputs
+        What to look for.
+    flight
+        The test inputs of the whole flight as they are logged, one channel ``AXIS_excitation`` for each axis.
+    declared
+        Where test inputs enter that the log declares with their band.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rotorid.data.record import Channel
+    >>> from rotorid.excitation.plan import planned
+    >>> sweep = planned("roll", "pilot_sweep", start_s=3.0, amplitude=0.2, duration_s=40.0, sample_rate_hz=100.0,
+    ...                 band_rad_s=(1.0, 40.0), entry="attitude_setpoint")
+    >>> flight = TimeHistory(values=[sweep.at(np.arange(4600) / 100.0)], sample_rate_hz=100.0, start_s=0.0,
+    ...                      channels=(Channel(name="roll_excitation", unit="1"),))
+    >>> [round(edge, 1) for edge in as_seen([sweep], flight)[0].band_rad_s]
+    [1.4, 37.6]
+    """
+    record = FlightRecord(
+        source=Source(name="plan", format="plan", sha256=""),
+        topics=(Topic(name="plan", time_s=flight.time_s, channels=flight.channels, values=flight.values),),
+    )
+    axes = dict.fromkeys(one.axis for one in inputs)
+    found = [one for axis in axes for one in find_excitations(record, axis) if one.kind in _TOLD_BY_SHAPE]
+    return tuple(one.maneuver if one.entry in declared else _as_found(one.maneuver, found) for one in inputs)
+
+
+def _as_found(planned: Maneuver, found: Sequence[Maneuver]) -> Maneuver:
+    """A test input as the maneuver of its axis that has most of it in common."""
+    own = [one for one in found if one.axis == planned.axis and _shared_s(planned, one) > 0.5 * planned.duration_s]
+    if not own:
+        return planned
+    best = max(own, key=lambda one: _shared_s(planned, one))
+    return replace(planned, kind=best.kind, band_rad_s=best.band_rad_s, origin="found")
+
+
+def _shared_s(a: Maneuver, b: Maneuver) -> float:
+    return min(a.stop_s, b.stop_s) - max(a.start_s, b.start_s)

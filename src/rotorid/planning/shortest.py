@@ -1,0 +1,318 @@
+"""The shortest flight that reaches a wanted accuracy.
+
+Several plans side by side: which of them tells most about which parameter.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.flight_plan import FlightPlan
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.structure import LinearStructure
+from rotorid.planning.expected import FitChoices
+from rotorid.planning.loop import LoopModel
+from rotorid.planning.prediction import Prediction, predict
+from rotorid.typing import FloatArray
+
+_MISFIT = 1.5
+"""Bounds inflated by more than that are those of a structure that does not fit."""
+
+_TOLERANCE = 0.02
+"""Relative width of the interval at which the search for a duration ends."""
+
+
+class Attempt(NamedTuple):
+    """A duration that was tried.
+
+    Parameters
+    ----------
+    duration_s
+        What the plan was made for.
+    excess
+        Largest ratio of a predicted percent to the wanted one; up to one is good enough.
+    limiting
+        The parameter of that ratio; empty where the flight could not support the model at all.
+    prediction
+        What was predicted, if anything.
+    """
+
+    duration_s: float
+    excess: float
+    limiting: str
+    prediction: Prediction | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shortest(Immutable):
+    """The answer to a question for a duration.
+
+    Parameters
+    ----------
+    duration_s
+        The shortest that is good enough, or ``None``.
+    limiting
+        The parameter that asks for it, or that no duration brings to what is wanted; empty where the longest flight
+        could not support the model at all.
+    prediction
+        At that duration, or at the best one that was tried.
+    tried
+        Everything that was tried, in the order of durations.
+    words
+        The answer as a sentence.
+    """
+
+    duration_s: float | None
+    limiting: str
+    prediction: Prediction | None
+    tried: tuple[Attempt, ...]
+    words: str
+
+    def __post_init__(self) -> None:
+        self._set(tried=tuple(sorted(self.tried, key=lambda one: one.duration_s)))
+
+
+def shortest(
+    structure: LinearStructure,
+    values: Mapping[str, float],
+    loop: LoopModel,
+    plan_of_duration: Callable[[float], FlightPlan],
+    wanted: Mapping[str, float],
+    *,
+    shortest_s: float = 20.0,
+    longest_s: float = 600.0,
+    choices: FitChoices | None = None,
+) -> Shortest:
+    """Find the shortest flight after which every wanted parameter is known well enough.
+
+    The interval is halved in the logarithm of the duration, down to 2 %. More time is taken to help; where window
+    rules make a longer flight a little worse, the answer is one of the durations at which it becomes good enough. A
+    structure that does not fit shows that the more the longer the flight is, and may be inflated beyond what is wanted:
+    then halves of the longest duration are tried, too.
+
+    Parameters
+    ----------
+    structure, values, loop, choices
+        As for :func:`rotorid.planning.prediction.predict`.
+    plan_of_duration
+        The plan for a duration in seconds, such as the length of each sweep.
+    wanted
+        Parameter to the largest standard deviation, in percent of its value.
+    shortest_s, longest_s
+        The durations to look between.
+
+    Raises
+    ------
+    UsageError
+        A wanted parameter is not among the free ones, a percent is not positive, or the limits are none.
+
+    Examples
+    --------
+    >>> from rotorid.planning.loop import axis_loop
+    >>> from rotorid.planning.loop import White
+    >>> from rotorid.excitation.plan import planned, sequence
+    >>> from rotorid.models.library import rate_model
+    >>> roll, truth = rate_model("rate.roll"), {"L_roll": 80.0, "L_p": -4.0, "T_motor": 0.05, "tau_roll": 0.006}
+    >>> loop = axis_loop(roll, truth, None, White(std=(0.1,), sample_rate_hz=200.0))
+    >>> def sweep(duration_s: float) -> FlightPlan:
+    ...     one = planned("roll", "pilot_sweep", start_s=0.0, amplitude=0.1, duration_s=duration_s,
+    ...                   sample_rate_hz=200.0, band_rad_s=(1.0, 50.0))
+    ...     return sequence("sweep", [one])
+    >>> shortest(roll, truth, loop, sweep, {"L_roll": 3.0, "tau_roll": 20.0}).words
+    '21 s are enough; tau_roll asks for the most.'
+    """
+    _require_wanted(structure, wanted, shortest_s, longest_s)
+
+    def attempt(duration_s: float) -> Attempt:
+        try:
+            prediction = predict(structure, values, loop, plan_of_duration(duration_s), choices=choices)
+        except InsufficientDataError:
+            return Attempt(duration_s, math.inf, "", None)
+        known = {one.name: one.percent for one in prediction.parameters}
+        excess = {name: known.get(name, math.inf) / percent for name, percent in wanted.items()}
+        limiting = max(excess, key=lambda name: excess[name])
+        return Attempt(duration_s, excess[limiting], limiting, prediction)
+
+    tried = [attempt(longest_s)]
+    while tried[-1].excess > 1.0 and _misfits(tried[-1]) and 0.5 * tried[-1].duration_s > shortest_s:
+        tried.append(attempt(0.5 * tried[-1].duration_s))
+    high = tried[-1]
+    if high.excess > 1.0:
+        return _unreached(tried, wanted)
+    low = attempt(shortest_s)
+    tried.append(low)
+    if low.excess <= 1.0:
+        high = low
+    while high.duration_s > low.duration_s * (1.0 + _TOLERANCE):
+        middle = attempt(math.sqrt(low.duration_s * high.duration_s))
+        tried.append(middle)
+        low, high = (low, middle) if middle.excess <= 1.0 else (middle, high)
+    return Shortest(
+        duration_s=high.duration_s,
+        limiting=high.limiting,
+        prediction=high.prediction,
+        tried=tuple(tried),
+        words=f"{high.duration_s:.0f} s are enough; {high.limiting} asks for the most.",
+    )
+
+
+def _misfits(one: Attempt) -> bool:
+    """Whether bounds are inflated by a structure that does not fit."""
+    return one.prediction is not None and one.prediction.inflation > _MISFIT
+
+
+def _unreached(tried: Sequence[Attempt], wanted: Mapping[str, float]) -> Shortest:
+    best = min(tried, key=lambda one: one.excess)
+    prediction, name = best.prediction, best.limiting
+    if prediction is None:
+        words = f"No flight up to {best.duration_s:.0f} s could support the model."
+    elif math.isinf(best.excess):
+        words = f"No flight up to {best.duration_s:.0f} s shows {name} beside the other parameters."
+    else:
+        reached = best.excess * wanted[name]
+        words = f"{best.duration_s:.0f} s bring {name} to {reached:.2g} %, and {wanted[name]:g} % are wanted."
+        if _misfits(tried[0]):
+            words += " The structure does not fit what will fly, and more time does not help against that."
+    return Shortest(duration_s=None, limiting=name, prediction=prediction, tried=tuple(tried), words=words)
+
+
+def _require_wanted(
+    structure: LinearStructure, wanted: Mapping[str, float], shortest_s: float, longest_s: float
+) -> None:
+    free = structure.parameters.free
+    for name, percent in wanted.items():
+        if name not in free:
+            near = difflib.get_close_matches(name, free, n=1)
+            raise UsageError(
+                f"{name} is no free parameter of {structure.name}",
+                needed=f"one of {', '.join(free)}",
+                remedy=f"did you mean {near[0]}?" if near else "",
+            )
+        if not 0.0 < percent < math.inf:
+            raise UsageError(f"{percent:g} % of {name} came", needed="a positive number")
+    if not wanted or not 0.0 < shortest_s < longest_s < math.inf:
+        raise UsageError(
+            f"{len(wanted)} wanted parameters and durations from {shortest_s:g} to {longest_s:g} s came",
+            needed="at least one parameter, and a shortest duration below the longest",
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison(Immutable):
+    """What several plans will tell about the same parameters.
+
+    Parameters
+    ----------
+    plans
+        Their names.
+    duration_s
+        Their lengths, shape ``(plans,)``.
+    parameters
+        Free parameters of the structure.
+    percent
+        Standard deviations in percent of the values, shape ``(plans, parameters)``; infinite where a plan does not
+        show a parameter.
+    predictions
+        What stands behind it; ``None`` for a plan that could not support the model.
+    refused
+        Why not, by the name of the plan.
+    """
+
+    plans: tuple[str, ...]
+    duration_s: FloatArray
+    parameters: tuple[str, ...]
+    percent: FloatArray
+    predictions: tuple[Prediction | None, ...]
+    refused: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        self._set(
+            duration_s=read_only(self.duration_s, np.float64, ndim=1),
+            percent=read_only(self.percent, np.float64, ndim=2),
+            refused=self.refused,
+        )
+
+    @property
+    def best(self) -> Mapping[str, str]:
+        """The plan that tells most about each parameter that any of them shows."""
+        least = self.percent.argmin(axis=0)
+        return {
+            name: self.plans[row]
+            for p, (name, row) in enumerate(zip(self.parameters, least, strict=True))
+            if np.isfinite(self.percent[row, p])
+        }
+
+    @property
+    def percent_of_a_minute(self) -> FloatArray:
+        r"""What a minute of each plan is worth, :math:`p \sqrt{T / 60}`, as if errors fell with the root of time."""
+        return np.asarray(self.percent * np.sqrt(self.duration_s / 60.0)[:, None])
+
+
+def compare_plans(
+    structure: LinearStructure,
+    values: Mapping[str, float],
+    loop: LoopModel,
+    plans: Sequence[FlightPlan],
+    *,
+    choices: FitChoices | None = None,
+) -> Comparison:
+    """Predict several plans for the same vehicle and model.
+
+    Parameters
+    ----------
+    structure, values, loop, choices
+        As for :func:`rotorid.planning.prediction.predict`.
+    plans
+        At least one, each of its own name.
+
+    Raises
+    ------
+    UsageError
+        There is no plan, or two have one name.
+
+    Examples
+    --------
+    >>> from rotorid.planning.loop import axis_loop
+    >>> from rotorid.planning.loop import White
+    >>> from rotorid.excitation.plan import planned, sequence
+    >>> from rotorid.models.library import rate_model
+    >>> roll, truth = rate_model("rate.roll"), {"L_roll": 80.0, "L_p": -4.0, "T_motor": 0.05, "tau_roll": 0.006}
+    >>> loop = axis_loop(roll, truth, None, White(std=(0.1,), sample_rate_hz=200.0))
+    >>> def sweeps(name: str, amplitude: float) -> FlightPlan:
+    ...     one = planned("roll", "pilot_sweep", start_s=0.0, amplitude=amplitude, duration_s=40.0,
+    ...                   sample_rate_hz=200.0, band_rad_s=(1.0, 50.0))
+    ...     return sequence(name, [one])
+    >>> compare_plans(roll, truth, loop, [sweeps("soft", 0.05), sweeps("hard", 0.1)]).best["L_roll"]
+    'hard'
+    """
+    names = tuple(plan.name for plan in plans)
+    if not plans or len(set(names)) < len(names):
+        raise UsageError(f"the plans {', '.join(names) or '(none)'} came", needed="at least one, each of its own name")
+    predictions: list[Prediction | None] = []
+    refused = {}
+    for plan in plans:
+        try:
+            predictions.append(predict(structure, values, loop, plan, choices=choices))
+        except InsufficientDataError as error:
+            predictions.append(None)
+            refused[plan.name] = str(error)
+    free = structure.parameters.free
+    percent = np.full((len(plans), len(free)), np.inf)
+    for row, prediction in zip(percent, predictions, strict=True):
+        for one in prediction.parameters if prediction is not None else ():
+            row[free.index(one.name)] = one.percent
+    return Comparison(
+        plans=names,
+        duration_s=np.array([plan.duration_s for plan in plans]),
+        parameters=free,
+        percent=percent,
+        predictions=tuple(predictions),
+        refused=refused,
+    )

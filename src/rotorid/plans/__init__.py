@@ -1,0 +1,1 @@
+"""Files that fly a plan: for ArduPilot, PX4 and Betaflight."""

@@ -1,0 +1,362 @@
+"""The report of ``compare``: models and methods side by side, on their own data and on the same logs.
+
+A comparison as rows: one for each model, one for each parameter, one for each maneuver.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rotorid.documents.compare import (
+    ComparedManeuverDocument,
+    ComparedModelDocument,
+    CompareDocument,
+    ComparedParameterDocument,
+)
+from rotorid.documents.result import PoleDocument
+from rotorid.io.files import write_atomically
+from rotorid.pipeline.comparison import Compared, ComparedManeuver
+from rotorid.plot.time import Curve, Score, predictions, score_dots
+from rotorid.report.files import to_json, write_together
+from rotorid.report.frame import MISSING, Picture, milliseconds, render, significant, unit, with_error
+from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
+from rotorid.verification.fixed_parameters import FixedParameterScores
+
+METHODS = {
+    "frequency": "frequency responses",
+    "output_error": "output error",
+    "prediction_error": "prediction error",
+    "equation_error": "equation error",
+}
+_KINDS = {"each": "on each", "leave_one_out": "leave one out"}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ModelRow:
+    """One result; numbers are text."""
+
+    label: str
+    model: str
+    method: str
+    outputs: str
+    order: str
+    parameters: str
+    own: str
+    validated: str
+    validated_kind: str
+    on_logs: str
+    cost: str
+    aic: str
+    bic: str
+    poles: tuple[str, ...]
+    delays: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SharedRow:
+    """One parameter: a value, and how far it lies from the first, for each result."""
+
+    name: str
+    unit: str
+    values: tuple[Cell, ...]
+    distances: tuple[Cell, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ManeuverRow:
+    """One maneuver: fit of every model, marked where it was fitted."""
+
+    record: str
+    what: str
+    fits: tuple[Cell, ...]
+
+
+def model_rows(document: CompareDocument) -> tuple[ModelRow, ...]:
+    """One row for each result."""
+    return tuple(_model_row(one) for one in document.models)
+
+
+def _model_row(one: ComparedModelDocument) -> ModelRow:
+    validated, logs = one.cross_validation, one.on_logs
+    return ModelRow(
+        label=one.label,
+        model=one.model,
+        method=METHODS.get(one.method, one.method),
+        outputs=", ".join(one.outputs),
+        order=str(one.order),
+        parameters=str(one.free_parameters),
+        own=percents(own_percent(one), None),
+        validated=percents(validated.mean_percent, validated.spread_percent) if validated else MISSING,
+        validated_kind=_KINDS[validated.kind] if validated else "",
+        on_logs=percents(logs.mean_percent, logs.spread_percent) if logs else MISSING,
+        cost=significant(one.cost),
+        aic=_criterion(one.aic),
+        bic=_criterion(one.bic),
+        poles=tuple(_pole(pole) for pole in one.poles if pole.imag >= 0.0),
+        delays=tuple(
+            (name, milliseconds(delay.total_s, delay.total_std_s))
+            for name, delay in one.delays.items()
+            if delay.total_s > 0.0
+        ),
+    )
+
+
+def own_percent(one: ComparedModelDocument) -> float | None:
+    """Mean fit of the outputs on the data that were fitted."""
+    fits = list((one.fit_percent or {}).values())
+    return sum(fits) / len(fits) if fits else None
+
+
+def percents(mean: float | None, spread: float | None) -> str:
+    """A percentage and its standard deviation, to a tenth.
+
+    Examples
+    --------
+    >>> percents(83.17, 2.85), percents(74.7, None), percents(None, None)
+    ('83.2 ± 2.9', '74.7', '–')
+    """
+    if mean is None:
+        return MISSING
+    text = f"{mean:.1f}" if spread is None else f"{mean:.1f} ± {spread:.1f}"
+    return text.replace("-", "−")
+
+
+def _criterion(value: float | None) -> str:
+    return MISSING if value is None else f"{value:.0f}".replace("-", "−")
+
+
+def _pole(pole: PoleDocument) -> str:
+    real = significant(pole.real)
+    return real if pole.imag == 0.0 else f"{real} ± {significant(pole.imag)}j"
+
+
+def shared_rows(document: CompareDocument) -> tuple[SharedRow, ...]:
+    """Parameters that at least two results have and have not dropped; those of all first."""
+    labels = [one.label for one in document.models]
+    kept = {
+        name: one
+        for name, one in document.parameters.items()
+        if sum(value.status != "dropped" for value in one.values.values()) > 1
+    }
+    ordered = sorted(kept.items(), key=lambda item: -len(item[1].values))
+    return tuple(_shared_row(name, one, labels) for name, one in ordered)
+
+
+def lone_parameters(document: CompareDocument) -> dict[str, int]:
+    """Label to the number of parameters that no other result has."""
+    names = {row.name for row in shared_rows(document)}
+    return {
+        model.label: sum(
+            name not in names and model.label in one.values and one.values[model.label].status != "dropped"
+            for name, one in document.parameters.items()
+        )
+        for model in document.models
+    }
+
+
+def _shared_row(name: str, one: ComparedParameterDocument, labels: list[str]) -> SharedRow:
+    def value(label: str) -> Cell:
+        found = one.values.get(label)
+        if found is None:
+            return Cell(MISSING)
+        return Cell("dropped" if found.status == "dropped" else with_error(found.value, found.std))
+
+    def distance(label: str) -> Cell:
+        found = one.values.get(label)
+        if found is None or found.z is None:
+            return Cell("")
+        sign = "+" if found.z >= 0.0 else "−"
+        return Cell(f"{sign}{abs(found.z):.1f} σ", abs(found.z) > FAR_SIGMAS)
+
+    return SharedRow(
+        name=name.partition(" [")[0],
+        unit=unit(one.unit),
+        values=tuple(value(label) for label in labels),
+        distances=tuple(distance(label) for label in labels),
+    )
+
+
+def maneuver_rows(document: CompareDocument) -> tuple[ManeuverRow, ...]:
+    """One row for each maneuver."""
+    return tuple(_maneuver_row(one, [model.label for model in document.models]) for one in document.maneuvers)
+
+
+def _maneuver_row(one: ComparedManeuverDocument, labels: list[str]) -> ManeuverRow:
+    def fit(label: str) -> Cell:
+        found = one.models.get(label)
+        return Cell(MISSING) if found is None else Cell(percents(found.mean_percent, None), found.seen)
+
+    return ManeuverRow(
+        record=one.record,
+        what=f"{maneuver_words(one.axis, one.kind)}{one.start_s:.1f} to {one.stop_s:.1f} s",
+        fits=tuple(fit(label) for label in labels),
+    )
+
+
+def scored_words(document: CompareDocument) -> str:
+    """How models were scored on logs, behind a title: over which band, how far ahead."""
+    band = " to ".join(significant(edge) for edge in document.band_rad_s or ())
+    ahead = f", {significant(document.horizon_s, digits=2)} s ahead" if document.horizon_s else ""
+    return f"{f', {band} rad/s' if band else ''}{ahead}"
+
+
+def maneuver_words(axis: str, kind: str) -> str:
+    """What was flown, before its times; of a stretch without a name nothing.
+
+    Examples
+    --------
+    >>> maneuver_words("roll", "random_binary"), maneuver_words("roll", "other")
+    ('roll random binary, ', '')
+    """
+    return "" if kind == "other" else f"{axis} {kind.replace('_', ' ')}, "
+
+
+JSON, PAGE = "compare.json", "report.html"
+_MOST_PICTURES = 8
+
+
+def write_comparison(folder: Path, compared: Compared, *, title: str) -> None:
+    """Write ``compare.json`` and ``report.html``, both or none.
+
+    Parameters
+    ----------
+    folder
+        Where they go; it is made when missing. Files of the same names are replaced.
+    compared
+        What to write.
+    title
+        Heading of the report.
+    """
+    text, page = to_json(compared.document), render_comparison(compared, title=title)
+    write_together(
+        folder,
+        {JSON: lambda path: write_atomically(path, text), PAGE: lambda path: write_atomically(path, page)},
+    )
+
+
+def render_comparison(compared: Compared, *, title: str) -> str:
+    """The report as one HTML document, which holds everything it shows and lets no text of a result act.
+
+    Parameters
+    ----------
+    compared
+        What ``compare`` found.
+    title
+        Heading of the page.
+    """
+    document = compared.document
+    dots = _dots(document)
+    overlays = [_overlay(each, f"maneuver-{number}") for number, each in enumerate(compared.maneuvers[:_MOST_PICTURES])]
+    return render(
+        "compare.html",
+        title=title,
+        document=document,
+        sentences=comparison_summary(document),
+        labels=[one.label for one in document.models],
+        models=model_rows(document),
+        parameters=shared_rows(document),
+        lone={label: count for label, count in lone_parameters(document).items() if count},
+        maneuvers=maneuver_rows(document),
+        dots=dots,
+        overlays=overlays,
+        undrawn=len(compared.maneuvers) - len(overlays),
+        horizon=significant(document.horizon_s, digits=2) if document.horizon_s else "",
+        band=" to ".join(significant(edge) for edge in document.band_rad_s or ()),
+        remarks=finding_rows(document.findings),
+        pictures=[*([dots] if dots else []), *overlays],
+    )
+
+
+def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
+    """Which model does best where, in sentences: on logs, then by cross-validation."""
+    sentences = []
+    on_logs = {one.label: one.on_logs for one in document.models if one.on_logs}
+    if on_logs:
+        best = max(on_logs, key=lambda label: on_logs[label].mean_percent)
+        won = on_logs[best]
+        unseen = "fitted by at least one of the models" if won.seen else "that no model has seen"
+        maneuvers = f"{won.maneuvers} maneuver{'' if won.maneuvers == 1 else 's'}"
+        sentences.append(
+            f"On {maneuvers} {unseen}, {best} does best with a fit of {percents(won.mean_percent, won.spread_percent)} "
+            f"%{_runner_up({label: one.mean_percent for label, one in on_logs.items()}, best, won.spread_percent)}."
+        )
+    means = {
+        one.label: one.cross_validation.mean_percent
+        for one in document.models
+        if one.cross_validation and one.cross_validation.mean_percent is not None
+    }
+    if len(means) > 1:
+        best = max(means, key=means.__getitem__)
+        sentences.append(
+            f"Cross-validated, {best} does best with {percents(means[best], None)} %{_runner_up(means, best)}."
+        )
+    count = len(document.models)
+    return tuple(sentences) or (
+        f"{count} results side by side. What each says of itself stands on its own data; with --log all are scored on "
+        "the same.",
+    )
+
+
+def _runner_up(means: Mapping[str, float], best: str, spread: float | None = None) -> str:
+    others = {label: mean for label, mean in means.items() if label != best}
+    if not others:
+        return ""
+    second = max(others, key=others.__getitem__)
+    close = spread is not None and means[best] - others[second] < spread
+    return f", before {second} with {percents(others[second], None)} %{', within the spread' if close else ''}"
+
+
+def _dots(document: CompareDocument) -> Picture | None:
+    models = document.models
+    kinds = {
+        "on its own data": [_score(own_percent(one), None) for one in models],
+        "cross-validated": [_validated(one) for one in models],
+        "on the logs": [
+            _score(one.on_logs.mean_percent, one.on_logs.spread_percent) if one.on_logs else _score(None, None)
+            for one in models
+        ],
+    }
+    there = {kind: scores for kind, scores in kinds.items() if any(math.isfinite(one.mean) for one in scores)}
+    if not there:
+        return None
+    figure = score_dots([one.label for one in models], kinds)
+    return Picture(key="scores", description=f"Fit percent of each model: {', '.join(there)}", figure=figure)
+
+
+def _validated(one: ComparedModelDocument) -> Score:
+    found = one.cross_validation
+    return _score(found.mean_percent, found.spread_percent) if found else _score(None, None)
+
+
+def _score(mean: float | None, spread: float | None) -> Score:
+    return Score(math.nan if mean is None else mean, math.nan if spread is None else spread)
+
+
+def _overlay(each: ComparedManeuver, key: str) -> Picture:
+    curves = {label: _curves(group) for label, group in each.scores.items()}
+    measured: dict[str, Curve] = {}
+    for found in curves.values():
+        measured = {name: one[0] for name, one in found.items()} | measured
+    models = {label: {name: one[1] for name, one in found.items()} for label, found in curves.items()}
+    figure = predictions(list(measured), measured, models)
+    maneuver = each.maneuver
+    when = f"{maneuver_words(maneuver.axis, maneuver.kind)}{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s"
+    return Picture(key=key, description=f"{each.record}, {when}: measured and predicted", figure=figure)
+
+
+def _curves(group: tuple[FixedParameterScores, ...]) -> dict[str, tuple[Curve, Curve]]:
+    """Output to measured and predicted samples; a gap between two stretches is a gap in the curve."""
+    found = {}
+    for row, name in enumerate(group[0].scores):
+        time_s = np.concatenate([np.append(one.time_s, np.nan) for one in group])[:-1]
+        measured, predicted = (
+            np.concatenate([np.append(values[row], np.nan) for values in arrays])[:-1]
+            for arrays in ([one.measured for one in group], [one.predicted for one in group])
+        )
+        found[name] = Curve(time_s, measured), Curve(time_s, predicted)
+    return found

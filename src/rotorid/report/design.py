@@ -1,0 +1,763 @@
+"""The page of a design: what to fly, what it reaches, and what its data will be able to tell.
+
+What the page of a design says of plans: text for its tables, and sentences.
+
+The pictures of the page of a design: the flight of each plan, what it excites, what its data will tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
+from rotorid.documents.design import DesignDocument
+from rotorid.errors import UsageError
+from rotorid.pipeline.assemble import finding_documents
+from rotorid.pipeline.designs import STEPS, DesignChoices, Designed, Planned, Told
+from rotorid.planning.amplitude import Limits, Reached
+from rotorid.planning.prediction import PredictedParameter, Prediction
+from rotorid.planning.shortest import Shortest
+from rotorid.plans.facts import unit_of
+from rotorid.plot.design import (
+    Excited,
+    Signal,
+    Strip,
+    excited_bands,
+    percent_dots,
+    percent_over_duration,
+    planned_flight,
+    predicted_bode,
+)
+from rotorid.plot.figure import quantity
+from rotorid.report.flight_card import amplitude_words
+from rotorid.report.frame import Picture, in_all_units, percent, render, significant, unit, with_error
+from rotorid.report.parts import (
+    CRAMER_RAO_GUIDELINE,
+    FAR_SIGMAS,
+    INSENSITIVITY_GUIDELINE,
+    Cell,
+    FindingRow,
+    by_axis,
+    finding_rows,
+    on_axis,
+)
+from rotorid.report.words import parameter_words
+from rotorid.simulation.wind import Wind
+from rotorid.typing import Axis, FloatArray
+
+_KINDS: Mapping[Shape, str] = MappingProxyType({"two_one_one": "2-1-1", "three_two_one_one": "3-2-1-1"})
+_ENTRIES: Mapping[Entry, str] = MappingProxyType(
+    {
+        "command": "what the mixer receives",
+        "rate_setpoint": "rate setpoint",
+        "attitude_setpoint": "attitude setpoint",
+        "stick": "stick of the pilot",
+    }
+)
+_LIMITS: Mapping[str, str] = MappingProxyType(
+    {
+        "tilt_rad": "tilt",
+        "rate_rad_s": "rates",
+        "position_m": "distance from the start",
+        "height_m": "height",
+        "motor_low": "lowest motor output",
+        "motor_high": "highest motor output",
+        "saturated": "saturated motors",
+        "control": "loss of control",
+    }
+)
+_TURN = 2.0 * math.pi
+_INFLATED = 1.05
+_MOST_NAMED = 6
+
+
+def kind_words(kind: Shape) -> str:
+    """A shape in words.
+
+    Examples
+    --------
+    >>> kind_words("random_binary"), kind_words("two_one_one")
+    ('random binary', '2-1-1')
+    """
+    return _KINDS.get(kind, kind.replace("_", " "))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InputRow:
+    """A test input."""
+
+    axis: str
+    shape: str
+    entry: str
+    interval: str
+    band: str
+    amplitude: str
+    words: str
+    limited: str
+    alone: str
+
+
+def input_rows(planned: Planned) -> tuple[InputRow, ...]:
+    """One row for each test input of a plan."""
+    return tuple(_input_row(planned, one) for one in planned.plan.inputs)
+
+
+def _input_row(planned: Planned, one: PlannedInput) -> InputRow:
+    found = planned.amplitudes.get(f"{one.shape} of {one.axis}")
+    symbol = unit(unit_of(one))
+    limit = "" if found is None else found.limited_by
+    low, high = one.band_rad_s or (math.nan, math.nan)
+    return InputRow(
+        axis=one.axis,
+        shape=kind_words(one.shape),
+        entry=_ENTRIES[one.entry],
+        interval=f"{one.start_s:.1f} to {one.stop_s:.1f}",
+        band=f"{significant(low)} to {significant(high)}" if one.band_rad_s else "",
+        amplitude=f"{significant(one.amplitude)} {symbol}".strip(),
+        words=amplitude_words(one),
+        limited="given" if found is None else _LIMITS.get(limit, limit) if limit else "no limit up to 1",
+        alone=f"alone up to {significant(found.value)} {symbol}".strip() if found is not None and limit else "",
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ReachedRow:
+    """What a flight reaches of something, and its limit."""
+
+    words: str
+    unit: str
+    reached: Cell
+    limit: str
+
+
+def reached_rows(reached: Reached, limits: Limits) -> tuple[ReachedRow, ...]:
+    """Extremes of the simulated flight against the limits; what is beyond one is marked."""
+    beyond = reached.beyond(limits)
+    rows = (
+        ("Largest tilt", "tilt_rad", "°", math.degrees(1.0), "at most"),
+        ("Largest rate", "rate_rad_s", "°/s", math.degrees(1.0), "at most"),
+        ("Distance from the start", "position_m", "m", 1.0, "at most"),
+        ("Height above or below the start", "height_m", "m", 1.0, "at most"),
+        ("Lowest motor output", "motor_low", "", 1.0, "at least"),
+        ("Highest motor output", "motor_high", "", 1.0, "at most"),
+        ("Time with saturated motors", "saturated", "%", 100.0, "at most"),
+    )
+    return tuple(
+        ReachedRow(
+            words=words,
+            unit=symbol,
+            reached=Cell(significant(factor * getattr(reached, name)), name in beyond),
+            limit=f"{side} {significant(factor * getattr(limits, name))}",
+        )
+        for words, name, symbol, factor, side in rows
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PredictedRow:
+    """What the data will tell about a parameter; percents are of its value."""
+
+    name: str
+    words: str
+    unit: str
+    value: str
+    expected: str
+    off: Cell
+    percent: str
+    scatter: str
+    least: str
+    cramer_rao: Cell
+    insensitivity: Cell
+
+
+def predicted_rows(prediction: Prediction) -> tuple[PredictedRow, ...]:
+    """One row for each parameter that the fit will keep."""
+    return tuple(_predicted_row(one) for one in prediction.parameters)
+
+
+def _predicted_row(one: PredictedParameter) -> PredictedRow:
+    sigmas = abs(one.expected - one.value) / one.std if one.std > 0.0 else 0.0
+    bound, insensitivity = one.in_percent(one.cramer_rao), one.in_percent(one.insensitivity)
+    return PredictedRow(
+        name=one.name,
+        words=parameter_words(one.name),
+        unit=unit(one.unit),
+        value=significant(one.value, digits=4),
+        expected=with_error(one.expected, one.std),
+        off=Cell(f"{sigmas:.1f} σ off", sigmas > FAR_SIGMAS),
+        percent=percent(one.percent),
+        scatter=percent(one.in_percent(one.scatter)),
+        least=percent(one.in_percent(one.lowest_std)),
+        cramer_rao=Cell(percent(bound), CRAMER_RAO_GUIDELINE < bound < math.inf),
+        insensitivity=Cell(percent(insensitivity), INSENSITIVITY_GUIDELINE < insensitivity < math.inf),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class UsableRow:
+    """What will be usable of a response."""
+
+    name: str
+    words: str
+    band: str
+    hertz: str
+    points: str
+    coherence: str
+    error: str
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is anything to use."""
+        return self.points != "0"
+
+
+def usable_rows(prediction: Prediction) -> tuple[UsableRow, ...]:
+    """One row for each response ``output/input``, those on axis first; coherence and error are medians."""
+    response = prediction.response
+    pairs = by_axis([(output, input) for output in response.outputs for input in response.inputs])
+    return tuple(_usable_row(prediction, output, input) for output, input in pairs)
+
+
+def _usable_row(prediction: Prediction, output: str, input: str) -> UsableRow:
+    response = prediction.response
+    row = response.pair(output, input)
+    used = prediction.used[row]
+    omega = response.omega_rad_s[used]
+    ends = (float(omega[0]), float(omega[-1])) if omega.size else (math.nan, math.nan)
+    return UsableRow(
+        name=f"{output}/{input}",
+        words=f"{quantity(output).words} over {quantity(input).words}",
+        band=f"{significant(ends[0])} to {significant(ends[1])}",
+        hertz=f"{significant(ends[0] / _TURN)} to {significant(ends[1] / _TURN)} Hz",
+        points=str(omega.size),
+        coherence=f"{np.median(response.coherence[row][used]):.2f}" if omega.size else "",
+        error=significant(100.0 * float(np.median(response.random_error[row][used])), digits=2) if omega.size else "",
+    )
+
+
+def inflation_words(prediction: Prediction) -> str:
+    """What a structure that does not fit does to the standard deviations; empty where it fits."""
+    if prediction.inflation < _INFLATED:
+        return ""
+    return (
+        f"The structure does not fit what will fly: standard deviations hold a factor of "
+        f"{significant(prediction.inflation)} for it, which more time does not lessen."
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ComparedRow:
+    """A parameter of a model in all plans: percents, infinite where a plan does not show it, and what is written.
+
+    ``minutes`` holds what a minute of each plan is worth.
+    """
+
+    model: str
+    name: str
+    label: str
+    percent: tuple[float, ...]
+    texts: tuple[str, ...]
+    minutes: tuple[str, ...]
+    best: tuple[bool, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Compared:
+    """Plans side by side; ``durations`` are those of the whole flights."""
+
+    plans: tuple[str, ...]
+    durations: tuple[str, ...]
+    rows: tuple[ComparedRow, ...]
+
+
+def compared(designed: Sequence[Designed]) -> Compared:
+    """Predicted percents of every parameter of every model, plan by plan; equal numbers are equally good."""
+    known = [_percents(one) for one in designed]
+    pairs = list(dict.fromkeys(pair for each in known for pair in each))
+    names = [name for _, name in pairs]
+    durations_s = [one.planned.plan.duration_s for one in designed]
+    rows = []
+    for model, name in pairs:
+        values = tuple(each.get((model, name), math.inf) for each in known)
+        texts = tuple(percent(value) for value in values)
+        best = percent(min(values))
+        rows.append(
+            ComparedRow(
+                model=model,
+                name=name,
+                label=f"{name} of {model}" if names.count(name) > 1 else name,
+                percent=values,
+                texts=texts,
+                minutes=tuple(
+                    f"{percent(value * math.sqrt(duration_s / 60.0))} of a minute" if math.isfinite(value) else ""
+                    for value, duration_s in zip(values, durations_s, strict=True)
+                ),
+                best=tuple(written == best for written in texts),
+            )
+        )
+    return Compared(
+        plans=tuple(kind_words(one.kind) for one in designed),
+        durations=tuple(f"{duration_s:.0f} s" for duration_s in durations_s),
+        rows=tuple(rows),
+    )
+
+
+def _percents(one: Designed) -> dict[tuple[str, str], float]:
+    """Those that there are: a parameter of the value zero has none."""
+    return {
+        (told.model, parameter.name): parameter.percent
+        for told in one.told
+        for parameter in (told.prediction.parameters if told.prediction is not None else ())
+        if math.isfinite(parameter.percent)
+    }
+
+
+def design_summary(designed: Sequence[Designed], choices: DesignChoices) -> tuple[str, ...]:
+    """Which plan tells most, what each will tell, and the answers to what was asked for."""
+    most = _best_sentences(compared(designed)) if len(designed) > 1 else []
+    each = [_plan_sentence(one) for one in designed]
+    reach = _shared_answers(designed) if len(designed) > 1 else list(reach_sentences(designed[0]))
+    return (*most, *each, *reach, f"All of it is for {choices.vehicle} in {wind_words(choices.plan.wind)}.")
+
+
+def _plan_sentence(one: Designed) -> str:
+    plan = one.planned.plan
+    found = compared([one])
+    lead = f"{kind_words(one.kind).capitalize()} on {_listed(plan.axes)}, {plan.duration_s:.0f} s in all: "
+    refused = [told.model for told in one.told if told.prediction is None]
+    zero = sum(len(told.prediction.parameters) for told in one.told if told.prediction is not None) - len(found.rows)
+    parts = []
+    if found.rows:
+        worst = max(found.rows, key=lambda row: row.percent[0])
+        low, high = percent(min(row.percent[0] for row in found.rows)), worst.texts[0]
+        spread = low if low == high else f"{low} to {high}"
+        count = "1 parameter" if len(found.rows) == 1 else f"{len(found.rows)} parameters"
+        least = f", {worst.label} worst" if low != high else ""
+        parts.append(f"it will tell {count} with standard deviations of {spread} %{least}")
+    if zero:
+        parts.append(f"{zero} more {'is' if zero == 1 else 'are'} zero, of which there is no percent")
+    if refused:
+        parts.append(f"it cannot support {_listed(refused)}")
+    return f"{lead}{'; '.join(parts)}."
+
+
+def _best_sentences(found: Compared) -> list[str]:
+    """Which plan tells most about what, but for those parameters that several tell equally well."""
+    alone = [row for row in found.rows if sum(row.best) == 1]
+    best = {plan: [row.label for row in alone if row.best[number]] for number, plan in enumerate(found.plans)}
+    told = {plan: _named(labels, len(found.rows)) for plan, labels in best.items() if labels}
+    return [f"{plan.capitalize()} tells most about {words}." for plan, words in told.items()]
+
+
+def _named(labels: Sequence[str], of: int) -> str:
+    if len(labels) == of:
+        return "every parameter"
+    return _listed(labels) if len(labels) <= _MOST_NAMED else f"{len(labels)} of {of} parameters"
+
+
+def reach_sentences(one: Designed) -> tuple[str, ...]:
+    """The answer to a question for the shortest test input, for each model."""
+    return tuple(
+        f"{_wanted(one.wanted[model])} in {model}: {found.words}{_least_tried(found)}"
+        for model, found in one.shortest.items()
+    )
+
+
+def _least_tried(found: Shortest) -> str:
+    return " Nothing shorter was tried." if found.duration_s == found.tried[0].duration_s else ""
+
+
+def _shared_answers(designed: Sequence[Designed]) -> list[str]:
+    """The answers of all plans, one sentence for each model; what is not reached in the words of its own."""
+    sentences = []
+    for model in dict.fromkeys(model for one in designed for model in one.shortest):
+        asked = [one for one in designed if model in one.shortest]
+        enough = [
+            f"{found.duration_s:.0f} s of {kind_words(one.kind)}"
+            for one in asked
+            if (found := one.shortest[model]).duration_s is not None
+        ]
+        lead = f"{_wanted(asked[0].wanted[model])} in {model}: "
+        if enough:
+            sentences.append(f"{lead}{_listed(enough)} are enough.")
+        sentences += [
+            f"{lead}{kind_words(one.kind)}: {one.shortest[model].words}"
+            for one in asked
+            if one.shortest[model].duration_s is None
+        ]
+    return sentences
+
+
+def _wanted(wanted: Mapping[str, float]) -> str:
+    return _listed([f"{name} to {value:g} %" for name, value in wanted.items()])
+
+
+def wind_words(wind: Wind) -> str:
+    """A wind in words.
+
+    Examples
+    --------
+    >>> wind_words(Wind()), wind_words(Wind(north_m_s=3.0, turbulence_m_s=0.5))
+    ('still air', 'wind of 3 m/s with turbulence of 0.5 m/s')
+    """
+    steady_m_s = math.hypot(wind.north_m_s, wind.east_m_s)
+    turbulence = f"turbulence of {significant(wind.turbulence_m_s)} m/s" if wind.turbulence_m_s else ""
+    steady = f"wind of {significant(steady_m_s)} m/s" if steady_m_s else ""
+    return " with ".join(part for part in (steady, turbulence) if part) or "still air"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+_RATES: Mapping[Axis, str] = MappingProxyType({"roll": "p", "pitch": "q", "yaw": "r"})
+_ANGLES: Mapping[Axis, str] = MappingProxyType({"roll": "phi", "pitch": "theta", "yaw": "psi"})
+_BINS_PER_DECADE = 25
+_LEAST_LINES = 4
+_LONG_S = 60.0
+_STEP_TURNS = 6.0
+_LEAST_SHARE = 0.1
+_MOST_UNFOLDED = 4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExpectedPictures:
+    """Bode pictures of a prediction in sight, and those that fold away: what one axis does to another."""
+
+    leading: tuple[Picture, ...]
+    folded: tuple[Picture, ...]
+
+
+def flown(one: Designed, choices: DesignChoices) -> SimulatedFlight:
+    """The flight whose extremes the plan holds, once more: the same wind and the same noise."""
+    from rotorid.simulation.multirotor_flight import fly_multirotor
+
+    return fly_multirotor(choices.aircraft, one.planned.plan, wind=choices.plan.wind, seed=choices.plan.seed)
+
+
+def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *, key: str) -> Picture:
+    """Test inputs over time, and tilt, rates, motors and place of the simulated flight."""
+    time_s, truth = flight.time_s, flight.truth
+    upright = np.clip(np.cos(truth["phi"]) * np.cos(truth["theta"]), -1.0, 1.0)
+    motors = np.stack([values for name, values in flight.columns.items() if name.startswith("motor_")])
+    away = np.hypot(truth["north"] - truth["north"][0], truth["east"] - truth["east"][0])
+    strips = [
+        *_input_strips(plan),
+        Strip(
+            label="Rates",
+            signals=[Signal(axis, name, time_s, truth[name]) for axis, name in _RATES.items()],
+            limits=(-limits.rate_rad_s, limits.rate_rad_s),
+            height_px=130.0,
+        ),
+        Strip(
+            label="Tilt",
+            signals=[Signal("tilt", "phi", time_s, np.arccos(upright))],
+            limits=(limits.tilt_rad,),
+            height_px=100.0,
+        ),
+        Strip(
+            label="Lowest and highest motor output",
+            signals=[
+                Signal("motors", "motor_1", time_s, motors.min(axis=0)),
+                Signal("motors", "motor_1", time_s, motors.max(axis=0)),
+            ],
+            limits=(limits.motor_low, limits.motor_high),
+        ),
+        Strip(
+            label="Distance from the start, and height above it",
+            signals=[
+                Signal("distance", "north", time_s, away),
+                Signal("height", "north", time_s, truth["down"][0] - truth["down"]),
+            ],
+            height_px=100.0,
+        ),
+    ]
+    return Picture(
+        key=key,
+        description=f"Test inputs of {plan.name} over time, and rates, tilt, motors and place of the simulated flight",
+        figure=planned_flight(strips),
+    )
+
+
+def _input_strips(plan: FlightPlan) -> list[Strip]:
+    """Test inputs, those of one unit in one panel."""
+    groups: dict[str, list[Signal]] = {}
+    for one in plan.inputs:
+        time_s = one.start_s + np.arange(one.values.size) / one.sample_rate_hz
+        signal = Signal(one.axis, input_channel(one), time_s, one.values)
+        groups.setdefault(quantity(signal.channel).unit, []).append(signal)
+    return [Strip(label="Test inputs", signals=signals, height_px=110.0) for signals in groups.values()]
+
+
+def input_channel(one: PlannedInput) -> str:
+    """The channel of the vocabulary that has the unit of a test input."""
+    if one.axis == "thrust" or one.entry == "command":
+        return f"{one.axis}_excitation"
+    if one.entry == "stick":
+        return f"{one.axis}_stick"
+    return f"{(_RATES if one.entry == 'rate_setpoint' else _ANGLES)[one.axis]}_setpoint"
+
+
+def spectrum_picture(plan: FlightPlan, *, key: str) -> Picture:
+    """What the test inputs excite; of those that are repeated the first."""
+    first: dict[tuple[str, str], PlannedInput] = {}
+    for one in plan.inputs:
+        first.setdefault((one.axis, one.shape), one)
+    shapes = {one.shape for one in plan.inputs}
+    inputs = []
+    for one in first.values():
+        omega, values = density(one)
+        words = f"{one.axis} {kind_words(one.shape)}" if len(shapes) > 1 else one.axis
+        inputs.append(
+            Excited(
+                words=words,
+                channel=input_channel(one),
+                omega_rad_s=omega,
+                density=values,
+                band_rad_s=one.band_rad_s,
+                lines=one.shape == "multisine",
+            )
+        )
+    return in_all_units(
+        partial(excited_bands, inputs),
+        key=key,
+        description=f"Spectral densities of the test inputs of {plan.name}, their bands shaded",
+    )
+
+
+def density(one: PlannedInput) -> tuple[FloatArray, FloatArray]:
+    """One-sided spectral density of a test input in rad/s and SI units squared per hertz, each shape ``(f,)``.
+
+    That of a multisine stands at its lines, those from a tenth of the largest amplitude: it is their power over the
+    distance to their neighbors. Others are averaged in bins of a tenth of their frequency or four lines, whichever is
+    wider.
+    """
+    lines, rate_hz = one.shape == "multisine", one.sample_rate_hz
+    # Behind the last period of a multisine stands a zero.
+    values = one.values[:-1] if lines else one.values
+    size = values.size
+    length = size if lines else max(size, round(_LONG_S * rate_hz))
+    power = np.abs(np.fft.rfft(values, length)) ** 2
+    frequency_hz: FloatArray = np.asarray(np.fft.rfftfreq(length, 1.0 / rate_hz), dtype=np.float64)
+    if lines:
+        there = np.flatnonzero(power > _LEAST_SHARE**2 * power[1:].max())
+        there = there[there > 0]
+        apart_hz = np.gradient(frequency_hz[there]) if there.size > 1 else np.full(there.size, rate_hz / size)
+        return 2.0 * np.pi * frequency_hz[there], 2.0 * power[there] / size**2 / apart_hz
+    # Half and twice the band, or where steps excite most of what they do.
+    low, high = one.band_rad_s or (0.4, _STEP_TURNS * 2.0 * np.pi * rate_hz / size)
+    low_hz, high_hz = low / (4.0 * np.pi), min(high / np.pi, 0.5 * rate_hz)
+    return _averaged(frequency_hz, 2.0 * power / (size * rate_hz), low_hz, high_hz)
+
+
+def _averaged(
+    frequency_hz: FloatArray, values: FloatArray, low_hz: float, high_hz: float
+) -> tuple[FloatArray, FloatArray]:
+    """Means over bins that grow with frequency; rad/s and means."""
+    ratio, least_hz = 10.0 ** (1.0 / _BINS_PER_DECADE), _LEAST_LINES * frequency_hz[1]
+    edges = [max(low_hz, 0.5 * frequency_hz[1])]
+    while edges[-1] < high_hz:
+        edges.append(max(ratio * edges[-1], edges[-1] + least_hz))
+    starts = np.unique(np.searchsorted(frequency_hz, edges[:-1]))
+    starts = starts[starts < frequency_hz.size]
+    stop = min(int(np.searchsorted(frequency_hz, edges[-1])), frequency_hz.size)
+    counts = np.diff([*starts, stop])
+    means = np.add.reduceat(values[:stop], starts) / counts
+    centers_hz = np.add.reduceat(frequency_hz[:stop], starts) / counts
+    return 2.0 * np.pi * centers_hz, means
+
+
+def expected_pictures(prediction: Prediction, *, least_coherence: float, key: str) -> ExpectedPictures:
+    """A Bode picture of each response of which something will be usable."""
+    response, used = prediction.response, prediction.used
+    pairs = by_axis([(response.outputs[y], response.inputs[u]) for y, u in np.argwhere(used.any(axis=-1))])
+    main = sum(on_axis(*pair) for pair in pairs)
+    leading = main if main and len(pairs) > _MOST_UNFOLDED else len(pairs)
+    pictures = [
+        in_all_units(
+            partial(predicted_bode, response, output=output, input=input, used=used, least_coherence=least_coherence),
+            key=f"{key}-{number}",
+            description=f"Expected Bode plot of {quantity(output).words} over {quantity(input).words}",
+            converted=True,
+        )
+        for number, (output, input) in enumerate(pairs)
+    ]
+    return ExpectedPictures(leading=tuple(pictures[:leading]), folded=tuple(pictures[leading:]))
+
+
+def comparison_picture(compared: Compared, *, key: str) -> Picture:
+    """Predicted percent by parameter and plan."""
+    return Picture(
+        key=key,
+        description=f"Predicted standard deviations of every parameter: {', '.join(compared.plans)}",
+        figure=percent_dots(
+            [row.label for row in compared.rows],
+            {plan: [row.percent[number] for row in compared.rows] for number, plan in enumerate(compared.plans)},
+        ),
+    )
+
+
+def duration_picture(found: Shortest, wanted: Mapping[str, float], *, key: str) -> Picture | None:
+    """Percent over the durations that were tried; nothing where fewer than two could support the model."""
+    tried = [one for one in found.tried if one.prediction is not None]
+    if len(tried) < 2:
+        return None
+    known = [_percent(one.prediction) for one in tried if one.prediction is not None]
+    return Picture(
+        key=key,
+        description=f"Predicted standard deviation of {', '.join(wanted)} over the duration of the test input",
+        figure=percent_over_duration(
+            np.array([one.duration_s for one in tried]),
+            {name: np.array([each.get(name, np.inf) for each in known]) for name in wanted},
+            wanted=wanted,
+            found_s=found.duration_s,
+        ),
+    )
+
+
+def _percent(prediction: Prediction) -> dict[str, float]:
+    return {one.name: one.percent for one in prediction.parameters}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelSection:
+    """A model in a plan: what the data will tell about it, or why they cannot support it."""
+
+    anchor: str
+    name: str
+    refused: str
+    rows: tuple[PredictedRow, ...]
+    usable: tuple[UsableRow, ...]
+    inflation: str
+    pictures: ExpectedPictures
+    findings: tuple[FindingRow, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanSection:
+    """A plan on the page."""
+
+    anchor: str
+    title: str
+    name: str
+    duration: str
+    inputs: tuple[InputRow, ...]
+    reached: tuple[ReachedRow, ...]
+    flight: Picture
+    spectrum: Picture
+    models: tuple[ModelSection, ...]
+    answers: tuple[str, ...]
+    durations: tuple[Picture, ...]
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All pictures of the section."""
+        of_models = [one for model in self.models for one in (*model.pictures.leading, *model.pictures.folded)]
+        return (self.flight, self.spectrum, *of_models, *self.durations)
+
+
+def render_design(
+    designed: Sequence[Designed], choices: DesignChoices, *, title: str, document: DesignDocument | None = None
+) -> str:
+    """The page as one HTML document, which holds everything it shows and lets no text of a model act.
+
+    Every plan is flown in the simulator once more for its picture: a tenth of a second for two minutes.
+
+    Parameters
+    ----------
+    designed
+        At least one plan and what it will tell.
+    choices
+        What was asked for.
+    title
+        Heading of the page.
+    document
+        What ``design.json`` says: adds where all comes from, and remarks on files.
+
+    Raises
+    ------
+    UsageError
+        There is no plan.
+    """
+    if not designed:
+        raise UsageError("a page of no plan was asked for", needed="at least one")
+    plans = [_plan_section(one, choices, anchor=f"plan-{number}") for number, one in enumerate(designed, start=1)]
+    side_by_side = compared(designed) if len(designed) > 1 else None
+    if side_by_side is not None and not side_by_side.rows:
+        side_by_side = None
+    dots = comparison_picture(side_by_side, key="comparison") if side_by_side is not None else None
+    return render(
+        "design.html",
+        title=title,
+        sentences=design_summary(designed, choices),
+        compared=side_by_side,
+        dots=dots,
+        plans=plans,
+        grave={plan.title: grave for plan in plans if (grave := [one for one in plan.models if _grave(one)])},
+        least_coherence=choices.fit.least_coherence,
+        repeats=choices.plan.repeats,
+        document=document,
+        remarks=finding_rows(document.findings) if document is not None else (),
+        pictures=[*([dots] if dots is not None else []), *(one for plan in plans for one in plan.pictures)],
+    )
+
+
+def _plan_section(one: Designed, choices: DesignChoices, *, anchor: str) -> PlanSection:
+    plan = one.planned.plan
+    durations = [
+        duration_picture(found, one.wanted[model], key=f"{anchor}-duration-{number}")
+        for number, (model, found) in enumerate(one.shortest.items())
+    ]
+    asked = any(one.wanted.values())
+    steps = ("Steps have no duration to look for: it is their band.",) if asked and one.kind in STEPS else ()
+    return PlanSection(
+        anchor=anchor,
+        title=kind_words(one.kind).capitalize(),
+        name=plan.name,
+        duration=f"{plan.duration_s:.0f} s",
+        inputs=input_rows(one.planned),
+        reached=reached_rows(one.planned.reached, choices.plan.limits),
+        flight=flight_picture(plan, flown(one, choices), choices.plan.limits, key=f"{anchor}-flight"),
+        spectrum=spectrum_picture(plan, key=f"{anchor}-spectrum"),
+        models=tuple(
+            _model_section(told, choices, anchor=f"{anchor}-model-{number}") for number, told in enumerate(one.told)
+        ),
+        answers=(*reach_sentences(one), *steps),
+        durations=tuple(picture for picture in durations if picture is not None),
+    )
+
+
+def _model_section(told: Told, choices: DesignChoices, *, anchor: str) -> ModelSection:
+    prediction = told.prediction
+    if prediction is None:
+        return ModelSection(
+            anchor=anchor,
+            name=told.model,
+            refused=told.refused,
+            rows=(),
+            usable=(),
+            inflation="",
+            pictures=ExpectedPictures(leading=(), folded=()),
+            findings=(),
+        )
+    return ModelSection(
+        anchor=anchor,
+        name=told.model,
+        refused="",
+        rows=predicted_rows(prediction),
+        usable=usable_rows(prediction),
+        inflation=inflation_words(prediction),
+        pictures=expected_pictures(prediction, least_coherence=choices.fit.least_coherence, key=anchor),
+        findings=finding_rows(finding_documents(prediction.findings)),
+    )
+
+
+def _grave(model: ModelSection) -> bool:
+    """Whether something limits the trust in what is said of a model."""
+    return bool(model.refused) or any(one.severity != "info" for one in model.findings)

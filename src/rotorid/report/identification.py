@@ -1,0 +1,692 @@
+"""What the page says about one identification.
+
+The report on identifications.
+
+The identified equations as matrices, with the names of their rows and columns.
+
+The delay budget on the page: where the time between a command and a sensor goes.
+
+Which parameters the data hardly tell apart: correlations in words and as a picture.
+
+What a page says of a bootstrap: mean, spread and interval of every parameter beside what is stated.
+
+What a page says of a global search: how the cost fell, and every minimum that was met.
+
+The steps of a reduction on the page, each with its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.documents.result import (
+    BootstrapDocument,
+    CorrelationDocument,
+    DelayDocument,
+    FindingDocument,
+    ResultDocument,
+    SearchDocument,
+    StepDocument,
+)
+from rotorid.errors import UsageError
+from rotorid.pipeline.results import Identification
+from rotorid.plot.figure import quantity
+from rotorid.plot.loops import correlation_map
+from rotorid.plot.search import convergence
+from rotorid.report.frame import MISSING, Picture, milliseconds, percent, render, significant, unit
+from rotorid.report.motors import MotorsShown, motors_shown
+from rotorid.report.parts import (
+    Cell,
+    CostRow,
+    Dropped,
+    FindingRow,
+    ManeuverRow,
+    ParameterGroup,
+    RangeRow,
+    constants_sentence,
+    cost_rows,
+    dropped_parameters,
+    finding_rows,
+    maneuver_row,
+    model_pictures,
+    parameter_groups,
+    range_rows,
+    timelines,
+    truth_of_dropped,
+)
+from rotorid.report.time import Crossed, TimeFits, crossed, time_fits
+from rotorid.report.verification import Check, UnseenSweeps, check_section, unseen_sweeps
+from rotorid.report.words import (
+    LEVELS,
+    PoleRow,
+    Verdict,
+    cost_verdict,
+    fit_sentences,
+    fit_verdict,
+    held_out,
+    pole_rows,
+    poles_picture,
+    poles_sentence,
+    sparkline,
+    summary,
+    time_sentences,
+    worst_maneuver,
+    worst_record,
+)
+from rotorid.search.objective import Progress
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MatrixTable:
+    """One matrix of ``M x' = F x + G u(t - tau)``, ``y = H0 x + H1 x'``."""
+
+    symbol: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+def matrix_tables(document: ResultDocument) -> tuple[MatrixTable, ...]:
+    """All matrices that say something: one that is zero, and an identity, are left out.
+
+    Columns of rows are named after states, inputs and outputs where their number fits.
+    """
+    if document.matrices is None:
+        return ()
+    matrices, states = document.matrices, document.states
+    shapes = (
+        ("M", matrices.M, states, states),
+        ("F", matrices.F, states, states),
+        ("G", matrices.G, states, document.inputs),
+        ("H0", matrices.H0, document.outputs, states),
+        ("H1", matrices.H1, document.outputs, states),
+    )
+    return tuple(
+        _table(symbol, matrix, rows, columns) for symbol, matrix, rows, columns in shapes if not _plain(matrix)
+    )
+
+
+def _plain(matrix: Sequence[Sequence[float]]) -> bool:
+    """Whether a matrix is empty, zero or the identity."""
+    entries = [(i, j, value) for i, row in enumerate(matrix) for j, value in enumerate(row)]
+    square = len(matrix) == len(matrix[0]) if matrix else True
+    identity = square and all(value == float(i == j) for i, j, value in entries)
+    return identity or all(value == 0.0 for _, _, value in entries)
+
+
+def _table(symbol: str, matrix: Sequence[Sequence[float]], rows: Sequence[str], columns: Sequence[str]) -> MatrixTable:
+    return MatrixTable(
+        symbol=symbol,
+        columns=_named(columns, len(matrix[0])),
+        rows=tuple(
+            (name, tuple(significant(value, digits=4) for value in row))
+            for name, row in zip(_named(rows, len(matrix)), matrix, strict=True)
+        ),
+    )
+
+
+def _named(names: Sequence[str], count: int) -> tuple[str, ...]:
+    return tuple(names) if len(names) == count else tuple(str(number) for number in range(1, count + 1))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DelayRow:
+    """The way from one input to all outputs that share its delays, in milliseconds."""
+
+    input: str
+    outputs: str
+    before: str
+    motor: str
+    after: str
+    total: str
+    known: str
+
+
+def delay_rows(document: ResultDocument) -> tuple[DelayRow, ...]:
+    """One row for each input and each budget of its own; outputs that share one stand together."""
+    return tuple(
+        DelayRow(
+            input=name,
+            outputs=", ".join(outputs),
+            before=milliseconds(budget.input_delay_s),
+            motor=milliseconds(budget.motor_lag_s),
+            after=milliseconds(budget.output_delay_s),
+            total=milliseconds(budget.total_s, budget.total_std_s),
+            known=MISSING if budget.known_filters_s is None else milliseconds(budget.known_filters_s),
+        )
+        for name, outputs, budget in _ways(document)
+    )
+
+
+def delay_sentence(document: ResultDocument) -> str:
+    """How late each input is answered; of outputs with a budget of their own, the first counts.
+
+    Examples
+    --------
+    >>> budget = DelayDocument(
+    ...     input_delay_s=0.03, motor_lag_s=0.01, output_delay_s=0.0, total_s=0.04, total_std_s=0.0004)
+    >>> delay_sentence(ResultDocument.model_construct(delays={"q/pitch_command": budget}))
+    'The vehicle answers the pitch command after 40.0 ± 0.4 ms.'
+    """
+    told: dict[str, str] = {}
+    for name, _, budget in _ways(document):
+        if name not in told:
+            told[name] = f"the {quantity(name).words} after {milliseconds(budget.total_s, budget.total_std_s)} ms"
+    return f"The vehicle answers {', '.join(told.values())}." if told else ""
+
+
+def _ways(document: ResultDocument) -> list[tuple[str, list[str], DelayDocument]]:
+    """Input, outputs and what they share, inputs together."""
+    ways: dict[tuple[str, DelayDocument], list[str]] = {}
+    names = _inputs(document.delays)
+    for name in names:
+        for pair, budget in document.delays.items():
+            output, _, input = pair.partition("/")
+            if input == name:
+                ways.setdefault((name, budget), []).append(output)
+    return [(name, outputs, budget) for (name, budget), outputs in ways.items()]
+
+
+def _inputs(pairs: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(pair.partition("/")[2] for pair in pairs))
+
+
+HIGH = 0.9
+_LEAST_DRAWN = 5
+_MOST_TOLD = 8
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Together:
+    """Two parameters and how their estimates go together."""
+
+    first: str
+    second: str
+    correlation: float
+
+    @property
+    def words(self) -> str:
+        """The pair in words."""
+        return f"{self.first} and {self.second}: {self.correlation:.2f}".replace("-", "−")
+
+
+def correlation_sentence(correlation: CorrelationDocument | None) -> str:
+    """Pairs of parameters that are correlated by more than 0.9, or else the highest correlation of all.
+
+    Examples
+    --------
+    >>> correlation_sentence(CorrelationDocument(names=["M_q", "M_u"], matrix=[[1.0, -0.93], [-0.93, 1.0]]))
+    'Correlated by more than 0.9, so that an error of one is an error of the other: M_q and M_u: −0.93.'
+    """
+    pairs = _pairs(correlation) if correlation else []
+    if not pairs:
+        return ""
+    high = [pair for pair in pairs if abs(pair.correlation) > HIGH]
+    if not high:
+        return f"No two parameters are correlated by more than {HIGH:g}; the highest is {pairs[0].words}."
+    told = "; ".join(pair.words for pair in high[:_MOST_TOLD])
+    more = f"; and {len(high) - _MOST_TOLD} more" if len(high) > _MOST_TOLD else ""
+    return f"Correlated by more than {HIGH:g}, so that an error of one is an error of the other: {told}{more}."
+
+
+def correlation_picture(correlation: CorrelationDocument | None, *, key: str) -> Picture | None:
+    """The map of correlations; none of up to four parameters, for which words do."""
+    if correlation is None or len(correlation.names) < _LEAST_DRAWN:
+        return None
+    return Picture(
+        key=key,
+        description="Correlation of every two parameters as a map",
+        figure=correlation_map(correlation.names, np.array(correlation.matrix, dtype=np.float64)),
+    )
+
+
+def _pairs(correlation: CorrelationDocument) -> list[Together]:
+    """Every two parameters, the strongest first; a correlation that is no number is left out."""
+    names = correlation.names
+    pairs = [
+        Together(first=names[column], second=name, correlation=row[column])
+        for number, (name, row) in enumerate(zip(names, correlation.matrix, strict=True))
+        for column in range(number)
+        if np.isfinite(row[column])
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair.correlation))
+
+
+_SOURCES = {
+    "responses": "errors of the responses, as they are stated and as they go together",
+    "outputs": "noise of the outputs, colored as the residuals are",
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SpreadLine:
+    """A parameter over all runs; ``std`` is marked where it, or the mean, contradicts what is stated."""
+
+    name: str
+    unit: str
+    value: str
+    stated: str
+    mean: str
+    std: Cell
+    relative: str
+    interval: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BootstrapShown:
+    """A bootstrap on the page."""
+
+    words: str
+    rows: tuple[SpreadLine, ...]
+
+
+def bootstrap_shown(document: ResultDocument) -> BootstrapShown | None:
+    """What to show of a bootstrap; nothing where none was made."""
+    again = document.bootstrap
+    if again is None:
+        return None
+    disagrees = {finding.where for finding in document.findings if finding.kind == "bootstrap_disagrees"}
+    return BootstrapShown(
+        words=_bootstrap_words(again),
+        rows=tuple(_line(document, again, name, name in disagrees) for name in again.parameters),
+    )
+
+
+def _line(document: ResultDocument, again: BootstrapDocument, name: str, disagrees: bool) -> SpreadLine:
+    one, spread = document.parameters[name], again.parameters[name]
+    return SpreadLine(
+        name=name,
+        unit=unit(one.unit),
+        value=significant(one.value, digits=4),
+        stated=significant(one.std, digits=2),
+        mean=significant(spread.mean, digits=4),
+        std=Cell(significant(spread.std, digits=2), disagrees),
+        relative=percent(spread.relative_percent),
+        interval=f"{significant(spread.low, digits=4)} to {significant(spread.high, digits=4)}",
+    )
+
+
+def _bootstrap_words(again: BootstrapDocument) -> str:
+    left = sum(again.left_out.values())
+    without = f" {left} of them had no answer and do not count." if left else ""
+    return f"{again.runs} refits of the model, each to {_SOURCES[again.source]}, drawn anew.{without}"
+
+
+_MOST_ROWS = 12
+_COSTS = {
+    "frequency": "CIFER's cost, summed over the responses",
+    "output_error": "the sum of squared output errors, outputs weighed by their size",
+}
+_POPULATIONS = ("cma", "evolution", "genetic")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BasinRow:
+    """A minimum: its cost, the percent of local searches that ended there, its parameters."""
+
+    cost: str
+    share: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SearchShown:
+    """A search on the page."""
+
+    words: str
+    minima_words: str
+    names: tuple[str, ...]
+    rows: tuple[BasinRow, ...]
+    more: int
+    population: bool
+    picture: Picture | None
+
+
+def search_shown(document: SearchDocument | None, *, key: str) -> SearchShown | None:
+    """What to show of a search; nothing where none was made.
+
+    Parameters
+    ----------
+    document
+        The search.
+    key
+        Identifier of its picture.
+    """
+    if document is None:
+        return None
+    minima = document.minima
+    names = tuple(minima[0].parameters)
+    rows = tuple(
+        BasinRow(
+            cost=significant(one.cost, digits=5),
+            share=percent(100.0 * one.share),
+            values=tuple(significant(one.parameters[name], digits=4) for name in names),
+        )
+        for one in minima[:_MOST_ROWS]
+    )
+    return SearchShown(
+        words=_search_words(document),
+        minima_words=_minima_words(document),
+        names=names,
+        rows=rows,
+        more=max(len(minima) - _MOST_ROWS, 0),
+        population=document.name.partition(":")[0] in _POPULATIONS,
+        picture=_picture(document, key),
+    )
+
+
+def _search_words(document: SearchDocument) -> str:
+    local = "1 local search" if document.local_searches == 1 else f"{document.local_searches} local searches"
+    return (
+        f"Before the fit, {document.name} searched {_COSTS[document.objective]}: {document.evaluations} evaluations, "
+        f"and {document.polishing} of residuals with their derivatives in {local}."
+    )
+
+
+def _minima_words(document: SearchDocument) -> str:
+    count = len(document.minima)
+    if count == 1:
+        return "Every local search that came to rest ended in one place, from which the fit went on."
+    ways = {
+        "frequency": "the first of them",
+        "output_error": "all of them, and from the starts of the model",
+    }
+    return f"Local searches came to rest in {count} places. The fit went on from {ways[document.objective]}."
+
+
+def _picture(document: SearchDocument, key: str) -> Picture | None:
+    """The cost over the evaluations; nothing where the first of them was the best."""
+    costs = [best for _, best in document.trace]
+    if not costs or max(costs) == min(costs):
+        return None
+    trace = [Progress(evaluations, best) for evaluations, best in document.trace]
+    return Picture(
+        key=key,
+        description=f"Lowest cost so far over the evaluations of {document.name}, and the lowest minimum",
+        figure=convergence({document.name: trace}, levels={"lowest minimum": document.minima[0].cost}),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepRow:
+    """One parameter that was looked at, and what became of it."""
+
+    anchor: str
+    number: int
+    parameter: str
+    action: str
+    reason: str
+    cost: str
+    cramer_rao: str
+    insensitivity: str
+
+
+def step_rows(steps: Sequence[StepDocument], *, anchor: str) -> tuple[StepRow, ...]:
+    """One row for each step, in order.
+
+    Parameters
+    ----------
+    steps
+        Of the reduction.
+    anchor
+        Prefix of the identifiers of the section.
+    """
+    return tuple(
+        StepRow(
+            anchor=f"{anchor}-step-{number}",
+            number=number + 1,
+            parameter=step.parameter,
+            action=step.action,
+            reason=step.reason,
+            cost=f"{significant(step.mean_cost_before)} → {significant(step.mean_cost_after)}"
+            if step.mean_cost_after is not None
+            else significant(step.mean_cost_before),
+            cramer_rao=percent(step.cramer_rao_percent),
+            insensitivity=percent(step.insensitivity_percent),
+        )
+        for number, step in enumerate(steps)
+    )
+
+
+def reduction_sentence(steps: Sequence[StepDocument]) -> str:
+    """How many parameters went, and what it cost.
+
+    Examples
+    --------
+    >>> step = StepDocument(parameter="Z_q", action="dropped", reason="", value_before=0.0, insensitivity_percent=None,
+    ...     cramer_rao_percent=None, mean_cost_before=0.221, mean_cost_after=0.222)
+    >>> reduction_sentence([step])
+    '1 of 1 parameter looked at was dropped; the mean cost went from 0.221 to 0.222.'
+    """
+    if not steps:
+        return ""
+    dropped = [step for step in steps if step.action == "dropped"]
+    looked = "1 parameter" if len(steps) == 1 else f"{len(steps)} parameters"
+    verb = "was" if len(dropped) == 1 else "were"
+    told = f"{len(dropped) or 'None'} of {looked} looked at {verb} dropped"
+    if not dropped:
+        return f"{told}."
+    before, after = significant(steps[0].mean_cost_before), significant(dropped[-1].mean_cost_after)
+    return f"{told}; the mean cost went from {before} to {after}."
+
+
+def told_by_steps(finding: FindingDocument, document: ResultDocument) -> bool:
+    """Whether a finding only repeats what the table of steps says; a warning is worth its repetition."""
+    parameters = {step.parameter for step in document.reduction}
+    return finding.kind == "dropped_parameter" and finding.severity == "info" and finding.where in parameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """How the fit went."""
+
+    sentences: tuple[str, ...]
+    curve: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """One identification on the page."""
+
+    anchor: str
+    title: str
+    document: ResultDocument
+    records: tuple[str, ...]
+    sentences: tuple[str, ...]
+    cost: Verdict | None
+    unseen: Verdict | None
+    parameters: tuple[ParameterGroup, ...]
+    dropped: tuple[Dropped, ...]
+    truth_of_dropped: str
+    fit: Fit | None
+    costs: tuple[CostRow, ...]
+    unseen_words: str
+    responses: tuple[Picture, ...]
+    folded_responses: tuple[Picture, ...]
+    joint: bool
+    least_coherence: float
+    checks: tuple[Check, ...]
+    sweeps: tuple[UnseenSweeps, ...]
+    poles: tuple[PoleRow, ...]
+    poles_words: str
+    poles_picture: Picture | None
+    matrices: tuple[MatrixTable, ...]
+    delays: tuple[DelayRow, ...]
+    delay_words: str
+    covered: tuple[RangeRow, ...]
+    constants: str
+    steps: tuple[StepRow, ...]
+    steps_words: str
+    correlation: Picture | None
+    correlation_words: str
+    findings: tuple[FindingRow, ...]
+    findings_in_steps: int
+    maneuvers: tuple[ManeuverRow, ...]
+    timelines: tuple[Picture, ...]
+    time: TimeFits | None = None
+    crossed: Crossed | None = None
+    search: SearchShown | None = None
+    bootstrap: BootstrapShown | None = None
+    motors: MotorsShown | None = None
+
+    @property
+    def far_from_truth(self) -> bool:
+        """Whether a known truth lies beyond what random errors explain."""
+        return any(row.off.marked for group in self.parameters for row in group.rows)
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All figures of the section."""
+        single = (self.search.picture if self.search else None, self.poles_picture, self.correlation)
+        return (
+            *(self.motors.pictures if self.motors else ()),
+            *(self.time.all_pictures if self.time else ()),
+            *self.responses,
+            *self.folded_responses,
+            *(picture for check in self.checks for picture in check.pictures),
+            *(picture for one in self.sweeps for picture in one.pictures),
+            *(picture for picture in single if picture is not None),
+            *self.timelines,
+        )
+
+
+def section(identified: Identification, *, anchor: str, truth: Mapping[str, float]) -> Section:
+    """Everything that the page says about one identification.
+
+    Parameters
+    ----------
+    identified
+        What ``identify`` found.
+    anchor
+        Prefix of the identifiers on the page, unique among its sections.
+    truth
+        True parameter values where they are known, as ``model.name`` or ``name``.
+    """
+    document = identified.document
+    responses = model_pictures(identified, anchor=anchor)
+    findings = [finding for finding in document.findings if not told_by_steps(finding, document)]
+    return Section(
+        anchor=anchor,
+        title=_title(document),
+        document=document,
+        records=tuple(dict.fromkeys(segment.record for segment in identified.segments)),
+        sentences=summary(document),
+        cost=_explained(document),
+        unseen=_unseen(document),
+        parameters=parameter_groups(document, truth),
+        dropped=dropped_parameters(document, anchor=anchor),
+        truth_of_dropped=truth_of_dropped(document, truth),
+        fit=_fit(document),
+        costs=cost_rows(document),
+        unseen_words="Held-out maneuver" if held_out(document) else "Unseen sweeps",
+        responses=responses.leading,
+        folded_responses=responses.folded,
+        joint=identified.response.estimate == "joint",
+        least_coherence=identified.least_coherence,
+        checks=tuple(
+            check_section(check, key=f"{anchor}-check-{number}")
+            for number, check in enumerate(() if document.motors else identified.verifications)
+        ),
+        sweeps=tuple(
+            unseen_sweeps(one, key=f"{anchor}-sweeps-{number}", least_coherence=identified.least_coherence)
+            for number, one in enumerate(identified.judged)
+        ),
+        poles=pole_rows(document.poles),
+        poles_words=poles_sentence(document.poles),
+        poles_picture=poles_picture(document.poles, key=f"{anchor}-poles"),
+        matrices=matrix_tables(document),
+        delays=delay_rows(document),
+        delay_words=delay_sentence(document),
+        covered=range_rows(document.covered),
+        constants=constants_sentence(document.constants),
+        steps=step_rows(document.reduction, anchor=anchor),
+        steps_words=reduction_sentence(document.reduction),
+        correlation=correlation_picture(document.correlation, key=f"{anchor}-correlation"),
+        correlation_words=correlation_sentence(document.correlation),
+        findings=finding_rows(findings),
+        findings_in_steps=len(document.findings) - len(findings),
+        maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
+        time=None if document.motors else time_fits(identified, key=f"{anchor}-time"),
+        motors=motors_shown(identified, key=f"{anchor}-motors"),
+        crossed=crossed(document.cross_validation),
+        search=search_shown(document.search, key=f"{anchor}-search-cost"),
+        bootstrap=bootstrap_shown(document),
+        timelines=timelines(
+            () if identified.simulated else identified.segments,
+            document.provenance.maneuvers,
+            inputs=document.inputs,
+            outputs=document.outputs,
+            key=f"{anchor}-timeline",
+        ),
+    )
+
+
+def _title(document: ResultDocument) -> str:
+    # "Roll" for a single command, the model's name for anything richer.
+    if len(document.inputs) == 1 and document.inputs[0].endswith("_command"):
+        return document.inputs[0].removesuffix("_command").capitalize()
+    return document.model
+
+
+def _cost(cost: float) -> Verdict:
+    return Verdict(cost_verdict(cost).level, f"cost {significant(cost)}")
+
+
+def _explained(document: ResultDocument) -> Verdict | None:
+    """Verdict on the fit: that of the worst output for a fit in time, of the cost in the frequency domain."""
+    if document.method != "frequency" and document.fit_percent:
+        return fit_verdict(min(document.fit_percent.values()))
+    return _cost(document.cost.average) if document.cost else None
+
+
+def _unseen(document: ResultDocument) -> Verdict | None:
+    """The worse of what unseen maneuvers and unseen sweeps say."""
+    costs = document.verification.frequency.values()
+    found = document.verification
+    flown = worst_maneuver(found.maneuvers) if found.maneuvers else worst_record(found.records)
+    verdicts = [*([flown] if flown else []), *([_cost(max(costs))] if costs else [])]
+    return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level), default=None)
+
+
+def _fit(document: ResultDocument) -> Fit | None:
+    if document.fit is None:
+        return None
+    in_time = document.method != "frequency"
+    sentences = time_sentences(document, document.fit) if in_time else fit_sentences(document.fit)
+    return Fit(sentences=sentences, curve=sparkline(document.fit.trace))
+
+
+def render_report(
+    identifications: Sequence[Identification], *, title: str, truth: Mapping[str, float] | None = None
+) -> str:
+    """The whole report as one HTML document, which holds everything it shows and lets no text of a log act.
+
+    Parameters
+    ----------
+    identifications
+        At least one; each becomes a section.
+    title
+        Heading of the page.
+    truth
+        True parameter values where they are known, as ``model.name`` or ``name``: adds a column to the tables.
+
+    Raises
+    ------
+    UsageError
+        There is nothing to report.
+    """
+    if not identifications:
+        raise UsageError("a report on no identification was asked for", needed="at least one identification")
+    sections = [
+        section(identified, anchor=f"s{number}", truth=truth or {})
+        for number, identified in enumerate(identifications, start=1)
+    ]
+    return render(
+        "identification.html",
+        title=title,
+        sections=sections,
+        has_truth=bool(truth),
+        pictures=[picture for one in sections for picture in one.pictures],
+    )

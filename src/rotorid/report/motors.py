@@ -1,0 +1,389 @@
+"""A fit of ``physical.motors`` on the page: the vehicle in numbers and pictures, its flights, unseen ones.
+
+Rows of what a fit of ``physical.motors`` found: the vehicle, its excitation, unseen stretches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.documents.result import (
+    CorrelationDocument,
+    ExcitationDocument,
+    MotorsDocument,
+    ParameterDocument,
+    ResultDocument,
+    ScoreDocument,
+)
+from rotorid.fitting.motors.fit import LEAST_CORRELATION
+from rotorid.pipeline.results import Identification
+from rotorid.plot.figure import quantity
+from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
+from rotorid.report.frame import MISSING, Picture, milliseconds, significant, unit, with_error
+from rotorid.report.words import (
+    AXIS_WORDS,
+    FULL_OUTPUT,
+    Verdict,
+    fit_verdict,
+    motor_warnings,
+    no_lag,
+    open_questions,
+    prediction_verdict,
+    scale_sentence,
+)
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+_NAMES = {"m": "Mass", "I_xx": "Roll inertia", "I_yy": "Pitch inertia", "I_zz": "Yaw inertia"}
+_STATUS = {"fixed": "given", "tied": "follows from the others", "free": ""}
+_CHANNELS = {"az": "az", "p": "p_dot", "q": "q_dot", "r": "r_dot"}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VehicleRow:
+    """A property of the vehicle; quiet where it was not told."""
+
+    words: str
+    symbol: str
+    value: str
+    unit: str
+    note: str = ""
+    known: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExcitationRow:
+    """A stretch: when, how fast, and each axis as correlation and as share of its motion that is explained."""
+
+    record: str
+    interval: str
+    rate: str
+    axes: tuple[tuple[str, Verdict | None], ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class UnseenRow:
+    """A channel of an unseen stretch."""
+
+    where: str
+    channel: str
+    verdict: Verdict
+    tic: str
+    fit: str
+    rms: str
+
+
+def vehicle_rows(document: ResultDocument, motors: MotorsDocument) -> tuple[VehicleRow, ...]:
+    """Mass, inertia, thrust, lag and torque, with deviations and units, and whether each was given or found."""
+    return (
+        *_body(document, motors),
+        *_thrust(motors),
+        *_lag(document, motors),
+        *_torque(document),
+    )
+
+
+def _body(document: ResultDocument, motors: MotorsDocument) -> Iterator[VehicleRow]:
+    axes = {"I_xx": "p", "I_yy": "q", "I_zz": "r"}
+    for name, words in _NAMES.items():
+        found = document.parameters.get(name)
+        if found is None:
+            yield VehicleRow(
+                words=words, symbol=name, value=MISSING, unit="", note=_missing(motors, axes[name]), known=False
+            )
+        elif name == "m" and motors.scale is None:
+            yield VehicleRow(
+                words=words, symbol=name, value="1", unit="kg", note="assumed: multiply thrust and inertia"
+            )
+        else:
+            note = _STATUS.get(found.status, found.status)
+            per = name in ("I_xx", "I_yy") and motors.arm_m is None
+            yield _row(words, name, found, note=note or ("for an arm of 1 m" if per else ""))
+
+
+def _missing(motors: MotorsDocument, axis: str) -> str:
+    if any(axis in one.counted for one in motors.excitation):
+        return "kappa over I_zz alone is told"
+    return f"{AXIS_WORDS[axis]} was not excited"
+
+
+def _row(words: str, symbol: str, found: ParameterDocument, *, note: str = "") -> VehicleRow:
+    return VehicleRow(
+        words=words, symbol=symbol, value=with_error(found.value, found.std), unit=unit(found.unit), note=note
+    )
+
+
+def _thrust(motors: MotorsDocument) -> Iterator[VehicleRow]:
+    speed = motors.outputs == "speed"
+    hover = f"{significant(motors.hover_output)}{' rad/s' if speed else ''}"
+    highest = motors.flown_outputs[1]
+    beyond = f"extrapolated, flown up to {significant(highest, digits=2)}" if highest < FULL_OUTPUT else ""
+    told = {
+        "thrust_hover": ("Thrust of a rotor near hover", f"at the mean output, {hover}"),
+        "thrust_slope": ("Its slope there", "by the speed" if speed else "by the output from 0 to 1"),
+        "thrust_full": ("Thrust of a rotor at full output", beyond),
+        "thrust_to_weight": ("Thrust to weight", beyond),
+    }
+    for name, (words, note) in told.items():
+        if (found := motors.derived.get(name)) is not None:
+            value = with_error(found.value, found.std)
+            yield VehicleRow(words=words, symbol="", value=value, unit=unit(found.unit), note=note)
+
+
+def _lag(document: ResultDocument, motors: MotorsDocument) -> Iterator[VehicleRow]:
+    lag = document.parameters.get("T_motor")
+    if lag is not None:
+        value = milliseconds(lag.value, lag.std)
+        note = _STATUS.get(lag.status, lag.status)
+        yield VehicleRow(words="Motor lag", symbol="T_motor", value=value, unit="ms", note=note)
+    elif motors.outputs != "speed":
+        yield VehicleRow(
+            words="Motor lag", symbol="T_motor", value=MISSING, unit="", note=no_lag(document), known=False
+        )
+
+
+def _torque(document: ResultDocument) -> Iterator[VehicleRow]:
+    found = document.parameters
+    if "kappa" in found:
+        note = _STATUS.get(found["kappa"].status, found["kappa"].status)
+        yield _row("Torque of a rotor by its thrust", "kappa", found["kappa"], note=note)
+    elif "kappa_per_I_zz" in found:
+        yield _row("Torque by thrust, over yaw inertia", "kappa_per_I_zz", found["kappa_per_I_zz"])
+
+
+def excitation_rows(document: ResultDocument, motors: MotorsDocument) -> tuple[ExcitationRow, ...]:
+    """Every stretch; an axis that counts has a verdict with the share of its slow motion that the motors explain."""
+    records = document.records
+    return tuple(
+        ExcitationRow(
+            record=one.record,
+            interval=f"{one.start_s:.1f} to {one.stop_s:.1f} s",
+            rate=f"{significant(one.sample_rate_hz, digits=4)} Hz",
+            axes=tuple(_axis(one, axis, records[row].fit_percent) for axis in AXIS_WORDS),
+        )
+        for row, one in enumerate(motors.excitation)
+    )
+
+
+def _axis(one: ExcitationDocument, axis: str, percents: Mapping[str, float]) -> tuple[str, Verdict | None]:
+    percent = percents.get(_CHANNELS[axis])
+    counted = axis in one.counted and percent is not None
+    correlation = f"{one.correlation[axis]:.2f}" if axis in one.correlation else MISSING
+    return correlation, fit_verdict(percent) if counted and percent is not None else None
+
+
+def unseen_rows(records: Mapping[str, Mapping[str, ScoreDocument]]) -> tuple[UnseenRow, ...]:
+    """Every channel of every unseen stretch, in the units of paper."""
+    return tuple(
+        UnseenRow(
+            where=where,
+            channel=quantity(name).words,
+            verdict=prediction_verdict(one.tic, one.nrmse_fit_percent),
+            tic=significant(one.tic, digits=2),
+            fit=significant(one.nrmse_fit_percent),
+            rms=f"{significant(quantity(name).factor * one.rms)} {quantity(name).unit}",
+        )
+        for where, record in records.items()
+        for name, one in record.items()
+    )
+
+
+_POINTS = 201
+_MOST_NUMBERS = 60_000
+_LEAST_POINTS = 400
+_BEYOND = 1.15
+_TERMS = {"c_0": 0, "c_1": 1, "c_2": 2}
+_OUTPUTS = {
+    "output": "outputs to the motors, from 0 to 1",
+    "thrust_demand": "thrust that the mixer demands of each motor, from 0 to 1",
+    "speed": "measured speeds",
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Stretch:
+    """A stretch with its picture."""
+
+    title: str
+    picture: Picture
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MotorsShown:
+    """What the page shows of motors, rotors and thrust."""
+
+    warnings: tuple[str, ...]
+    scale: str
+    rows: tuple[VehicleRow, ...]
+    open: tuple[str, ...]
+    source: str
+    layout: Picture
+    curve: Picture
+    axes: tuple[str, ...]
+    excitation: tuple[ExcitationRow, ...]
+    least: str
+    flights: tuple[Stretch, ...]
+    unseen: tuple[UnseenRow, ...]
+    unseen_flights: tuple[Stretch, ...]
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All of its figures."""
+        stretches = (*self.flights, *self.unseen_flights)
+        return (self.layout, self.curve, *(one.picture for one in stretches))
+
+
+def motors_shown(identified: Identification, *, key: str) -> MotorsShown | None:
+    """What to show of a fit of ``physical.motors``; nothing for another model.
+
+    Parameters
+    ----------
+    identified
+        What ``identify_motors`` found.
+    key
+        Prefix of the identifiers of its pictures.
+    """
+    document = identified.document
+    motors = document.motors
+    if motors is None:
+        return None
+    return MotorsShown(
+        warnings=motor_warnings(document),
+        scale=scale_sentence(document),
+        rows=vehicle_rows(document, motors),
+        open=open_questions(document),
+        source=_source(motors),
+        layout=Picture(
+            key=f"{key}-layout",
+            description=f"{len(motors.spins)} rotors from above with the numbers of their motors",
+            figure=rotor_layout(np.array(motors.rotors), np.array(motors.spins), in_meters=motors.arm_m is not None),
+        ),
+        curve=_curve(document, motors, key=f"{key}-curve"),
+        axes=tuple(AXIS_WORDS.values()),
+        excitation=excitation_rows(document, motors),
+        least=f"{LEAST_CORRELATION:g}",
+        flights=_flights(identified, motors, key),
+        unseen=unseen_rows(document.verification.records),
+        unseen_flights=_unseen(identified, motors, key),
+    )
+
+
+def _source(motors: MotorsDocument) -> str:
+    rate = significant(motors.outputs_rate_hz, digits=4)
+    return f"Motors: {_OUTPUTS.get(motors.outputs, motors.outputs)}, of {motors.source} at {rate} Hz. {motors.layout}."
+
+
+def _curve(document: ResultDocument, motors: MotorsDocument, *, key: str) -> Picture:
+    speed = motors.outputs == "speed"
+    outputs = np.linspace(
+        0.0, _BEYOND * motors.flown_outputs[1] if speed else max(1.0, motors.flown_outputs[1]), _POINTS
+    )
+    thrust_n, std_n = curve_with_error(document, outputs)
+    mass = document.parameters["m"].value
+    return Picture(
+        key=key,
+        description="Thrust of a rotor by its output, with one standard deviation and the outputs that were flown",
+        figure=thrust_curve(
+            outputs,
+            thrust_n,
+            std_n,
+            flown=motors.flown_outputs,
+            hover=motors.hover_output,
+            weight_n=mass * STANDARD_GRAVITY_M_S2 / len(motors.spins),
+            axis="Speed of the motor [rad/s]" if speed else "Output of the motor",
+        ),
+    )
+
+
+def curve_with_error(document: ResultDocument, outputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    r"""Thrust of a rotor and its standard deviation, both of the shape of the outputs.
+
+    .. math:: \sigma^2(x) = \sum_{ij} x^i x^j \, \mathrm{Cov}(c_i, c_j)
+
+    Parameters
+    ----------
+    document
+        A result with ``c_0``, ``c_1``, ``c_2``, or some of them, and the correlation of what is free.
+    outputs
+        Shape ``(n,)``.
+    """
+    found = {name: document.parameters[name] for name in _TERMS if name in document.parameters}
+    thrust_n = np.zeros(outputs.shape)
+    for name, one in found.items():
+        thrust_n = thrust_n + one.value * outputs ** _TERMS[name]
+    free = [name for name, one in found.items() if one.std]
+    if not free:
+        return thrust_n, np.zeros(outputs.shape)
+    deviations = np.stack([(found[name].std or 0.0) * outputs ** _TERMS[name] for name in free])
+    variance = np.einsum("in,ij,jn->n", deviations, _correlation(document.correlation, free), deviations)
+    return thrust_n, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _correlation(known: CorrelationDocument | None, names: Sequence[str]) -> FloatArray:
+    if known is None or not set(names) <= set(known.names):
+        return np.eye(len(names))
+    places = [known.names.index(name) for name in names]
+    return np.array(known.matrix, dtype=np.float64)[np.ix_(places, places)]
+
+
+def _flights(identified: Identification, motors: MotorsDocument, key: str) -> tuple[Stretch, ...]:
+    """Stretches with the channels that count; one that excites nothing shows only noise and is left out."""
+    document = identified.document
+    shown = []
+    for number, (one, record) in enumerate(zip(identified.simulated, document.records, strict=True)):
+        rows = [row for row, name in enumerate(document.outputs) if name in record.fit_percent]
+        if rows:
+            shown.append((number, one, rows))
+    numbers = sum(one.inputs.shape[0] + 2 * len(rows) for _, one, rows in shown)
+    return tuple(
+        Stretch(
+            title=f"{one.record}, {one.time_s[0]:.1f} to {one.time_s[-1]:.1f} s",
+            picture=Picture(
+                key=f"{key}-flight-{number}",
+                description=f"Accelerations measured and made by the motors, and the motors, in {one.record}",
+                figure=made_by_motors(
+                    one.time_s,
+                    one.inputs,
+                    one.measured[rows],
+                    one.simulated[rows],
+                    motor_names=document.inputs,
+                    channels=[document.outputs[row] for row in rows],
+                    held=motors.outputs != "speed",
+                    most=_most(numbers),
+                ),
+            ),
+        )
+        for number, one, rows in shown
+    )
+
+
+def _unseen(identified: Identification, motors: MotorsDocument, key: str) -> tuple[Stretch, ...]:
+    stretches = [one for one in identified.verifications if one.moved]
+    numbers = sum(one.inputs.shape[0] + 2 * len(one.moved) for one in stretches)
+    shown = []
+    for number, one in enumerate(stretches):
+        rows = [one.output_names.index(name) for name in one.moved]
+        picture = Picture(
+            key=f"{key}-unseen-{number}",
+            description=f"Accelerations measured and made by the motors, and the motors, in {one.record}, unseen",
+            figure=made_by_motors(
+                one.time_s,
+                one.inputs,
+                one.measured[rows],
+                one.predicted[rows],
+                motor_names=one.input_names,
+                channels=one.moved,
+                held=motors.outputs != "speed",
+                most=_most(numbers),
+            ),
+        )
+        title = f"{one.record}, {one.time_s[0]:.1f} to {one.time_s[-1]:.1f} s"
+        shown.append(Stretch(title=title, picture=picture))
+    return tuple(shown)
+
+
+def _most(traces: int) -> int:
+    return max(_LEAST_POINTS, _MOST_NUMBERS // max(traces, 1))

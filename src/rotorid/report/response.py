@@ -1,0 +1,364 @@
+"""The report on measured frequency responses: what can be used, the responses, and the loops.
+
+Rows of the tables of the response page: text for the page, from the numbers of the document.
+
+The pictures of a run of ``response``, each in all units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from rotorid.documents.response import EstimatedDocument, LoopDocument, PairDocument, ResponseDocument
+from rotorid.pipeline.loops import AxisLoop
+from rotorid.pipeline.responses import Responses
+from rotorid.plot.curves import runs
+from rotorid.plot.figure import quantity
+from rotorid.plot.frequency import bode, coherence_map, window_contributions
+from rotorid.plot.loops import MINUS_3_DB, Crossing, broken_loop, disturbance_rejection
+from rotorid.report.frame import MISSING, Picture, in_all_units, over_frequency, render, significant, unit, with_error
+from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
+from rotorid.report.words import Verdict, response_summary
+from rotorid.spectral.derived import Estimated
+from rotorid.spectral.loops import sensitivity
+from rotorid.typing import Axis, FloatArray
+
+_DB_PER_NEPER = 20.0 / math.log(10.0)
+_DEGREES = 180.0 / math.pi
+
+_LOOP_NUMBERS: Mapping[str, tuple[str, str, float]] = {
+    "crossover_rad_s": ("Crossover", "rad/s", 1.0),
+    "phase_margin_rad": ("Phase margin", "°", _DEGREES),
+    "delay_margin_s": ("Delay margin", "ms", 1e3),
+    "gain_margin_up": ("Gain margin upward", "dB", 0.0),
+    "gain_margin_down": ("Gain margin downward", "dB", 0.0),
+    "modulus_margin": ("Modulus margin", "", 1.0),
+    "modulus_omega_rad_s": ("Modulus margin at", "rad/s", 1.0),
+    "disturbance_rejection_bandwidth_rad_s": ("Disturbance-rejection bandwidth", "rad/s", 1.0),
+    "disturbance_rejection_peak": ("Disturbance-rejection peak", "dB", 0.0),
+    "disturbance_rejection_peak_omega_rad_s": ("Disturbance-rejection peak at", "rad/s", 1.0),
+    "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s", 1.0),
+    "attitude_phase_bandwidth_rad_s": ("Attitude phase bandwidth", "rad/s", 1.0),
+    "attitude_gain_bandwidth_rad_s": ("Attitude gain bandwidth", "rad/s", 1.0),
+    "attitude_omega_180_rad_s": ("Attitude lag of 180° at", "rad/s", 1.0),
+    "attitude_phase_delay_s": ("Attitude phase delay", "ms", 1e3),
+    "attitude_fitted_phase_delay_s": ("Fitted attitude phase delay", "ms", 1e3),
+}
+"""Words, unit and factor of what a loop shows, in the order of the table; a factor of zero asks for decibels."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PairRow:
+    """What can be used of one response."""
+
+    name: str
+    words: str
+    band: str
+    hertz: str
+    points: str
+    coherence: str
+    error: str
+    difference: str
+    leakage: str
+    noise: str
+    unit: str
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is anything to use."""
+        return self.points != "0"
+
+
+def pair_rows(document: ResponseDocument) -> tuple[PairRow, ...]:
+    """One row for each response ``output/input``."""
+    return tuple(_pair_row(name, pair) for name, pair in document.pairs.items())
+
+
+def _pair_row(name: str, pair: PairDocument) -> PairRow:
+    output, _, input = name.partition("/")
+    low, high = pair.band_rad_s or (math.nan, math.nan)
+    error = None if pair.mean_random_error is None else 100.0 * pair.mean_random_error
+    turn = 2.0 * math.pi
+    return PairRow(
+        name=name,
+        words=f"{quantity(output).words} over {quantity(input).words}",
+        band=f"{significant(low)} to {significant(high)}" if pair.band_rad_s else "nothing",
+        hertz=f"{significant(low / turn)} to {significant(high / turn)} Hz" if pair.band_rad_s else "",
+        points=str(pair.points),
+        coherence=_coherence(pair.mean_coherence),
+        error=significant(error, digits=2),
+        difference=significant(pair.direct_difference_db, digits=2),
+        leakage=significant(pair.leakage_percent, digits=2),
+        noise=significant(pair.largest_input_noise_db, digits=2),
+        unit=unit(pair.unit) or "1",
+    )
+
+
+def _coherence(value: float | None) -> str:
+    return MISSING if value is None else f"{value:.2f}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopRow:
+    """A number that a loop showed."""
+
+    words: str
+    value: str
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Unseen:
+    """Numbers that a loop did not show, all for one reason."""
+
+    words: str
+    reason: str
+
+
+def loop_rows(loop: LoopDocument) -> tuple[LoopRow, ...]:
+    """What was seen of a loop, with standard deviations."""
+    return tuple(
+        LoopRow(words=words, value=_value(loop.numbers[name], factor), unit=of)
+        for name, (words, of, factor) in _LOOP_NUMBERS.items()
+        if name in loop.numbers
+    )
+
+
+def _value(number: EstimatedDocument, factor: float) -> str:
+    if factor:
+        return with_error(factor * number.value, factor * number.std)
+    return with_error(20.0 * math.log10(number.value), _DB_PER_NEPER * number.std / number.value)
+
+
+def unseen(loop: LoopDocument) -> tuple[Unseen, ...]:
+    """What was not seen of a loop: one entry for each reason."""
+    reasons: dict[str, list[str]] = {}
+    for name in _LOOP_NUMBERS:
+        if name in loop.not_seen:
+            # A peak and the place of it are missed together.
+            words = _LOOP_NUMBERS[name][0].removesuffix(" at").lower()
+            reasons.setdefault(loop.not_seen[name], []).append(words)
+    return tuple(
+        Unseen(words=", ".join(dict.fromkeys(words)).capitalize(), reason=reason.removeprefix("not seen: "))
+        for reason, words in reasons.items()
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SplitRow:
+    """How two inputs moved together."""
+
+    inputs: str
+    coherence: str
+
+
+def split_rows(document: ResponseDocument) -> tuple[SplitRow, ...]:
+    """One row for every two inputs."""
+    return tuple(
+        SplitRow(inputs=name.replace(",", ", "), coherence=_coherence(mean))
+        for name, mean in document.input_coherence.items()
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RecordRow:
+    """A maneuver, its coherence when taken alone, and whether it entered the estimate."""
+
+    maneuver: ManeuverRow
+    coherence: str
+    verdict: Verdict
+
+
+def record_rows(document: ResponseDocument) -> tuple[RecordRow, ...]:
+    """One row for each maneuver that was looked at."""
+    return tuple(
+        RecordRow(
+            maneuver=maneuver_row(record.record, record),
+            coherence=", ".join(f"{name} {_coherence(mean)}" for name, mean in record.coherence.items()),
+            verdict=Verdict("good", "used") if record.used else Verdict("fair", "left out"),
+        )
+        for record in document.records
+    )
+
+
+def bands_picture(result: Responses) -> Picture:
+    """Unbroken usable bands of all responses; where points are missing between two, the bar breaks."""
+    response = result.response
+    usable = {
+        (output, input): [_span(response.omega_rad_s, run) for run in runs(result.used[y, u])]
+        for y, output in enumerate(response.outputs)
+        for u, input in enumerate(response.inputs)
+    }
+    return over_frequency(
+        partial(coherence_map, usable, asked=result.measured.asked_rad_s),
+        key="bands",
+        description="Usable bands of all responses over frequency",
+    )
+
+
+def _span(omega_rad_s: FloatArray, run: slice) -> tuple[float, float]:
+    inside = omega_rad_s[run]
+    if inside.size > 1:
+        return float(inside[0]), float(inside[-1])
+    # A lonely point stands for the half steps to its neighbors: a bar needs a width.
+    below, above = omega_rad_s[max(run.start - 1, 0)], omega_rad_s[min(run.stop, omega_rad_s.size - 1)]
+    return float(np.sqrt(below * inside[0])), float(np.sqrt(inside[0] * above))
+
+
+def response_pictures(result: Responses) -> tuple[Picture, ...]:
+    """A Bode picture of each response of which something can be used, over the direct estimate."""
+    return tuple(
+        in_all_units(
+            partial(
+                bode,
+                result.response,
+                output=output,
+                input=input,
+                beside=result.measured.beside,
+                fitted=result.used,
+                least_coherence=result.least_coherence,
+            ),
+            key=f"response-{number}",
+            description=f"Bode plot of {quantity(output).words} over {quantity(input).words}",
+            converted=True,
+        )
+        for number, (output, input) in enumerate(_usable(result))
+    )
+
+
+def window_pictures(result: Responses) -> tuple[Picture, ...]:
+    """Which window carries which frequency of each response of which something can be used."""
+    response, diagnostics = result.response, result.measured.diagnostics
+    pictures = []
+    for number, (output, input) in enumerate(_usable(result)):
+        row = response.pair(output, input)
+        draw = partial(
+            window_contributions,
+            response.omega_rad_s,
+            diagnostics.windows_s,
+            diagnostics.share[row],
+            diagnostics.window_error[row],
+            composite_error=response.random_error[row],
+        )
+        words = f"Windows behind {quantity(output).words} over {quantity(input).words}"
+        pictures.append(over_frequency(draw, key=f"windows-{number}", description=words, converted=True))
+    return tuple(pictures)
+
+
+def _usable(result: Responses) -> list[tuple[str, str]]:
+    """Outputs and inputs of the responses of which something can be used."""
+    response = result.response
+    return [(response.outputs[y], response.inputs[u]) for y, u in np.argwhere(result.used.any(axis=-1))]
+
+
+def loop_pictures(axis: Axis, loop: AxisLoop) -> tuple[Picture, ...]:
+    """The broken loop with its margins and the sensitivity with its bandwidth; none where the loop was not seen."""
+    if loop.loop is None:
+        return ()
+    margins, rejection = loop.margins, loop.rejection
+    broken = partial(
+        broken_loop,
+        loop.loop.omega_rad_s,
+        loop.loop.values[0, 0],
+        random_error=loop.loop.random_error[0, 0],
+        gain_crossovers=[_crossing(c.omega_rad_s, c.phase_margin_rad) for c in margins.gain_crossovers]
+        if margins
+        else (),
+        phase_crossovers=[_crossing(c.omega_rad_s, c.gain_margin) for c in margins.phase_crossovers] if margins else (),
+    )
+    response = sensitivity(loop.loop)
+    at = Estimated(value=10.0 ** (MINUS_3_DB / 20.0), std=0.0)
+    rejected = partial(
+        disturbance_rejection,
+        response.omega_rad_s,
+        response.values[0, 0],
+        random_error=response.random_error[0, 0],
+        bandwidth=_crossing(rejection.bandwidth_rad_s, at) if rejection and rejection.bandwidth_rad_s else None,
+        peak=_crossing(rejection.peak_omega_rad_s, rejection.peak)
+        if rejection and rejection.peak_omega_rad_s and rejection.peak
+        else None,
+    )
+    return (
+        in_all_units(broken, key=f"loop-{axis}", description=f"Broken {axis} loop with its margins"),
+        in_all_units(rejected, key=f"rejection-{axis}", description=f"Sensitivity of the {axis} loop"),
+    )
+
+
+def _crossing(where: Estimated, what: Estimated) -> Crossing:
+    return Crossing(omega_rad_s=where.value, omega_std_rad_s=where.std, value=what.value, value_std=what.std)
+
+
+def timeline_pictures(result: Responses) -> tuple[Picture, ...]:
+    """The flights, with the maneuvers shaded that entered the estimate."""
+    document = result.document
+    return timelines(
+        result.segments,
+        [record for record in document.records if record.used],
+        inputs=document.inputs,
+        outputs=document.outputs,
+        key="timeline",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """The loop of one axis on the page."""
+
+    axis: str
+    method: str
+    rows: tuple[LoopRow, ...]
+    unseen: tuple[Unseen, ...]
+    pictures: tuple[Picture, ...]
+
+
+def render_responses(result: Responses, *, title: str) -> str:
+    """The report as one HTML document, which holds everything it shows and lets no text of a log act.
+
+    Parameters
+    ----------
+    result
+        What ``response`` found.
+    title
+        Heading of the page.
+    """
+    document = result.document
+    bands, responses, windows = bands_picture(result), response_pictures(result), window_pictures(result)
+    timelines, loops = timeline_pictures(result), _loops(result)
+    of_loops = [picture for loop in loops for picture in loop.pictures]
+    return render(
+        "response.html",
+        title=title,
+        document=document,
+        sentences=response_summary(document),
+        least_coherence=result.least_coherence,
+        pairs=pair_rows(document),
+        bands=bands,
+        responses=responses,
+        loops=loops,
+        splits=split_rows(document),
+        condition=significant(document.largest_condition),
+        windows=windows,
+        records=record_rows(document),
+        timelines=timelines,
+        remarks=finding_rows(document.findings),
+        pictures=[bands, *responses, *of_loops, *windows, *timelines],
+    )
+
+
+def _loops(result: Responses) -> tuple[Loop, ...]:
+    documents = result.document.loops
+    return tuple(
+        Loop(
+            axis=axis,
+            method=documents[axis].method,
+            rows=loop_rows(documents[axis]),
+            unseen=unseen(documents[axis]),
+            pictures=loop_pictures(axis, loop),
+        )
+        for axis, loop in result.loops.items()
+    )

@@ -1,0 +1,346 @@
+"""The report of ``verify``: what unseen maneuvers and unseen sweeps say about a model.
+
+Maneuvers that the fit had not seen, each measured and predicted.
+
+Scores of unseen maneuvers as rows: open loop, ahead, closed loop.
+
+Bode pictures of sweeps that the fit had not seen, with the model over them and the cost of each response.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+from rotorid.pipeline.frequency_check import FrequencyCheck, PairCheck
+from rotorid.pipeline.verification import Verified
+from rotorid.pipeline.verify_document import GuidelineDocument, VerifyDocument
+from rotorid.plot.figure import quantity
+from rotorid.plot.frequency import COHERENCE_GUIDELINE, bode
+from rotorid.plot.time import ahead, closed_loop, verification
+from rotorid.report.frame import MISSING, Picture, in_all_units, render, significant
+from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, maneuver_row, on_axis, range_rows
+from rotorid.report.words import Verdict, cost_verdict, maneuver_verdict, prediction_verdict, unseen_sentences
+from rotorid.verification.closed_loop import ClosedLoop
+from rotorid.verification.scores import JRMS_GUIDELINE
+from rotorid.verification.verification import Verification, verdict
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScoreRow:
+    """How one output or command of an unseen maneuver was predicted.
+
+    Parameters
+    ----------
+    output
+        In words.
+    moved
+        Whether the maneuver moved it, so that it tells of the model.
+    tic, fit, verdict, rms, shift
+        Of the open loop; a command has none, for it drives it.
+    ahead
+        Theil coefficient and skill over each horizon; empty for a command.
+    loop
+        Theil coefficient in closed loop.
+    """
+
+    output: str
+    moved: bool
+    tic: str = MISSING
+    fit: str = MISSING
+    verdict: Verdict | None = None
+    rms: str = MISSING
+    shift: str = MISSING
+    ahead: tuple[tuple[str, str], ...] = ()
+    loop: str = MISSING
+
+
+def score_rows(check: Verification) -> tuple[ScoreRow, ...]:
+    """Rows of one verification, in the units of paper: outputs that moved, the others, then commands."""
+    moved = check.moved or check.output_names
+    ordered = sorted(check.scores, key=lambda name: name not in moved)
+    return (*(_output(check, name, name in moved) for name in ordered), *_commands(check))
+
+
+def horizons(check: Verification) -> tuple[str, ...]:
+    """The horizons over which a maneuver was predicted ahead."""
+    return tuple(f"{one.horizon_s:.2g} s" for one in check.ahead.horizons) if check.ahead else ()
+
+
+def _output(check: Verification, name: str, moved: bool) -> ScoreRow:
+    scores, paper = check.scores[name], quantity(name)
+    return ScoreRow(
+        output=paper.words,
+        moved=moved,
+        tic=significant(scores.tic, digits=2),
+        fit=significant(scores.nrmse_fit_percent),
+        verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent) if moved else None,
+        rms=f"{significant(paper.factor * scores.rms)} {paper.unit}",
+        shift=f"{significant(paper.factor * scores.reference_shift, digits=2)} {paper.unit}",
+        ahead=_ahead(check, name),
+        loop=_loop(check, name),
+    )
+
+
+def _commands(check: Verification) -> list[ScoreRow]:
+    if check.closed_loop is None:
+        return []
+    names = check.closed_loop.names[check.closed_loop.outputs :]
+    return [ScoreRow(output=quantity(name).words, moved=True, loop=_loop(check, name)) for name in names]
+
+
+def _ahead(check: Verification, name: str) -> tuple[tuple[str, str], ...]:
+    found = [one.scores[name] for one in check.ahead.horizons] if check.ahead else []
+    return tuple((significant(scores.tic, digits=2), significant(scores.skill, digits=2)) for scores in found)
+
+
+def _loop(check: Verification, name: str) -> str:
+    flown = check.closed_loop
+    return significant(flown.scores[name].tic, digits=2) if flown and name in flown.scores else MISSING
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Check:
+    """One unseen maneuver on the page."""
+
+    maneuver: ManeuverRow
+    verdict: Verdict | None
+    scores: tuple[ScoreRow, ...]
+    horizons: tuple[str, ...]
+    j_rms: str
+    picture: Picture
+    ahead: Picture | None
+    loop: Picture | None
+    loop_words: str
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All of its figures."""
+        return tuple(one for one in (self.picture, self.ahead, self.loop) if one is not None)
+
+
+def check_section(check: Verification, *, key: str) -> Check:
+    """Everything that the page says about one unseen maneuver.
+
+    Parameters
+    ----------
+    check
+        Measured and predicted.
+    key
+        Identifier of its picture.
+    """
+    moved = [name for name in check.output_names if name in (check.moved or check.output_names)]
+    what = f"of a {check.maneuver.kind} in {check.record}"
+    return Check(
+        maneuver=maneuver_row(check.record, check.maneuver),
+        verdict=maneuver_verdict(verdict(check)) if check.scores else None,
+        scores=score_rows(check),
+        horizons=horizons(check),
+        j_rms=significant(check.j_rms, digits=2),
+        picture=Picture(key=key, description=f"Measured and predicted outputs {what}", figure=verification(check)),
+        ahead=Picture(
+            key=f"{key}-ahead",
+            description=f"Outputs {what}, measured and predicted a little ahead",
+            figure=ahead(check.ahead, moved, of=check.output_names),
+        )
+        if check.ahead
+        else None,
+        loop=Picture(
+            key=f"{key}-loop",
+            description=f"Outputs and commands {what}, in flight and of the model under the same controller",
+            figure=closed_loop(check.closed_loop, moved),
+        )
+        if check.closed_loop
+        else None,
+        loop_words=_loop_words(check.closed_loop) if check.closed_loop else "",
+    )
+
+
+def _loop_words(flown: ClosedLoop) -> str:
+    """What drove the controllers, and how well they are known."""
+    driven = [
+        f"the {quantity(command).words} by {quantity(channel).words} "
+        f"(its controller alone has a TIC of {significant(flown.controller_tic[command], digits=2)})"
+        for command, channel in flown.setpoints.items()
+    ]
+    return f"Driven: {', '.join(driven)}."
+
+
+_MOST_UNFOLDED = 4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class UnseenResponse:
+    """One response of unseen sweeps on the page."""
+
+    name: str
+    words: str
+    cost: str
+    verdict: Verdict
+    band: str
+    points: str
+    leading: bool
+    picture: Picture | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class UnseenSweeps:
+    """Sweeps of one or several logs."""
+
+    records: tuple[str, ...]
+    responses: tuple[UnseenResponse, ...]
+
+    @property
+    def leading(self) -> tuple[UnseenResponse, ...]:
+        """Responses with a picture in sight."""
+        return tuple(one for one in self.responses if one.leading and one.picture)
+
+    @property
+    def folded(self) -> tuple[UnseenResponse, ...]:
+        """Responses whose picture folds away."""
+        return tuple(one for one in self.responses if not one.leading and one.picture)
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All figures."""
+        return tuple(one.picture for one in self.responses if one.picture)
+
+
+def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float = COHERENCE_GUIDELINE) -> UnseenSweeps:
+    """Everything that the page says about unseen sweeps.
+
+    Parameters
+    ----------
+    judged
+        Measured and modelled responses, and their costs.
+    key
+        Prefix of the identifiers of its pictures.
+    least_coherence
+        Coherence below which points were left out.
+    """
+    pairs = by_axis([(name.partition("/")[0], name.partition("/")[2]) for name in judged.pairs])
+    main = sum(on_axis(*pair) for pair in pairs)
+    leading = main if main and len(pairs) > _MOST_UNFOLDED else len(pairs)
+    return UnseenSweeps(
+        records=judged.records,
+        responses=tuple(
+            _response(judged, output, input, f"{key}-{number}", number < leading, least_coherence)
+            for number, (output, input) in enumerate(pairs)
+        ),
+    )
+
+
+def _response(
+    judged: FrequencyCheck, output: str, input: str, key: str, leading: bool, least_coherence: float
+) -> UnseenResponse:
+    pair: PairCheck = judged.pairs[f"{output}/{input}"]
+    words = f"{quantity(output).words} over {quantity(input).words}"
+    picture = None
+    if judged.response is not None and judged.model_response is not None:
+        draw = partial(
+            bode,
+            judged.response,
+            output=output,
+            input=input,
+            model=judged.model_response,
+            fitted=judged.used,
+            least_coherence=least_coherence,
+        )
+        described = f"Bode plot of {words} of unseen sweeps, measured and model"
+        picture = in_all_units(draw, key=key, description=described, converted=True)
+    return UnseenResponse(
+        name=f"{output}/{input}",
+        words=words,
+        cost=significant(pair.cost),
+        verdict=cost_verdict(pair.cost),
+        band=f"{significant(pair.band_rad_s[0])} to {significant(pair.band_rad_s[1])} rad/s",
+        points=str(pair.points),
+        leading=leading,
+        picture=picture,
+    )
+
+
+def render_verification(verified: Verified, *, title: str) -> str:
+    """The report as one HTML document, which holds everything it shows and lets no text of a log act.
+
+    Parameters
+    ----------
+    verified
+        What ``verify`` found.
+    title
+        Heading of the page.
+    """
+    document = verified.document
+    checks = [check_section(check, key=f"check-{number}") for number, check in enumerate(verified.verifications)]
+    sweeps = [unseen_sweeps(one, key=f"sweeps-{number}") for number, one in enumerate(verified.judged)]
+    return render(
+        "verification.html",
+        title=title,
+        document=document,
+        sentences=verification_summary(document),
+        checks=checks,
+        sweeps=sweeps,
+        j_rms=j_rms_sentence(document),
+        covered=range_rows(document.covered),
+        remarks=finding_rows(document.findings),
+        pictures=[
+            *(picture for check in checks for picture in check.pictures),
+            *(picture for one in sweeps for picture in one.pictures),
+        ],
+    )
+
+
+def verification_summary(document: VerifyDocument) -> tuple[str, ...]:
+    """What was found, in sentences: unseen maneuvers, closed loop, unseen sweeps."""
+    sentences: list[str] = []
+    if document.maneuvers:
+        sentences += unseen_sentences(document.maneuvers)
+    if closed := _closed_loop(document):
+        sentences.append(closed)
+    costs = {name: pair.value for sweep in document.frequency for name, pair in sweep.pairs.items()}
+    if costs:
+        worst = max(costs, key=costs.__getitem__)
+        several = f", of {len(costs)} responses at worst in {worst}" if len(costs) > 1 else f" in {worst}"
+        sentences.append(
+            f"Unseen sweeps: cost {significant(costs[worst])}{several}: {cost_verdict(costs[worst]).words}."
+        )
+    return tuple(sentences) or (f"Nothing could be said about {document.model}.",)
+
+
+def _closed_loop(document: VerifyDocument) -> str:
+    """The worst command in closed loop: rates would flatter the model."""
+    flown = [one.closed_loop for one in document.maneuvers if one.closed_loop]
+    commands = [(one.scores[name].tic, name) for one in flown for name in one.setpoints]
+    if not commands:
+        return ""
+    tic, name = max(commands)
+    own = max(one.controller_tic[name] for one in flown if name in one.controller_tic)
+    return (
+        f"In closed loop, under the controller that flew, the {name.replace('_', ' ')} comes out with a TIC of "
+        f"{significant(tic, digits=2)} at worst; the controller alone, on the measured rate, with one of "
+        f"{significant(own, digits=2)}."
+    )
+
+
+def j_rms_sentence(document: VerifyDocument) -> str:
+    """J_rms of all maneuvers against its guideline, in both readings where the scale is given; empty without any."""
+    if not document.maneuvers:
+        return ""
+    values = [one.j_rms for one in document.maneuvers]
+    ends = dict.fromkeys(significant(value, digits=2) for value in (min(values), max(values)))
+    return f"J_rms is {' to '.join(ends)} in degrees and feet. {_guideline(document.j_rms_guideline)}"
+
+
+def _guideline(guideline: GuidelineDocument | None) -> str:
+    low, high = JRMS_GUIDELINE
+    if guideline is None:
+        return (
+            f"The guideline of {low:g} to {high:g} is for aircraft of full scale; with --scale it is Froude scaled to "
+            "this vehicle."
+        )
+    root, printed = ([significant(value) for value in pair] for pair in (guideline.root, guideline.printed))
+    return (
+        f"The guideline of {low:g} to {high:g} at full scale becomes {root[0]} to {root[1]} for N = "
+        f"{significant(guideline.scale)} by the root of N, with which speeds go, and {printed[0]} to {printed[1]} by N "
+        "itself, as it is found in print."
+    )

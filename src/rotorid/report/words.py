@@ -1,0 +1,863 @@
+"""What numbers mean, in plain words and by the guidelines of the field.
+
+How the fit went, in words and as a small curve.
+
+How a fit in time went, in words.
+
+What a fit of ``physical.motors`` found, rests on and leaves open, in sentences.
+
+What a run of ``response`` found, in sentences.
+
+What the poles say: how the vehicle moves by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rotorid.data.findings import KINDS
+from rotorid.data.record import LOWEST_RATE_HZ
+from rotorid.documents.response import LoopDocument, PairDocument, ResponseDocument
+from rotorid.documents.result import (
+    CostDocument,
+    FitDocument,
+    ManeuverVerificationDocument,
+    MotorsDocument,
+    ParameterDocument,
+    PoleDocument,
+    ResultDocument,
+    ScoreDocument,
+)
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
+from rotorid.fitting.motors.fit import SLOW_HZ
+from rotorid.plot.figure import quantity
+from rotorid.plot.loops import s_plane
+from rotorid.report.frame import Picture, milliseconds, significant, unit, with_error
+from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
+from rotorid.verification.verification import Verdict as Found
+
+AXIS_WORDS = {"az": "thrust", "p": "roll", "q": "pitch", "r": "yaw"}
+"""Axes of the excitations in words."""
+
+FULL_OUTPUT = 0.99
+"""From here on full output was flown."""
+
+_INERTIAS = {"I_xx": "p", "I_yy": "q", "I_zz": "r"}
+_POOR_PERCENT = 0.0
+
+
+def motor_sentences(document: ResultDocument) -> tuple[str, ...]:
+    """Inertia, thrust and lag in numbers, and a scale that was assumed; empty for other models.
+
+    Parameters
+    ----------
+    document
+        The result.
+    """
+    motors = document.motors
+    if motors is None:
+        return ()
+    assumed = scale_sentence(document) if motors.scale is None else ""
+    told = (_inertia(document, motors), _thrust(motors), _lag(document, motors), assumed)
+    return tuple(sentence for sentence in told if sentence)
+
+
+def _inertia(document: ResultDocument, motors: MotorsDocument) -> str:
+    parts = [
+        f"{name} {with_error(one.value, one.std)}"
+        for name in _INERTIAS
+        if (one := document.parameters.get(name)) is not None and one.status in ("free", "tied")
+    ]
+    return f"Inertia: {', '.join(parts)} kg m²{_per(motors)}." if parts else ""
+
+
+def _per(motors: MotorsDocument) -> str:
+    per = [*([] if motors.scale else ["kilogram of mass"]), *([] if motors.arm_m else ["meter of arm"])]
+    return f" per {' and '.join(per)}" if per else ""
+
+
+def _thrust(motors: MotorsDocument) -> str:
+    found = motors.derived
+    beyond = "" if motors.flown_outputs[1] >= FULL_OUTPUT else " (extrapolated)"
+    parts = [
+        f"{with_error(found[name].value, found[name].std)} N {where}"
+        for name, where in (("thrust_hover", "near hover"), ("thrust_full", f"at full output{beyond}"))
+        if name in found
+    ]
+    if not parts:
+        return ""
+    ratio = found.get("thrust_to_weight")
+    over = f", {with_error(ratio.value, ratio.std)} times its share of the weight" if ratio else ""
+    return f"Thrust of a rotor: {' and '.join(parts)}{over}{'' if motors.scale else ', for a vehicle of 1 kg'}."
+
+
+def _lag(document: ResultDocument, motors: MotorsDocument) -> str:
+    lag = document.parameters.get("T_motor")
+    if lag is None:
+        return "" if motors.outputs == "speed" else f"Motor lag: {no_lag(document)}."
+    return f"Motor lag: {milliseconds(lag.value, lag.std)} ms{' (given)' if lag.status == 'fixed' else ''}."
+
+
+def no_lag(document: ResultDocument) -> str:
+    """What a fit without a motor lag says of it.
+
+    Parameters
+    ----------
+    document
+        A result that has no ``T_motor``.
+    """
+    delay = document.parameters.get("tau_gyro")
+    if delay is None:
+        return "not told from none, or from a delay"
+    return "none is seen, nor a delay" if delay.value == 0.0 else "not told from none, or from the delay tau_gyro"
+
+
+def scale_sentence(document: ResultDocument) -> str:
+    """What the scale of mass, thrust and inertia rests on; empty for other models.
+
+    Parameters
+    ----------
+    document
+        The result.
+    """
+    motors = document.motors
+    if motors is None:
+        return ""
+    if motors.scale is None:
+        return (
+            "No mass, thrust or inertia was given, and accelerations tell their ratios alone: the numbers are those of "
+            "a vehicle of 1 kg, to be multiplied with its mass."
+        )
+    mass = document.parameters.get("m") if motors.scale == "m" else None
+    what = f"mass of {significant(mass.value, digits=4)} kg" if mass else motors.scale
+    others = "thrust and inertia are" if motors.scale == "m" else "mass, thrust and inertia are"
+    return f"The given {what} sets the scale: {others} off by the percent that it is off."
+
+
+def open_questions(document: ResultDocument) -> tuple[str, ...]:
+    """What stays undetermined and why, a sentence each."""
+    return tuple(_open(document, document.motors)) if document.motors else ()
+
+
+def _open(document: ResultDocument, motors: MotorsDocument) -> Iterator[str]:
+    quiet = [axis for axis in AXIS_WORDS if not any(axis in one.counted for one in motors.excitation)]
+    if turns := [AXIS_WORDS[axis] for axis in quiet if axis != "az"]:
+        yield f"Inertia and damping of {_listed(turns)}: no stretch excites that. Fly a sweep or doublets."
+    if "az" in quiet:
+        yield "The curve of thrust: no stretch excites thrust, and it rests on the weight and the other axes alone."
+    if motors.scale is None:
+        yield "The scale of mass, thrust and inertia: weigh the vehicle and give --fix m=KILOGRAMS."
+    if motors.arm_m is None and {"I_xx", "I_yy"} & set(document.parameters):
+        yield (
+            "The size of the vehicle: I_xx and I_yy are those of an arm of 1 m. Measure from the center to the "
+            "farthest rotor and give --arm METERS."
+        )
+    if "kappa_per_I_zz" in document.parameters and "I_zz" not in document.parameters:
+        yield (
+            "The yaw inertia I_zz and the torque constant kappa apart: yaw tells their ratio alone. Give "
+            "--fix kappa=METERS from a bench, or --fix I_zz=VALUE."
+        )
+    if motors.outputs != "speed" and "T_motor" not in document.parameters:
+        yield f"The lag of the motors: {no_lag(document)}."
+    if "thrust_full" in motors.derived and motors.flown_outputs[1] < FULL_OUTPUT and motors.curve != "linear":
+        yield (
+            f"Thrust beyond an output of {significant(motors.flown_outputs[1], digits=2)}: nothing was flown there, "
+            "and full thrust is extrapolated."
+        )
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def motor_warnings(document: ResultDocument) -> tuple[str, ...]:
+    """What makes the numbers rough: motors that were logged too slowly, a fit that did not rest, motion left over."""
+    return tuple(_warnings(document, document.motors)) if document.motors else ()
+
+
+def _warnings(document: ResultDocument, motors: MotorsDocument) -> Iterator[str]:
+    if motors.outputs_rate_hz < LOWEST_RATE_HZ:
+        yield (
+            f"The motors are known only {significant(motors.outputs_rate_hz, digits=2)} times a second, and at least "
+            f"{LOWEST_RATE_HZ:.0f} are needed: what they did in between is not in the log. Take these numbers as rough "
+            "values; their ± includes what the gaps may hide."
+        )
+    rates = [one.sample_rate_hz for one in motors.excitation if one.counted]
+    if rates and min(rates) < LOWEST_RATE_HZ:
+        yield f"Rates or accelerations were logged at {significant(min(rates), digits=3)} Hz, too slowly as well."
+    if any(finding.kind == "not_converged" for finding in document.findings):
+        yield "The fit did not come to rest."
+    worse = [quantity(name).words for name, percent in (document.fit_percent or {}).items() if percent <= _POOR_PERCENT]
+    if worse:
+        yield f"Of {', '.join(worse)} the motors explain nothing: do not use what was identified from it."
+
+
+def method_sentences(document: ResultDocument) -> tuple[str, ...]:
+    """How the values were found; empty for other models."""
+    motors = document.motors
+    if motors is None:
+        return ()
+    return (*_methods(motors), _between(motors))
+
+
+def _methods(motors: MotorsDocument) -> Iterator[str]:
+    counted = {axis for one in motors.excitation for axis in one.counted}
+    if counted - {"az"}:
+        yield (
+            "Prediction error: from sample to sample the motors predict how the rates change. The autoregressions that "
+            "whiten the errors of that were estimated by turns with the values, so that a controller that answers to "
+            "noise does not bias them."
+        )
+    if "az" in counted:
+        yield "Errors of the specific force were squared as they are; their color counts in the uncertainty."
+    yield "A stretch counts for an axis where its motors explain the slow motion; its mean force counts as weight."
+
+
+def _between(motors: MotorsDocument) -> str:
+    if motors.outputs == "speed":
+        return "Measured speeds were joined by straight lines between their samples."
+    return "Outputs were held between their samples, as motors are told them."
+
+
+_STILL_RAD_S = 1e-9
+"""A pole this near to the origin is an integrator but for rounding."""
+_SURE_SIGMAS = 2.0
+
+_RATES = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "psi")}
+_HOVERING = {"roll": ("v", "phi"), "pitch": ("u", "theta")}
+"""States of the unstable oscillation of every hovering rotorcraft: it tilts, drifts, and is turned back too far."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PoleRow:
+    """A mode of the model; a conjugate pair is one."""
+
+    real: str
+    imag: str
+    frequency: str
+    damping: str
+    words: str
+    unstable: bool
+
+
+def pole_rows(poles: Sequence[PoleDocument]) -> tuple[PoleRow, ...]:
+    """One row for each mode, slow ones first; the lower pole of a conjugate pair is left out."""
+    return tuple(
+        PoleRow(
+            real=with_error(pole.real, pole.real_std) if pole.real_std else significant(pole.real),
+            imag=(with_error(pole.imag, pole.imag_std) if pole.imag_std else significant(pole.imag))
+            if pole.imag
+            else "0",
+            frequency=with_error(pole.frequency_rad_s, pole.frequency_std_rad_s)
+            if pole.frequency_std_rad_s
+            else significant(pole.frequency_rad_s),
+            damping=with_error(pole.damping, pole.damping_std)
+            if pole.damping_std
+            else significant(pole.damping, digits=2),
+            words=pole_words(pole),
+            unstable=grows(pole),
+        )
+        for pole in _modes(poles)
+    )
+
+
+def pole_words(pole: PoleDocument) -> str:
+    """How a mode moves: its time constant, or how fast it grows, and its oscillation.
+
+    Examples
+    --------
+    >>> pole_words(PoleDocument(real=-4.0, imag=0.0, damping=1.0, frequency_rad_s=4.0))
+    'stable, time constant 0.25 s'
+    """
+    swing = f", oscillates at {significant(pole.frequency_rad_s)} rad/s" if pole.imag else ""
+    if abs(pole.real) <= _STILL_RAD_S:
+        return f"neither decays nor grows{swing}"
+    if not _sure(pole):
+        return f"{'decays' if pole.real < 0.0 else 'grows'} slowly or not at all: within 2 σ of neither{swing}"
+    if pole.real < 0.0:
+        return f"stable, time constant {significant(-1.0 / pole.real)} s{swing}"
+    return f"grows, doubling in {_doubling(pole)} s{swing}"
+
+
+def grows(pole: PoleDocument) -> bool:
+    """Whether a mode grows for sure: by more than two standard deviations where one is known."""
+    return pole.real > _STILL_RAD_S and _sure(pole)
+
+
+def mode_sentences(document: ResultDocument) -> tuple[str, ...]:
+    """What a pilot without an autopilot would meet; nothing where no mode grows for sure."""
+    growing = [pole for pole in _modes(document.poles) if grows(pole)]
+    swinging = [pole for pole in growing if pole.imag]
+    hovering = [axis for axis, states in _HOVERING.items() if set(states) <= set(document.states)]
+    axes = hovering or [axis for axis, states in _RATES.items() if set(states) & set(document.states)]
+    of = axes[0].capitalize() if len(axes) == 1 else "The vehicle"
+    known = ", as multirotors do without an autopilot" if hovering else ""
+    sentences = []
+    if len(swinging) == 1:
+        (pole,) = swinging
+        speed = significant(pole.frequency_rad_s)
+        sentences.append(f"{of} oscillates at {speed} rad/s and grows, doubling in {_doubling(pole)} s{known}.")
+    elif swinging:
+        fastest = max(swinging, key=lambda pole: pole.real)
+        sentences.append(
+            f"{len(swinging)} modes oscillate and grow, the fastest doubling in {_doubling(fastest)} s{known}."
+        )
+    sentences += [
+        f"One mode grows without oscillating, doubling in {_doubling(pole)} s." for pole in growing if not pole.imag
+    ]
+    return tuple(sentences)
+
+
+def poles_sentence(poles: Sequence[PoleDocument]) -> str:
+    """How many poles there are and how many of them grow."""
+    growing = sum(grows(pole) for pole in poles)
+    total = "1 pole" if len(poles) == 1 else f"{len(poles)} poles"
+    return f"{total}, {growing or 'none'} of them unstable."
+
+
+def poles_picture(poles: Sequence[PoleDocument], *, key: str) -> Picture | None:
+    """The poles in the plane of s; none where there are no finite poles."""
+    finite = [pole for pole in poles if math.isfinite(pole.real) and math.isfinite(pole.imag)]
+    if not finite:
+        return None
+    draw = partial(
+        s_plane,
+        np.array([complex(pole.real, pole.imag) for pole in finite]),
+        std=np.array([_spread(pole) for pole in finite]),
+        words=[f"{_value(pole)}<br>{pole_words(pole)}".replace("<br>", ": ") for pole in finite],
+    )
+    return Picture(
+        key=key, description="Poles of the model in the complex plane, with their uncertainty", figure=draw()
+    )
+
+
+def _modes(poles: Sequence[PoleDocument]) -> list[PoleDocument]:
+    return sorted((pole for pole in poles if pole.imag >= 0.0), key=lambda pole: pole.frequency_rad_s)
+
+
+def _sure(pole: PoleDocument) -> bool:
+    return pole.real_std is None or abs(pole.real) > _SURE_SIGMAS * pole.real_std
+
+
+def _doubling(pole: PoleDocument) -> str:
+    """Time in which the amplitude doubles: ln 2 over the real part."""
+    return significant(math.log(2.0) / pole.real, digits=2)
+
+
+def _spread(pole: PoleDocument) -> complex:
+    if pole.real_std is None or pole.imag_std is None:
+        return complex(math.nan, math.nan)
+    return complex(pole.real_std, pole.imag_std)
+
+
+def _value(pole: PoleDocument) -> str:
+    sign = "−" if pole.imag < 0.0 else "+"
+    return significant(pole.real) + (f" {sign} {significant(abs(pole.imag))} j" if pole.imag else "")
+
+
+Level: TypeAlias = Literal["good", "fair", "poor"]
+
+LEVELS: tuple[Level, ...] = ("good", "fair", "poor")
+
+_LAG = "T_motor"
+_GAINS = {
+    "roll_command": ("Roll", "L_roll", "tau_roll"),
+    "pitch_command": ("Pitch", "M_pitch", "tau_pitch"),
+    "yaw_command": ("Yaw", "N_yaw", "tau_yaw"),
+    "thrust_command": ("Thrust", "Z_thrust", "tau_thrust"),
+}
+_EFFECTS = {
+    "L": "rolling moment",
+    "M": "pitching moment",
+    "N": "yawing moment",
+    "X": "forward force",
+    "Y": "side force",
+    "Z": "vertical force",
+}
+_DELAYS = "delays and lags"
+_MASSES = "mass, thrust and inertia"
+_PHYSICAL = {
+    "m": "mass",
+    "I_xx": "roll inertia",
+    "I_yy": "pitch inertia",
+    "I_zz": "yaw inertia",
+    "c_0": "thrust of a rotor at no output",
+    "c_1": "thrust of a rotor by its output",
+    "c_2": "thrust of a rotor by its output squared",
+    "kappa": "torque of a rotor by its thrust",
+    "kappa_per_I_zz": "torque by thrust, over yaw inertia",
+}
+_LATE = {"tau_gyro": "delay from outputs to the gyros", "tau_accel": "delay from outputs to the accelerometer"}
+_FOUND: dict[Found, tuple[Level, str, str]] = {
+    "good": ("good", "good", "predicted well"),
+    "diverges": (
+        "good",
+        "good ahead, diverges in open loop",
+        "predicted well ahead, while the open loop diverges as that of an unstable airframe must",
+    ),
+    "disturbed": ("fair", "disturbed", "too disturbed to judge"),
+    "poor": ("poor", "poor", "predicted poorly"),
+}
+"""Level, badge and words of what was found on a maneuver, the best first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A level for the eye and words for everybody."""
+
+    level: Level
+    words: str
+
+
+def cost_verdict(cost: float) -> Verdict:
+    """Verdict on a frequency-domain cost, by Tischler and Remple's guidelines of 50 and 100."""
+    if cost <= EXCELLENT_COST:
+        return Verdict("good", "hardly distinguishable from the flight")
+    if cost <= ACCEPTABLE_COST:
+        return Verdict("fair", "acceptable")
+    return Verdict("poor", "the model misses what was measured")
+
+
+def prediction_verdict(tic: float, fit_percent: float) -> Verdict:
+    """Verdict on a prediction by both of its scores: a Theil coefficient up to 0.25 and a fit of 50 % and more.
+
+    Good needs both. One alone is fair at most, and the words say which guideline was missed.
+
+    Examples
+    --------
+    >>> prediction_verdict(0.06, 91.0).words, prediction_verdict(0.23, 41.0).words
+    ('good', 'fit below the guideline')
+    """
+    met = guidelines_met(tic, fit_percent)
+    if met == GUIDELINES:
+        return Verdict("good", "good")
+    if met == 0:
+        return Verdict("poor", "both beyond the guideline")
+    return Verdict("fair", "TIC above the guideline" if fit_percent >= GOOD_FIT_PERCENT else "fit below the guideline")
+
+
+def fit_verdict(percent: float) -> Verdict:
+    """Verdict on how much of an output a model explains: 50 % and more are good, below 0 % the mean would do better.
+
+    Examples
+    --------
+    >>> fit_verdict(83.2)
+    Verdict(level='good', words='83.2 %')
+    """
+    level: Level = "good" if percent >= GOOD_FIT_PERCENT else "fair" if percent > 0.0 else "poor"
+    return Verdict(level, f"{percent:.1f} %")
+
+
+def maneuver_verdict(found: Found) -> Verdict:
+    """Verdict on an unseen maneuver as a badge.
+
+    Examples
+    --------
+    >>> maneuver_verdict("disturbed")
+    Verdict(level='fair', words='disturbed')
+    """
+    level, words, _ = _FOUND[found]
+    return Verdict(level, words)
+
+
+def worst_maneuver(maneuvers: Sequence[ManeuverVerificationDocument]) -> Verdict | None:
+    """Verdict on the worst of several maneuvers, with how many are like it; ``None`` without any."""
+    found = [one.verdict for one in maneuvers]
+    worst = max(found, key=list(_FOUND).index, default=None)
+    if worst is None:
+        return None
+    level, words, _ = _FOUND[worst]
+    count = found.count(worst)
+    return Verdict(level, words if count == len(found) else f"{count} of {len(found)} {words}")
+
+
+def unseen_sentences(maneuvers: Sequence[ManeuverVerificationDocument]) -> tuple[str, ...]:
+    """What unseen maneuvers say about the model: how many of each verdict, and the worst open loop of what moved."""
+    found = [one.verdict for one in maneuvers]
+    several = "1 maneuver" if len(found) == 1 else f"{len(found)} maneuvers"
+    groups = [(found.count(kind), words) for kind, (_, _, words) in _FOUND.items() if kind in found]
+    told = groups[0][1] if len(groups) == 1 else ", ".join(f"{count} {words}" for count, words in groups)
+    sentence = f"Unseen flight: {several}{' ' if len(groups) == 1 else ', '}{told}."
+    scores = [(name, one) for each in maneuvers for name, one in each.scores.items() if name in (each.moved or [name])]
+    if not scores:
+        return (sentence,)
+    name, worst = max(scores, key=lambda item: _badness(item[1]))
+    return (
+        sentence,
+        f"In open loop {'the worst' if len(scores) > 1 else 'the output'} is {quantity(name).words} with a TIC of "
+        f"{significant(worst.tic, digits=2)} and a fit of {significant(worst.nrmse_fit_percent, digits=2)} % (good: "
+        f"TIC up to {GOOD_TIC:g} and a fit of {GOOD_FIT_PERCENT:g} % and more).",
+    )
+
+
+def worst_record(records: Mapping[str, Mapping[str, ScoreDocument]]) -> Verdict | None:
+    """Verdict on the worst output of unseen records that are judged by their scores alone; ``None`` without any."""
+    scores = [one for record in records.values() for one in record.values()]
+    worst = max(scores, key=_badness, default=None)
+    return None if worst is None else prediction_verdict(worst.tic, worst.nrmse_fit_percent)
+
+
+def _records_sentence(records: Mapping[str, Mapping[str, ScoreDocument]]) -> str:
+    told = [(where, name, one) for where, record in records.items() for name, one in record.items()]
+    if not told:
+        return "The unseen flight moves no axis enough to judge the model."
+    where, name, worst = max(told, key=lambda item: _badness(item[2]))
+    good = sum(guidelines_met(one.tic, one.nrmse_fit_percent) == GUIDELINES for _, _, one in told)
+    return (
+        f"Unseen flight: {good} of {len(told)} predicted well{'; the worst is' if len(told) > 1 else ':'} "
+        f"{quantity(name).words} of {where} with a TIC of {significant(worst.tic, digits=2)} and a fit of "
+        f"{significant(worst.nrmse_fit_percent, digits=2)} % (good: TIC up to {GOOD_TIC:g} and a fit of "
+        f"{GOOD_FIT_PERCENT:g} % and more)."
+    )
+
+
+def _badness(scores: ScoreDocument) -> tuple[int, float]:
+    tic = scores.tic if math.isfinite(scores.tic) else math.inf
+    return -guidelines_met(scores.tic, scores.nrmse_fit_percent), tic
+
+
+def held_out(document: ResultDocument) -> bool:
+    """Whether the costs on unseen sweeps are those of a second model, fitted without the last maneuver."""
+    return any(finding.kind == "held_out" for finding in document.findings)
+
+
+def summary(document: ResultDocument) -> tuple[str, ...]:
+    """What was found: each input, modes that grow, the cost or the fit, and each kind of check.
+
+    Parameters
+    ----------
+    document
+        The result.
+    """
+    sentences = [sentence for name in document.inputs if (sentence := _input_sentence(document, name))]
+    sentences += motor_sentences(document)
+    if not sentences:
+        free = sum(parameter.status == "free" for parameter in document.parameters.values())
+        sentences.append(f"{document.model}: {free} parameters identified.")
+    if lag := _lag_sentence(document):
+        sentences.append(lag)
+    sentences += mode_sentences(document)
+    if document.fit_percent:
+        parts = [
+            f"{significant(percent)} % of {quantity(name).words}" for name, percent in document.fit_percent.items()
+        ]
+        slow = f", up to {SLOW_HZ:g} Hz" if document.motors else ""
+        sentences.append(f"The model explains {', '.join(parts)}{slow}.")
+    if document.cost is not None:
+        sentences.append(_cost_sentence(document.cost))
+    return (*sentences, *_unseen_sentences(document))
+
+
+def _cost_sentence(cost: CostDocument) -> str:
+    words = cost_verdict(cost.average).words
+    several = f" on average of {len(cost.pairs)} responses" if len(cost.pairs) > 1 else ""
+    sentence = f"Cost {significant(cost.average)}{several}: {words} (guideline: below {EXCELLENT_COST:.0f})."
+    worst = max(cost.pairs, key=lambda pair: cost.pairs[pair].value, default="")
+    if several and cost.pairs[worst].value > EXCELLENT_COST:
+        value = cost.pairs[worst].value
+        sentence += f" The worst is {worst} with {significant(value)}: {cost_verdict(value).words}."
+    return sentence
+
+
+def _unseen_sentences(document: ResultDocument) -> tuple[str, ...]:
+    sentences: list[str] = []
+    if document.verification.maneuvers:
+        sentences += unseen_sentences(document.verification.maneuvers)
+    elif document.verification.records:
+        sentences.append(_records_sentence(document.verification.records))
+    if costs := document.verification.frequency:
+        cost = max(costs.values())
+        what = "Held-out maneuver, by a second model fitted without it" if held_out(document) else "Unseen sweeps"
+        sentences.append(f"{what}: cost at worst {significant(cost)}, {cost_verdict(cost).words}.")
+    crossed = document.cross_validation
+    if crossed is not None and crossed.mean_percent is not None:
+        sentences.append(f"On records it was not identified on it explains {significant(crossed.mean_percent)} %.")
+    return tuple(sentences) or ("Not verified on an unseen flight yet.",)
+
+
+def _input_sentence(document: ResultDocument, name: str) -> str:
+    if name not in _GAINS:
+        return ""
+    axis, gain, delay = _GAINS[name]
+    found = {key: value for key, value in document.parameters.items() if value.status != "dropped"}
+    if gain not in found:
+        return ""
+    parts = [f"{with_error(found[gain].value, found[gain].std)} {unit(found[gain].unit)} per unit command"]
+    parts += [
+        f"{words} {_milliseconds(found[key])}"
+        for key, words in ((_LAG, "motor lag"), (delay, "delay"))
+        if key in found and found[key].unit == "s" and not (key == _LAG and _several(document))
+    ]
+    return f"{axis}: {', '.join(parts)}."
+
+
+def _several(document: ResultDocument) -> bool:
+    """Whether several axes share the motor lag, which then has a sentence of its own."""
+    return sum(name in _GAINS for name in document.inputs) > 1
+
+
+def _lag_sentence(document: ResultDocument) -> str:
+    lag = document.parameters.get(_LAG)
+    if lag is None or lag.status == "dropped" or not _several(document):
+        return ""
+    return f"Motor lag of all axes: {_milliseconds(lag)}."
+
+
+def _milliseconds(parameter: ParameterDocument) -> str:
+    return f"{milliseconds(parameter.value, parameter.std)} ms"
+
+
+def parameter_words(name: str) -> str:
+    """What a derivative or delay is; empty for a name that follows no convention.
+
+    Examples
+    --------
+    >>> parameter_words("L_roll"), parameter_words("tau_pitch"), parameter_words("k1")
+    ('rolling moment due to roll command', 'delay of the pitch command', '')
+    """
+    if name == _LAG:
+        return "motor lag"
+    if name in _PHYSICAL or name in _LATE:
+        return _PHYSICAL.get(name) or _LATE[name]
+    kind, _, of = name.partition("_")
+    command = f"{of}_command" in _GAINS
+    if kind == "tau":
+        return f"delay of the {of} command" if command else ""
+    known = quantity(of).words
+    cause = f"{of} command" if command else known.removesuffix(f" {of}") if known.endswith(f" {of}") else ""
+    return f"{_EFFECTS[kind]} due to {cause}" if kind in _EFFECTS and cause else ""
+
+
+def parameter_group(name: str, unit: str) -> str:
+    """The force or moment that a derivative belongs to, or that it is a delay, a mass or a thrust; empty for others.
+
+    Examples
+    --------
+    >>> parameter_group("M_q", "1/s"), parameter_group("T_motor", "s"), parameter_group("J_x", "kg m^2")
+    ('Pitching moment', 'Delays and lags', '')
+    """
+    kind = name.partition("_")[0]
+    group = _DELAYS if unit == "s" else _MASSES if name in _PHYSICAL else _EFFECTS.get(kind, "")
+    return group.capitalize()
+
+
+def finding_heading(kind: str) -> str:
+    """A friendly heading for a kind of finding.
+
+    Examples
+    --------
+    >>> finding_heading("gap"), finding_heading("odd_thing")
+    ('A gap in the data', 'Odd thing')
+    """
+    return KINDS[kind].heading if kind in KINDS else kind.replace("_", " ").capitalize()
+
+
+_WEIGHTS = {
+    "cifer": "Errors were weighed as CIFER does, by coherence alone.",
+    "covariance": (
+        "Errors were weighed by their measured covariance, over frequencies and outputs together, after a fit with "
+        "CIFER's weights."
+    ),
+}
+_WIDTH, _HEIGHT, _MARGIN = 120.0, 26.0, 3.0
+
+
+def fit_sentences(fit: FitDocument) -> tuple[str, ...]:
+    """What was weighed how, how the solver ended, and what its residuals say about the standard deviations."""
+    outcome = fit.outcome.rstrip(".")
+    count = "1 evaluation" if fit.evaluations == 1 else f"{fit.evaluations} evaluations"
+    sentences = [_WEIGHTS[fit.weights], f"The solver ended after {count}: {outcome[:1].lower()}{outcome[1:]}."]
+    if len(fit.trace) > 1:
+        steps = "1 step" if len(fit.trace) == 2 else f"{len(fit.trace) - 1} steps"
+        first, last = significant(fit.trace[0]), significant(fit.trace[-1])
+        sentences.append(f"In {steps} the cost of all responses together went from {first} to {last}.")
+    if fit.inflation > 1.0:
+        sentences.append(
+            f"Residuals are {significant(fit.inflation, digits=2)} times as large as the errors of the data explain; "
+            "standard deviations were raised by that factor."
+        )
+    return tuple(sentences)
+
+
+def sparkline(trace: Sequence[float]) -> str:
+    """Corners of a small curve of the cost on a logarithmic scale, as an SVG polyline of 120 by 26 takes them.
+
+    Empty where there is nothing to draw: fewer than three positive costs.
+
+    Examples
+    --------
+    >>> sparkline([100.0, 10.0, 1.0])
+    '3.0,3.0 60.0,13.0 117.0,23.0'
+    """
+    levels = [math.log(cost) for cost in trace if math.isfinite(cost) and cost > 0.0]
+    if len(levels) < 3:
+        return ""
+    low, high = min(levels), max(levels)
+    across = (_WIDTH - 2.0 * _MARGIN) / (len(levels) - 1)
+    down = (_HEIGHT - 2.0 * _MARGIN) / (high - low) if high > low else 0.0
+    corners = [(_MARGIN + across * at, _MARGIN + down * (high - level)) for at, level in enumerate(levels)]
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+
+
+_METHODS = {
+    "output_error": "Output error: the model was simulated from the inputs alone, and what is left of the outputs was "
+    "minimized, weighed by the covariance that it has.",
+    "prediction_error": "Prediction error: the model predicted every sample from those before it, with a noise model "
+    "that was fitted too, so that feedback biases nothing.",
+    "equation_error": "Equation error: the equations of motion were fitted to measured accelerations and states. Noise "
+    "in the states biases that.",
+}
+_HOLDS = {
+    "zero": "Inputs were held between their samples, as the commands were sent.",
+    "first": "Inputs were joined by straight lines between their samples.",
+}
+
+
+def time_sentences(document: ResultDocument, fit: FitDocument) -> tuple[str, ...]:
+    """The method, what inputs did between samples, how the solver ended, and the color of the residuals."""
+    outcome = fit.outcome.rstrip(".")
+    count = "1 evaluation" if fit.evaluations == 1 else f"{fit.evaluations} evaluations"
+    if document.motors is not None:
+        last = f"The last search ended after {count}: {outcome[:1].lower()}{outcome[1:]}."
+        return (*method_sentences(document), last)
+    sentences = [_METHODS.get(document.method, "")]
+    if document.hold:
+        sentences.append(_HOLDS[document.hold])
+    if document.pieces_s is not None:
+        sentences.append(f"The simulation began anew every {significant(document.pieces_s)} s.")
+    sentences.append(f"The solver ended after {count}: {outcome[:1].lower()}{outcome[1:]}.")
+    if document.residuals and document.residuals.memory:
+        sentences.append(
+            f"Residuals remember some {document.residuals.memory} samples; for that standard deviations are "
+            f"{significant(document.residuals.inflation, digits=2)} times those of white residuals."
+        )
+    return tuple(sentences)
+
+
+_FEW = 3
+"""So many responses are told one by one; of more, the best and the worst."""
+
+
+def response_summary(document: ResponseDocument) -> tuple[str, ...]:
+    """What was measured and how, what of it can be used, the loops, and the most serious finding.
+
+    Parameters
+    ----------
+    document
+        The result.
+    """
+    return (
+        *_measured(document),
+        *_usable(document),
+        *(sentence for axis, loop in document.loops.items() if (sentence := _loop(axis, loop))),
+        *_gravest(document),
+    )
+
+
+def _measured(document: ResponseDocument) -> tuple[str, str]:
+    """The channels and the data; the estimate with its instruments."""
+    outputs = listed([quantity(name).words for name in document.outputs])
+    inputs = listed([quantity(name).words for name in document.inputs])
+    used = [record for record in document.records if record.used]
+    seconds = significant(sum(record.stop_s - record.start_s for record in used))
+    kinds = {f"{record.axis} {record.kind.replace('_', ' ')}" for record in used}
+    of = kinds.pop() if len(kinds) == 1 else "maneuver"
+    data = f", from {len(used)} {of}{_s(used)} of {seconds} s{' together' if len(used) > 1 else ''}" if used else ""
+    return f"{_capital(outputs)} over {inputs}{data}.", _estimate(document)
+
+
+def _estimate(document: ResponseDocument) -> str:
+    if document.estimate == "joint":
+        instruments = f"{listed(document.instruments)} as instrument{_s(document.instruments)}"
+        return f"Joint estimate with {instruments}, which keeps feedback out of it."
+    return "Direct estimate, without an instrument: feedback through the controller may bias it."
+
+
+def _usable(document: ResponseDocument) -> tuple[str, ...]:
+    count = len(document.pairs)
+    if count <= _FEW:
+        return tuple(
+            f"{_capital(_words(name))}: {f'usable {_band(pair)}' if pair.points else 'nothing can be used'}."
+            for name, pair in document.pairs.items()
+        )
+    usable = {name: pair for name, pair in document.pairs.items() if pair.points}
+    if not usable:
+        return (f"None of the {count} responses can be used.",)
+    ordered = sorted(usable, key=lambda name: _octaves(usable[name]))
+    narrow, wide = ordered[0], ordered[-1]
+    found = "All" if len(usable) == count else f"{len(usable)} of"
+    return (
+        f"{found} {count} responses can be used in some band.",
+        f"Widest: {_words(wide)}, {_band(usable[wide])}.",
+        *((f"Narrowest: {_words(narrow)}, {_band(usable[narrow])}.",) if narrow != wide else ()),
+    )
+
+
+def _words(name: str) -> str:
+    """A response ``output/input`` in words."""
+    output, _, input = name.partition("/")
+    return f"{quantity(output).words} over {quantity(input).words}"
+
+
+def _band(pair: PairDocument) -> str:
+    """The usable band of a response and how good it is there."""
+    low, high = pair.band_rad_s or (math.nan, math.nan)
+    quality = f"a mean coherence of {pair.mean_coherence:.2f} and an error of"
+    error = significant(100.0 * (pair.mean_random_error or 0.0), digits=2)
+    return f"from {significant(low)} to {significant(high)} rad/s, with {quality} {error} %"
+
+
+def _octaves(pair: PairDocument) -> float:
+    low, high = pair.band_rad_s or (1.0, 1.0)
+    return math.log2(high / low)
+
+
+def _loop(axis: str, loop: LoopDocument) -> str:
+    """Crossover and margins of one axis; empty where none was seen."""
+    seen = []
+    if crossover := loop.numbers.get("crossover_rad_s"):
+        seen.append(f"crossover at {with_error(crossover.value, crossover.std)} rad/s")
+    if phase := loop.numbers.get("phase_margin_rad"):
+        seen.append(f"phase margin {with_error(math.degrees(phase.value), math.degrees(phase.std))}°")
+    if up := loop.numbers.get("gain_margin_up"):
+        std_db = 20.0 / math.log(10.0) * up.std / up.value
+        seen.append(f"gain margin {with_error(20.0 * math.log10(up.value), std_db)} dB")
+    if bandwidth := loop.numbers.get("attitude_bandwidth_rad_s"):
+        seen.append(f"attitude bandwidth {with_error(bandwidth.value, bandwidth.std)} rad/s")
+    return f"{axis.capitalize()} loop: {', '.join(seen)}." if seen else ""
+
+
+def _gravest(document: ResponseDocument) -> tuple[str, ...]:
+    for severity in ("error", "warning"):
+        for finding in document.findings:
+            if finding.severity == severity:
+                where = f" ({finding.where})" if finding.where else ""
+                heading = finding_heading(finding.kind)
+                return (f"Most serious finding: {heading[:1].lower()}{heading[1:]}{where}: {finding.message}",)
+    return ()
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as a reader lists them.
+
+    Examples
+    --------
+    >>> listed(["p"]), listed(["p", "ay", "v"])
+    ('p', 'p, ay and v')
+    """
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]
+
+
+def _s(counted: Sequence[object]) -> str:
+    return "" if len(counted) == 1 else "s"

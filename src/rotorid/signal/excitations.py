@@ -1,0 +1,423 @@
+r"""Find excitations in signals: where an axis was moved on purpose, how, and over which band.
+
+Whether an excitation repeats, as a multisine does, and which lines it then has.
+
+A signal of period :math:`T` is its own copy one period later,
+
+.. math:: r(\tau) = \frac{\int x(t) \, x(t + \tau) \, dt}{\sqrt{\int x^2(t) \, dt \int x^2(t + \tau) \, dt}}, \qquad
+    r(T) = 1
+
+over the time in which both are there. A command that contains feedback repeats only in part, a test input exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Kind, Maneuver
+from rotorid.typing import Axis, BoolArray, FloatArray
+
+_ALIKE = 0.95
+_UNLIKE = 0.5
+_LEAST_PERIODS = 1.9
+_LEAST_LINE = 0.02
+_FEWEST_LINES = 3
+
+
+def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float) -> float | None:
+    """Period of a signal that repeats at least once; ``None`` for one that does not.
+
+    Parameters
+    ----------
+    time_s, motion
+        One active interval, shapes ``(samples,)``; the stamps may jitter.
+    shortest_s
+        Shorter periods are those of a sine and of steps.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 40.0, 0.02)
+    >>> wave = np.sin(0.7 * np.pi * t) + np.sin(1.1 * np.pi * t + 1.0) + np.sin(1.9 * np.pi * t + 2.0)
+    >>> period_of(t, wave, shortest_s=5.0)
+    20.0
+    """
+    step_s = float(np.median(np.diff(time_s)))
+    grid = np.arange(time_s[0], time_s[-1], step_s)
+    values = np.interp(grid, time_s, motion)
+    values = values - values.mean()
+    shift = _normalized(values)
+    first, last = int(shortest_s / step_s), int(grid.size / _LEAST_PERIODS)
+    dips = np.flatnonzero(shift[:last] < _UNLIKE)
+    begin = max(first, int(dips[0]) if dips.size else last)
+    alike = np.flatnonzero(shift[begin:last] > _ALIKE)
+    if not alike.size:
+        return None
+    # The first stretch that is alike, at its best place.
+    stop = begin + int(alike[0])
+    while stop + 1 < last and shift[stop + 1] > _ALIKE:
+        stop += 1
+    best = begin + int(alike[0]) + int(np.argmax(shift[begin + int(alike[0]) : stop + 1]))
+    return round(best * step_s, 9)
+
+
+def lines_of(time_s: FloatArray, motion: FloatArray, period_s: float) -> tuple[float, float] | None:
+    """Lowest and highest line of a signal of known period, rad/s; ``None`` for fewer than three lines."""
+    step_s = float(np.median(np.diff(time_s)))
+    samples = round(period_s / step_s)
+    periods = int((time_s[-1] - time_s[0]) / period_s)
+    grid = time_s[0] + np.arange(samples * max(periods, 1)) * step_s
+    whole = np.interp(grid, time_s, motion).reshape(-1, samples).mean(axis=0)
+    size = np.abs(np.fft.rfft(whole - whole.mean()))
+    lines = np.flatnonzero(size > _LEAST_LINE * size.max())
+    if lines.size < _FEWEST_LINES:
+        return None
+    line_rad_s = 2.0 * np.pi / period_s
+    return float(lines[0] * line_rad_s), float(lines[-1] * line_rad_s)
+
+
+def _normalized(values: FloatArray) -> FloatArray:
+    """Correlation of a signal with itself by the shift in samples, over the samples that both have."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    size = values.size
+    length = int(next_fast_len(2 * size, real=True))
+    product = irfft(np.abs(rfft(values, length)) ** 2, length)[:size]
+    energy = np.concatenate([[0.0], np.cumsum(values**2)])
+    kept = np.arange(size)
+    early, late = energy[size - kept], energy[size] - energy[kept]
+    scale = np.sqrt(early * late)
+    return np.asarray(np.divide(product, scale, out=np.zeros(size), where=scale > 1e-12 * energy[size]))
+
+
+OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
+    "roll": ("east_setpoint", "velocity_east_setpoint", "v_setpoint", "phi_setpoint"),
+    "pitch": ("north_setpoint", "velocity_north_setpoint", "u_setpoint", "theta_setpoint"),
+    "yaw": ("psi_setpoint", "r_setpoint"),
+    "thrust": ("down_setpoint", "velocity_down_setpoint", "w_setpoint"),
+}
+"""Set-points of each axis from the outermost loop inward. Only the outermost that moves is free of feedback."""
+
+LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
+"""Excitations smaller than this are taken for noise or for pilot corrections."""
+
+_ACTIVE_SHARE = 0.1
+_TAIL_SHARE = 0.005
+_LONGEST_REST_S = 1.6
+_SHORTEST_S = 0.3
+_HYSTERESIS = 0.3
+_TWO_LEVEL_SHARE = 0.7
+_MOST_TRANSITIONS = 0.5
+_LEAST_VARIATION = 0.2
+_HELD_SHARE = 0.9
+_LEAST_AT_LEVEL = 0.25
+_SHORTEST_RICH_S = 6.0
+_FEWEST_HALVES = 7
+_SHORTEST_PERIOD_S = 4.0
+
+_SHORT_KINDS = ("doublet", "multistep", "other")
+
+
+def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
+    """Channels of a record in which an excitation of ``axis`` would show, best first.
+
+    What the reader knows to be free of feedback comes first, then set-points from the outermost loop inward, then the
+    command itself.
+    """
+    known = record.instruments.get(axis, ())
+    added = (f"{axis}_excitation", f"{axis}_setpoint_excitation")
+    usual = (*added, f"{axis}_stick", *OUTER_SETPOINTS[axis]) if not known else ()
+    names = (*known, *usual, f"{axis}_command")
+    return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
+
+
+def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Excitations of one axis: those that the log declares, and those that its signals show beside them.
+
+    The first signal of :func:`excitation_signals` that shows any is taken. An interval is active while the signal
+    leaves its resting value by more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps are
+    told by half periods that shrink or grow steadily, random binary signals by two levels without a trend, multisines
+    by a period that they repeat, doublets and multisteps by few switches.
+
+    Parameters
+    ----------
+    record
+        The log.
+    axis
+        The axis to look at.
+
+    Returns
+    -------
+    tuple of Maneuver
+        In order of time; empty where nothing was excited.
+    """
+    found = _from_outside(record, axis)
+    if found:
+        return found
+    # A controller answers an excitation of one axis on the others too: that is no excitation of theirs.
+    elsewhere = [m for other in AXES if other != axis for m in _from_outside(record, other)]  # type: ignore[arg-type]
+    # Nor are the short answers to gusts that a command shows while everything outside of the loop is seen to rest.
+    watched = _free_signals(record, axis) != (f"{axis}_command",)
+    return tuple(
+        m
+        for m in _purposeful(record, axis, [f"{axis}_command"])
+        if not any(_mostly_inside(m, e) for e in elsewhere) and not (watched and m.kind in _SHORT_KINDS)
+    )
+
+
+def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Stretches that move an axis enough to try, and that :func:`find_excitations` does not take by itself.
+
+    Looked at are the injected signal and the outermost other signal that is logged: set-points inside it contain its
+    feedback. The command is judged only where the log holds nothing else. A candidate lasts 6 s or more, changes side
+    eight times or more, and not as fast as its samples follow each other, which is noise. Unlike there, a signal that
+    never rests between two levels is measured from their middle, so that a random binary signal which fills its whole
+    log is told as one.
+
+    Whether a candidate was meant as an excitation, only who flew it knows: a pilot who is merely busy makes them too.
+
+    Parameters
+    ----------
+    record
+        The log.
+    axis
+        The axis to look at.
+
+    Returns
+    -------
+    tuple of Maneuver
+        In order of time; none overlaps an excitation that was found on this axis.
+    """
+    known = find_excitations(record, axis)
+    elsewhere = [m for other in AXES if other != axis for m in find_excitations(record, other)]  # type: ignore[arg-type]
+    for name in _free_signals(record, axis):
+        for topic, row in record.holding(name):
+            values = topic.values[row]
+            moving = _in_signal(topic.time_s, values, axis, name, rest=_middle_of_levels(values))
+            if moving:
+                rich = [m for m in moving if _is_rich(m, topic.time_s, values)]
+                # Two clean levels are no controller's answer to another axis; anything else beside one may be.
+                return tuple(
+                    m
+                    for m in rich
+                    if not _any_shared(m, known) and (m.kind != "other" or not _any_shared(m, elsewhere))
+                )
+    return ()
+
+
+def _free_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
+    """The injected signal and the outermost other one; the command where the log holds neither."""
+    names = excitation_signals(record, axis)
+    injected = tuple(name for name in names if name in (f"{axis}_excitation", f"{axis}_setpoint_excitation"))
+    others = [name for name in names if name not in (*injected, f"{axis}_command")]
+    return (*injected, *others[:1]) or names
+
+
+def _any_shared(maneuver: Maneuver, others: Sequence[Maneuver]) -> bool:
+    return any(_mostly_inside(maneuver, other) or _mostly_inside(other, maneuver) for other in others)
+
+
+def _is_rich(maneuver: Maneuver, time_s: FloatArray, values: FloatArray) -> bool:
+    """Whether a stretch is long, changes side often, and more slowly than noise does from sample to sample."""
+    if maneuver.duration_s < _SHORTEST_RICH_S:
+        return False
+    inside = (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s) & np.isfinite(values)
+    part_time, part = time_s[inside], values[inside]
+    motion = part - _middle_of_levels(part)
+    halves = np.diff(_switch_times(part_time, motion, _HYSTERESIS * float(np.percentile(np.abs(motion), 95.0))))
+    return halves.size >= _FEWEST_HALVES and float(np.median(halves)) > 3.0 * float(np.median(np.diff(part_time)))
+
+
+def _middle_of_levels(values: FloatArray) -> float:
+    """Resting value: the middle of two levels between which a signal always switches, else the median.
+
+    The median of such a signal is one of its levels, so that half of it would look like rest.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.0
+    low, high = np.percentile(finite, [2.0, 98.0])
+    near = 0.5 * (1.0 - _TWO_LEVEL_SHARE) * (high - low)
+    shares = float(np.mean(finite <= low + near)), float(np.mean(finite >= high - near))
+    both = high > low and min(shares) >= _LEAST_AT_LEVEL and sum(shares) >= _HELD_SHARE
+    return float(low + high) / 2.0 if both else float(np.median(finite))
+
+
+def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Excitations of an axis that the log declares or that signals without feedback show."""
+    declared = tuple(maneuver for maneuver in record.declared if maneuver.axis == axis)
+    # What the log declares shows in the injected signal too; other maneuvers show elsewhere.
+    known = {f"{axis}_command", f"{axis}_excitation"} if declared else {f"{axis}_command"}
+    names = [name for name in excitation_signals(record, axis) if name not in known]
+    found = _purposeful(record, axis, names)
+    others = tuple(m for m in found if not _any_shared(m, declared))
+    return tuple(sorted((*declared, *others), key=lambda maneuver: maneuver.start_s))
+
+
+def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple[Maneuver, ...]:
+    """Excitations in the first signal, in its best topic, that shows any of a known kind."""
+    for name in names:
+        for topic, row in record.holding(name):
+            found = _in_signal(topic.time_s, topic.values[row], axis, name)
+            purposeful = tuple(maneuver for maneuver in found if maneuver.kind != "other")
+            if purposeful:
+                return purposeful
+    return ()
+
+
+def _mostly_inside(maneuver: Maneuver, other: Maneuver) -> bool:
+    shared = min(maneuver.stop_s, other.stop_s) - max(maneuver.start_s, other.start_s)
+    return shared > 0.5 * maneuver.duration_s
+
+
+def _in_signal(
+    time_s: FloatArray, values: FloatArray, axis: Axis, name: str, *, rest: float | None = None
+) -> list[Maneuver]:
+    """Every active stretch of a signal as it is classified; the resting value is its median unless it is given."""
+    finite = np.isfinite(values)
+    time_s, values = time_s[finite], values[finite]
+    if time_s.size < 10:
+        return []
+    motion = values - (np.median(values) if rest is None else rest)
+    largest = float(np.percentile(np.abs(motion), 99.8))
+    if largest < LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02):
+        return []
+    maneuvers = []
+    cores = _active_intervals(time_s, np.abs(motion) > _ACTIVE_SHARE * largest)
+    moving = np.abs(motion) > _TAIL_SHARE * largest
+    # Where a signal never rests between two maneuvers, each gets half of what lies between.
+    edges = [0, *((a[1] + b[0]) // 2 for a, b in pairwise(cores)), time_s.size - 1]
+    for core, low, high in zip(cores, edges, edges[1:], strict=False):
+        first, last = _with_tails(core, moving, low, high)
+        part_time, part = time_s[first : last + 1], motion[first : last + 1]
+        if part_time[-1] - part_time[0] < _SHORTEST_S:
+            continue
+        kind, band = classify(part_time, part)
+        maneuvers.append(
+            Maneuver(
+                axis=axis,
+                kind=kind,
+                start_s=float(part_time[0]),
+                stop_s=float(part_time[-1]),
+                band_rad_s=band,
+                signal=name,
+            )
+        )
+    return maneuvers
+
+
+def _active_intervals(time_s: FloatArray, active: BoolArray) -> list[tuple[int, int]]:
+    """First and last index of each active stretch, short rests included."""
+    index = np.flatnonzero(active)
+    if index.size == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(time_s[index]) > _LONGEST_REST_S)
+    starts = index[np.concatenate([[0], breaks + 1])]
+    stops = index[np.concatenate([breaks, [index.size - 1]])]
+    return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+
+
+def _with_tails(core: tuple[int, int], moving: BoolArray, low: int, high: int) -> tuple[int, int]:
+    """The interval with its fades: outward until the signal rests, between ``low`` and ``high``."""
+    first, last = core
+    rest_before, rest_after = np.flatnonzero(~moving[low:first]), np.flatnonzero(~moving[last : high + 1])
+    return (
+        low + int(rest_before[-1]) if rest_before.size else low,
+        last + int(rest_after[0]) if rest_after.size else high,
+    )
+
+
+def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float, float] | None]:
+    """What kind of excitation a signal is, and its band in rad/s.
+
+    Parameters
+    ----------
+    time_s, motion
+        One active interval, its resting value removed, shapes ``(samples,)``.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 60.0, 0.01)
+    >>> kind, band = classify(t, np.sin(0.5 * t + 0.15 * t**2))
+    >>> kind, [round(w, 1) for w in band]
+    ('sweep', [1.8, 18.5])
+    """
+    level = float(np.percentile(np.abs(motion), 95.0))
+    switches = _switch_times(time_s, motion, _HYSTERESIS * level)
+    duration = float(time_s[-1] - time_s[0])
+    if len(switches) < 2:
+        single = len(switches) == 1 and duration < 8.0
+        return ("doublet", None) if single else ("other", None)
+    halves = np.diff(switches)
+    band = (float(np.pi / halves.max()), _fastest_rad_s(switches))
+    many = len(halves) >= _FEWEST_HALVES
+    if many and duration > _SHORTEST_RICH_S:
+        if _has_trend(halves):
+            return "sweep", band
+        if _has_two_levels(time_s, motion, switches, level):
+            return "random_binary", band
+        return _repeated(time_s, motion) or ("other", band)
+    return ("other", band) if many or duration >= 15.0 else ("multistep", None)
+
+
+def _repeated(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float, float]] | None:
+    """A multisine with its band: a signal of several lines that repeats."""
+    period_s = period_of(time_s, motion, shortest_s=_SHORTEST_PERIOD_S)
+    band = None if period_s is None else lines_of(time_s, motion, period_s)
+    return None if band is None else ("multisine", band)
+
+
+def _fastest_rad_s(switches: FloatArray) -> float:
+    """Highest frequency of a row of switches: a straight line through its fastest stretch, at the faster end.
+
+    From whole periods, which an offset of the signal does not change. Noise makes single ones too short, and a mean of
+    several misses where a sweep really ended.
+    """
+    if switches.size < 3:
+        return float(np.pi / np.diff(switches).min())
+    rates, middles = 2.0 * np.pi / (switches[2:] - switches[:-2]), switches[1:-1]
+    count = max(5, rates.size // 5)
+    if rates.size < count:
+        return float(rates.max())
+    ends = (slice(-count, None), switches[-1]), (slice(0, count), switches[0])
+    part, end_s = max(ends, key=lambda end: float(np.median(rates[end[0]])))
+    slope, level = np.polyfit(middles[part] - end_s, rates[part], 1)
+    # A slope that points the other way is noise of a row of equal periods.
+    return float(level if slope * (middles[part].mean() - end_s) < 0.0 else np.median(rates[part]))
+
+
+def _switch_times(time_s: FloatArray, motion: FloatArray, threshold: float) -> FloatArray:
+    """Times at which the signal changes side, with hysteresis against noise."""
+    side = np.where(motion > threshold, 1, np.where(motion < -threshold, -1, 0))
+    decided = np.flatnonzero(side)
+    changes = decided[1:][np.diff(side[decided]) != 0]
+    return np.asarray(time_s[changes])
+
+
+def _has_two_levels(time_s: FloatArray, motion: FloatArray, switches: FloatArray, level: float) -> bool:
+    """Whether a signal stays at two levels, the samples on its way between them not counted.
+
+    At 20 Hz those are many: the sample at which the side changes and the one before it. Of a sine that is sampled as
+    coarsely, too, nothing but the crests remains without them; but its half periods are all of one length.
+    """
+    held = np.abs(motion) > _TWO_LEVEL_SHARE * level
+    if float(np.mean(held)) > _TWO_LEVEL_SHARE:
+        return True
+    index = np.searchsorted(time_s, switches)
+    between = np.zeros(motion.size, dtype=np.bool_)
+    between[index] = between[np.maximum(index - 1, 0)] = True
+    halves = np.diff(switches)
+    irregular = float(np.std(halves)) > _LEAST_VARIATION * float(np.mean(halves))
+    few = float(np.mean(between)) <= _MOST_TRANSITIONS
+    return irregular and few and float(np.mean(held[~between])) >= _HELD_SHARE
+
+
+def _has_trend(halves: FloatArray) -> bool:
+    """Whether half periods shrink or grow steadily: rank correlation with their order, and a ratio of two or more."""
+    order = np.argsort(np.argsort(halves, kind="stable"), kind="stable")
+    correlation = float(np.corrcoef(order, np.arange(halves.size))[0, 1])
+    third = max(halves.size // 4, 2)
+    ratio = float(np.median(halves[:third]) / np.median(halves[-third:]))
+    return abs(correlation) > 0.75 and max(ratio, 1.0 / ratio) > 1.8

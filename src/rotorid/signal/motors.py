@@ -1,0 +1,777 @@
+r"""What the motors were told, or how fast they turned, at the fastest rate that a log tells truly.
+
+Motors from the commands of the controllers, where the log holds those faster than the motors themselves.
+
+Whether motors that follow from commands are those that were logged.
+
+From the commands of the controllers to the motors, as the autopilots' mixers do it.
+
+ArduPilot asks each motor for a share of the largest thrust that is linear in the commands, and PX4 for an actuator that
+is:
+
+.. math:: d_i = m_{i1} u_{roll} + m_{i2} u_{pitch} + m_{i3} u_{yaw} + m_{i4} u_{thrust}
+
+as long as no motor is at a limit; beyond, yaw and then thrust give way. ArduPilot then undoes what it knows of the
+motor: with the expo :math:`e` (``MOT_THST_EXPO``), the air's density over that at sea level :math:`\rho` and the
+battery's resting voltage over its highest :math:`v` (``MOT_BAT_VOLT_MAX``, one without it), the output is
+
+.. math:: x_i = x_0 + \frac{x_1 - x_0}{v} s(d_i / \rho), \qquad s(t) = \frac{e - 1 + \sqrt{(1 - e)^2 + 4 e t}}{2 e}
+
+between ``MOT_SPIN_MIN`` and ``MOT_SPIN_MAX``. The demand is therefore the better input for a model whose thrust is
+linear, and the output for one whose curve is to be found.
+
+How the voltage of the battery changes what an output does.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Topic
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.signal.airborne import airborne
+from rotorid.typing import BoolArray, FloatArray
+
+COMMANDS = ("roll_command", "pitch_command", "yaw_command", "thrust_command")
+"""Columns of a mixer."""
+
+_LOWEST_SHARE = 0.6
+"""ArduPilot takes no voltage below this share of the highest."""
+
+_LINEAR = 1e-9
+
+
+def expo_thrust(share: FloatArray, expo: float) -> FloatArray:
+    r"""Thrust of an output, both shares of the largest: :math:`(1 - e) s + e s^2`."""
+    return np.asarray((1.0 - expo) * share + expo * share**2)
+
+
+def expo_share(thrust: FloatArray, expo: float) -> FloatArray:
+    """Output that makes a thrust, both shares of the largest; the inverse of :func:`expo_thrust`.
+
+    Examples
+    --------
+    >>> expo_share(expo_thrust(np.array([0.2, 0.7]), 0.65), 0.65).round(12).tolist()
+    [0.2, 0.7]
+    """
+    if abs(expo) < _LINEAR:
+        return np.array(thrust, dtype=np.float64)
+    root = np.sqrt(np.maximum((1.0 - expo) ** 2 + 4.0 * expo * np.asarray(thrust), 0.0))
+    return np.asarray((expo - 1.0 + root) / (2.0 * expo))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linearization(Immutable):
+    """How an autopilot turns a demand of thrust into an output.
+
+    Parameters
+    ----------
+    expo
+        Curve of the motors that it undoes.
+    low, high
+        Outputs of no and of full thrust.
+    voltage_max, voltage_min
+        Range of voltage that it compensates, in volts; zero when it does not.
+    """
+
+    expo: float = 0.0
+    low: float = 0.0
+    high: float = 1.0
+    voltage_max: float = 0.0
+    voltage_min: float = 0.0
+
+    @property
+    def compensates_voltage(self) -> bool:
+        return self.voltage_max > 0.0 and self.voltage_min < self.voltage_max
+
+    def voltage_share(self, voltage_v: FloatArray) -> FloatArray:
+        """What the autopilot divides its outputs by, from the resting voltage of the battery."""
+        if not self.compensates_voltage:
+            return np.ones_like(voltage_v)
+        lowest = max(self.voltage_min, _LOWEST_SHARE * self.voltage_max)
+        return np.asarray(np.clip(voltage_v, lowest, self.voltage_max) / self.voltage_max)
+
+    def outputs(self, demands: FloatArray, *, gain: float = 1.0, voltage_share: FloatArray | float = 1.0) -> FloatArray:
+        """Outputs to the motors, between ``low`` and ``high``.
+
+        Parameters
+        ----------
+        demands
+            Shares of the largest thrust, any shape.
+        gain
+            One over the density of the air over that at sea level.
+        voltage_share
+            Of :meth:`voltage_share`.
+        """
+        share = expo_share(np.maximum(gain * demands, 0.0), self.expo) / voltage_share
+        return np.asarray(self.low + (self.high - self.low) * np.clip(share, 0.0, 1.0))
+
+    def demands(self, outputs: FloatArray, *, voltage_share: FloatArray | float = 1.0) -> FloatArray:
+        """Demands behind outputs, up to the gain."""
+        share = (outputs - self.low) / (self.high - self.low) * voltage_share
+        return expo_thrust(np.asarray(share), self.expo)
+
+
+def linearization_of(record: FlightRecord) -> Linearization | None:
+    """How the autopilot that wrote a log turns demands into its logged motor outputs; ``None`` when that is not known.
+
+    What PX4 logs as ``actuator_motors`` is the demand itself; ``THR_MDL_FAC`` acts after it.
+    """
+    if record.source.format.startswith("PX4"):
+        return Linearization()
+    return _ardupilot(record.parameters) if record.source.format.startswith(("ArduPilot", "MAVLink")) else None
+
+
+def _ardupilot(parameters: Mapping[str, float]) -> Linearization | None:
+    names = ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
+    if any(name not in parameters for name in names):
+        return None
+    expo, low, high = (parameters[name] for name in names)
+    return (
+        Linearization(
+            expo=float(np.clip(expo, -1.0, 1.0)),
+            low=low,
+            high=high,
+            voltage_max=parameters.get("MOT_BAT_VOLT_MAX", 0.0),
+            voltage_min=parameters.get("MOT_BAT_VOLT_MIN", 0.0),
+        )
+        if low < high
+        else None
+    )
+
+
+Kind: TypeAlias = Literal["output", "thrust_demand", "speed"]
+"""``output``: what the motor controller receives; ``thrust_demand``: the share of the largest thrust that the autopilot
+wants, before it straightens the motor's curve; ``speed``: measured, rad/s."""
+
+_AT_LIMIT = 1e-3
+_WORTH_SAYING = 1e-3
+_REMEDIES = {
+    "ArduPilot": "log fast attitude (bit 0 of LOG_BITMASK), from which the motors follow at the rate of the loop",
+    "PX4": "log at a high rate (bit 4 of SDLOG_PROFILE)",
+    "Betaflight": "raise the rate of the blackbox (blackbox_sample_rate)",
+    "Crazyflie": "set a higher frequency in config.txt on the card",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotorHistory(Immutable):
+    """All motors of a flight on one clock.
+
+    Parameters
+    ----------
+    kind
+        What the values are.
+    time_s
+        Stamps on the log's own clock, shape ``(samples,)``, as logged: rising, not uniform.
+    values
+        Shape ``(motors, samples)``; 0 to 1, or rad/s.
+    source
+        Where they come from.
+    saturated_share
+        Part of the samples in flight in which a motor stood at a limit.
+    findings
+        What an engineer would remark on them.
+    """
+
+    kind: Kind
+    time_s: FloatArray
+    values: FloatArray
+    source: str
+    saturated_share: float = 0.0
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        time_s = read_only(self.time_s, np.float64, ndim=1)
+        values = read_only(self.values, np.float64, ndim=2)
+        if values.shape[1] != time_s.size:
+            raise ValueError(f"values of shape {values.shape} came for {time_s.size} stamps")
+        self._set(time_s=time_s, values=values, findings=tuple(self.findings))
+
+    @property
+    def motors(self) -> int:
+        return int(self.values.shape[0])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        prefix = _PREFIX[self.kind]
+        return tuple(f"{prefix}{number}" for number in range(1, self.motors + 1))
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Median rate of the stamps; zero for fewer than two samples."""
+        steps = np.diff(self.time_s)
+        return float(1.0 / np.median(steps)) if steps.size else 0.0
+
+    def topic(self) -> Topic:
+        """The same as a topic of a record."""
+        channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name], source=self.source) for name in self.names)
+        return Topic(name=self.source, time_s=self.time_s, channels=channels, values=self.values)
+
+
+_PREFIX: dict[Kind, str] = {"output": "motor_", "thrust_demand": "motor_", "speed": "motor_speed_"}
+
+
+def with_motors(record: FlightRecord, history: MotorHistory) -> FlightRecord:
+    """The record with these motors as its first choice, so that they come onto one clock with everything else."""
+    return replace(record, topics=(history.topic(), *record.topics))
+
+
+def logged_outputs(record: FlightRecord) -> MotorHistory:
+    """Outputs ``motor_1`` and on as the log holds them: demands of thrust in a PX4 log, outputs in all others.
+
+    Parameters
+    ----------
+    record
+        The log.
+
+    Raises
+    ------
+    InsufficientDataError
+        There are none.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source
+    >>> channels = tuple(Channel(name=f"motor_{number}", unit="1") for number in (1, 2))
+    >>> topic = Topic(name="RCOU", time_s=np.arange(5.0), channels=channels, values=np.full((2, 5), 0.4))
+    >>> record = FlightRecord(source=Source(name="a.bin", format="ArduPilot DataFlash", sha256=""), topics=(topic,))
+    >>> history = logged_outputs(record)
+    >>> history.kind, history.motors, [finding.kind for finding in history.findings]
+    ('output', 2, ['rate_too_low'])
+    """
+    time_s, values, source = on_one_clock(record, motor_channels(record, "motor_"))
+    # What PX4 logs is asked of the motors in thrust; THR_MDL_FAC bends it on its way out.
+    kind: Kind = "thrust_demand" if record.source.format.startswith("PX4") else "output"
+    return judged(record, MotorHistory(kind=kind, time_s=time_s, values=values, source=source))
+
+
+def logged_speeds(record: FlightRecord) -> MotorHistory:
+    """Measured speeds ``motor_speed_1`` and on, rad/s.
+
+    Raises
+    ------
+    InsufficientDataError
+        There are none.
+    """
+    time_s, values, source = on_one_clock(record, motor_channels(record, "motor_speed_"))
+    return judged(record, MotorHistory(kind="speed", time_s=time_s, values=values, source=source))
+
+
+def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
+    """The motors that a log holds, from the first without a gap in the numbers.
+
+    Raises
+    ------
+    InsufficientDataError
+        There are none, or one is missing in between.
+    """
+    pattern = re.compile(rf"{prefix}(\d+)")
+    numbers = sorted(int(match[1]) for name in record.channel_names if (match := pattern.fullmatch(name)))
+    if numbers != list(range(1, len(numbers) + 1)) or not numbers:
+        held = ", ".join(f"{prefix}{number}" for number in numbers) or "none of them"
+        message = f"{record.source.name} holds {held} of {prefix}1, {prefix}2 and on."
+        finding = refusal("missing_channel", f"{prefix}1", message)
+        raise InsufficientDataError(message, needed="all motors", remedy=_remedy(record), findings=[finding])
+    return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])
+
+
+def on_one_clock(record: FlightRecord, names: Sequence[str]) -> tuple[FloatArray, FloatArray, str]:
+    """Channels on the stamps of the first of them, where all of them last: stamps, values and where they come from.
+
+    Channels of one topic pass unchanged; others are interpolated by straight lines.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel is missing, or they do not last together.
+    """
+    series: dict[str, tuple[FloatArray, FloatArray, str]] = {}
+    for name in names:
+        held = next(record.holding(name), None)
+        if held is not None:
+            topic, row = held
+            kept = np.isfinite(topic.values[row]) & np.isfinite(topic.time_s)
+            stamps, first = np.unique(topic.time_s[kept], return_index=True)
+            series[name] = stamps, topic.values[row][kept][first], topic.name
+    missing = [name for name in names if name not in series or series[name][0].size < 2]
+    clock = series[names[0]][0] if not missing else np.empty(0)
+    if not missing:
+        start = max(stamps[0] for stamps, _, _ in series.values())
+        stop = min(stamps[-1] for stamps, _, _ in series.values())
+        clock = clock[(clock >= start) & (clock <= stop)]
+    if clock.size < 2:
+        message = f"{record.source.name} holds no {', '.join(missing or names)} that last together."
+        finding = refusal("missing_channel", names[0], message)
+        raise InsufficientDataError(message, needed=", ".join(names), remedy=_remedy(record), findings=[finding])
+    rows = [np.interp(clock, series[name][0], series[name][1]) for name in names]
+    return clock, np.stack(rows), ", ".join(dict.fromkeys(source for _, _, source in series.values()))
+
+
+def _remedy(record: FlightRecord) -> str:
+    return next((text for name, text in _REMEDIES.items() if record.source.format.startswith(name)), "")
+
+
+def judged(record: FlightRecord, history: MotorHistory) -> MotorHistory:
+    """The history with its saturation and with remarks on its rate and saturation."""
+    share = saturated_share(record, history)
+    findings = [*history.findings]
+    rate_hz = history.sample_rate_hz
+    if rate_hz < LOWEST_RATE_HZ:
+        findings.append(
+            warn(
+                "rate_too_low",
+                history.source,
+                f"{history.source} tells the motors at {rate_hz:.1f} Hz, too slowly for the lag of a motor, "
+                f"which needs at least {LOWEST_RATE_HZ:.0f} Hz{'; ' if _remedy(record) else ''}{_remedy(record)}.",
+                rate_hz=rate_hz,
+                needed_hz=LOWEST_RATE_HZ,
+            )
+        )
+    if share > _WORTH_SAYING:
+        findings.append(
+            (warn if share > 10.0 * _WORTH_SAYING else remark)(
+                "saturation",
+                history.source,
+                f"A motor stood at a limit in {100.0 * share:.1f} % of the flight.",
+                saturated_share=share,
+            )
+        )
+    return replace(history, saturated_share=share, findings=tuple(findings))
+
+
+def saturated_share(record: FlightRecord, history: MotorHistory) -> float:
+    """Part of the samples in flight in which a motor stood at a limit; zero for measured speeds."""
+    if history.kind == "speed":
+        return 0.0
+    flown = in_flight(record, history.time_s)
+    return float(np.mean(at_limit(record, history)[flown])) if flown.any() else 0.0
+
+
+def at_limit(record: FlightRecord, history: MotorHistory) -> BoolArray:
+    """Samples in which a motor has no output left to give or to take, shape ``(samples,)``."""
+    known = linearization_of(record) if history.kind == "output" else None
+    low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
+    near = (history.values <= low + _AT_LIMIT) | (history.values >= high - _AT_LIMIT)
+    return np.asarray(near.any(axis=0))
+
+
+def in_flight(record: FlightRecord, time_s: FloatArray) -> BoolArray:
+    """Which stamps lie in a flight; all of them where no flight can be told."""
+    try:
+        intervals = airborne(record).intervals
+    except InsufficientDataError:
+        return np.ones(time_s.size, dtype=np.bool_)
+    inside = [(time_s >= start) & (time_s <= stop) for start, stop in intervals]
+    return np.asarray(np.any(inside, axis=0))
+
+
+EXPLAINED = 0.01
+"""A reconstruction agrees when it leaves no more than this part of the variance of the logged outputs."""
+
+_SHIFTS = range(-3, 4)
+_FEWEST = 20
+_RESOLUTION = 1e-3
+"""Outputs are logged in microseconds, a thousandth of their range."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement(Immutable):
+    """Reconstructed against logged outputs, in flight and away from the limits.
+
+    Parameters
+    ----------
+    samples
+        Logged samples that were compared, of each motor.
+    gain
+        Factor on the demands that agrees best: one over the density of the air for ArduPilot, which compensates it.
+    rms
+        Of the difference, as a part of the range of the outputs.
+    unexplained
+        Variance of the difference over that of the logged outputs.
+    shift
+        Samples of the commands by which these are later than the outputs; zero where both are logged in one loop.
+    correlations
+        Of roll, pitch, yaw and thrust command with what the mixer, inverted, makes of the logged outputs: near one for
+        the right layout, negative for a wrong sign, whatever the rates.
+    """
+
+    samples: int
+    gain: float
+    rms: float
+    unexplained: float
+    shift: int
+    correlations: tuple[float, ...]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether what is left is small, or no more than the resolution of the log."""
+        return self.samples >= _FEWEST and (self.unexplained <= EXPLAINED or self.rms <= _RESOLUTION)
+
+
+def agreement_of(record: FlightRecord, demands: MotorHistory, mixer: FloatArray) -> Agreement | None:
+    """Demands from commands against the logged outputs, in flight and away from limits.
+
+    Parameters
+    ----------
+    record
+        The log.
+    demands
+        Of the kind ``thrust_demand``, faster or slower than the outputs.
+    mixer
+        Columns roll, pitch, yaw and thrust, shape ``(motors, 4)``.
+
+    Returns
+    -------
+    Agreement or None
+        ``None`` where there are no or too few outputs, or how they follow from demands is not known.
+
+    Raises
+    ------
+    UsageError
+        The log holds another number of motors.
+    """
+    outputs, known = or_none(logged_outputs, record), linearization_of(record)
+    if outputs is None or known is None:
+        return None
+    if outputs.motors != demands.motors:
+        raise UsageError(
+            f"a mixer of {demands.motors} motors came for a log of {outputs.motors}",
+            needed="the layout of this vehicle",
+        )
+    clock, step_s = demands.time_s, float(np.median(np.diff(demands.time_s)))
+    margin_s = max(_SHIFTS) * step_s
+    inside = (outputs.time_s >= clock[0] + margin_s) & (outputs.time_s <= clock[-1] - margin_s)
+    kept = inside & in_flight(record, outputs.time_s) & ~at_limit(record, outputs)
+    if np.count_nonzero(kept) < _FEWEST:
+        return None
+    stamps, share = outputs.time_s[kept], voltage_share(record, known, outputs.time_s[kept])
+    logged = known.demands(outputs.values[:, kept], voltage_share=share)
+    shift = min(_SHIFTS, key=lambda one: _rest(_sampled(demands, stamps + one * step_s), logged)[1])
+    wanted = _sampled(demands, stamps + shift * step_s)
+    gain = _rest(wanted, logged)[0]
+    actual = known.outputs(logged, voltage_share=share)
+    difference = known.outputs(wanted, gain=gain, voltage_share=share) - actual
+    variance, residual = float(np.mean(np.var(actual, axis=1))), float(np.mean(difference**2))
+    return Agreement(
+        samples=stamps.size,
+        gain=gain,
+        rms=float(np.sqrt(residual)) / (known.high - known.low),
+        unexplained=residual / variance if variance > 0.0 else np.inf,
+        shift=shift,
+        correlations=_correlations(mixer, wanted, logged),
+    )
+
+
+def _sampled(history: MotorHistory, time_s: FloatArray) -> FloatArray:
+    return np.stack([np.interp(time_s, history.time_s, row) for row in history.values])
+
+
+def _rest(wanted: FloatArray, logged: FloatArray) -> tuple[float, float]:
+    """Gain of the demands that agrees best, and the mean square that it leaves."""
+    gain = float(np.sum(wanted * logged) / np.sum(wanted**2))
+    return gain, float(np.mean((gain * wanted - logged) ** 2))
+
+
+def _correlations(mixer: FloatArray, wanted: FloatArray, logged: FloatArray) -> tuple[float, ...]:
+    """Of each command in the demands with that in the outputs; zero for a command that never moved."""
+    inverse = np.linalg.pinv(mixer)
+    pairs = zip(inverse @ wanted, inverse @ logged, strict=True)
+    return tuple(
+        float(np.corrcoef(one, other)[0, 1]) if np.ptp(one) > 0.0 and np.ptp(other) > 0.0 else 0.0
+        for one, other in pairs
+    )
+
+
+def voltage_share(record: FlightRecord, known: Linearization, time_s: FloatArray) -> FloatArray:
+    """What the autopilot divided its outputs by; one where the log does not hold the voltage, which the gain takes."""
+    held = next(record.holding("battery_voltage"), None)
+    if held is None or not known.compensates_voltage:
+        return np.ones(time_s.size)
+    topic, row = held
+    return known.voltage_share(np.interp(time_s, topic.time_s, topic.values[row]))
+
+
+def or_none(read: Callable[[FlightRecord], MotorHistory], record: FlightRecord) -> MotorHistory | None:
+    """Motors that a log may not hold."""
+    try:
+        return read(record)
+    except InsufficientDataError:
+        return None
+
+
+_FASTER = 1.5
+_RELATED = 0.5
+
+
+def reconstructed_demands(record: FlightRecord, mixer: FloatArray) -> tuple[MotorHistory, Agreement | None]:
+    r"""Share of the largest thrust that the autopilot asked of each motor, at the rate of its commands.
+
+    .. math:: d_i = m_{i1} u_{roll} + m_{i2} u_{pitch} + m_{i3} u_{yaw} + m_{i4} u_{thrust}
+
+    Holds where no motor is at a limit, and for the shape of the demand alone where the autopilot scales all of it. It
+    is checked against the logged outputs, however slow; a wrong mixer, order of motors or curve shows there.
+
+    Parameters
+    ----------
+    record
+        Holds the four commands.
+    mixer
+        Columns roll, pitch, yaw and thrust, shape ``(motors, 4)``.
+
+    Returns
+    -------
+    MotorHistory
+        Of the kind ``thrust_demand``, with a finding ``motor_reconstruction``.
+    Agreement or None
+        With the logged outputs; ``None`` where the log holds none, or how they follow from the demand is not known.
+
+    Raises
+    ------
+    InsufficientDataError
+        A command is missing.
+    UsageError
+        The mixer has another number of motors than the log.
+    """
+    time_s, commands, source = on_one_clock(record, COMMANDS)
+    history = MotorHistory(
+        kind="thrust_demand",
+        time_s=time_s,
+        values=np.asarray(mixer, dtype=np.float64) @ commands,
+        source=f"mixer of {source}",
+    )
+    agreement = agreement_of(record, history, mixer)
+    remarks = (*_told(history, agreement), *_slow_thrust(record))
+    return judged(record, replace(history, findings=remarks)), agreement
+
+
+def reconstructed_outputs(record: FlightRecord, mixer: FloatArray) -> MotorHistory:
+    """Outputs to the motors at the rate of the commands, through what the autopilot does to its demands.
+
+    The gain that the slow outputs show, and the logged voltage, take the places of the density of the air and of the
+    resting voltage, which logs do not hold.
+
+    Parameters
+    ----------
+    record, mixer
+        As for :func:`reconstructed_demands`.
+
+    Raises
+    ------
+    InsufficientDataError
+        A command or all outputs are missing, or how outputs follow from demands is not known.
+    """
+    demands, agreement = reconstructed_demands(record, mixer)
+    known = linearization_of(record)
+    if known is None or agreement is None:
+        raise InsufficientDataError(
+            f"{record.source.name} does not tell how outputs follow from demands of thrust",
+            needed="motor outputs, and MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX",
+            remedy="use the demands, or log the motors faster",
+        )
+    share = voltage_share(record, known, demands.time_s)
+    values = known.outputs(demands.values, gain=agreement.gain, voltage_share=share)
+    told = tuple(finding for finding in demands.findings if finding.kind not in ("saturation", "rate_too_low"))
+    return judged(record, replace(demands, kind="output", values=values, findings=told))
+
+
+def motor_history(record: FlightRecord, mixer: FloatArray | None = None) -> MotorHistory:
+    """The motors as truly and as fast as the log tells them.
+
+    Measured speeds, where all motors have them at 40 Hz and more; else the logged outputs; else, where the commands are
+    faster by half and the mixer is known, the demands of thrust that follow from them and agree with the outputs.
+
+    Parameters
+    ----------
+    record
+        The log.
+    mixer
+        Columns roll, pitch, yaw and thrust, shape ``(motors, 4)``.
+
+    Raises
+    ------
+    InsufficientDataError
+        The log holds no motors, and no commands with a mixer.
+    """
+    speeds = or_none(logged_speeds, record)
+    if speeds is not None and speeds.sample_rate_hz >= LOWEST_RATE_HZ:
+        return speeds
+    outputs = or_none(logged_outputs, record)
+    if mixer is None:
+        return outputs or speeds or logged_outputs(record)
+    try:
+        demands, agreement = reconstructed_demands(record, mixer)
+    except InsufficientDataError:
+        return outputs or speeds or logged_outputs(record)
+    if outputs is None:
+        return demands
+    faster = demands.sample_rate_hz >= _FASTER * outputs.sample_rate_hz
+    if faster and agreement is not None and agreement.agrees:
+        return demands
+    disagreeing = [finding for finding in demands.findings if finding.kind == "motor_reconstruction"]
+    return replace(outputs, findings=(*outputs.findings, *(disagreeing if faster else ())))
+
+
+def _told(history: MotorHistory, agreement: Agreement | None) -> Iterator[Finding]:
+    if agreement is None:
+        yield warn(
+            "motor_reconstruction",
+            history.source,
+            "The motors follow from the commands and the mixer, and could not be checked against logged ones.",
+        )
+        return
+    agrees = agreement.agrees
+    message = (
+        f"Motors at {history.sample_rate_hz:.0f} Hz from the commands {'agree' if agrees else 'do not agree'} with "
+        f"{agreement.samples} samples of the logged ones: {100.0 * agreement.rms:.2f} % of their range rms, "
+        f"{100.0 * agreement.unexplained:.2f} % of their variance."
+    )
+    yield (remark if agrees else warn)(
+        "motor_reconstruction",
+        history.source,
+        message if agrees else f"{message} {_reason(agreement)}",
+        **{
+            "samples": float(agreement.samples),
+            "gain": agreement.gain,
+            "rms": agreement.rms,
+            "unexplained": agreement.unexplained,
+            "shift": float(agreement.shift),
+            **{f"correlation_{axis}": one for axis, one in zip(AXES, agreement.correlations, strict=True)},
+        },
+    )
+
+
+def _reason(agreement: Agreement) -> str:
+    """Why the two do not agree: a wrong layout turns a sign around or mixes axes, and slow logs lose what is fast."""
+    wrong = [axis for axis, one in zip(AXES, agreement.correlations, strict=True) if one < _RELATED]
+    if wrong:
+        return f"{' and '.join(wrong)} do not fit: the layout or the mixer is not what it is taken for."
+    return "All axes fit: commands and motors were not logged at the same instants, and move in between."
+
+
+def _slow_thrust(record: FlightRecord) -> Iterator[Finding]:
+    """A thrust command that is slower than the others is interpolated, and its motion between samples lost."""
+    rates = {name: next(record.holding(name))[0].sample_rate_hz for name in COMMANDS}
+    if rates["thrust_command"] * _FASTER < rates["roll_command"]:
+        rate_hz = rates["thrust_command"]
+        yield warn(
+            "rate_too_low",
+            "thrust_command",
+            f"thrust_command is logged at {rate_hz:.1f} Hz, roll_command at {rates['roll_command']:.1f} Hz: "
+            "thrust in between is interpolated.",
+            rate_hz=rate_hz,
+            needed_hz=rates["roll_command"],
+        )
+
+
+WINDOW_S = 2.0
+"""The voltage is averaged over this time: faster changes are noise, or sag that follows the motors themselves."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VoltageFactor(Immutable):
+    r"""Thrust at the logged voltage over thrust at the reference voltage, for the same output.
+
+    Parameters
+    ----------
+    values
+        :math:`(V / V_0)^2`, shape ``(samples,)``.
+    reference_v
+        :math:`V_0`.
+    spread
+        Highest over lowest value, less one: what a model without this factor is wrong by.
+    """
+
+    values: FloatArray
+    reference_v: float
+    spread: float
+
+    def __post_init__(self) -> None:
+        self._set(values=read_only(self.values, np.float64, ndim=1))
+
+
+def voltage_factor(record: FlightRecord, time_s: FloatArray, *, reference_v: float | None = None) -> VoltageFactor:
+    r"""What to multiply the thrust of an output with, since motors turn more slowly on a weaker battery.
+
+    .. math:: T(x, V) = T(x, V_0) \, (V / V_0)^2
+
+    Holds for controllers of the motors' duty cycle, whose speed is proportional to the voltage; those that control the
+    speed itself, measured speeds, and demands that the autopilot compensates (ArduPilot with ``MOT_BAT_VOLT_MAX``) need
+    no factor. Voltage under load is not that at the motor: the resistance of the wires is left out.
+
+    Parameters
+    ----------
+    record
+        Holds ``battery_voltage``.
+    time_s
+        Stamps on the log's own clock at which the factor is wanted, shape ``(samples,)``.
+    reference_v
+        :math:`V_0`; the median over ``time_s`` by default, so that parameters belong to the middle of the record.
+
+    Raises
+    ------
+    InsufficientDataError
+        The log holds no voltage.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel
+    >>> from rotorid.data.record import Source, Topic
+    >>> time_s = np.arange(0.0, 60.0, 0.1)
+    >>> topic = Topic(name="BAT", time_s=time_s, channels=(Channel(name="battery_voltage", unit="V"),),
+    ...               values=(12.0 - 0.02 * time_s)[None])
+    >>> record = FlightRecord(source=Source(name="a.bin", format="ArduPilot DataFlash", sha256=""), topics=(topic,))
+    >>> voltage_factor(record, np.array([10.0, 50.0]), reference_v=12.0).values.round(4).tolist()
+    [0.9669, 0.8403]
+    """
+    stamps, volts = _voltage(record)
+    smooth = _averaged(stamps, volts, np.asarray(time_s, dtype=np.float64))
+    reference = float(np.median(smooth)) if reference_v is None else reference_v
+    values = (smooth / reference) ** 2
+    spread = float(values.max() / values.min() - 1.0) if values.size else 0.0
+    return VoltageFactor(values=values, reference_v=reference, spread=spread)
+
+
+def _voltage(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
+    for topic, row in record.holding("battery_voltage"):
+        kept = np.isfinite(topic.values[row]) & (topic.values[row] > 0.0) & np.isfinite(topic.time_s)
+        order = np.argsort(topic.time_s[kept], kind="stable")
+        if kept.any():
+            return topic.time_s[kept][order], topic.values[row][kept][order]
+    raise InsufficientDataError(
+        f"{record.source.name} holds no battery_voltage",
+        needed="the voltage of the battery",
+        remedy="turn on the battery monitor, or leave the compensation out",
+    )
+
+
+def _averaged(stamps: FloatArray, volts: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Mean voltage around each time: a difference of the integral of the straight lines between the samples."""
+    if stamps.size == 1:
+        return np.full(time_s.shape, volts[0])
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (volts[1:] + volts[:-1]) * np.diff(stamps))])
+    low = np.clip(time_s - 0.5 * WINDOW_S, stamps[0], stamps[-1])
+    high = np.clip(time_s + 0.5 * WINDOW_S, stamps[0], stamps[-1])
+    width = high - low
+    mean = np.divide(
+        _integral(stamps, volts, area, high) - _integral(stamps, volts, area, low),
+        width,
+        out=np.interp(time_s, stamps, volts),
+        where=width > 0.5 * min(WINDOW_S, float(stamps[-1] - stamps[0])),
+    )
+    return np.asarray(mean)
+
+
+def _integral(stamps: FloatArray, volts: FloatArray, area: FloatArray, time_s: FloatArray) -> FloatArray:
+    before = np.clip(np.searchsorted(stamps, time_s, side="right") - 1, 0, stamps.size - 2)
+    step = time_s - stamps[before]
+    here = np.interp(time_s, stamps, volts)
+    return np.asarray(area[before] + 0.5 * (volts[before] + here) * step)
