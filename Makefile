@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 DEMO   ?= rotorid-out/demo
 
-.PHONY: demo test check study bench clean
+.PHONY: demo test quick study bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/rotorid demo --out $(DEMO)
@@ -15,6 +15,12 @@ test: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope
+
+# The tests of what changed since BASE, in under a minute.
+BASE ?= HEAD
+quick: $(VENV)/.installed-dev
+	$(BIN)/ruff check
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope $$($(BIN)/python -m tests.quick $(BASE))
 
 study: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope -m slow
