@@ -1,7 +1,7 @@
 """The tests of what changed: ``make quick`` runs what this prints.
 
-A test file belongs to a change when it is changed itself, or imports a changed module or its package. Doctests of changed
-modules run too. Long studies of real flights (``tests/reference``, ``tests/twins``) are left to ``make test``.
+A test file belongs to a change when it is changed itself, or imports a changed module or its package. Doctests of
+changed modules run too. Long studies of real flights (``tests/reference``, ``tests/twins``) are left to ``make test``.
 """
 
 from __future__ import annotations
