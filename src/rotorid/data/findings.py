@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.base import Immutable
 
 Severity: TypeAlias = Literal["info", "warning", "error"]
+
+_ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +72,22 @@ def refusal(kind: str, where: str, message: str, /, **numbers: float) -> Finding
     'error'
     """
     return Finding(kind=kind, severity="error", where=where, message=message, numbers=numbers)
+
+
+def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings by severity, each once; those of one severity keep their order.
+
+    Examples
+    --------
+    >>> gap, skew = warn("gap", "p", "0.4 s are missing."), remark("clock_skew", "p", "It is 5 ms late.")
+    >>> [finding.kind for finding in worst_first([skew, gap, skew])]
+    ['gap', 'clock_skew']
+    """
+    unique = {
+        (finding.kind, finding.severity, finding.where, finding.message, tuple(finding.numbers.items())): finding
+        for finding in findings
+    }
+    return tuple(sorted(unique.values(), key=lambda finding: _ORDER[finding.severity]))
 
 
 class Kind(NamedTuple):

@@ -1,11 +1,56 @@
-"""What all documents have in common."""
+"""What all documents have in common, and the parts that nearly all have: findings and provenance.
+
+A document is made from a value at the border, ``FindingDocument.model_validate(finding)``: its fields are read from
+attributes of the same names, so a value needs no copy of its own for JSON.
+"""
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
 
 
 class Document(BaseModel):
-    """Base of all documents: immutable, no unknown fields, numbers finite or ``null``."""
+    """Base of all documents: immutable, no unknown fields, numbers finite or ``null``; a value validates as it is."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null", populate_by_name=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", from_attributes=True, ser_json_inf_nan="null", populate_by_name=True
+    )
+
+
+class FindingDocument(Document):
+    """An engineer's remark."""
+
+    kind: str
+    severity: Literal["info", "warning", "error"]
+    where: str
+    message: str
+    numbers: dict[str, float] = Field(default_factory=dict)
+
+
+class ManeuverDocument(Document):
+    """An excited interval on the log's own clock."""
+
+    record: str
+    axis: str
+    kind: str
+    start_s: float
+    stop_s: float
+    band_rad_s: tuple[float, float] | None = None
+    origin: str
+    signal: str
+
+
+class ProvenanceDocument(Document):
+    """Where the result came from: enough to make it again."""
+
+    version: str
+    command: list[str]
+    inputs: dict[str, str]
+    settings: dict[str, str | int | float | bool | list[str] | list[float] | None]
+    seed: int
+    estimate: Literal["direct", "joint"] | None = None
+    instruments: list[str] = Field(default_factory=list)
+    sources: dict[str, str] = Field(default_factory=dict)
+    maneuvers: list[ManeuverDocument] = Field(default_factory=list)

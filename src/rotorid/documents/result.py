@@ -15,6 +15,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rotorid.documents.base import Document
+from rotorid.documents.base import FindingDocument as FindingDocument
+from rotorid.documents.base import ManeuverDocument as ManeuverDocument
+from rotorid.documents.base import ProvenanceDocument as ProvenanceDocument
 from rotorid.verification.fixed_parameters import CrossValidation, FixedParameterScores, Kind, Model, fit_percent
 from rotorid.verification.verification import Verdict
 
@@ -308,16 +311,6 @@ def cross_validation_document(
 Status = Literal["free", "fixed", "tied", "dropped"]
 
 
-class FindingDocument(Document):
-    """An engineer's remark."""
-
-    kind: str
-    severity: Literal["info", "warning", "error"]
-    where: str
-    message: str
-    numbers: dict[str, float] = Field(default_factory=dict)
-
-
 class ParameterDocument(Document):
     """One parameter with its uncertainty; percents are CIFER's, ``std`` covers random errors, not a wrong structure."""
 
@@ -549,33 +542,6 @@ class DelayDocument(Document):
     total_s: float
     total_std_s: float | None
     known_filters_s: float | None = None
-
-
-class ManeuverDocument(Document):
-    """An excited interval on the log's own clock."""
-
-    record: str
-    axis: str
-    kind: str
-    start_s: float
-    stop_s: float
-    band_rad_s: tuple[float, float] | None = None
-    origin: str
-    signal: str
-
-
-class ProvenanceDocument(Document):
-    """Where the result came from: enough to make it again."""
-
-    version: str
-    command: list[str]
-    inputs: dict[str, str]
-    settings: dict[str, str | int | float | bool | list[str] | list[float] | None]
-    seed: int
-    estimate: Literal["direct", "joint"] | None = None
-    instruments: list[str] = Field(default_factory=list)
-    sources: dict[str, str] = Field(default_factory=dict)
-    maneuvers: list[ManeuverDocument] = Field(default_factory=list)
 
 
 class ResultDocument(Document):

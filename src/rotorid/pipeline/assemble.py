@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rotorid import __version__
-from rotorid.data.findings import Finding
+from rotorid.data.findings import Finding, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.response import FrequencyResponse
+from rotorid.documents.base import FindingDocument, ManeuverDocument, ProvenanceDocument
 from rotorid.documents.result import (
     BasinDocument,
     BootstrapDocument,
@@ -23,16 +23,13 @@ from rotorid.documents.result import (
     CostDocument,
     DelaysDocument,
     EquationDocument,
-    FindingDocument,
     FitDocument,
     InformationDocument,
-    ManeuverDocument,
     MatricesDocument,
     MinimumDocument,
     PairCost,
     ParameterDocument,
     PoleDocument,
-    ProvenanceDocument,
     RangeDocument,
     RecordFitDocument,
     ResidualsDocument,
@@ -49,6 +46,8 @@ from rotorid.models.state_space import StateSpace
 from rotorid.pipeline.bootstrapping import Bootstrapped
 from rotorid.pipeline.coverage import Range
 from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.provenance import hashes as hashes
+from rotorid.pipeline.provenance import logged, provenance
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.searching import Searched
 from rotorid.pipeline.segments import TimeRecords
@@ -65,17 +64,11 @@ from rotorid.uncertainty.resampling import SpreadRow, SpreadTable
 from rotorid.verification.scores import nrmse_fit_percent
 
 _NEAR_ZERO = 1e-12
-_ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
 def finding_documents(findings: Sequence[Finding]) -> list[FindingDocument]:
     """Findings by severity, each once."""
-    unique = list(dict.fromkeys((f.kind, f.severity, f.where, f.message, tuple(f.numbers.items())) for f in findings))
-    ordered = sorted(unique, key=lambda item: _ORDER[item[1]])
-    return [
-        FindingDocument(kind=kind, severity=severity, where=where, message=message, numbers=dict(numbers))
-        for kind, severity, where, message, numbers in ordered
-    ]
+    return [FindingDocument.model_validate(finding) for finding in worst_first(findings)]
 
 
 def parameter_documents(parameters: ParameterSet, bounds: Bounds) -> dict[str, ParameterDocument]:
@@ -290,43 +283,14 @@ def provenance_document(
     sources: Mapping[str, str] | None = None,
 ) -> ProvenanceDocument:
     """Where the result came from."""
-    return ProvenanceDocument(
-        version=__version__,
-        command=list(command),
-        inputs=hashes(records),
-        settings=settings.as_json(),
-        seed=settings.seed,
-        estimate=response.estimate if response else None,
-        instruments=list(response.instruments) if response else [],
-        sources=dict(sources or {}),
-        maneuvers=[maneuver_document(record, maneuver) for record, maneuver in flown],
+    return ProvenanceDocument.model_validate(
+        provenance(records, settings, command=command, flights=flown, response=response, sources=sources)
     )
-
-
-def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
-    """Hash of each log by its name; logs of one name are told apart by a number."""
-    hashes: dict[str, str] = {}
-    for record in records:
-        name, sha256 = record.source.name, record.source.sha256
-        count = 1
-        while hashes.setdefault(name, sha256) != sha256:
-            count += 1
-            name = f"{record.source.name} ({count})"
-    return hashes
 
 
 def maneuver_document(record: FlightRecord, maneuver: Maneuver) -> ManeuverDocument:
     """One maneuver."""
-    return ManeuverDocument(
-        record=record.source.name,
-        axis=maneuver.axis,
-        kind=maneuver.kind,
-        start_s=maneuver.start_s,
-        stop_s=maneuver.stop_s,
-        band_rad_s=maneuver.band_rad_s,
-        origin=maneuver.origin,
-        signal=maneuver.signal,
-    )
+    return ManeuverDocument.model_validate(logged(record, maneuver))
 
 
 def standard_deviations(bounds: Bounds) -> Mapping[str, float]:

@@ -1,0 +1,126 @@
+"""Where a result came from: logs with their hashes, choices, seed and stretches, enough to make it again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TypeAlias
+
+from rotorid import __version__
+from rotorid.data.base import Immutable
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.data.response import Estimate, FrequencyResponse
+from rotorid.pipeline.settings import MeasureSettings
+
+Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoggedManeuver(Maneuver):
+    """A maneuver and the name of the log that it lies in.
+
+    Parameters
+    ----------
+    axis, kind, start_s, stop_s, band_rad_s, origin, signal
+        As in :class:`rotorid.data.record.Maneuver`.
+    record
+        Name of the log.
+    """
+
+    record: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance(Immutable):
+    """Where a result came from.
+
+    Parameters
+    ----------
+    version
+        That of the program.
+    command
+        Words of the command line, empty where a program called.
+    inputs
+        Name of each log to its SHA-256.
+    settings
+        Choices of the run by name.
+    seed
+        Of everything random.
+    estimate
+        How the response was estimated; ``None`` where there is none.
+    instruments
+        Channels used as instruments of a joint estimate.
+    sources
+        What a name in the result stands for, such as the channel behind an input.
+    maneuvers
+        Stretches that were used.
+    """
+
+    version: str = __version__
+    command: tuple[str, ...] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    seed: int = 0
+    estimate: Estimate | None = None
+    instruments: tuple[str, ...] = ()
+    sources: Mapping[str, str] = field(default_factory=dict)
+    maneuvers: tuple[LoggedManeuver, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(inputs=self.inputs, settings=self.settings, sources=self.sources)
+
+
+def provenance(
+    records: Sequence[FlightRecord],
+    settings: MeasureSettings,
+    *,
+    command: Sequence[str] = (),
+    flights: Sequence[tuple[FlightRecord, Maneuver]] = (),
+    response: FrequencyResponse | None = None,
+    sources: Mapping[str, str] | None = None,
+) -> Provenance:
+    """Where a result on ``records`` came from.
+
+    Parameters
+    ----------
+    records
+        All logs that were read.
+    settings
+        Choices of the run.
+    command
+        Words of the command line.
+    flights
+        The stretches used: a log and an interval of it.
+    response
+        The estimate, where there is one.
+    sources
+        What names stand for.
+    """
+    return Provenance(
+        command=tuple(command),
+        inputs=hashes(records),
+        settings=settings.as_json(),
+        seed=settings.seed,
+        estimate=response.estimate if response else None,
+        instruments=tuple(response.instruments) if response else (),
+        sources=sources or {},
+        maneuvers=tuple(logged(record, maneuver) for record, maneuver in flights),
+    )
+
+
+def logged(record: FlightRecord, maneuver: Maneuver) -> LoggedManeuver:
+    """A maneuver with the name of its log."""
+    same = {item.name: getattr(maneuver, item.name) for item in fields(Maneuver)}
+    return LoggedManeuver(record=record.source.name, **same)
+
+
+def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
+    """Hash of each log by its name; logs of one name are told apart by a number."""
+    hashes: dict[str, str] = {}
+    for record in records:
+        name, sha256 = record.source.name, record.source.sha256
+        count = 1
+        while hashes.setdefault(name, sha256) != sha256:
+            count += 1
+            name = f"{record.source.name} ({count})"
+    return hashes
