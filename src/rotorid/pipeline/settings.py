@@ -10,16 +10,21 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
 
 from rotorid.data.base import Immutable
 from rotorid.data.record import AXES, Maneuver
 from rotorid.errors import UsageError
 from rotorid.models.motors import CURVE_TERMS, Curve
 from rotorid.models.rotors import RotorLayout, layout_from_toml, layout_names, library_layout
+
+if TYPE_CHECKING:
+    from rotorid.data.record import FlightRecord
+
+Settings = TypeVar("Settings", bound="MeasureSettings")
 
 EVALUATIONS = 2000
 """Budget of a search unless another is asked for."""
@@ -69,6 +74,73 @@ def require_runs(runs: int | None) -> None:
         raise UsageError(f"a bootstrap of {runs} runs came", needed="two or more, and some hundred for intervals")
 
 
+def as_settings(kind: type[Settings], settings: Settings | None, options: Mapping[str, Any]) -> Settings:
+    """Choices of a verb, given whole, one by one, or both; one by one goes before.
+
+    Parameters
+    ----------
+    kind
+        Their class.
+    settings
+        All of them; by default those of the class.
+    options
+        Fields by name.
+
+    Raises
+    ------
+    TypeError
+        There is no such field; the nearest name is suggested.
+    UsageError
+        A value cannot be.
+
+    Examples
+    --------
+    >>> as_settings(ResponseSettings, None, {"band_rad_s": (1.0, 60.0)}).band_rad_s
+    (1.0, 60.0)
+    """
+    known = [field.name for field in fields(kind)]
+    for name in options:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise TypeError(f"there is no option {name!r}{hint}")
+    chosen = settings or kind()
+    return replace(chosen, **options) if options else chosen
+
+
+def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names of channels or parameters; a single one may come without a list around it.
+
+    Examples
+    --------
+    >>> as_names("roll_command"), as_names(["p", "ay"])
+    (('roll_command',), ('p', 'ay'))
+    """
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def as_records(
+    records: FlightRecord | str | Path | Iterable[FlightRecord | str | Path],
+) -> tuple[FlightRecord, ...]:
+    """Flight records; a path is read, and a single one may come without a list around it.
+
+    Parameters
+    ----------
+    records
+        Records as :func:`rotorid.read` gives them, files that it reads, or both.
+
+    Raises
+    ------
+    LogError
+        A file cannot be read.
+    """
+    from rotorid.data.record import FlightRecord
+    from rotorid.io.registry import read
+
+    several = (records,) if isinstance(records, str | Path | FlightRecord) else records
+    return tuple(record if isinstance(record, FlightRecord) else read(record) for record in several)
+
+
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
 
 DIRECT_COHERENCE = 0.6
@@ -113,7 +185,12 @@ class MeasureSettings(Immutable):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        self._set(windows_s=tuple(self.windows_s), segments=tuple(self.segments), shifts=self.shifts)
+        self._set(
+            windows_s=tuple(self.windows_s),
+            instruments=as_names(self.instruments),
+            segments=tuple(self.segments),
+            shifts=self.shifts,
+        )
         if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1] < math.inf:
             raise UsageError(f"the band {self.band_rad_s[0]:g}:{self.band_rad_s[1]:g} is empty", needed="0 < LO < HI")
         for length in self.windows_s:
@@ -255,7 +332,7 @@ class IdentifySettings(MeasureSettings):
         super().__post_init__()
         mappings = ("fix", "ties", "constants", "pairs", "pair_weights")
         self._set(
-            free=tuple(self.free), outputs=tuple(self.outputs), **{name: getattr(self, name) for name in mappings}
+            free=as_names(self.free), outputs=as_names(self.outputs), **{name: getattr(self, name) for name in mappings}
         )
         for what, given, kind in (
             ("weights", self.weights, WeightsChoice),

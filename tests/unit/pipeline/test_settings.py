@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,9 @@ from rotorid.pipeline.settings import (
     DIRECT_COHERENCE,
     JOINT_COHERENCE,
     IdentifySettings,
+    as_names,
+    as_records,
+    as_settings,
     parse_band,
     parse_fix,
     parse_numbers,
@@ -212,3 +216,32 @@ def test_starts_go_into_the_provenance(starts: str) -> None:
         starts,
         1.5,
     )
+
+
+def test_options_by_name_go_before_the_settings_beside_them() -> None:
+    whole = IdentifySettings(band_rad_s=(1.0, 60.0), reduce=True)
+    assert as_settings(IdentifySettings, whole, {}) is whole
+    assert as_settings(IdentifySettings, whole, {"reduce": False}) == IdentifySettings(band_rad_s=(1.0, 60.0))
+    assert as_settings(IdentifySettings, None, {"fix": {"L_p": -2.0}}).fix == {"L_p": -2.0}
+
+
+def test_an_option_that_there_is_not_is_named_with_the_nearest() -> None:
+    with pytest.raises(TypeError, match="no option 'band'; did you mean band_rad_s"):
+        as_settings(IdentifySettings, None, {"band": (1.0, 60.0)})
+    with pytest.raises(UsageError, match="the band 60:1 is empty"):
+        as_settings(IdentifySettings, None, {"band_rad_s": (60.0, 1.0)})
+
+
+def test_one_name_stands_for_a_list_of_one() -> None:
+    assert as_names("roll_command") == ("roll_command",)
+    assert as_names(name for name in ("p", "ay")) == ("p", "ay")
+    settings = IdentifySettings(outputs="ay", free="L_v", instruments="roll_excitation")  # type: ignore[arg-type]
+    assert (settings.outputs, settings.free, settings.instruments) == (("ay",), ("L_v",), ("roll_excitation",))
+
+
+def test_one_record_or_path_stands_for_a_list_of_one(tmp_path: Path) -> None:
+    log = tmp_path / "roll.csv"
+    log.write_text("time [s],p [rad/s]\n" + "".join(f"{0.01 * k:.2f},0.0\n" for k in range(100)))
+    (read_here,) = as_records(log)
+    assert as_records(read_here) == (read_here,)
+    assert [record.source.name for record in as_records([str(log), read_here])] == ["roll.csv", "roll.csv"]
