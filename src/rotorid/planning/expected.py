@@ -35,16 +35,9 @@ from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
 from rotorid.fitting.least_squares import Solution
 from rotorid.planning.loop import LoopModel
 from rotorid.planning.remarks import as_seen
-from rotorid.spectral.composite import Composer, disturbance_of, output_correlation
-from rotorid.spectral.conditioning import (
-    OutputSpectra,
-    conditioned_response,
-    derivatives,
-    line_variance,
-    output_spectra,
-    without_leakage,
-)
-from rotorid.spectral.spectra import SpectralMatrix, require_windows, spectral_matrices
+from rotorid.spectral.conditioning import line_variance
+from rotorid.spectral.estimate import response_from
+from rotorid.spectral.spectra import SpectralMatrix, record_spectra
 from rotorid.spectral.windows import HANN, WindowPlan, given_windows, plan_windows, refined
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Weights
@@ -276,17 +269,8 @@ def excited_flight(loop: LoopModel, planned: Planned, names: Sequence[str], *, h
     )
 
 
-_OVERLAP = 0.8
 _BEYOND = 3.0
 """How far beyond the highest frequency the loop is followed: what is faster does not leak that far."""
-
-
-class _Foreseen(Composer):
-    """A composer of expected spectra: nothing was fitted to them, so they hold the whole disturbance."""
-
-    @property
-    def left(self) -> tuple[FloatArray, ...]:
-        return tuple(np.ones(window.matrix.omega_rad_s.size) for window in self.windows)
 
 
 def expected_response(
@@ -328,36 +312,22 @@ def expected_response(
     fine_rad_s, asked = refined(omega_rad_s)
     names = (*inputs, *outputs)
     records = planned.records(excited_flight(loop, planned, names, highest_rad_s=_BEYOND * omega_rad_s[-1]))
-    flown, grid = spectral_matrices(
-        records,
-        fine_rad_s,
-        windows_s=sorted(windows_s, reverse=True),
-        overlap=_OVERLAP,
-        taper=HANN,
-        slopes_of=inputs,
-    )
-    flown = tuple(matrix for matrix in flown if len(matrix.transforms) > len(inputs))
-    require_windows(flown, records, windows_s)
-    sources = len(planned.axes)
-    moved = loop.logged_noise(fine_rad_s)[np.ix_(loop_rows(loop, names), loop_rows(loop, names))]
-    noise = np.moveaxis(moved, -1, 0).conj()
-    matrices = [_expected(matrix, noise, sources, len(inputs)) for matrix in flown]
-    input_rows = list(range(sources, sources + len(inputs)))
-    drivers = list(range(len(inputs))) if joint else input_rows
+    flown = record_spectra(records, fine_rad_s, inputs=inputs, windows_s=windows_s)
+    rows = loop_rows(loop, names)
+    noise = np.moveaxis(loop.logged_noise(fine_rad_s)[np.ix_(rows, rows)], -1, 0).conj()
+    matrices = tuple(_expected(matrix, noise, len(planned.axes), len(inputs)) for matrix in flown.matrices)
     if not joint:
-        matrices = [_self_excited(one, alone) for one, alone in zip(matrices, flown, strict=True)]
-    composer = _Foreseen(
-        windows=[conditioned_response(matrix, instruments=drivers, inputs=input_rows) for matrix in matrices],
-        omega_rad_s=max((matrix.omega_rad_s for matrix in matrices), key=len),
-        grid=grid,
-        blocks=sum(record.values.shape[1] // grid.samples_per_block for record in records),
-        overlap=_OVERLAP,
-        taper=HANN,
-        corrected=True,
-        composition="minimum_variance",
-    )
-    instruments = records[0].names[: len(inputs)] if joint else ()
-    return _composed(composer, asked, inputs=inputs, outputs=outputs, instruments=instruments)
+        matrices = tuple(_self_excited(*pair) for pair in zip(matrices, flown.matrices, strict=True))
+    with np.errstate(divide="ignore", invalid="ignore"):  # an output that an input cannot move has no relative error
+        response, _ = response_from(
+            replace(flown, matrices=matrices),
+            inputs=inputs,
+            outputs=outputs,
+            instruments=planned.flight.names[: len(inputs)] if joint else (),
+            asked=asked,
+            fitted=False,
+        )
+    return response
 
 
 def _expected(matrix: SpectralMatrix, noise: ComplexArray, sources: int, inputs: int) -> SpectralMatrix:
@@ -375,56 +345,6 @@ def _self_excited(matrix: SpectralMatrix, history: SpectralMatrix) -> SpectralMa
     whole, planned = (np.einsum("fcc->cf", part.values).real for part in (matrix, history))
     scale = np.sqrt(whole / np.where(planned > 0.0, planned, whole))
     return replace(matrix, transforms=matrix.transforms * scale)
-
-
-def _respond(composer: Composer, row: int, inputs: Sequence[int]) -> list[OutputSpectra]:
-    """Densities of one output without what windows add to it, known from a first answer that still has it."""
-    matrices = [window.matrix for window in composer.windows]
-    draft = composer.responses([output_spectra(matrix, row) for matrix in matrices], draft=True)
-    corrected = []
-    for matrix in matrices:
-        points = slice(composer.omega_rad_s.size - matrix.omega_rad_s.size, None)
-        slopes = derivatives(
-            matrix.omega_rad_s, draft.values[:, points], draft.random_error[:, points], line_rad_s=matrix.line_rad_s
-        )
-        corrected.append(without_leakage(matrix, output=row, inputs=inputs, derivatives=slopes, taper=HANN))
-    return corrected
-
-
-def _composed(
-    composer: Composer,
-    asked: BoolArray,
-    *,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    instruments: Sequence[str],
-) -> FrequencyResponse:
-    matrices = [window.matrix for window in composer.windows]
-    rows = [matrices[0].channels.index(name) for name in outputs]
-    columns = [matrices[0].channels.index(name) for name in inputs]
-    with np.errstate(divide="ignore", invalid="ignore"):  # an output that an input cannot move has no relative error
-        densities = [_respond(composer, row, columns) for row in rows]
-        whole = [composer.responses(spectra) for spectra in densities]
-    asked = asked[-composer.omega_rad_s.size :]
-    parts = [part.at(asked) for part in whole]
-    disturbance = disturbance_of(composer.windows, densities, whole, composer.left, asked)
-    omega_rad_s = composer.omega_rad_s[asked]
-    share = np.mean([part.share for part in whole], axis=0)
-    return FrequencyResponse(
-        omega_rad_s=omega_rad_s,
-        values=np.stack([part.values for part in parts]),
-        coherence=np.stack([part.coherence for part in parts]),
-        random_error=np.stack([part.random_error for part in parts]),
-        covariance=np.stack([part.covariance for part in parts]),
-        inputs=tuple(inputs),
-        outputs=tuple(outputs),
-        estimate="joint" if instruments else "direct",
-        instruments=tuple(instruments),
-        windows_s=tuple(matrix.window_s for matrix in matrices),
-        output_correlation=np.stack([output_correlation(disturbance, omega_rad_s)] * len(inputs)),
-        input_correlation=composer.input_correlation(share, asked) if len(inputs) > 1 else None,
-        disturbance=disturbance,
-    )
 
 
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]

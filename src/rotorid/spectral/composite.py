@@ -35,8 +35,7 @@ from rotorid.spectral.errors import (
     smear,
     weak_instrument_factor,
 )
-from rotorid.spectral.kernel import BlockGrid
-from rotorid.spectral.windows import Taper
+from rotorid.spectral.spectra import Spectra
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _COHERENCE_WEIGHT = 5.0
@@ -258,27 +257,28 @@ class Composer:
     Parameters
     ----------
     windows
-        Inputs told apart, for each window length.
-    omega_rad_s
-        The union of their grids, shape ``(f,)``.
-    grid, blocks
-        How the records were cut, and into how many blocks.
-    overlap, taper
-        How windows overlap and fade.
+        Inputs told apart, for each window length of the spectra.
+    spectra
+        What they come from.
     corrected
         Whether leakage is taken out of the densities that come.
     composition
         How windows are joined.
+    fitted
+        Whether the responses are fitted to the disturbance that the spectra hold, as to every measured one; expected
+        spectra hold all of it.
     """
 
     windows: Sequence[ConditionedResponse]
-    omega_rad_s: FloatArray
-    grid: BlockGrid
-    blocks: int
-    overlap: float
-    taper: Taper
+    spectra: Spectra
     corrected: bool
     composition: Composition
+    fitted: bool
+
+    @cached_property
+    def omega_rad_s(self) -> FloatArray:
+        """The frequencies of the responses, shape ``(f,)``."""
+        return self.spectra.omega_rad_s
 
     def responses(self, spectra: Sequence[OutputSpectra], *, draft: bool = False) -> Composed:
         """Responses of the output whose densities came, one set for each window length.
@@ -317,7 +317,7 @@ class Composer:
         response = self._padded([part.response[index] for part in parts], 1.0)
         noise = self._padded([part.noise / left for part, left in zip(parts, self.left, strict=True)], 1.0).real
         pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
-        single = random_error(pairs.coherence, self._averages, overlap=self.overlap)
+        single = random_error(pairs.coherence, self._averages, overlap=self.spectra.overlap)
         weights = self._weights(single)
         compose = compose_by_weights if self.composition == "weights" else compose_by_least_squares
         total = compose(pairs, weights)
@@ -335,7 +335,7 @@ class Composer:
         single = np.where(self._valid, single, np.nan)
         if draft:
             averages = np.sum(share * self._averages, axis=0)
-            error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.overlap)
+            error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.spectra.overlap)
             return values, coherence, error, np.zeros(0, dtype=np.complex128), share, single, np.ones_like(error)
         covariance, weakness = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
         spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(values)
@@ -375,7 +375,9 @@ class Composer:
     @cached_property
     def left(self) -> tuple[FloatArray, ...]:
         """Share of the noise that estimating the response has left, of each window."""
-        return tuple(residual_share(window, self.taper) for window in self.windows)
+        if not self.fitted:
+            return tuple(np.ones(window.matrix.omega_rad_s.size) for window in self.windows)
+        return tuple(residual_share(window, self.spectra.taper) for window in self.windows)
 
     def _padded(self, arrays: Sequence[FloatArray | ComplexArray], fill: float) -> ComplexArray:
         padded = np.full((len(arrays), self.omega_rad_s.size), fill, dtype=np.complex128)
@@ -390,7 +392,7 @@ class Composer:
 
     @property
     def _moment_s(self) -> float:
-        return self.grid.block_s / self._moments
+        return self.spectra.grid.block_s / self._moments
 
     @cached_property
     def _influences(self) -> tuple[ComplexArray, ...]:
@@ -399,7 +401,9 @@ class Composer:
         Compacted where records are long: see :func:`rotorid.spectral.errors.compacted`.
         """
         return tuple(
-            compacted((self._reached(index, *stretch) for stretch in self._stretches), self.blocks * self._moments)
+            compacted(
+                (self._reached(index, *stretch) for stretch in self._stretches), self.spectra.blocks * self._moments
+            )
             for index in range(len(self.windows[0].inputs))
         )
 
@@ -434,14 +438,14 @@ class Composer:
     @property
     def _stretches(self) -> list[tuple[int, int]]:
         step = max(1, _MOMENTS_AT_ONCE // self._moments)
-        return [(first, min(step, self.blocks - first)) for first in range(0, self.blocks, step)]
+        return [(first, min(step, self.spectra.blocks - first)) for first in range(0, self.spectra.blocks, step)]
 
     def _reached(self, index: int, first_block: int, blocks: int) -> ComplexArray:
         """Influences of a stretch of time, shape ``(w, f, moments)``."""
         reached = np.zeros((len(self.windows), self.omega_rad_s.size, blocks * self._moments), dtype=np.complex128)
         for row, window in zip(reached, self.windows, strict=True):
             here = influence(
-                window, index, blocks=blocks, taper=self.taper, moments=self._moments, first_block=first_block
+                window, index, blocks=blocks, taper=self.spectra.taper, moments=self._moments, first_block=first_block
             )
             row[self.omega_rad_s.size - len(here) :] = here
         return reached

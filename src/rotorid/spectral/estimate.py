@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import TimeHistory
-from rotorid.data.response import Disturbance, FrequencyResponse
+from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.spectral.composite import Composed, Composer, Composition, disturbance_of, output_correlation
 from rotorid.spectral.conditioning import (
@@ -24,7 +24,7 @@ from rotorid.spectral.conditioning import (
     output_spectra,
     without_leakage,
 )
-from rotorid.spectral.spectra import SpectralMatrix, require_finite, require_motion, require_windows, spectral_matrices
+from rotorid.spectral.spectra import Spectra, record_spectra, require_finite, require_motion
 from rotorid.spectral.windows import HANN, Taper, refined, require_grid
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
@@ -265,62 +265,80 @@ def diagnosed_response(
     require_motion(chosen)
     require_grid(omega_rad_s, chosen[0].sample_rate_hz)
     fine_rad_s, asked = refined(omega_rad_s)
-    fitting, grid = spectral_matrices(
+    spectra = record_spectra(
         chosen,
         fine_rad_s,
-        windows_s=sorted(windows_s, reverse=True),
+        inputs=inputs,
+        windows_s=windows_s,
         overlap=overlap,
         taper=taper,
-        slopes_of=tuple(inputs) if leakage == "corrected" else (),
+        slopes=leakage == "corrected",
         kept=len(drivers),
     )
-    # As many inputs as windows explain any output perfectly: coherence one, error zero, and nothing behind it.
-    matrices = tuple(matrix for matrix in fitting if len(matrix.transforms) > len(inputs))
-    require_windows(matrices, chosen, windows_s)
-    rows = {name: index for index, name in enumerate(names)}
-    driver_rows, input_rows = [rows[name] for name in drivers], [rows[name] for name in inputs]
-    composer = Composer(
-        windows=[conditioned_response(matrix, instruments=driver_rows, inputs=input_rows) for matrix in matrices],
-        omega_rad_s=max((matrix.omega_rad_s for matrix in matrices), key=len),
-        grid=grid,
-        blocks=sum(record.values.shape[1] // grid.samples_per_block for record in chosen),
-        overlap=overlap,
-        taper=taper,
-        corrected=leakage == "corrected",
-        composition=composition,
-    )
-    answers = [_respond(composer, matrices, input_rows, rows[output], leakage=leakage) for output in outputs]
-    asked = asked[-composer.omega_rad_s.size :]
-    parts = [part.at(asked) for part, _, _ in answers]
-    share = np.mean([part.share for part, _, _ in answers], axis=0)
-    densities = [spectra for _, _, spectra in answers]
-    disturbance = disturbance_of(composer.windows, densities, [part for part, _, _ in answers], composer.left, asked)
-    response = _stacked(
-        parts,
-        omega_rad_s=composer.omega_rad_s[asked],
+    return response_from(
+        spectra,
         inputs=inputs,
         outputs=outputs,
         instruments=drivers if joint else (),
-        windows_s=[matrix.window_s for matrix in matrices],
-        disturbance=disturbance,
-        input_correlation=composer.input_correlation(share, asked) if len(inputs) > 1 else None,
+        asked=asked,
+        composition=composition,
+        leakage=leakage,
     )
-    return response, diagnose(composer.windows, parts, [added[:, asked] for _, added, _ in answers], asked)
 
 
-def _stacked(
-    parts: Sequence[Composed],
+def response_from(
+    spectra: Spectra,
     *,
-    omega_rad_s: FloatArray,
     inputs: Sequence[str],
     outputs: Sequence[str],
-    instruments: Sequence[str],
-    windows_s: Sequence[float],
-    disturbance: Disturbance,
-    input_correlation: ComplexArray | None,
-) -> FrequencyResponse:
-    """One response of all outputs."""
-    return FrequencyResponse(
+    instruments: Sequence[str] = (),
+    asked: BoolArray,
+    composition: Composition = "minimum_variance",
+    leakage: Leakage = "corrected",
+    fitted: bool = True,
+) -> tuple[FrequencyResponse, Diagnostics]:
+    """The estimate that spectra hold, measured or expected ones.
+
+    Parameters
+    ----------
+    spectra
+        Of inputs, outputs and instruments; with the slopes of the taper on the inputs where leakage is taken out.
+    inputs, outputs, instruments
+        Channels of the spectra; without instruments the direct estimate.
+    asked
+        Which points of the grid of the spectra to answer for; its last ones are those of ``spectra.omega_rad_s``.
+    composition, leakage
+        As in :func:`frequency_response`.
+    fitted
+        Whether an estimate from these spectra adapts to their disturbance, which then holds less power than it had.
+        It does to measured spectra; expected ones hold the whole disturbance.
+
+    Raises
+    ------
+    InsufficientDataError
+        The inputs are proportional to each other.
+    """
+    channels = spectra.matrices[0].channels
+    input_rows = [channels.index(name) for name in inputs]
+    driver_rows = [channels.index(name) for name in instruments or inputs]
+    composer = Composer(
+        windows=[
+            conditioned_response(matrix, instruments=driver_rows, inputs=input_rows) for matrix in spectra.matrices
+        ],
+        spectra=spectra,
+        corrected=leakage == "corrected",
+        composition=composition,
+        fitted=fitted,
+    )
+    answers = [_respond(composer, channels.index(name)) for name in outputs]
+    whole = [answer.composed for answer in answers]
+    asked = asked[-composer.omega_rad_s.size :]
+    omega_rad_s, parts = composer.omega_rad_s[asked], [part.at(asked) for part in whole]
+    disturbance = disturbance_of(
+        composer.windows, [answer.densities for answer in answers], whole, composer.left, asked
+    )
+    share = np.mean([part.share for part in whole], axis=0)
+    response = FrequencyResponse(
         omega_rad_s=omega_rad_s,
         values=np.stack([part.values for part in parts]),
         coherence=np.stack([part.coherence for part in parts]),
@@ -330,22 +348,30 @@ def _stacked(
         outputs=tuple(outputs),
         estimate="joint" if instruments else "direct",
         instruments=tuple(instruments),
-        windows_s=tuple(windows_s),
+        windows_s=spectra.windows_s,
         # The same disturbance enters the responses to every input.
         output_correlation=np.stack([output_correlation(disturbance, omega_rad_s)] * len(inputs)),
-        input_correlation=input_correlation,
+        input_correlation=composer.input_correlation(share, asked) if len(inputs) > 1 else None,
         disturbance=disturbance,
     )
+    return response, diagnose(composer.windows, parts, [answer.leakage[:, asked] for answer in answers], asked)
 
 
-def _respond(
-    composer: Composer, matrices: Sequence[SpectralMatrix], inputs: Sequence[int], output: int, *, leakage: Leakage
-) -> tuple[Composed, ComplexArray, list[OutputSpectra]]:
-    """One output, what the windows had added to it, known from a first answer that still has it, and its densities."""
+class _Answer(NamedTuple):
+    """One output: its composite, what the windows had added to it, shape ``(u, f)``, and its densities without that."""
+
+    composed: Composed
+    leakage: ComplexArray
+    densities: list[OutputSpectra]
+
+
+def _respond(composer: Composer, output: int) -> _Answer:
+    matrices = composer.spectra.matrices
     plain = [output_spectra(matrix, output) for matrix in matrices]
-    if leakage == "ignored":
+    if not composer.corrected:
         composed = composer.responses(plain)
-        return composed, np.zeros_like(composed.values), plain
+        return _Answer(composed, np.zeros_like(composed.values), plain)
+    # What windows add is known from a first answer that still has it.
     draft = composer.responses(plain, draft=True)
     corrected = []
     for matrix in matrices:
@@ -354,11 +380,10 @@ def _respond(
         slopes = derivatives(
             matrix.omega_rad_s, draft.values[:, points], draft.random_error[:, points], line_rad_s=matrix.line_rad_s
         )
-        corrected.append(
-            without_leakage(matrix, output=output, inputs=inputs, derivatives=slopes, taper=composer.taper)
-        )
+        inputs, taper = composer.windows[0].inputs, composer.spectra.taper
+        corrected.append(without_leakage(matrix, output=output, inputs=inputs, derivatives=slopes, taper=taper))
     composed = composer.responses(corrected)
-    return composed, draft.values / composed.values - 1.0, corrected
+    return _Answer(composed, draft.values / composed.values - 1.0, corrected)
 
 
 def _require_choices(

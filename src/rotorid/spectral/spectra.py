@@ -74,6 +74,87 @@ class SpectralMatrix(Immutable):
         return self.values[:, list(rows)][:, :, list(columns)]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spectra(Immutable):
+    """All that an estimate needs of records: their spectral matrices, and how the records were cut into windows.
+
+    Parameters
+    ----------
+    matrices
+        One for each window length, longest first; each knows its own frequencies, a tail of those of the longest.
+    grid, blocks
+        How the records were cut, and into how many blocks.
+    overlap, taper
+        How windows overlap and fade.
+    """
+
+    matrices: tuple[SpectralMatrix, ...]
+    grid: BlockGrid
+    blocks: int
+    overlap: float
+    taper: Taper
+
+    @property
+    def windows_s(self) -> tuple[float, ...]:
+        """Lengths of the windows."""
+        return tuple(matrix.window_s for matrix in self.matrices)
+
+    @property
+    def omega_rad_s(self) -> FloatArray:
+        """Every frequency at which at least one window length counts, shape ``(f,)``."""
+        return max((matrix.omega_rad_s for matrix in self.matrices), key=len)
+
+
+def record_spectra(
+    records: Sequence[TimeHistory],
+    omega_rad_s: FloatArray,
+    *,
+    inputs: Sequence[str],
+    windows_s: Sequence[float],
+    overlap: float = 0.8,
+    taper: Taper = HANN,
+    slopes: bool = True,
+    kept: int | None = None,
+) -> Spectra:
+    """Spectra of records from which a response to ``inputs`` can be estimated.
+
+    Parameters
+    ----------
+    records, omega_rad_s, windows_s, overlap, taper, kept
+        As for :func:`spectral_matrices`.
+    inputs
+        Of the response. As many inputs as windows explain any output perfectly, coherence one and error zero with
+        nothing behind it, so a window length that fits at no more positions than there are inputs is left out.
+    slopes
+        Whether the inputs are transformed with the slope of the taper too, so that leakage can be taken out.
+
+    Raises
+    ------
+    UsageError
+        As for :func:`spectral_matrices`.
+    InsufficientDataError
+        No window length is left.
+    """
+    matrices, grid = spectral_matrices(
+        records,
+        omega_rad_s,
+        windows_s=sorted(windows_s, reverse=True),
+        overlap=overlap,
+        taper=taper,
+        slopes_of=tuple(inputs) if slopes else (),
+        kept=kept,
+    )
+    matrices = tuple(matrix for matrix in matrices if len(matrix.transforms) > len(inputs))
+    _require_windows(matrices, records, windows_s)
+    return Spectra(
+        matrices=matrices,
+        grid=grid,
+        blocks=sum(record.values.shape[1] // grid.samples_per_block for record in records),
+        overlap=overlap,
+        taper=taper,
+    )
+
+
 def spectral_matrices(
     records: Sequence[TimeHistory],
     omega_rad_s: FloatArray,
@@ -233,16 +314,10 @@ def require_motion(records: Sequence[TimeHistory]) -> None:
             )
 
 
-def require_windows(
+def _require_windows(
     matrices: Sequence[SpectralMatrix], records: Sequence[TimeHistory], windows_s: Sequence[float]
 ) -> None:
-    """Refuse records in which no window that supports the band fits often enough.
-
-    Raises
-    ------
-    InsufficientDataError
-        With the finding ``record_too_short``.
-    """
+    """Refuse records in which no window that supports the band fits often enough."""
     if matrices:
         return
     longest, shortest = max(record.duration_s for record in records), min(windows_s)
