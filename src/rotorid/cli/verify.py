@@ -28,7 +28,7 @@ from rotorid.cli.options import (
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
-    from rotorid.pipeline.verification import VerifySettings
+    from rotorid.pipeline.settings import VerifySettings
     from rotorid.pipeline.verify_document import VerifyDocument
     from rotorid.verification.sampled import LowPass
 
@@ -114,7 +114,7 @@ def _settings(
     controller: Path | None,
 ) -> VerifySettings:
     from rotorid.pipeline.candidate import read_controllers
-    from rotorid.pipeline.verification import VerifySettings
+    from rotorid.pipeline.settings import VerifySettings
 
     return VerifySettings(
         **measure_choices(

@@ -1,30 +1,290 @@
-"""What a user may choose about an identification; everything else follows from the data.
+"""What a user may choose: each choice with its default, its check, and how it is written on the command line.
 
-What can be asked of searches and bootstraps, and what goes together.
-
-What a user chooses for the physics of motors.
+A verb takes its choices whole (``settings=``), or one by one as keywords (:func:`as_settings`); the command line makes
+an option of every field that carries an :class:`Option`. Nothing here is heavy: ``rotorid --help`` reads it.
 """
-
-from __future__ import annotations
 
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args
 
 from rotorid.data.base import Immutable
-from rotorid.data.record import AXES, Maneuver
 from rotorid.errors import UsageError
-from rotorid.models.motors import CURVE_TERMS, Curve
-from rotorid.models.rotors import RotorLayout, layout_from_toml, layout_names, library_layout
 
 if TYPE_CHECKING:
-    from rotorid.data.record import FlightRecord
+    from rotorid.data.record import FlightRecord, Maneuver
+    from rotorid.models.motors import Curve
+    from rotorid.models.rotors import RotorLayout
+    from rotorid.pipeline.candidate import GivenController
+    from rotorid.typing import Axis
+    from rotorid.verification.sampled import LowPass
 
 Settings = TypeVar("Settings", bound="MeasureSettings")
+Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
+"""A choice as a provenance holds it."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a field is written on the command line, in the metadata of its ``Annotated`` type.
+
+    Parameters
+    ----------
+    name
+        Such as ``--band``.
+    help
+        A line for ``--help``.
+    parse
+        Makes the value out of the text, or out of all texts where the option may be repeated. Without it the command
+        line reads what the type of the field says.
+    repeats
+        Whether it may be given more than once.
+    metavar
+        What ``--help`` calls the text.
+    default
+        Text that stands where nothing is given, for fields whose own default is no text.
+    """
+
+    name: str
+    help: str
+    parse: Callable[[Any], Any] | None = None
+    repeats: bool = False
+    metavar: str | None = None
+    default: str | None = None
+
+
+def parse_segment(text: str) -> "Maneuver":
+    """Read ``AXIS:START:STOP``, seconds on the log's own clock.
+
+    Examples
+    --------
+    >>> parse_segment("pitch:50:76").duration_s
+    26.0
+    """
+    from rotorid.data.record import AXES, Maneuver
+
+    parts = text.split(":")
+    wanted = "AXIS:START:STOP with an axis of roll, pitch, yaw, thrust and seconds on the log's own clock"
+    if len(parts) != 3 or parts[0] not in AXES:
+        raise UsageError(f"the segment {text!r} cannot be read", needed=wanted)
+    try:
+        start_s, stop_s = float(parts[1]), float(parts[2])
+    except ValueError:
+        raise UsageError(f"the segment {text!r} cannot be read", needed=wanted) from None
+    if not start_s < stop_s:
+        raise UsageError(f"the segment {text!r} stops before it starts", needed=wanted)
+    return Maneuver(axis=parts[0], kind="other", start_s=start_s, stop_s=stop_s, origin="given")  # type: ignore[arg-type]
+
+
+def parse_segments(texts: Sequence[str]) -> "tuple[Maneuver, ...]":
+    """Read ``AXIS:START:STOP`` once or more."""
+    return tuple(parse_segment(text) for text in texts)
+
+
+def parse_band(text: str) -> tuple[float, float]:
+    """Read ``LO:HI`` in rad/s.
+
+    Examples
+    --------
+    >>> parse_band("8:80")
+    (8.0, 80.0)
+    """
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise UsageError(f"the band {text!r} cannot be read", needed="LO:HI in rad/s, such as 1:60") from None
+    return low, high
+
+
+def parse_numbers(text: str) -> tuple[float, ...]:
+    """Read ``S,S,...``."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"the list {text!r} cannot be read", needed="numbers with commas between them") from None
+
+
+def parse_names(text: str) -> tuple[str, ...]:
+    """Read ``CHANNEL,...``.
+
+    Examples
+    --------
+    >>> parse_names("p, ay")
+    ('p', 'ay')
+    """
+    return tuple(name.strip() for name in text.split(","))
+
+
+def parse_fix(texts: Sequence[str]) -> dict[str, float]:
+    """Read ``NAME=VALUE`` once or more.
+
+    Examples
+    --------
+    >>> parse_fix(("L_p=-2",))
+    {'L_p': -2.0}
+    """
+    fixed = {}
+    for name, value in _assignments(texts, "NAME=VALUE, such as L_p=-2").items():
+        try:
+            fixed[name] = float(value)
+        except ValueError:
+            raise UsageError(f"{f'{name}={value}'!r} cannot be read", needed="NAME=VALUE, such as L_p=-2") from None
+    return fixed
+
+
+def parse_ties(texts: Sequence[str]) -> dict[str, str]:
+    """Read ``NAME=EXPRESSION`` once or more.
+
+    Examples
+    --------
+    >>> parse_ties(("tau_pitch=tau_roll",))
+    {'tau_pitch': 'tau_roll'}
+    """
+    return _assignments(texts, "NAME=EXPRESSION, such as tau_pitch=tau_roll")
+
+
+def _assignments(texts: Sequence[str], wanted: str) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise UsageError(f"{text!r} cannot be read", needed=wanted)
+        if name in found:
+            raise UsageError(f"{name} came twice", needed="each name once")
+        found[name] = value
+    return found
+
+
+def parse_pairs(texts: Sequence[str]) -> dict[str, tuple[float, float] | None]:
+    """Read ``OUTPUT/INPUT`` or ``OUTPUT/INPUT:LO:HI`` (rad/s) once or more.
+
+    Examples
+    --------
+    >>> parse_pairs(("q/pitch_command:3:45", "az/thrust_command"))
+    {'q/pitch_command': (3.0, 45.0), 'az/thrust_command': None}
+    """
+    pairs: dict[str, tuple[float, float] | None] = {}
+    for text in texts:
+        name, colon, band = text.partition(":")
+        pairs[name.strip()] = parse_band(band) if colon else None
+    return pairs
+
+
+def parse_shifts(texts: Sequence[str]) -> dict[str, float]:
+    """Read ``CHANNEL:SECONDS`` once or more; each channel once.
+
+    Examples
+    --------
+    >>> parse_shifts(("q:0.0037", "roll_command:-0.004"))
+    {'q': 0.0037, 'roll_command': -0.004}
+    """
+    shifts: dict[str, float] = {}
+    for text in texts:
+        name, _, value = text.rpartition(":")
+        try:
+            seconds = float(value)
+        except ValueError:
+            seconds = math.nan
+        if not name.strip() or not math.isfinite(seconds):
+            raise UsageError(f"the shift {text!r} cannot be read", needed="CHANNEL:SECONDS, such as q:0.0037")
+        if name.strip() in shifts:
+            raise UsageError(f"two shifts of {name.strip()} came", needed="one for each channel", remedy="add them up")
+        shifts[name.strip()] = seconds
+    return shifts
+
+
+def parse_low_pass(text: str) -> "LowPass":
+    """Read a cutoff in rad/s, ``auto`` or ``none``.
+
+    Examples
+    --------
+    >>> parse_low_pass("20"), parse_low_pass("none")
+    (20.0, None)
+    """
+    if text in ("auto", "none"):
+        return None if text == "none" else "auto"
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"the low-pass {text!r} came", needed="a cutoff in rad/s, auto or none") from None
+
+
+def _read_controllers(path: str) -> "Mapping[Axis, GivenController]":
+    from rotorid.pipeline.candidate import read_controllers
+
+    return read_controllers(Path(path))
+
+
+def as_settings(kind: type[Settings], settings: Settings | None, options: Mapping[str, Any]) -> Settings:
+    """Choices of a verb, given whole, one by one, or both; one by one goes before.
+
+    Parameters
+    ----------
+    kind
+        Their class.
+    settings
+        All of them; by default those of the class.
+    options
+        Fields by name.
+
+    Raises
+    ------
+    TypeError
+        There is no such field; the nearest name is suggested.
+    UsageError
+        A value cannot be.
+
+    Examples
+    --------
+    >>> as_settings(ResponseSettings, None, {"band_rad_s": (1.0, 60.0)}).band_rad_s
+    (1.0, 60.0)
+    """
+    known = [field.name for field in fields(kind)]
+    for name in options:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise TypeError(f"there is no option {name!r}{hint}")
+    chosen = settings or kind()
+    return replace(chosen, **options) if options else chosen
+
+
+def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names of channels or parameters; a single one may come without a list around it.
+
+    Examples
+    --------
+    >>> as_names("roll_command"), as_names(["p", "ay"])
+    (('roll_command',), ('p', 'ay'))
+    """
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def as_records(
+    records: "FlightRecord | str | Path | Iterable[FlightRecord | str | Path]",
+) -> "tuple[FlightRecord, ...]":
+    """Flight records; a path is read, and a single one may come without a list around it.
+
+    Parameters
+    ----------
+    records
+        Records as :func:`rotorid.read` gives them, files that it reads, or both.
+
+    Raises
+    ------
+    LogError
+        A file cannot be read.
+    """
+    from rotorid.data.record import FlightRecord
+    from rotorid.io.registry import read
+
+    several = (records,) if isinstance(records, str | Path | FlightRecord) else records
+    return tuple(record if isinstance(record, FlightRecord) else read(record) for record in several)
+
 
 EVALUATIONS = 2000
 """Budget of a search unless another is asked for."""
@@ -74,71 +334,21 @@ def require_runs(runs: int | None) -> None:
         raise UsageError(f"a bootstrap of {runs} runs came", needed="two or more, and some hundred for intervals")
 
 
-def as_settings(kind: type[Settings], settings: Settings | None, options: Mapping[str, Any]) -> Settings:
-    """Choices of a verb, given whole, one by one, or both; one by one goes before.
+def pair_text(name: str, band_rad_s: tuple[float, float] | None) -> str:
+    """A response and its band as :func:`parse_pairs` reads them."""
+    return name if band_rad_s is None else f"{name}:{float(band_rad_s[0])!r}:{float(band_rad_s[1])!r}"
 
-    Parameters
-    ----------
-    kind
-        Their class.
-    settings
-        All of them; by default those of the class.
-    options
-        Fields by name.
+
+def require_seed(seed: int) -> None:
+    """Refuse a seed that no generator takes.
 
     Raises
     ------
-    TypeError
-        There is no such field; the nearest name is suggested.
     UsageError
-        A value cannot be.
-
-    Examples
-    --------
-    >>> as_settings(ResponseSettings, None, {"band_rad_s": (1.0, 60.0)}).band_rad_s
-    (1.0, 60.0)
+        It is negative.
     """
-    known = [field.name for field in fields(kind)]
-    for name in options:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise TypeError(f"there is no option {name!r}{hint}")
-    chosen = settings or kind()
-    return replace(chosen, **options) if options else chosen
-
-
-def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names of channels or parameters; a single one may come without a list around it.
-
-    Examples
-    --------
-    >>> as_names("roll_command"), as_names(["p", "ay"])
-    (('roll_command',), ('p', 'ay'))
-    """
-    return (names,) if isinstance(names, str) else tuple(names)
-
-
-def as_records(
-    records: FlightRecord | str | Path | Iterable[FlightRecord | str | Path],
-) -> tuple[FlightRecord, ...]:
-    """Flight records; a path is read, and a single one may come without a list around it.
-
-    Parameters
-    ----------
-    records
-        Records as :func:`rotorid.read` gives them, files that it reads, or both.
-
-    Raises
-    ------
-    LogError
-        A file cannot be read.
-    """
-    from rotorid.data.record import FlightRecord
-    from rotorid.io.registry import read
-
-    several = (records,) if isinstance(records, str | Path | FlightRecord) else records
-    return tuple(record if isinstance(record, FlightRecord) else read(record) for record in several)
+    if seed < 0:
+        raise UsageError(f"the seed {seed} came", needed="zero or a positive whole number")
 
 
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
@@ -175,14 +385,40 @@ class MeasureSettings(Immutable):
         For what is drawn at random; nothing is by default.
     """
 
-    band_rad_s: tuple[float, float] | None = None
-    windows_s: tuple[float, ...] = ()
-    coherence: float | None = None
-    estimate: EstimateChoice = "auto"
-    instruments: tuple[str, ...] = ()
-    segments: tuple[Maneuver, ...] = ()
-    shifts: Mapping[str, float] = field(default_factory=dict)
-    seed: int = 0
+    band_rad_s: Annotated[
+        tuple[float, float] | None,
+        Option("--band", help="LO:HI in rad/s. [default: what was excited]", parse=parse_band),
+    ] = None
+    windows_s: Annotated[
+        tuple[float, ...], Option("--windows", help="S,S,... window lengths in seconds.", parse=parse_numbers)
+    ] = ()
+    coherence: Annotated[
+        float | None, Option("--coherence", help="Least coherence of a point. [default: 0.6 direct, 0.2 joint]")
+    ] = None
+    estimate: Annotated[EstimateChoice, Option("--estimate", help="auto, direct or joint.")] = "auto"
+    instruments: Annotated[
+        tuple[str, ...],
+        Option("--instrument", help="CHANNEL,... to use as instruments, one for each input.", parse=parse_names),
+    ] = ()
+    segments: Annotated[
+        "tuple[Maneuver, ...]",
+        Option(
+            "--segment",
+            help="AXIS:START:STOP to use instead of what is found, in log seconds. Repeatable.",
+            parse=parse_segments,
+            repeats=True,
+        ),
+    ] = ()
+    shifts: Annotated[
+        Mapping[str, float],
+        Option(
+            "--shift",
+            help="CHANNEL:SECONDS to delay it by, where inspect finds its stamps wrong. Repeatable.",
+            parse=parse_shifts,
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    seed: Annotated[int, Option("--seed", help="Seed of everything drawn at random.")] = 0
 
     def __post_init__(self) -> None:
         self._set(
@@ -222,7 +458,7 @@ class MeasureSettings(Immutable):
             return self.coherence
         return JOINT_COHERENCE if joint else DIRECT_COHERENCE
 
-    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+    def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
         return {
             "band_rad_s": list(self.band_rad_s) if self.band_rad_s else None,
@@ -248,11 +484,62 @@ class ResponseSettings(MeasureSettings):
         Take known filters of the autopilot off the outputs, so that a response is that of the vehicle alone.
     """
 
-    correct_filters: bool = False
+    correct_filters: Annotated[
+        bool, Option("--correct-filters", help="Take known filters of the autopilot off the outputs.")
+    ] = False
 
-    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+    def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
         return super().as_json() | {"correct_filters": self.correct_filters}
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifySettings(MeasureSettings):
+    """Choices of one run of ``verify``.
+
+    Parameters
+    ----------
+    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+        As in :class:`MeasureSettings`; a band given here replaces that of the fit.
+    scale
+        Diameter of a full-scale rotor over the size of the vehicle, for the guideline of J_rms.
+    vibration_filter
+        Cutoff of the matched low-pass in rad/s, ``None`` for none, ``auto`` to decide by the data.
+    controllers
+        Controllers to fly the model under; by default those whose gains the logs hold.
+    """
+
+    seed: int = 0
+    scale: Annotated[
+        float | None, Option("--scale", help="Full-scale rotor diameter over the size of the vehicle.")
+    ] = None
+    vibration_filter: Annotated[
+        "LowPass",
+        Option("--low-pass", help="First-order low-pass on both sides in rad/s, auto or none.", parse=parse_low_pass),
+    ] = "auto"
+    controllers: Annotated[
+        "Mapping[Axis, GivenController]",
+        Option(
+            "--controller",
+            help="TOML file with the gains of each axis, to fly in closed loop.",
+            parse=_read_controllers,
+            metavar="PATH",
+        ),
+    ] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set(controllers=self.controllers)
+        if self.scale is not None and not 0.0 < self.scale < math.inf:
+            raise UsageError(f"a scale of {self.scale:g} came", needed="a finite number above zero")
+
+    def as_json(self) -> dict[str, Setting]:
+        """The choices for the provenance of a result."""
+        return super().as_json() | {
+            "scale": self.scale,
+            "vibration_filter": self.vibration_filter,
+            "controllers": [f"{axis}: {given}" for axis, given in self.controllers.items()],
+        }
 
 
 WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
@@ -308,25 +595,114 @@ class IdentifySettings(MeasureSettings):
         Its budget; by default 2000.
     bootstrap
         Refits to noise drawn anew, beside the stated standard deviations.
+    layout, arm_m, curve, rotor_diameter_m
+        Of ``physical.motors`` alone, as in :class:`MotorChoices`.
     """
 
-    fix: Mapping[str, float] = field(default_factory=dict)
-    ties: Mapping[str, str] = field(default_factory=dict)
-    free: tuple[str, ...] = ()
-    constants: Mapping[str, float] = field(default_factory=dict)
-    outputs: tuple[str, ...] = ()
-    pairs: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)
-    pair_weights: Mapping[str, float] = field(default_factory=dict)
-    weights: WeightsChoice = "auto"
-    reduce: bool = False
-    speed_damping: SpeedDamping = "joint"
-    method: MethodChoice = "auto"
-    hold: HoldChoice = "auto"
-    pieces_s: float | None = None
-    starts: str = "default"
-    search: str | None = None
-    evaluations: int | None = None
-    bootstrap: int | None = None
+    fix: Annotated[
+        Mapping[str, float], Option("--fix", help="NAME=VALUE to hold. Repeatable.", parse=parse_fix, repeats=True)
+    ] = field(default_factory=dict)
+    ties: Annotated[
+        Mapping[str, str],
+        Option(
+            "--tie",
+            help="NAME=EXPRESSION, a parameter that follows others. Repeatable.",
+            parse=parse_ties,
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    free: Annotated[
+        tuple[str, ...],
+        Option("--free", help="NAME of a parameter that the model holds. Repeatable.", parse=tuple, repeats=True),
+    ] = ()
+    constants: Annotated[
+        Mapping[str, float],
+        Option(
+            "--constant",
+            help="NAME=VALUE of a constant, such as the trim. Repeatable.",
+            parse=parse_fix,
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    outputs: Annotated[
+        tuple[str, ...], Option("--outputs", help="CHANNEL,... to fit. [default: sensors]", parse=parse_names)
+    ] = ()
+    pairs: Annotated[
+        Mapping[str, tuple[float, float] | None],
+        Option(
+            "--pair",
+            help="OUTPUT/INPUT[:LO:HI] to fit, and no others. Repeatable.",
+            parse=parse_pairs,
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    pair_weights: Annotated[
+        Mapping[str, float],
+        Option("--weight", help="OUTPUT/INPUT=FACTOR on its cost. Repeatable.", parse=parse_fix, repeats=True),
+    ] = field(default_factory=dict)
+    weights: Annotated[
+        WeightsChoice,
+        Option("--weights", help="cifer, covariance (of all errors), or auto: by the number of outputs."),
+    ] = "auto"
+    reduce: Annotated[bool, Option("--reduce", help="Drop step by step what the data do not show.")] = False
+    speed_damping: Annotated[
+        SpeedDamping, Option("--speed-damping", help="joint, or two_step: X_u and Y_v before all else.")
+    ] = "joint"
+    method: Annotated[
+        MethodChoice,
+        Option(
+            "--method",
+            help="frequency, output_error, prediction_error, equation_error, or auto: output_error for response.* and "
+            "black_box:N, frequency for others.",
+        ),
+    ] = "auto"
+    hold: Annotated[
+        HoldChoice,
+        Option("--hold", help="zero or first order between samples, in time; auto: zero for logged commands."),
+    ] = "auto"
+    pieces_s: Annotated[
+        float | None,
+        Option("--pieces", help="Seconds after which a fit in time begins anew. [default: as growing modes need]"),
+    ] = None
+    starts: Annotated[
+        str, Option("--starts", help="Where searches in time begin: default, central, sobol:N or random:N.")
+    ] = "default"
+    search: Annotated[
+        str | None,
+        Option(
+            "--search",
+            metavar="NAME[:OPTIONS]",
+            help="A global search before the fit: evolution[:POPULATION] (when in doubt), cma[:POPULATION], "
+            "genetic[:POPULATIONxGENERATIONS], kmeans[:CANDIDATES], sobol[:STARTS], random[:STARTS] or central. "
+            "[default: none, the starts of the model]",
+        ),
+    ] = None
+    evaluations: Annotated[
+        int | None, Option("--evaluations", help="Costs that --search may compute. [default: 2000]")
+    ] = None
+    bootstrap: Annotated[
+        int | None,
+        Option("--bootstrap", help="Refits to noise drawn anew, for spreads and intervals: 200 and more."),
+    ] = None
+    layout: Annotated[
+        str | None,
+        Option(
+            "--layout",
+            help="Of physical.motors: quad.x, hexa.plus, ... or FILE.toml of rotors. [default: as the log says]",
+        ),
+    ] = None
+    arm_m: Annotated[
+        float | None,
+        Option("--arm", help="Of physical.motors: meters from the center of gravity to the farthest rotor."),
+    ] = None
+    curve: Annotated[
+        "ChosenCurve",
+        Option("--curve", help="Of physical.motors, thrust by output: linear, quadratic, affine or polynomial."),
+    ] = "auto"
+    rotor_diameter_m: Annotated[
+        float | None,
+        Option("--rotor-diameter", help="Of physical.motors, meters: judges rotors whose speed was measured."),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -352,7 +728,7 @@ class IdentifySettings(MeasureSettings):
         require_search(self.search, self.evaluations, self.starts)
         require_runs(self.bootstrap)
 
-    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+    def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
         return super().as_json() | {
             "fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()],
@@ -375,149 +751,10 @@ class IdentifySettings(MeasureSettings):
         }
 
 
-def pair_text(name: str, band_rad_s: tuple[float, float] | None) -> str:
-    """A response and its band as :func:`parse_pairs` reads them."""
-    return name if band_rad_s is None else f"{name}:{float(band_rad_s[0])!r}:{float(band_rad_s[1])!r}"
-
-
-def require_seed(seed: int) -> None:
-    """Refuse a seed that no generator takes.
-
-    Raises
-    ------
-    UsageError
-        It is negative.
-    """
-    if seed < 0:
-        raise UsageError(f"the seed {seed} came", needed="zero or a positive whole number")
-
-
-def parse_segment(text: str) -> Maneuver:
-    """Read ``AXIS:START:STOP``, seconds on the log's own clock.
-
-    Examples
-    --------
-    >>> parse_segment("pitch:50:76").duration_s
-    26.0
-    """
-    parts = text.split(":")
-    wanted = "AXIS:START:STOP with an axis of roll, pitch, yaw, thrust and seconds on the log's own clock"
-    if len(parts) != 3 or parts[0] not in AXES:
-        raise UsageError(f"the segment {text!r} cannot be read", needed=wanted)
-    try:
-        start_s, stop_s = float(parts[1]), float(parts[2])
-    except ValueError:
-        raise UsageError(f"the segment {text!r} cannot be read", needed=wanted) from None
-    if not start_s < stop_s:
-        raise UsageError(f"the segment {text!r} stops before it starts", needed=wanted)
-    return Maneuver(axis=parts[0], kind="other", start_s=start_s, stop_s=stop_s, origin="given")  # type: ignore[arg-type]
-
-
-def parse_band(text: str) -> tuple[float, float]:
-    """Read ``LO:HI`` in rad/s.
-
-    Examples
-    --------
-    >>> parse_band("8:80")
-    (8.0, 80.0)
-    """
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise UsageError(f"the band {text!r} cannot be read", needed="LO:HI in rad/s, such as 1:60") from None
-    return low, high
-
-
-def parse_numbers(text: str) -> tuple[float, ...]:
-    """Read ``S,S,...``."""
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"the list {text!r} cannot be read", needed="numbers with commas between them") from None
-
-
-def parse_fix(texts: tuple[str, ...]) -> dict[str, float]:
-    """Read ``NAME=VALUE`` once or more.
-
-    Examples
-    --------
-    >>> parse_fix(("L_p=-2",))
-    {'L_p': -2.0}
-    """
-    fixed = {}
-    for name, value in _assignments(texts, "NAME=VALUE, such as L_p=-2").items():
-        try:
-            fixed[name] = float(value)
-        except ValueError:
-            raise UsageError(f"{f'{name}={value}'!r} cannot be read", needed="NAME=VALUE, such as L_p=-2") from None
-    return fixed
-
-
-def parse_ties(texts: tuple[str, ...]) -> dict[str, str]:
-    """Read ``NAME=EXPRESSION`` once or more.
-
-    Examples
-    --------
-    >>> parse_ties(("tau_pitch=tau_roll",))
-    {'tau_pitch': 'tau_roll'}
-    """
-    return _assignments(texts, "NAME=EXPRESSION, such as tau_pitch=tau_roll")
-
-
-def _assignments(texts: tuple[str, ...], wanted: str) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name and equals and value):
-            raise UsageError(f"{text!r} cannot be read", needed=wanted)
-        if name in found:
-            raise UsageError(f"{name} came twice", needed="each name once")
-        found[name] = value
-    return found
-
-
-def parse_pairs(texts: tuple[str, ...]) -> dict[str, tuple[float, float] | None]:
-    """Read ``OUTPUT/INPUT`` or ``OUTPUT/INPUT:LO:HI`` (rad/s) once or more.
-
-    Examples
-    --------
-    >>> parse_pairs(("q/pitch_command:3:45", "az/thrust_command"))
-    {'q/pitch_command': (3.0, 45.0), 'az/thrust_command': None}
-    """
-    pairs: dict[str, tuple[float, float] | None] = {}
-    for text in texts:
-        name, colon, band = text.partition(":")
-        pairs[name.strip()] = parse_band(band) if colon else None
-    return pairs
-
-
-def parse_shifts(texts: tuple[str, ...]) -> dict[str, float]:
-    """Read ``CHANNEL:SECONDS`` once or more; each channel once.
-
-    Examples
-    --------
-    >>> parse_shifts(("q:0.0037", "roll_command:-0.004"))
-    {'q': 0.0037, 'roll_command': -0.004}
-    """
-    shifts: dict[str, float] = {}
-    for text in texts:
-        name, _, value = text.rpartition(":")
-        try:
-            seconds = float(value)
-        except ValueError:
-            seconds = math.nan
-        if not name.strip() or not math.isfinite(seconds):
-            raise UsageError(f"the shift {text!r} cannot be read", needed="CHANNEL:SECONDS, such as q:0.0037")
-        if name.strip() in shifts:
-            raise UsageError(f"two shifts of {name.strip()} came", needed="one for each channel", remedy="add them up")
-        shifts[name.strip()] = seconds
-    return shifts
-
-
 MODEL = "physical.motors"
 """Name of the model, which is no linear structure."""
 
-ChosenCurve: TypeAlias = Literal["auto"] | Curve
+ChosenCurve: TypeAlias = Union[Literal["auto"], "Curve"]
 """``auto``: linear for demands of thrust, quadratic for speeds, and for outputs all that the flight can tell."""
 
 
@@ -555,7 +792,7 @@ class MotorChoices:
     arm_m: float | None = None
     curve: ChosenCurve = "auto"
     rotor_diameter_m: float | None = None
-    segments: tuple[Maneuver, ...] = ()
+    segments: "tuple[Maneuver, ...]" = ()
     voltage: bool = True
     seed: int = 0
 
@@ -563,6 +800,8 @@ class MotorChoices:
         for name, length_m in (("an arm", self.arm_m), ("a rotor diameter", self.rotor_diameter_m)):
             if length_m is not None and not length_m > 0.0:
                 raise UsageError(f"{name} of {length_m:g} m came", needed="a positive length")
+        from rotorid.models.motors import CURVE_TERMS
+
         if self.curve not in ("auto", *CURVE_TERMS):
             near = difflib.get_close_matches(self.curve, ["auto", *CURVE_TERMS], n=1)
             raise UsageError(
@@ -571,7 +810,7 @@ class MotorChoices:
                 remedy=f"did you mean {near[0]}?" if near else "",
             )
 
-    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
+    def as_json(self) -> dict[str, Setting]:
         """The choices for a provenance."""
         return {
             "known": [f"{name}={value:g}" for name, value in self.known.items()],
@@ -584,7 +823,54 @@ class MotorChoices:
         }
 
 
-def chosen_layout(text: str) -> RotorLayout:
+_OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
+_ALSO_OF_MOTORS = ("fix", "segments", "seed", "method")
+
+
+def motor_choices(
+    model: str, settings: IdentifySettings, *, beside: Mapping[str, object] | None = None
+) -> MotorChoices | None:
+    """What was chosen for ``physical.motors``; ``None`` for another model.
+
+    Parameters
+    ----------
+    model
+        Name of the model.
+    settings
+        Choices of the run.
+    beside
+        Options beside the settings that ``physical.motors`` does not have either, by their names.
+
+    Raises
+    ------
+    UsageError
+        An option was given that the model does not have.
+    """
+    usual = IdentifySettings()
+    given = [item.name for item in fields(settings) if getattr(settings, item.name) != getattr(usual, item.name)]
+    if model != MODEL:
+        if any(name in _OF_MOTORS for name in given):
+            raise UsageError(f"--layout, --arm or --curve came with {model}", needed=f"them with {MODEL} alone")
+        return None
+    wrong = [name for name in given if name not in (*_OF_MOTORS, *_ALSO_OF_MOTORS)]
+    if settings.method not in ("auto", "prediction_error"):
+        wrong.append("method")
+    wrong += [name for name, value in (beside or {}).items() if value]
+    if wrong:
+        raise UsageError(
+            f"{', '.join(name.replace('_', ' ') for name in wrong)} came with {MODEL}, which has no such choice",
+            needed="--fix, --layout, --arm, --curve, --segment, --verify",
+            remedy="leave it out, or choose another model",
+        )
+    return MotorChoices(
+        known=settings.fix,
+        segments=settings.segments,
+        seed=settings.seed,
+        **{name: getattr(settings, name) for name in _OF_MOTORS},
+    )
+
+
+def chosen_layout(text: str) -> "RotorLayout":
     """A layout of the library by its name, or that of a TOML file.
 
     Raises
@@ -594,6 +880,8 @@ def chosen_layout(text: str) -> RotorLayout:
     ModelError
         The file does not describe rotors.
     """
+    from rotorid.models.rotors import layout_from_toml, layout_names, library_layout
+
     if text in layout_names():
         return library_layout(text)
     path = Path(text)

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.assemble import finding_documents, provenance_document, range_documents
-from rotorid.pipeline.candidate import Candidate, GivenController, read_candidate
+from rotorid.pipeline.candidate import Candidate, read_candidate
 from rotorid.pipeline.coverage import Trim, covered_by, trim_of
 from rotorid.pipeline.frequency_check import FrequencyCheck
 from rotorid.pipeline.instruments import Flown, axes_of
 from rotorid.pipeline.segments import cut
 from rotorid.pipeline.selection import each_once
-from rotorid.pipeline.settings import MeasureSettings
+from rotorid.pipeline.settings import VerifySettings
 from rotorid.pipeline.unseen import UnseenLog, Verifications, check_logs, has_seen, seen_data, unseen_logs
 from rotorid.pipeline.verify_document import (
     VerifyDocument,
@@ -26,47 +25,10 @@ from rotorid.pipeline.verify_document import (
     maneuver_verification,
     sweep_verification,
 )
-from rotorid.typing import Axis
-from rotorid.verification.sampled import LowPass
 from rotorid.verification.verification import Verification
 
 _QUIET_S = 1.5
 _SPEEDS_AND_ANGLES = ("u", "v", "w", "theta", "phi")
-
-
-@dataclass(frozen=True, kw_only=True)
-class VerifySettings(MeasureSettings):
-    """Choices of one run of ``verify``.
-
-    Parameters
-    ----------
-    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
-        As in :class:`rotorid.pipeline.settings.MeasureSettings`; a band given here replaces that of the fit.
-    scale
-        Diameter of a full-scale rotor over the size of the vehicle, for the guideline of J_rms.
-    vibration_filter
-        Cutoff of the matched low-pass in rad/s, ``None`` for none, ``auto`` to decide by the data.
-    controllers
-        Controllers to fly the model under; by default those whose gains the logs hold.
-    """
-
-    scale: float | None = None
-    vibration_filter: LowPass = "auto"
-    controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        MeasureSettings.__post_init__(self)
-        self._set(controllers=self.controllers)
-        if self.scale is not None and not 0.0 < self.scale < math.inf:
-            raise UsageError(f"a scale of {self.scale:g} came", needed="a finite number above zero")
-
-    def as_json(self) -> dict[str, str | int | float | bool | list[str] | list[float] | None]:
-        """The choices for the provenance of a result."""
-        return MeasureSettings.as_json(self) | {
-            "scale": self.scale,
-            "vibration_filter": self.vibration_filter,
-            "controllers": [f"{axis}: {given}" for axis, given in self.controllers.items()],
-        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

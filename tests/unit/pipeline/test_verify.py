@@ -17,8 +17,8 @@ from rotorid.models.library import rate_model
 from rotorid.models.toml import from_toml
 from rotorid.pipeline.candidate import Candidate, read_candidate
 from rotorid.pipeline.maneuvers import with_known_delays
-from rotorid.pipeline.settings import parse_segment
-from rotorid.pipeline.verification import VerifySettings, verify
+from rotorid.pipeline.settings import VerifySettings, parse_segment
+from rotorid.pipeline.verification import verify
 from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation, Flight, fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import demo_plan

@@ -14,7 +14,8 @@ from rotorid.models.controller import RateController
 from rotorid.models.library import rate_model
 from rotorid.pipeline.candidate import Controllers, GivenController, read_controllers
 from rotorid.pipeline.maneuvers import with_known_delays, with_known_filters
-from rotorid.pipeline.verification import VerifySettings, verify
+from rotorid.pipeline.settings import VerifySettings
+from rotorid.pipeline.verification import verify
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.filters import combined_response
 from rotorid.vehicles import s500
