@@ -10,9 +10,10 @@ import pytest
 
 from rotorid.data.flight_plan import Shape
 from rotorid.io.registry import read
-from rotorid.pipeline.designs import DesignChoices, Designed, PlanChoices, design
+from rotorid.pipeline.designs import Designed, design
+from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices, SimulateChoices
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.simulation import SimulateChoices, fly_run, write_run
+from rotorid.pipeline.simulation import fly_run, write_run
 from rotorid.simulation.wind import Wind
 from rotorid.typing import Axis
 

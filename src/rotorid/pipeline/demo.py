@@ -8,7 +8,8 @@ from pathlib import Path
 
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import FlightRecord
-from rotorid.pipeline.designs import PlanChoices, plan_with
+from rotorid.pipeline.designs import plan_with
+from rotorid.pipeline.flight_settings import PlanChoices
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.results import Identification
 from rotorid.pipeline.settings import IdentifySettings, require_seed

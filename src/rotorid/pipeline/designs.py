@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -25,9 +25,9 @@ from rotorid.documents.result import ResultDocument
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.excitation.plan import planned, sequence, together
 from rotorid.io.registry import format_of, log_rate_hz
-from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
+from rotorid.pipeline.flight_settings import DOUBLET_S, DesignChoices, PlanChoices
 from rotorid.pipeline.resolve import named_model
 from rotorid.pipeline.scope import INERTIAL
 from rotorid.pipeline.simulation import truth_of
@@ -38,11 +38,8 @@ from rotorid.planning.loop import LoopModel, Responds
 from rotorid.planning.prediction import Prediction, predict
 from rotorid.planning.shortest import Shortest, shortest
 from rotorid.signal.filters import butterworth_low_pass
-from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, piloted
-from rotorid.simulation.wind import CALM, Wind
+from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.typing import Axis, ComplexArray, FloatArray
-from rotorid.vehicles.catalog import aircraft as library_aircraft
-from rotorid.vehicles.px4 import with_gains
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -190,12 +187,6 @@ def _own_output(command: str) -> str:
 STEPS: tuple[Shape, ...] = ("doublet", "two_one_one", "three_two_one_one")
 """Shapes whose duration is their band."""
 
-_STEP_S = 0.3
-_UNITS_OF_STEPS: Mapping[Shape, int] = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
-_SWEEP_UNITS = 200
-"""Default lengths: one of a step, how many there are of it, and what does not step as if it had so many."""
-
-DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
 _SAMPLE_RATE_HZ = 250.0
 _LONGEST_LOOK_S = 400.0
 _MARGIN = 0.9
@@ -204,79 +195,8 @@ _LARGEST: Mapping[Entry, float] = MappingProxyType(
 )
 """No test input is larger, in the unit of where it is added."""
 
-_MOST_REPEATS = 20
-_LONGEST_PLAN_S = 1800.0
 _REST_S = 4.0
 """Between inputs: as long as an identification wants to look before and after one."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlanChoices(Immutable):
-    """What is to be flown.
-
-    Parameters
-    ----------
-    shape
-        Form of the test input.
-    axes
-        Excited one after the other; a multisine excites them at the same time.
-    band_rad_s
-        Lowest and highest frequency, where the shape has a band.
-    duration_s
-        Of each test input, of a multisine with all its periods; by default 60 s, and of steps 0.3 s for each unit.
-    repeats
-        How often each is flown in a row, every time with other noise. Steps alternate in sign.
-    entry
-        Where they are added; by default see :func:`default_entry`.
-    amplitudes
-        By axis, for those that are not to be searched for.
-    limits
-        What the flight may reach.
-    doublets
-        Whether doublets that no model will be fitted to follow, to verify it.
-    wind
-        The wind that the amplitudes allow for.
-    seed
-        Of what is random in the inputs, and of wind and noise while amplitudes are searched for.
-    """
-
-    shape: Shape = "pilot_sweep"
-    axes: tuple[Axis, ...] = AXES  # type: ignore[assignment]
-    band_rad_s: tuple[float, float] = (0.6, 50.0)
-    duration_s: float | None = None
-    repeats: int = 1
-    entry: Entry | None = None
-    amplitudes: Mapping[str, float] = field(default_factory=dict)
-    limits: Limits = field(default_factory=Limits)
-    doublets: bool = False
-    wind: Wind = CALM
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
-        if wrong or not self.axes or not 1 <= self.repeats <= _MOST_REPEATS:
-            raise UsageError(
-                f"the axes {', '.join(self.axes) or 'none'} with {self.repeats} repeats came",
-                needed=f"some of {', '.join(AXES)}, each once, and 1 to {_MOST_REPEATS} repeats",
-            )
-        if not 0.0 < self.length_s <= _LONGEST_PLAN_S:
-            raise UsageError(
-                f"a duration of {self.length_s:g} s came", needed=f"above 0 and up to {_LONGEST_PLAN_S:g} s"
-            )
-        for axis, size in self.amplitudes.items():
-            if axis not in self.axes or not 0.0 < size < math.inf:
-                raise UsageError(
-                    f"the amplitude {axis}={size:g} came",
-                    needed=f"a positive one for one of the axes that are flown: {', '.join(self.axes)}",
-                )
-        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes)
-
-    @property
-    def length_s(self) -> float:
-        """Duration of each test input."""
-        if self.duration_s is not None:
-            return self.duration_s
-        return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -496,72 +416,6 @@ def _rounded(amplitude: float) -> float:
 
 _LONGEST_FLIGHT_S = 300.0
 _SHORTEST_S = 15.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class DesignChoices(Immutable):
-    """What is to be designed.
-
-    Parameters
-    ----------
-    vehicle
-        Name in the library.
-    kinds
-        Shapes, one plan each.
-    plan
-        What all plans share: axes, band, duration, limits, wind.
-    models
-        Names of models whose parameters are to be known; by default the rate model of every axis.
-    reach
-        Parameter to the largest standard deviation wanted, in percent: the shortest duration is looked for.
-    changes
-        Numbers of the vehicle that are to be otherwise.
-    prior
-        A previous result, whose values replace those of the vehicle.
-    gains
-        Parameters of an autopilot, whose gains replace those of the vehicle.
-    gains_source
-        File that they came from.
-    fit
-        How the flight will be identified.
-    """
-
-    vehicle: str
-    kinds: tuple[Shape, ...]
-    plan: PlanChoices = field(default_factory=PlanChoices)
-    models: tuple[str, ...] = ()
-    reach: Mapping[str, float] = field(default_factory=dict)
-    changes: Mapping[str, float] = field(default_factory=dict)
-    prior: Prior | None = None
-    gains: Mapping[str, float] = field(default_factory=dict)
-    gains_source: str = ""
-    fit: FitChoices = field(default_factory=FitChoices)
-
-    def __post_init__(self) -> None:
-        if not self.kinds or len(set(self.kinds)) < len(self.kinds):
-            raise UsageError(f"the kinds {', '.join(self.kinds) or '(none)'} came", needed="at least one, each once")
-        self._set(
-            kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes, gains=self.gains
-        )
-
-    @property
-    def aircraft(self) -> Aircraft:
-        """What will fly."""
-        craft = changed(library_aircraft(self.vehicle), self.changes)
-        if self.gains_source:
-            craft = with_gains(craft, self.gains, source=self.gains_source)
-        return piloted(craft)
-
-    @property
-    def model_names(self) -> tuple[str, ...]:
-        """The models in force."""
-        if self.models:
-            return self.models
-        if self.prior is not None:
-            return (self.prior.structure.name,)
-        return tuple(
-            name for name in RATE_AXES if named_model(name).inputs[0].removesuffix("_command") in self.plan.axes
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

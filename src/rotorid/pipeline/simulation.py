@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
-from rotorid.data.flight_plan import LONGEST_S, FlightPlan, SimulatedFlight
+from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.documents.design import (
     ReachedDocument,
@@ -26,95 +25,22 @@ from rotorid.documents.design import (
     VehicleDocument,
 )
 from rotorid.documents.result import ManeuverDocument, ProvenanceDocument
-from rotorid.errors import UsageError
 from rotorid.io.files import sha256_of
-from rotorid.io.registry import START_S, LogFormat, format_of, write_log
+from rotorid.io.registry import START_S, write_log
 from rotorid.io.tables.csv import write_csv
 from rotorid.models.library import library_model
 from rotorid.pipeline.assemble import finding_documents
+from rotorid.pipeline.flight_settings import SimulateChoices
 from rotorid.pipeline.settings import require_seed
 from rotorid.planning.amplitude import reached
 from rotorid.simulation.linearization import hover_derivatives_of
-from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, piloted, seed_of
-from rotorid.simulation.wind import CALM, Wind
+from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.vehicles import rig
 from rotorid.vehicles.catalog import VEHICLES
-from rotorid.vehicles.catalog import aircraft as library_aircraft
 
-_MOST_RUNS = 10_000
 _NOTICED = 1e-9
 _SEED_BITS_LEFT_OUT = 80
 _MODELS = ("hover.full", "hover.longitudinal", "hover.lateral")
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulateChoices(Immutable):
-    """What is to be simulated.
-
-    Parameters
-    ----------
-    vehicle
-        Name in the library.
-    plan
-        Test inputs; without any, nothing is excited.
-    duration_s
-        Length of the log; that of the plan when none is given.
-    wind
-        Steady part and turbulence.
-    changes
-        Numbers of the vehicle that are to be otherwise, see :func:`rotorid.simulation.multirotor_flight.changed`.
-    vary
-        Numbers drawn anew for every run, from a normal distribution with this standard deviation in percent.
-    runs
-        Flights; of several, each has a seed of its own, which follows from ``seed`` and stands in the document.
-    format
-        Of the logs; by default the autopilot's own.
-    seed
-        Of wind, noise and what is drawn.
-    """
-
-    vehicle: str
-    plan: FlightPlan | None = None
-    duration_s: float | None = None
-    wind: Wind = CALM
-    changes: Mapping[str, float] = field(default_factory=dict)
-    vary: Mapping[str, float] = field(default_factory=dict)
-    runs: int = 1
-    format: LogFormat | None = None
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        require_seed(self.seed)
-        if self.duration_s is not None and not 0.0 < self.duration_s <= LONGEST_S:
-            raise UsageError(f"a duration of {self.duration_s:g} s came", needed=f"above 0 and up to {LONGEST_S:g} s")
-        if not 1 <= self.runs <= _MOST_RUNS:
-            raise UsageError(f"{self.runs} runs came", needed=f"1 to {_MOST_RUNS}")
-        if self.format is not None and self.format not in get_args(LogFormat):
-            raise UsageError(
-                f"the format {self.format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}"
-            )
-        if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
-            raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
-        self._set(changes=self.changes, vary=self.vary)
-
-    @property
-    def aircraft(self) -> Aircraft:
-        """What flies, before anything is drawn."""
-        return piloted(changed(library_aircraft(self.vehicle), self.changes))
-
-    @property
-    def log_format(self) -> LogFormat:
-        """The format in force."""
-        return self.format or format_of(self.aircraft.autopilot.kind)
-
-    @property
-    def file_names(self) -> tuple[str, ...]:
-        """Names of the logs."""
-        ending = {"ulg": "ulg", "bin": "BIN", "csv": "csv"}[self.log_format]
-        if self.runs == 1:
-            return (f"flight.{ending}",)
-        digits = len(str(self.runs))
-        return tuple(f"flight_{number:0{digits}d}.{ending}" for number in range(1, self.runs + 1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

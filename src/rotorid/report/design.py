@@ -19,7 +19,8 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, Sim
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
 from rotorid.pipeline.assemble import finding_documents
-from rotorid.pipeline.designs import STEPS, DesignChoices, Designed, Planned, Told
+from rotorid.pipeline.designs import STEPS, Designed, Planned, Told
+from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.planning.amplitude import Limits, Reached
 from rotorid.planning.prediction import PredictedParameter, Prediction
 from rotorid.planning.shortest import Shortest

@@ -42,12 +42,12 @@ from rotorid.documents.result import ProvenanceDocument
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
 from rotorid.pipeline.assemble import finding_documents
-from rotorid.pipeline.designs import DesignChoices, Designed, Told, best_of, beyond_limits
+from rotorid.pipeline.designs import Designed, Told, best_of, beyond_limits
+from rotorid.pipeline.flight_settings import DesignChoices, SimulateChoices
 from rotorid.pipeline.responses import Responses
 from rotorid.pipeline.results import Identification
 from rotorid.pipeline.simulation import (
     LOG_NAME,
-    SimulateChoices,
     fly_run,
     move_rig,
     rig_document,

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.pipeline.designs import PlanChoices, default_entry, plan_for, plan_with, sweep_of
+from rotorid.pipeline.designs import default_entry, plan_for, plan_with, sweep_of
+from rotorid.pipeline.flight_settings import PlanChoices
 from rotorid.planning.amplitude import Limits, reached
 from rotorid.simulation.multirotor_flight import fly_multirotor, piloted
 from rotorid.vehicles.catalog import aircraft

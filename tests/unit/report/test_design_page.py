@@ -17,7 +17,8 @@ from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.errors import UsageError
 from rotorid.excitation.plan import planned, sequence, together
-from rotorid.pipeline.designs import DesignChoices, Designed, PlanChoices, Planned, Told
+from rotorid.pipeline.designs import Designed, Planned, Told
+from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, reached
 from rotorid.planning.prediction import PredictedParameter, Prediction
 from rotorid.planning.shortest import Attempt, Shortest

@@ -1,0 +1,478 @@
+"""What a user may choose about a planned or a simulated flight: inputs, limits, wind, vehicle."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, TypeAlias, get_args
+
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.pipeline.settings import Option, parse_band, require_seed
+
+if TYPE_CHECKING:
+    from rotorid.data.flight_plan import Entry, FlightPlan, Shape
+    from rotorid.io.registry import LogFormat
+    from rotorid.pipeline.designs import Prior
+    from rotorid.planning.amplitude import Limits
+    from rotorid.planning.expected import FitChoices
+    from rotorid.simulation.multirotor_flight import Aircraft
+    from rotorid.simulation.wind import Wind
+    from rotorid.typing import Axis
+
+_MOST_RUNS = 10_000
+_MOST_REPEATS = 20
+_LONGEST_PLAN_S = 1800.0
+
+_STEP_S = 0.3
+_UNITS_OF_STEPS: "Mapping[Shape, int]" = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
+_SWEEP_UNITS = 200
+"""Default lengths: one of a step, how many there are of it, and what does not step as if it had so many."""
+
+DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
+
+
+_SHAPES = {
+    "sweep": "pilot_sweep",
+    "log_sweep": "logarithmic_sweep",
+    "multisine": "multisine",
+    "binary": "random_binary",
+    "doublet": "doublet",
+    "2-1-1": "two_one_one",
+    "3-2-1-1": "three_two_one_one",
+}
+_LIMITS = {
+    "tilt": "tilt_rad",
+    "rate": "rate_rad_s",
+    "position": "position_m",
+    "height": "height_m",
+    "motor_low": "motor_low",
+    "motor_high": "motor_high",
+}
+_DEGREES = ("tilt", "rate")
+
+
+def parse_assignments(texts: Sequence[str], *, option: str) -> dict[str, float]:
+    """Read ``NAME=VALUE`` once or more; ``option`` is what an error names.
+
+    Examples
+    --------
+    >>> parse_assignments(["m=1.5", "tau=0.01"], option="--set")
+    {'m': 1.5, 'tau': 0.01}
+    """
+    numbers: dict[str, float] = {}
+    for text in texts:
+        name, sign, value = text.partition("=")
+        try:
+            numbers[name.strip()] = float(value)
+        except ValueError:
+            sign = ""
+        if not sign or not math.isfinite(numbers[name.strip()]):
+            raise UsageError(f"{option} {text} came", needed=f"{option} NAME=VALUE with a finite number")
+    return numbers
+
+
+def parse_limits(texts: Sequence[str]) -> "Limits":
+    """Read ``NAME=VALUE`` once or more: what a flight may reach, angles in degrees."""
+    from rotorid.models.parameter import no_such
+    from rotorid.planning.amplitude import Limits
+
+    given = parse_assignments(texts, option="--limit")
+    if wrong := [name for name in given if name not in _LIMITS]:
+        raise no_such("limit", wrong[0], tuple(_LIMITS))
+    return Limits(
+        **{_LIMITS[name]: math.radians(value) if name in _DEGREES else value for name, value in given.items()}
+    )
+
+
+def parse_shape(kind: str) -> "Shape":
+    """Read the name of a test input.
+
+    Examples
+    --------
+    >>> parse_shape("3-2-1-1")
+    'three_two_one_one'
+    """
+    from rotorid.models.parameter import no_such
+
+    known = {**_SHAPES, **{shape: shape for shape in _SHAPES.values()}}
+    if kind not in known:
+        raise no_such("kind of test input", kind, tuple(_SHAPES))
+    return known[kind]  # type: ignore[return-value]
+
+
+def parse_axes(text: str) -> "tuple[Axis, ...]":
+    """Read axes with commas between them; ``all`` is all four.
+
+    Examples
+    --------
+    >>> parse_axes("roll, yaw")
+    ('roll', 'yaw')
+    """
+    from rotorid.data.record import AXES
+    from rotorid.models.parameter import no_such
+
+    names = AXES if text == "all" else tuple(part.strip() for part in text.split(","))
+    if wrong := [name for name in names if name not in AXES]:
+        raise no_such("axis", wrong[0], AXES)
+    return names  # type: ignore[return-value]
+
+
+def parse_wind(text: str) -> tuple[float, float]:
+    """Read ``NORTH`` or ``NORTH,EAST`` in m/s.
+
+    Examples
+    --------
+    >>> parse_wind("3"), parse_wind("-1,2")
+    ((3.0, 0.0), (-1.0, 2.0))
+    """
+    parts = text.split(",")
+    try:
+        north_m_s, east_m_s = float(parts[0]), float(parts[1]) if len(parts) > 1 else 0.0
+    except ValueError:
+        parts = []
+        north_m_s = east_m_s = 0.0
+    if len(parts) not in (1, 2):
+        raise UsageError(f"--wind {text} came", needed="--wind NORTH or --wind NORTH,EAST in m/s")
+    return north_m_s, east_m_s
+
+
+def _read_prior(path: str) -> "Prior":
+    from rotorid.pipeline.designs import read_prior
+
+    return read_prior(Path(path))
+
+
+def _calm() -> "Wind":
+    from rotorid.simulation.wind import CALM
+
+    return CALM
+
+
+def _usual_limits() -> "Limits":
+    from rotorid.planning.amplitude import Limits
+
+    return Limits()
+
+
+def _usual_fit() -> "FitChoices":
+    from rotorid.planning.expected import FitChoices
+
+    return FitChoices()
+
+
+Seed: TypeAlias = Annotated[int, Option("--seed", help="Seed of everything drawn at random.")]
+Changes: TypeAlias = Annotated[
+    Mapping[str, float],
+    Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="A number of the vehicle: m, I_xx, I_yy, I_zz, T_motor, T_motor_up, T_motor_down, kappa, tau in SI units; "
+        "thrust and drag as factors. Repeatable.",
+        parse=partial(parse_assignments, option="--set"),
+        repeats=True,
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanChoices(Immutable):
+    """What is to be flown.
+
+    Parameters
+    ----------
+    shape
+        Form of the test input.
+    axes
+        Excited one after the other; a multisine excites them at the same time.
+    band_rad_s
+        Lowest and highest frequency, where the shape has a band.
+    duration_s
+        Of each test input, of a multisine with all its periods; by default 60 s, and of steps 0.3 s for each unit.
+    repeats
+        How often each is flown in a row, every time with other noise. Steps alternate in sign.
+    entry
+        Where they are added; by default see :func:`default_entry`.
+    amplitudes
+        By axis, for those that are not to be searched for.
+    limits
+        What the flight may reach.
+    doublets
+        Whether doublets that no model will be fitted to follow, to verify it.
+    wind
+        The wind that the amplitudes allow for.
+    seed
+        Of what is random in the inputs, and of wind and noise while amplitudes are searched for.
+    """
+
+    shape: "Shape" = "pilot_sweep"
+    axes: Annotated[
+        "tuple[Axis, ...]",
+        Option("--axis", help="roll, pitch, yaw, thrust, several by commas, or all.", parse=parse_axes, default="roll"),
+    ] = ("roll", "pitch", "yaw", "thrust")
+    band_rad_s: Annotated[
+        tuple[float, float], Option("--band", help="LO:HI in rad/s.", parse=parse_band, default="0.6:50")
+    ] = (0.6, 50.0)
+    duration_s: Annotated[
+        float | None,
+        Option("--duration", help="Seconds of each test input. [default: 60, of steps 0.3 for each unit]"),
+    ] = None
+    repeats: Annotated[int, Option("--repeats", help="How often each is flown.")] = 1
+    entry: Annotated[
+        "Entry | None",
+        Option(
+            "--entry",
+            help="command, rate_setpoint, attitude_setpoint or stick: where it is added. [default: what the autopilot "
+            "can fly]",
+        ),
+    ] = None
+    amplitudes: Annotated[
+        Mapping[str, float],
+        Option(
+            "--amplitude",
+            metavar="AXIS=VALUE",
+            help="Instead of the largest one within the limits. Repeatable.",
+            parse=partial(parse_assignments, option="--amplitude"),
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    limits: Annotated[
+        "Limits",
+        Option(
+            "--limit",
+            metavar="NAME=VALUE",
+            help="What a flight may reach: tilt (deg), rate (deg/s), position (m), height (m), motor_low, motor_high. "
+            "[default: tilt=25, rate=180, position=10, height=5, motor_low=0.05, motor_high=0.95] Repeatable.",
+            parse=parse_limits,
+            repeats=True,
+        ),
+    ] = field(default_factory=_usual_limits)
+    doublets: Annotated[
+        bool, Option("--doublets", help="Two doublets of each axis at the end, to verify the model on.")
+    ] = False
+    wind: "Wind" = field(default_factory=_calm)
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        from rotorid.data.flight_plan import Entry
+        from rotorid.data.record import AXES
+        from rotorid.models.parameter import no_such
+
+        if self.entry is not None and self.entry not in get_args(Entry):
+            raise no_such("entry of a test input", self.entry, get_args(Entry))
+        wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
+        if wrong or not self.axes or not 1 <= self.repeats <= _MOST_REPEATS:
+            raise UsageError(
+                f"the axes {', '.join(self.axes) or 'none'} with {self.repeats} repeats came",
+                needed=f"some of {', '.join(AXES)}, each once, and 1 to {_MOST_REPEATS} repeats",
+            )
+        if not 0.0 < self.length_s <= _LONGEST_PLAN_S:
+            raise UsageError(
+                f"a duration of {self.length_s:g} s came", needed=f"above 0 and up to {_LONGEST_PLAN_S:g} s"
+            )
+        for axis, size in self.amplitudes.items():
+            if axis not in self.axes or not 0.0 < size < math.inf:
+                raise UsageError(
+                    f"the amplitude {axis}={size:g} came",
+                    needed=f"a positive one for one of the axes that are flown: {', '.join(self.axes)}",
+                )
+        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes)
+
+    @property
+    def length_s(self) -> float:
+        """Duration of each test input."""
+        if self.duration_s is not None:
+            return self.duration_s
+        return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignChoices(Immutable):
+    """What is to be designed.
+
+    Parameters
+    ----------
+    vehicle
+        Name in the library.
+    kinds
+        Shapes, one plan each.
+    plan
+        What all plans share: axes, band, duration, limits, wind.
+    models
+        Names of models whose parameters are to be known; by default the rate model of every axis.
+    reach
+        Parameter to the largest standard deviation wanted, in percent: the shortest duration is looked for.
+    changes
+        Numbers of the vehicle that are to be otherwise.
+    prior
+        A previous result, whose values replace those of the vehicle.
+    gains
+        Parameters of an autopilot, whose gains replace those of the vehicle.
+    gains_source
+        File that they came from.
+    fit
+        How the flight will be identified.
+    """
+
+    vehicle: Annotated[str, Option("--vehicle", help="A vehicle of the library: see rotorid vehicles.")]
+    kinds: "tuple[Shape, ...]"
+    plan: PlanChoices = field(default_factory=PlanChoices)
+    models: Annotated[
+        tuple[str, ...],
+        Option(
+            "--model",
+            help="What will be identified. [default: the rate model of each axis] Repeatable.",
+            parse=tuple,
+            repeats=True,
+        ),
+    ] = ()
+    reach: Annotated[
+        Mapping[str, float],
+        Option(
+            "--reach",
+            metavar="NAME=PERCENT",
+            help="Find the shortest test input that reaches it. Repeatable.",
+            parse=partial(parse_assignments, option="--reach"),
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    changes: Changes = field(default_factory=dict)
+    prior: Annotated[
+        "Prior | None",
+        Option(
+            "--prior",
+            metavar="PATH",
+            help="result.json of an earlier flight, or its folder: what is expected.",
+            parse=_read_prior,
+        ),
+    ] = None
+    gains: Mapping[str, float] = field(default_factory=dict)
+    gains_source: str = ""
+    fit: "FitChoices" = field(default_factory=_usual_fit)
+
+    def __post_init__(self) -> None:
+        if not self.kinds or len(set(self.kinds)) < len(self.kinds):
+            raise UsageError(f"the kinds {', '.join(self.kinds) or '(none)'} came", needed="at least one, each once")
+        self._set(
+            kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes, gains=self.gains
+        )
+
+    @property
+    def aircraft(self) -> "Aircraft":
+        """What will fly."""
+        from rotorid.simulation.multirotor_flight import changed, piloted
+        from rotorid.vehicles.catalog import aircraft
+        from rotorid.vehicles.px4 import with_gains
+
+        craft = changed(aircraft(self.vehicle), self.changes)
+        if self.gains_source:
+            craft = with_gains(craft, self.gains, source=self.gains_source)
+        return piloted(craft)
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """The models in force."""
+        from rotorid.models.library import RATE_AXES
+        from rotorid.pipeline.resolve import named_model
+
+        if self.models:
+            return self.models
+        if self.prior is not None:
+            return (self.prior.structure.name,)
+        return tuple(
+            name for name in RATE_AXES if named_model(name).inputs[0].removesuffix("_command") in self.plan.axes
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateChoices(Immutable):
+    """What is to be simulated.
+
+    Parameters
+    ----------
+    vehicle
+        Name in the library.
+    plan
+        Test inputs; without any, nothing is excited.
+    duration_s
+        Length of the log; that of the plan when none is given.
+    wind
+        Steady part and turbulence.
+    changes
+        Numbers of the vehicle that are to be otherwise, see :func:`rotorid.simulation.multirotor_flight.changed`.
+    vary
+        Numbers drawn anew for every run, from a normal distribution with this standard deviation in percent.
+    runs
+        Flights; of several, each has a seed of its own, which follows from ``seed`` and stands in the document.
+    format
+        Of the logs; by default the autopilot's own.
+    seed
+        Of wind, noise and what is drawn.
+    """
+
+    vehicle: str
+    plan: "FlightPlan | None" = None
+    duration_s: Annotated[float | None, Option("--duration", help="Seconds to fly. [default: as long as the plan]")] = (
+        None
+    )
+    wind: "Wind" = field(default_factory=_calm)
+    changes: Changes = field(default_factory=dict)
+    vary: Annotated[
+        Mapping[str, float],
+        Option(
+            "--vary",
+            metavar="NAME=PERCENT",
+            help="Draw a number of --set anew for every run. Repeatable.",
+            parse=partial(parse_assignments, option="--vary"),
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    runs: Annotated[int, Option("--runs", help="Flights, each with its own wind, noise and draws.")] = 1
+    format: Annotated[
+        "LogFormat | None",
+        Option("--format", help="ulg, bin or csv. [default: that of the vehicle's autopilot]"),
+    ] = None
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        from rotorid.data.flight_plan import LONGEST_S
+        from rotorid.io.registry import LogFormat
+
+        require_seed(self.seed)
+        if self.duration_s is not None and not 0.0 < self.duration_s <= LONGEST_S:
+            raise UsageError(f"a duration of {self.duration_s:g} s came", needed=f"above 0 and up to {LONGEST_S:g} s")
+        if not 1 <= self.runs <= _MOST_RUNS:
+            raise UsageError(f"{self.runs} runs came", needed=f"1 to {_MOST_RUNS}")
+        if self.format is not None and self.format not in get_args(LogFormat):
+            raise UsageError(
+                f"the format {self.format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}"
+            )
+        if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
+            raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
+        self._set(changes=self.changes, vary=self.vary)
+
+    @property
+    def aircraft(self) -> "Aircraft":
+        """What flies, before anything is drawn."""
+        from rotorid.simulation.multirotor_flight import changed, piloted
+        from rotorid.vehicles.catalog import aircraft
+
+        return piloted(changed(aircraft(self.vehicle), self.changes))
+
+    @property
+    def log_format(self) -> "LogFormat":
+        """The format in force."""
+        from rotorid.io.registry import format_of
+
+        return self.format or format_of(self.aircraft.autopilot.kind)
+
+    @property
+    def file_names(self) -> tuple[str, ...]:
+        """Names of the logs."""
+        ending = {"ulg": "ulg", "bin": "BIN", "csv": "csv"}[self.log_format]
+        if self.runs == 1:
+            return (f"flight.{ending}",)
+        digits = len(str(self.runs))
+        return tuple(f"flight_{number:0{digits}d}.{ending}" for number in range(1, self.runs + 1))
