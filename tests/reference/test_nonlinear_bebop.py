@@ -12,7 +12,7 @@ from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.library import nonlinear_library_text, nonlinear_model
 from rotorid.models.nonlinear import NonlinearStructure
-from rotorid.models.nonlinear_toml import nonlinear_from_toml
+from rotorid.models.toml import nonlinear_from_toml
 from rotorid.models.parameter import ParameterSet
 from rotorid.simulation.nonlinear import Scheme, simulate_adaptive, simulate_nonlinear
 from rotorid.typing import FloatArray

@@ -99,8 +99,8 @@ def structure_from_equations(
     check_equations(rows, symbols.states)
     seen = [output_rows(text, symbols) for text in outputs]
     names = tuple(one.name for one in seen)
-    late = {key: Expression.parse(value) for key, value in (delays or {}).items()}
-    for key in late:
+    delayed = {key: Expression.parse(value) for key, value in (delays or {}).items()}
+    for key in delayed:
         check_delayed(key, symbols.inputs, names)
     return LinearStructure(
         name=name,
@@ -112,8 +112,8 @@ def structure_from_equations(
         G=tuple(row.G for row in rows),
         H0=tuple(row.H0 for row in seen),
         H1=tuple(row.H1 for row in seen),
-        input_delays=tuple(late.get(key, Expression()) for key in symbols.inputs),
-        output_delays=tuple(late.get(key, Expression()) for key in names),
+        input_delays=tuple(delayed.get(key, Expression()) for key in symbols.inputs),
+        output_delays=tuple(delayed.get(key, Expression()) for key in names),
         parameters=parameters,
         constants=constants or {},
         gain=gain,
@@ -210,8 +210,8 @@ def check_equations(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
     raise ModelError(came, needed="one equation for each state")
 
 
-def check_delayed(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-    """See that a name that is said to be late is one input or one output.
+def check_delayed(name: str, inputs: Sequence[str], outputs: Sequence[str] = ()) -> None:
+    """See that what is said to be delayed is one input, or one output where those may be.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def check_delayed(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> N
         It is neither, or both.
     """
     if name not in (*inputs, *outputs):
-        raise no_such("input or output", name, (*inputs, *outputs))
+        raise no_such("input or output" if outputs else "input", name, (*inputs, *outputs))
     if name in inputs and name in outputs:
         raise ModelError(f"{name} is an input and an output", needed="another name for one of them, or matrices")
 

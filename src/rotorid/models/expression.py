@@ -1,6 +1,9 @@
 """Expressions over named numbers, written as one would on paper: ``-g*cos(theta0)``, ``2.5*L_p - 1``, ``k*D**2/J``.
 
-Reading expressions: a small recursive descent that says at which column what was needed.
+Values, exact derivatives and texts of one tree of sums, products, quotients, powers and a few functions. Texts are read
+by recursive descent, which knows at which column what was needed; they are never evaluated. Python's own parser would
+not do: it does not say what was needed, refuses names that engineers use (``lambda``) and numbers such as ``007``,
+takes one letter for another (µ for μ), and fails on sums of some thousand terms.
 """
 
 from __future__ import annotations

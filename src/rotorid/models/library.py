@@ -46,10 +46,9 @@ from rotorid.data.record import STANDARD_UNITS
 from rotorid.errors import ModelError
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.nonlinear import NonlinearStructure
-from rotorid.models.nonlinear_toml import nonlinear_from_toml
 from rotorid.models.parameter import Parameter, ParameterSet, is_parameter_unit, no_such
 from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
+from rotorid.models.toml import from_toml, nonlinear_from_toml
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _SUFFIX = ".toml"

@@ -18,7 +18,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.errors import ModelError
 from rotorid.models.compiled import Entries, Tape, tape
-from rotorid.models.equations import Symbols
+from rotorid.models.equations import Symbols, check_delayed
 from rotorid.models.expression import Expression, is_symbol, parse_expression
 from rotorid.models.parameter import Parameter, ParameterSet, no_such
 from rotorid.models.structure import LinearStructure, Row
@@ -310,9 +310,9 @@ def nonlinear_structure(
         symbols.check(symbol)
     rates = explicit([equation(text, symbols) for text in equations], symbols.states)
     seen = [output(text, symbols, rates) for text in outputs]
-    late = {key: Expression.parse(value) for key, value in (delays or {}).items()}
-    for key in late:
-        check_late(key, symbols)
+    delayed = {key: Expression.parse(value) for key, value in (delays or {}).items()}
+    for key in delayed:
+        check_delayed(key, symbols.inputs)
     return NonlinearStructure(
         name=name,
         inputs=symbols.inputs,
@@ -320,7 +320,7 @@ def nonlinear_structure(
         outputs=tuple(one for one, _ in seen),
         equations=tuple(rates[f"{state}'"] for state in symbols.states),
         output_equations=tuple(expression for _, expression in seen),
-        input_delays=tuple(late.get(key, Expression()) for key in symbols.inputs),
+        input_delays=tuple(delayed.get(key, Expression()) for key in symbols.inputs),
         parameters=parameters,
         constants=constants or {},
         starts={state: Expression.parse(value) for state, value in (starts or {}).items()},
@@ -404,19 +404,6 @@ def output(text: str, symbols: Symbols, rates: Mapping[str, Expression]) -> tupl
     expression = parse_expression(right, derivatives=True)
     _check_names(expression, symbols, text)
     return name, expression.substitute(dict(rates))
-
-
-def check_late(name: str, symbols: Symbols) -> None:
-    """See that a name that is said to be late is an input.
-
-    Raises
-    ------
-    ModelError
-        It is not.
-    """
-    if name not in symbols.inputs:
-        error = no_such("input", name, symbols.inputs)
-        raise ModelError(error.came, needed=error.needed, remedy=error.remedy)
 
 
 def _check_names(expression: Expression, symbols: Symbols, text: str) -> None:
