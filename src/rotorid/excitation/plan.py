@@ -1,4 +1,4 @@
-"""Test inputs as parts of a flight plan: by the name of their shape, several axes at once, one after the other."""
+"""Flight plans of test inputs: by the name of their shape, several axes at once or one after the other."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def sequence(name: str, parts: Sequence[PlannedInput | Sequence[PlannedInput]], 
     --------
     >>> step = planned("roll", "doublet", start_s=0.0, amplitude=0.1, duration_s=1.0, sample_rate_hz=50.0)
     >>> plan = sequence("two doublets", [step, replace(step, axis="pitch")], trim_s=4.0)
-    >>> [(one.axis, one.start_s) for one in plan.inputs], plan.duration_s
+    >>> [(part.axis, part.start_s) for part in plan.inputs], plan.duration_s
     ([('roll', 4.0), ('pitch', 9.0)], 14.0)
     """
     placed: list[PlannedInput] = []
@@ -230,10 +230,10 @@ def sequence(name: str, parts: Sequence[PlannedInput | Sequence[PlannedInput]], 
         group = (part,) if isinstance(part, PlannedInput) else tuple(part)
         if not group:
             raise UsageError(f"an empty part of the plan {name} came", needed="at least one test input")
-        later_s = free_s - min(one.start_s for one in group)
-        group = tuple(replace(one, start_s=one.start_s + later_s) for one in group)
+        later_s = free_s - min(test_input.start_s for test_input in group)
+        group = tuple(replace(test_input, start_s=test_input.start_s + later_s) for test_input in group)
         placed += group
-        free_s = max(one.stop_s for one in group) + trim_s
+        free_s = max(test_input.stop_s for test_input in group) + trim_s
     return FlightPlan(name=name, inputs=tuple(placed), trim_s=trim_s)
 
 

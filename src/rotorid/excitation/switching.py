@@ -1,6 +1,7 @@
-"""Random binary signals: two levels, switched at random so that most of the energy lies in a band.
+"""Test inputs of two levels: random binary signals, doublets and multisteps.
 
-Doublets and multisteps: short maneuvers that a model has not seen, for verification.
+A random binary signal switches at random so that most of its energy lies in a band; it excites for identification.
+Doublets and multisteps are short, and serve as maneuvers that a model has not seen.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def band_of_rise_time(rise_time_s: float, std_s: float = 0.0) -> tuple[float, fl
     --------
     The pitch of the Bebop 2, 1.35 ± 0.28 Hz as printed:
 
-    >>> [round(one / (2.0 * math.pi), 2) for one in band_of_rise_time(0.260, 0.055)]
+    >>> [round(omega / (2.0 * math.pi), 2) for omega in band_of_rise_time(0.260, 0.055)]
     [1.35, 0.28]
     """
     if not rise_time_s > 0.0 or std_s < 0.0:

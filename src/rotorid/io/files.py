@@ -1,13 +1,11 @@
-"""Files written whole or not at all, and the hash that names a file's content.
+"""Files on disk, whatever is in them: written whole or not at all, hashed, unpacked within limits, mapped.
 
-Bytes of a large file without a copy of it, and values collected from anywhere in them.
+Compressed logs (``.gz``, ``.xz``, ``.bz2``, ``.zip``) are unpacked to a temporary file. Bytes of a large file are
+collected from anywhere in it without a copy of the rest.
 
-What a log says about places and serial numbers, and no record keeps: results are passed on, homes are not.
-
-Channels are relative by their names: `north`, `east` and `down` count from the origin of the autopilot's estimator. Its
-parameters, though, may hold a home, a simulator's launch site, the declination there, or the number of a board.
-
-Compressed logs: ``.gz``, ``.xz``, ``.bz2`` and ``.zip`` are unpacked to a temporary file, within limits.
+No record keeps where on Earth a log was made, nor the number of a board: channels are relative by their names (`north`,
+`east` and `down` count from the origin of the autopilot's estimator), and :func:`without_places` takes homes, launch
+sites, declinations and serial numbers out of the parameters.
 """
 
 from __future__ import annotations
@@ -106,100 +104,6 @@ def sha256_of(path: Path) -> str:
     """SHA-256 of a file's content, as hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-PART = 1 << 13
-"""Places read at once: what stands around them fits into the cache, so that many values cost little more than one."""
-
-
-def file_bytes(path: Path) -> AnyArray:
-    """Content of a file, ``uint8``, mapped and read-only: only what is looked at is loaded, and may be evicted.
-
-    The file must not be cut while the array is in use.
-
-    Raises
-    ------
-    LogError
-        The file cannot be read.
-    """
-    try:
-        if path.stat().st_size == 0:
-            return np.empty(0, dtype=np.uint8)
-        # A plain view: indexing the subclass costs more than the indexing itself.
-        return np.memmap(path, dtype=np.uint8, mode="r").view(np.ndarray)
-    except OSError as error:
-        raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
-
-
-Place: TypeAlias = tuple[int, np.dtype[np.generic]]
-"""Distance of a value behind a position in bytes, and its type as stored; it need not be aligned."""
-
-
-def gather(data: AnyArray, positions: IntArray, places: Sequence[Place]) -> list[AnyArray]:
-    """Values that stand at fixed distances behind each position, one array of shape ``(positions,)`` for each place.
-
-    Parameters
-    ----------
-    data
-        Bytes, ``uint8``.
-    positions
-        Every position must have room for all values behind it.
-    places
-        Distance and type of each value.
-
-    Examples
-    --------
-    >>> data = np.frombuffer(b"-abc--def", dtype=np.uint8)
-    >>> [values.tolist() for values in gather(data, np.array([0, 5]), [(1, np.dtype("S3")), (3, np.dtype("u1"))])]
-    [[b'abc', b'def'], [99, 102]]
-    """
-    gathered: list[AnyArray] = [np.empty(positions.size, dtype=dtype) for _, dtype in places]
-    gather_into(gathered, data, positions, places)
-    return gathered
-
-
-def gather_into(targets: Sequence[AnyArray], data: AnyArray, positions: IntArray, places: Sequence[Place]) -> None:
-    """Do as `gather` does, but convert the values to the types of arrays that are there already and fill these."""
-    if not positions.size or not places:
-        return
-    first = min(offset for offset, _ in places)
-    width = max(offset + dtype.itemsize for offset, dtype in places) - first
-    # Every byte starts an item of this overlapping view, so that one indexing collects the surroundings of many places.
-    overlapping: AnyArray = np.ndarray(
-        shape=(data.size - first - width + 1,),
-        dtype=np.dtype((np.void, width)),
-        buffer=data,
-        offset=first,
-        strides=(1,),
-    )
-    for begin in range(0, positions.size, PART):
-        part = slice(begin, begin + PART)
-        rows = overlapping[positions[part]].view(np.uint8).reshape(-1, width)
-        for values, (offset, dtype) in zip(targets, places, strict=True):
-            values[part] = rows[:, offset - first : offset - first + dtype.itemsize].view(dtype)[:, 0]
-
-
-_PLACE = re.compile(
-    r"(^|_)(LAT|LON|LNG|LATITUDE|LONGITUDE|OPOS|ORIG|ORIGIN|HOME)\d*(_|$)"
-    r"|(^|_)MAG_DECL(_|$)|^COMPASS_DEC$|^SIH_LOC_|^BCN_ALT$"
-)
-_OWNER = re.compile(r"(^|_)(SERIAL_NUM|UUID)(_|$)")
-
-
-def without_places(parameters: Mapping[str, float]) -> dict[str, float]:
-    """The parameters that say neither where on Earth the flight was, nor which board flew.
-
-    Parameters
-    ----------
-    parameters
-        Name to value, as any autopilot names them.
-
-    Examples
-    --------
-    >>> without_places({"SIH_LOC_LAT0": 47.4, "SIM_OPOS_LNG": 149.2, "BRD_SERIAL_NUM": 7.0, "MOT_THST_EXPO": 0.65})
-    {'MOT_THST_EXPO': 0.65}
-    """
-    return {name: value for name, value in parameters.items() if not _PLACE.search(name) and not _OWNER.search(name)}
 
 
 _MAGIC = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh": "bzip2", b"PK\x03\x04": "zip", b"PK\x05\x06": "zip"}
@@ -377,3 +281,97 @@ def _copy(stream: IO[bytes], out: IO[bytes], path: Path, limits: UnpackLimits) -
                 remedy="unpack it yourself if it is really a flight log, and give the log",
             )
         out.write(chunk)
+
+
+PART = 1 << 13
+"""Places read at once: what stands around them fits into the cache, so that many values cost little more than one."""
+
+
+def file_bytes(path: Path) -> AnyArray:
+    """Content of a file, ``uint8``, mapped and read-only: only what is looked at is loaded, and may be evicted.
+
+    The file must not be cut while the array is in use.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read.
+    """
+    try:
+        if path.stat().st_size == 0:
+            return np.empty(0, dtype=np.uint8)
+        # A plain view: indexing the subclass costs more than the indexing itself.
+        return np.memmap(path, dtype=np.uint8, mode="r").view(np.ndarray)
+    except OSError as error:
+        raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
+
+
+Place: TypeAlias = tuple[int, np.dtype[np.generic]]
+"""Distance of a value behind a position in bytes, and its type as stored; it need not be aligned."""
+
+
+def gather(data: AnyArray, positions: IntArray, places: Sequence[Place]) -> list[AnyArray]:
+    """Values that stand at fixed distances behind each position, one array of shape ``(positions,)`` for each place.
+
+    Parameters
+    ----------
+    data
+        Bytes, ``uint8``.
+    positions
+        Every position must have room for all values behind it.
+    places
+        Distance and type of each value.
+
+    Examples
+    --------
+    >>> data = np.frombuffer(b"-abc--def", dtype=np.uint8)
+    >>> [values.tolist() for values in gather(data, np.array([0, 5]), [(1, np.dtype("S3")), (3, np.dtype("u1"))])]
+    [[b'abc', b'def'], [99, 102]]
+    """
+    gathered: list[AnyArray] = [np.empty(positions.size, dtype=dtype) for _, dtype in places]
+    gather_into(gathered, data, positions, places)
+    return gathered
+
+
+def gather_into(targets: Sequence[AnyArray], data: AnyArray, positions: IntArray, places: Sequence[Place]) -> None:
+    """Do as `gather` does, but convert the values to the types of arrays that are there already and fill these."""
+    if not positions.size or not places:
+        return
+    first = min(offset for offset, _ in places)
+    width = max(offset + dtype.itemsize for offset, dtype in places) - first
+    # Every byte starts an item of this overlapping view, so that one indexing collects the surroundings of many places.
+    overlapping: AnyArray = np.ndarray(
+        shape=(data.size - first - width + 1,),
+        dtype=np.dtype((np.void, width)),
+        buffer=data,
+        offset=first,
+        strides=(1,),
+    )
+    for begin in range(0, positions.size, PART):
+        part = slice(begin, begin + PART)
+        rows = overlapping[positions[part]].view(np.uint8).reshape(-1, width)
+        for values, (offset, dtype) in zip(targets, places, strict=True):
+            values[part] = rows[:, offset - first : offset - first + dtype.itemsize].view(dtype)[:, 0]
+
+
+_PLACE = re.compile(
+    r"(^|_)(LAT|LON|LNG|LATITUDE|LONGITUDE|OPOS|ORIG|ORIGIN|HOME)\d*(_|$)"
+    r"|(^|_)MAG_DECL(_|$)|^COMPASS_DEC$|^SIH_LOC_|^BCN_ALT$"
+)
+_OWNER = re.compile(r"(^|_)(SERIAL_NUM|UUID)(_|$)")
+
+
+def without_places(parameters: Mapping[str, float]) -> dict[str, float]:
+    """The parameters that say neither where on Earth the flight was, nor which board flew.
+
+    Parameters
+    ----------
+    parameters
+        Name to value, as any autopilot names them.
+
+    Examples
+    --------
+    >>> without_places({"SIH_LOC_LAT0": 47.4, "SIM_OPOS_LNG": 149.2, "BRD_SERIAL_NUM": 7.0, "MOT_THST_EXPO": 0.65})
+    {'MOT_THST_EXPO': 0.65}
+    """
+    return {name: value for name, value in parameters.items() if not _PLACE.search(name) and not _OWNER.search(name)}

@@ -1,9 +1,7 @@
-"""The public verb `read`: a file of any known format becomes a flight record.
+"""The formats that are known, and the two verbs on them: read a file of any of them, write a simulated flight as one.
 
-The format is judged by the content, never by the extension. Readers do not know each other; this module knows them all,
-and imports only the one that is needed.
-
-A simulated flight as a log file, in the format of an autopilot or as a table.
+A format is judged by the content, never by the extension. Readers do not know each other; this module knows them all by
+the names of their modules, and imports only the one that is needed.
 """
 
 from __future__ import annotations

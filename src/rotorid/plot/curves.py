@@ -1,8 +1,7 @@
-"""What frequency pictures are made of: points, lines and bands over a frequency axis.
+"""Curves of a frequency response: units of the axes, points, lines and error bands, and phases on a sensible branch.
 
-Phases for display: unwrapped from a sensible branch, data and model on the same one.
-
-In which units a frequency response is drawn: rad/s or Hz, decibels or plain factors.
+Frequency is drawn in rad/s or Hz, magnitude in decibels or as a plain factor. Phases are unwrapped from a branch that
+data and model share.
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
-"""What a picture is, and how arrays become the numbers in it.
-
-Panels above each other on one horizontal axis: the frame of every picture here.
-
-Colors and lines of all pictures.
+"""What a picture is: panels above each other on one horizontal axis, arrays as numbers, colors, ticks and labels.
 
 The trace colors follow Okabe and Ito (*Color Universal Design*, 2008), shifted until each has a contrast of at least
-3 : 1 on white and on near-black, so that one figure serves light and dark pages; only the template changes.
-
-Where the axes of a Bode plot carry numbers, for a screen and for paper alike.
-
-Channel names in a reader's words, and the units of paper: degrees instead of radians.
+3 : 1 on white and on near-black, so that one figure serves light and dark pages; only the template changes. Labels
+carry channel names in a reader's words, and the units of paper: degrees instead of radians.
 """
 
 from __future__ import annotations
@@ -30,7 +23,6 @@ Trace: TypeAlias = dict[str, Any]
 
 MOST_POINTS = 4000
 """Longer arrays are thinned for display: a screen has fewer columns than this."""
-
 
 PLOTLY_JSON = "application/vnd.plotly.v1+json"
 

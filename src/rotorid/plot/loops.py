@@ -1,9 +1,4 @@
-"""How stable a loop is: the broken loop with its margins, and the sensitivity with its bandwidth.
-
-Poles of a model in the plane of s, with their uncertainty.
-
-Which estimates go together: the correlation of parameters as a map.
-"""
+"""Pictures of a loop and of a model: margins of a broken loop, a sensitivity, poles, correlation of parameters."""
 
 from __future__ import annotations
 
@@ -347,15 +342,15 @@ def s_plane(
     """
     spread = np.full(poles.shape, complex(np.nan, np.nan)) if std is None else std
     _require(poles, spread, words)
-    said = list(words) or [f"{pole.real:.4g} {pole.imag:+.4g}j".replace("-", "−") for pole in poles.tolist()]
+    labels = list(words) or [f"{pole.real:.4g} {pole.imag:+.4g}j".replace("-", "−") for pole in poles.tolist()]
     reach = max(float(np.abs(poles).max(initial=0.0)), 1e-6)
     grows = poles.real > 0.0
     across, up = _ranges(poles, reach)
     traces = [*_damping_lines(reach, left=-across[0], top=up[1]), *_ellipses(poles, spread)]
     for name, color, chosen in (("decays", MEASURED, ~grows), ("grows", MODEL, grows)):
         if chosen.any():
-            told = [text(one) for one, shown in zip(said, chosen, strict=True) if shown]
-            traces.append(_crosses(poles[chosen], told, name, color))
+            shown = [text(label) for label, inside in zip(labels, chosen, strict=True) if inside]
+            traces.append(_crosses(poles[chosen], shown, name, color))
     panel = Panel(
         label=f"Imaginary part [{unit}]",
         traces=traces,
@@ -528,7 +523,7 @@ def _cells(rows: IntArray, columns: IntArray, values: FloatArray, words: Sequenc
         "base": [row - 0.47 for row in rows.tolist()],
         "width": 0.94,
         "marker": {"color": [_color(value) for value in values.tolist()], "line": {"width": 0}},
-        "text": [text(one) for one in words],
+        "text": [text(word) for word in words],
         "textposition": "none",
         "hovertemplate": "%{text}<extra></extra>",
         "showlegend": False,

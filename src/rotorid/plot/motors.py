@@ -95,7 +95,7 @@ def _radii(places: Any) -> tuple[FloatArray, dict[complex, str]]:
     labels: dict[complex, str] = {}
     for row, count in enumerate(above.tolist()):
         place = complex(places[row])
-        met = next((one for one in labels if abs(one - place) <= 1e-6), place)
+        met = next((known for known in labels if abs(known - place) <= 1e-6), place)
         labels[met] = f"{labels[met]} + {row + 1}" if count else f"{row + 1}"
     return base * _WITHIN**above, labels
 

@@ -1,8 +1,6 @@
-"""The Bode plot for a paper: matplotlib, from the same arrays as the one for the screen.
+"""Pictures for paper and slides, by matplotlib, from the same arrays as those for the screen.
 
-The picture of a whole log on paper, by matplotlib.
-
-One picture of a whole identification, for a README or a slide.
+A Bode plot, a whole log, a whole identification. Nothing else of the package imports matplotlib.
 """
 
 from __future__ import annotations
@@ -37,7 +35,6 @@ from rotorid.verification.verification import Verification
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-
 
 _PAPER_WIDTH_IN, _PAPER_HEIGHT_IN = 4.6, 5.6
 PAPER_STYLE: dict[Any, Any] = {

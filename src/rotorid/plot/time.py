@@ -1,11 +1,4 @@
-"""What was measured over time, and what the model predicted.
-
-The excitations of a flight: where they are, what was commanded and what the vehicle answered.
-
-Models side by side: their scores with spread, and their predictions over one measurement.
-
-An unseen maneuver beyond its open loop: predicted a little ahead, and flown in closed loop.
-"""
+"""Pictures over time: excitations, what was measured, what models predict, and how these compare."""
 
 from __future__ import annotations
 
@@ -143,6 +136,68 @@ def _driven(trace: Trace, held: bool) -> Trace:
     return {**trace, "line": {**trace["line"], "shape": "hv"}} if held else trace
 
 
+_UNSEEN_HEIGHT_PX = 150.0
+_AHEAD = (MODEL, *SERIES[3:])
+_DASHES = ("5 3", "2 2", "9 3 2 3")
+
+
+def ahead(prediction: Prediction, names: Sequence[str], *, of: Sequence[str]) -> Figure:
+    """Measured outputs about their mean, and what was predicted for each instant some time before it.
+
+    Parameters
+    ----------
+    prediction
+        At least one horizon.
+    names
+        Outputs to show.
+    of
+        All outputs, in the order of the rows.
+    """
+    panels = []
+    for number, name in enumerate(names):
+        row, first = list(of).index(name), prediction.horizons[0]
+        legend = number == 0
+        traces = [line(first.time_s, first.measured[row], name, words="measured", color=MEASURED, legend=legend)]
+        traces += [
+            line(
+                horizon.time_s,
+                horizon.predicted[row],
+                name,
+                words=f"predicted {horizon.horizon_s:.2g} s ahead",
+                color=color,
+                dash=dash,
+                legend=legend,
+            )
+            for horizon, color, dash in zip(prediction.horizons, _AHEAD, _DASHES, strict=False)
+        ]
+        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=_UNSEEN_HEIGHT_PX))
+    return stacked(panels, x_axis=TIME_AXIS)
+
+
+def closed_loop(flown: ClosedLoop, names: Sequence[str]) -> Figure:
+    """Measured outputs and commands, and those of the model under the same controller.
+
+    Parameters
+    ----------
+    flown
+        The flight.
+    names
+        Outputs to show; the commands come below them.
+    """
+    panels: list[Panel] = []
+    for row, name in enumerate(flown.names):
+        command = row >= flown.outputs
+        if not command and name not in names:
+            continue
+        first = not panels
+        traces = (
+            line(flown.time_s, flown.measured[row], name, words="measured", color=MEASURED, legend=first),
+            line(flown.time_s, flown.predicted[row], name, words="model", color=MODEL, legend=first, dash="5 3"),
+        )
+        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=_UNSEEN_HEIGHT_PX))
+    return stacked(panels, x_axis=TIME_AXIS)
+
+
 def residual_memory(lags_s: FloatArray, correlation: Mapping[str, FloatArray], *, chance: float) -> Figure:
     """Autocorrelation of the residuals of every output.
 
@@ -174,7 +229,9 @@ def residual_memory(lags_s: FloatArray, correlation: Mapping[str, FloatArray], *
         for level in (-chance, chance)
     ]
     style = {"line": {"color": BESIDE, "width": 1.0, "dash": "2 2"}, "hoverinfo": "skip", "name": "white noise, ± 2 σ"}
-    bounds = [{**one, **style, "legendgroup": "chance", "showlegend": number == 0} for number, one in enumerate(edge)]
+    bounds = [
+        {**bound, **style, "legendgroup": "chance", "showlegend": number == 0} for number, bound in enumerate(edge)
+    ]
     panel = Panel(label="Autocorrelation of the residuals", traces=(*traces, *bounds), height_px=230)
     return stacked([panel], x_axis={"title": {"text": "Lag [s]"}})
 
@@ -319,7 +376,7 @@ def score_dots(labels: Sequence[str], scores: Mapping[str, Sequence[Score]]) -> 
     ([72.5, 81.4], [2.9, 2.8])
     """
     rows = np.arange(len(labels), dtype=np.float64)
-    known = {kind for kind, found in scores.items() if any(math.isfinite(one.mean) for one in found)}
+    known = {kind for kind, found in scores.items() if any(math.isfinite(score.mean) for score in found)}
     offsets = iter(_APART * (np.arange(len(known)) - (len(known) - 1) / 2.0))
     traces = [
         _dots(rows + next(offsets), kind, found, labels, number)
@@ -343,11 +400,11 @@ def _dots(rows: FloatArray, kind: str, found: Sequence[Score], labels: Sequence[
     return {
         "type": "scatter",
         "mode": "markers",
-        "x": numbers(np.array([one.mean for one in found])),
+        "x": numbers(np.array([score.mean for score in found])),
         "y": numbers(rows),
         "error_x": {
             "type": "data",
-            "array": numbers(np.array([one.spread for one in found])),
+            "array": numbers(np.array([score.spread for score in found])),
             "color": color,
             "thickness": 1.4,
         },
@@ -396,65 +453,3 @@ def _model_line(curve: Curve, name: str, label: str, number: int, *, legend: boo
         legend=legend,
         width=1.4,
     )
-
-
-_UNSEEN_HEIGHT_PX = 150.0
-_AHEAD = (MODEL, *SERIES[3:])
-_DASHES = ("5 3", "2 2", "9 3 2 3")
-
-
-def ahead(prediction: Prediction, names: Sequence[str], *, of: Sequence[str]) -> Figure:
-    """Measured outputs about their mean, and what was predicted for each instant some time before it.
-
-    Parameters
-    ----------
-    prediction
-        At least one horizon.
-    names
-        Outputs to show.
-    of
-        All outputs, in the order of the rows.
-    """
-    panels = []
-    for number, name in enumerate(names):
-        row, first = list(of).index(name), prediction.horizons[0]
-        legend = number == 0
-        traces = [line(first.time_s, first.measured[row], name, words="measured", color=MEASURED, legend=legend)]
-        traces += [
-            line(
-                one.time_s,
-                one.predicted[row],
-                name,
-                words=f"predicted {one.horizon_s:.2g} s ahead",
-                color=color,
-                dash=dash,
-                legend=legend,
-            )
-            for one, color, dash in zip(prediction.horizons, _AHEAD, _DASHES, strict=False)
-        ]
-        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=_UNSEEN_HEIGHT_PX))
-    return stacked(panels, x_axis=TIME_AXIS)
-
-
-def closed_loop(flown: ClosedLoop, names: Sequence[str]) -> Figure:
-    """Measured outputs and commands, and those of the model under the same controller.
-
-    Parameters
-    ----------
-    flown
-        The flight.
-    names
-        Outputs to show; the commands come below them.
-    """
-    panels: list[Panel] = []
-    for row, name in enumerate(flown.names):
-        command = row >= flown.outputs
-        if not command and name not in names:
-            continue
-        first = not panels
-        traces = (
-            line(flown.time_s, flown.measured[row], name, words="measured", color=MEASURED, legend=first),
-            line(flown.time_s, flown.predicted[row], name, words="model", color=MODEL, legend=first, dash="5 3"),
-        )
-        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=_UNSEEN_HEIGHT_PX))
-    return stacked(panels, x_axis=TIME_AXIS)

@@ -1,6 +1,7 @@
-"""One clock for channels that were logged on several.
+"""One clock for channels that were logged on several, and the samples that were logged behind those that are there.
 
-Channels that someone joined by straight lines between slower samples, and the samples that they were.
+Some logs hold channels that someone joined by straight lines between slower samples; :func:`interpolated` finds the
+samples that they were.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-r"""Zero-phase filters, the same for every channel, so that ratios between channels stay what they were.
+r"""Filters of sampled signals: those that are applied to every channel alike, and those that an autopilot ran.
 
-Digital filters that autopilots run, as frequency responses.
-
-A filter that ran at its own rate :math:`f_s` on samples is known exactly:
+The first run in both directions, without phase, so that ratios between channels stay what they were. The second are
+known as frequency responses: a filter that ran at its own rate :math:`f_s` on samples is
 
 .. math:: H(\omega) = \frac{\sum_k b_k z^{-k}}{\sum_k a_k z^{-k}}, \qquad z = e^{j \omega / f_s}
 

@@ -1,8 +1,8 @@
-"""Kinematics that every flight obeys: are the sensors consistent with it, and what follows from them.
+"""The kinematics of a rigid body, which every flight obeys: check sensors with it, and reconstruct what nobody logged.
 
-Accelerations and body velocities that nobody logged, from what was: reconstructed, and marked so.
-
-Horizontal motion in a frame that turns with the heading, and back to earth.
+Rates, attitude, velocities and accelerations over-determine each other. Where two of them come from different sensors,
+their ratio shows scale, sign and lag of one of them; where a channel is missing, it follows from the others, and is
+marked so. Horizontal motion can be turned into a frame that goes with the heading.
 """
 
 from __future__ import annotations
@@ -29,6 +29,79 @@ EARTH_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down")
 
 _OF_BODY_VELOCITY = (*EARTH_VELOCITIES, *ATTITUDE)
 _OF_ACCELERATION = (*ACCELERATIONS, *RATES, "phi", "theta")
+
+
+def derivative(values: FloatArray, sample_rate_hz: float) -> FloatArray:
+    r"""Zero-phase derivative along the last axis: that of the cubic spline through the samples.
+
+    Its gain over that of :math:`d/dt` is :math:`3 \sin x / (x (2 + \cos x))` with :math:`x = \omega / f_s`: within
+    0.04 % at half a radian per sample, 0.6 % at one, and zero at the Nyquist frequency.
+
+    Parameters
+    ----------
+    values
+        Shape ``(..., samples)``, two samples and more; angles without jumps.
+
+    Raises
+    ------
+    InsufficientDataError
+        There are fewer than two samples, or one is not finite.
+
+    Examples
+    --------
+    >>> derivative(np.array([0.0, 1.0, 4.0, 9.0, 16.0]), 1.0).round(9).tolist()
+    [0.0, 2.0, 4.0, 6.0, 8.0]
+    """
+    if values.shape[-1] < 2 or not np.isfinite(values).all():
+        raise InsufficientDataError(
+            f"{values.shape[-1]} samples came, to be differentiated", needed="two and more, all finite"
+        )
+    from scipy.interpolate import CubicSpline
+
+    time_s = np.arange(values.shape[-1]) / sample_rate_hz
+    return np.asarray(CubicSpline(time_s, values, axis=-1)(time_s, 1))
+
+
+def has_channels(history: TimeHistory, names: tuple[str, ...]) -> bool:
+    """Whether a history holds all of these channels."""
+    return set(names) <= set(history.names)
+
+
+def to_body(history: TimeHistory, vectors: FloatArray) -> FloatArray:
+    r"""Vectors over the earth in body axes: :math:`R^T(\phi, \theta, \psi) \, v`, by yaw, pitch and roll in this order.
+
+    Parameters
+    ----------
+    history
+        With ``phi theta psi``.
+    vectors
+        North, east, down; shape ``(3, samples)``.
+
+    Returns
+    -------
+    FloatArray
+        Forward, right, down; shape ``(3, samples)``.
+    """
+    for name, (i, j) in (("psi", (0, 1)), ("theta", (2, 0)), ("phi", (1, 2))):
+        cosine, sine = np.cos(history[name]), np.sin(history[name])
+        turned = vectors.copy()
+        turned[i] = cosine * vectors[i] + sine * vectors[j]
+        turned[j] = cosine * vectors[j] - sine * vectors[i]
+        vectors = turned
+    return vectors
+
+
+def gravity_in_body(history: TimeHistory) -> FloatArray:
+    """Gravity in body axes, shape ``(3, samples)``."""
+    phi, theta = history["phi"], history["theta"]
+    down = np.stack([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
+    return np.asarray(STANDARD_GRAVITY_M_S2 * down)
+
+
+def transport(history: TimeHistory) -> FloatArray:
+    """What turning axes add to the derivative of body velocities, shape ``(3, samples)``."""
+    rates, velocities = (np.stack([history[name] for name in names]) for names in (RATES, VELOCITIES))
+    return np.asarray(np.cross(rates, velocities, axis=0))
 
 
 def ingredients(name: str, logged: Iterable[str]) -> tuple[str, ...]:
@@ -145,79 +218,6 @@ def _with(history: TimeHistory, made: Mapping[str, tuple[FloatArray, str]]) -> T
         channels=(*history.channels, *added),
         processing=(*history.processing, f"{', '.join(made)} reconstructed"),
     )
-
-
-def derivative(values: FloatArray, sample_rate_hz: float) -> FloatArray:
-    r"""Zero-phase derivative along the last axis: that of the cubic spline through the samples.
-
-    Its gain over that of :math:`d/dt` is :math:`3 \sin x / (x (2 + \cos x))` with :math:`x = \omega / f_s`: within
-    0.04 % at half a radian per sample, 0.6 % at one, and zero at the Nyquist frequency.
-
-    Parameters
-    ----------
-    values
-        Shape ``(..., samples)``, two samples and more; angles without jumps.
-
-    Raises
-    ------
-    InsufficientDataError
-        There are fewer than two samples, or one is not finite.
-
-    Examples
-    --------
-    >>> derivative(np.array([0.0, 1.0, 4.0, 9.0, 16.0]), 1.0).round(9).tolist()
-    [0.0, 2.0, 4.0, 6.0, 8.0]
-    """
-    if values.shape[-1] < 2 or not np.isfinite(values).all():
-        raise InsufficientDataError(
-            f"{values.shape[-1]} samples came, to be differentiated", needed="two and more, all finite"
-        )
-    from scipy.interpolate import CubicSpline
-
-    time_s = np.arange(values.shape[-1]) / sample_rate_hz
-    return np.asarray(CubicSpline(time_s, values, axis=-1)(time_s, 1))
-
-
-def has_channels(history: TimeHistory, names: tuple[str, ...]) -> bool:
-    """Whether a history holds all of these channels."""
-    return set(names) <= set(history.names)
-
-
-def to_body(history: TimeHistory, vectors: FloatArray) -> FloatArray:
-    r"""Vectors over the earth in body axes: :math:`R^T(\phi, \theta, \psi) \, v`, by yaw, pitch and roll in this order.
-
-    Parameters
-    ----------
-    history
-        With ``phi theta psi``.
-    vectors
-        North, east, down; shape ``(3, samples)``.
-
-    Returns
-    -------
-    FloatArray
-        Forward, right, down; shape ``(3, samples)``.
-    """
-    for name, (i, j) in (("psi", (0, 1)), ("theta", (2, 0)), ("phi", (1, 2))):
-        cosine, sine = np.cos(history[name]), np.sin(history[name])
-        turned = vectors.copy()
-        turned[i] = cosine * vectors[i] + sine * vectors[j]
-        turned[j] = cosine * vectors[j] - sine * vectors[i]
-        vectors = turned
-    return vectors
-
-
-def gravity_in_body(history: TimeHistory) -> FloatArray:
-    """Gravity in body axes, shape ``(3, samples)``."""
-    phi, theta = history["phi"], history["theta"]
-    down = np.stack([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
-    return np.asarray(STANDARD_GRAVITY_M_S2 * down)
-
-
-def transport(history: TimeHistory) -> FloatArray:
-    """What turning axes add to the derivative of body velocities, shape ``(3, samples)``."""
-    rates, velocities = (np.stack([history[name] for name in names]) for names in (RATES, VELOCITIES))
-    return np.asarray(np.cross(rates, velocities, axis=0))
 
 
 SCALE_TOLERANCE = 0.05

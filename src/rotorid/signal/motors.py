@@ -1,11 +1,6 @@
-r"""What the motors were told, or how fast they turned, at the fastest rate that a log tells truly.
+r"""The motors of a flight as one history: logged outputs, measured speeds, or what follows from faster commands.
 
-Motors from the commands of the controllers, where the log holds those faster than the motors themselves.
-
-Whether motors that follow from commands are those that were logged.
-
-From the commands of the controllers to the motors, as the autopilots' mixers do it.
-
+Where the log holds the commands of the controllers faster than the motors, the mixer makes the motors from them.
 ArduPilot asks each motor for a share of the largest thrust that is linear in the commands, and PX4 for an actuator that
 is:
 
@@ -18,9 +13,8 @@ battery's resting voltage over its highest :math:`v` (``MOT_BAT_VOLT_MAX``, one 
 .. math:: x_i = x_0 + \frac{x_1 - x_0}{v} s(d_i / \rho), \qquad s(t) = \frac{e - 1 + \sqrt{(1 - e)^2 + 4 e t}}{2 e}
 
 between ``MOT_SPIN_MIN`` and ``MOT_SPIN_MAX``. The demand is therefore the better input for a model whose thrust is
-linear, and the output for one whose curve is to be found.
-
-How the voltage of the battery changes what an output does.
+linear, and the output for one whose curve is to be found. Whether motors that follow from commands are those of the
+vehicle is checked against the logged ones, however slow.
 """
 
 from __future__ import annotations
@@ -42,111 +36,6 @@ from rotorid.typing import BoolArray, FloatArray
 COMMANDS = ("roll_command", "pitch_command", "yaw_command", "thrust_command")
 """Columns of a mixer."""
 
-_LOWEST_SHARE = 0.6
-"""ArduPilot takes no voltage below this share of the highest."""
-
-_LINEAR = 1e-9
-
-
-def expo_thrust(share: FloatArray, expo: float) -> FloatArray:
-    r"""Thrust of an output, both shares of the largest: :math:`(1 - e) s + e s^2`."""
-    return np.asarray((1.0 - expo) * share + expo * share**2)
-
-
-def expo_share(thrust: FloatArray, expo: float) -> FloatArray:
-    """Output that makes a thrust, both shares of the largest; the inverse of :func:`expo_thrust`.
-
-    Examples
-    --------
-    >>> expo_share(expo_thrust(np.array([0.2, 0.7]), 0.65), 0.65).round(12).tolist()
-    [0.2, 0.7]
-    """
-    if abs(expo) < _LINEAR:
-        return np.array(thrust, dtype=np.float64)
-    root = np.sqrt(np.maximum((1.0 - expo) ** 2 + 4.0 * expo * np.asarray(thrust), 0.0))
-    return np.asarray((expo - 1.0 + root) / (2.0 * expo))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Linearization(Immutable):
-    """How an autopilot turns a demand of thrust into an output.
-
-    Parameters
-    ----------
-    expo
-        Curve of the motors that it undoes.
-    low, high
-        Outputs of no and of full thrust.
-    voltage_max, voltage_min
-        Range of voltage that it compensates, in volts; zero when it does not.
-    """
-
-    expo: float = 0.0
-    low: float = 0.0
-    high: float = 1.0
-    voltage_max: float = 0.0
-    voltage_min: float = 0.0
-
-    @property
-    def compensates_voltage(self) -> bool:
-        return self.voltage_max > 0.0 and self.voltage_min < self.voltage_max
-
-    def voltage_share(self, voltage_v: FloatArray) -> FloatArray:
-        """What the autopilot divides its outputs by, from the resting voltage of the battery."""
-        if not self.compensates_voltage:
-            return np.ones_like(voltage_v)
-        lowest = max(self.voltage_min, _LOWEST_SHARE * self.voltage_max)
-        return np.asarray(np.clip(voltage_v, lowest, self.voltage_max) / self.voltage_max)
-
-    def outputs(self, demands: FloatArray, *, gain: float = 1.0, voltage_share: FloatArray | float = 1.0) -> FloatArray:
-        """Outputs to the motors, between ``low`` and ``high``.
-
-        Parameters
-        ----------
-        demands
-            Shares of the largest thrust, any shape.
-        gain
-            One over the density of the air over that at sea level.
-        voltage_share
-            Of :meth:`voltage_share`.
-        """
-        share = expo_share(np.maximum(gain * demands, 0.0), self.expo) / voltage_share
-        return np.asarray(self.low + (self.high - self.low) * np.clip(share, 0.0, 1.0))
-
-    def demands(self, outputs: FloatArray, *, voltage_share: FloatArray | float = 1.0) -> FloatArray:
-        """Demands behind outputs, up to the gain."""
-        share = (outputs - self.low) / (self.high - self.low) * voltage_share
-        return expo_thrust(np.asarray(share), self.expo)
-
-
-def linearization_of(record: FlightRecord) -> Linearization | None:
-    """How the autopilot that wrote a log turns demands into its logged motor outputs; ``None`` when that is not known.
-
-    What PX4 logs as ``actuator_motors`` is the demand itself; ``THR_MDL_FAC`` acts after it.
-    """
-    if record.source.format.startswith("PX4"):
-        return Linearization()
-    return _ardupilot(record.parameters) if record.source.format.startswith(("ArduPilot", "MAVLink")) else None
-
-
-def _ardupilot(parameters: Mapping[str, float]) -> Linearization | None:
-    names = ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
-    if any(name not in parameters for name in names):
-        return None
-    expo, low, high = (parameters[name] for name in names)
-    return (
-        Linearization(
-            expo=float(np.clip(expo, -1.0, 1.0)),
-            low=low,
-            high=high,
-            voltage_max=parameters.get("MOT_BAT_VOLT_MAX", 0.0),
-            voltage_min=parameters.get("MOT_BAT_VOLT_MIN", 0.0),
-        )
-        if low < high
-        else None
-    )
-
-
 Kind: TypeAlias = Literal["output", "thrust_demand", "speed"]
 """``output``: what the motor controller receives; ``thrust_demand``: the share of the largest thrust that the autopilot
 wants, before it straightens the motor's curve; ``speed``: measured, rad/s."""
@@ -159,6 +48,11 @@ _REMEDIES = {
     "Betaflight": "raise the rate of the blackbox (blackbox_sample_rate)",
     "Crazyflie": "set a higher frequency in config.txt on the card",
 }
+
+_FASTER = 1.5
+_RELATED = 0.5
+
+_PREFIX: dict[Kind, str] = {"output": "motor_", "thrust_demand": "motor_", "speed": "motor_speed_"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,7 +111,41 @@ class MotorHistory(Immutable):
         return Topic(name=self.source, time_s=self.time_s, channels=channels, values=self.values)
 
 
-_PREFIX: dict[Kind, str] = {"output": "motor_", "thrust_demand": "motor_", "speed": "motor_speed_"}
+def motor_history(record: FlightRecord, mixer: FloatArray | None = None) -> MotorHistory:
+    """The motors as truly and as fast as the log tells them.
+
+    Measured speeds, where all motors have them at 40 Hz and more; else the logged outputs; else, where the commands are
+    faster by half and the mixer is known, the demands of thrust that follow from them and agree with the outputs.
+
+    Parameters
+    ----------
+    record
+        The log.
+    mixer
+        Columns roll, pitch, yaw and thrust, shape ``(motors, 4)``.
+
+    Raises
+    ------
+    InsufficientDataError
+        The log holds no motors, and no commands with a mixer.
+    """
+    speeds = or_none(logged_speeds, record)
+    if speeds is not None and speeds.sample_rate_hz >= LOWEST_RATE_HZ:
+        return speeds
+    outputs = or_none(logged_outputs, record)
+    if mixer is None:
+        return outputs or speeds or logged_outputs(record)
+    try:
+        demands, agreement = reconstructed_demands(record, mixer)
+    except InsufficientDataError:
+        return outputs or speeds or logged_outputs(record)
+    if outputs is None:
+        return demands
+    faster = demands.sample_rate_hz >= _FASTER * outputs.sample_rate_hz
+    if faster and agreement is not None and agreement.agrees:
+        return demands
+    disagreeing = [finding for finding in demands.findings if finding.kind == "motor_reconstruction"]
+    return replace(outputs, findings=(*outputs.findings, *(disagreeing if faster else ())))
 
 
 def with_motors(record: FlightRecord, history: MotorHistory) -> FlightRecord:
@@ -264,6 +192,14 @@ def logged_speeds(record: FlightRecord) -> MotorHistory:
     """
     time_s, values, source = on_one_clock(record, motor_channels(record, "motor_speed_"))
     return judged(record, MotorHistory(kind="speed", time_s=time_s, values=values, source=source))
+
+
+def or_none(read: Callable[[FlightRecord], MotorHistory], record: FlightRecord) -> MotorHistory | None:
+    """Motors that a log may not hold."""
+    try:
+        return read(record)
+    except InsufficientDataError:
+        return None
 
 
 def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
@@ -374,6 +310,132 @@ def in_flight(record: FlightRecord, time_s: FloatArray) -> BoolArray:
     return np.asarray(np.any(inside, axis=0))
 
 
+def reconstructed_demands(record: FlightRecord, mixer: FloatArray) -> tuple[MotorHistory, Agreement | None]:
+    r"""Share of the largest thrust that the autopilot asked of each motor, at the rate of its commands.
+
+    .. math:: d_i = m_{i1} u_{roll} + m_{i2} u_{pitch} + m_{i3} u_{yaw} + m_{i4} u_{thrust}
+
+    Holds where no motor is at a limit, and for the shape of the demand alone where the autopilot scales all of it. It
+    is checked against the logged outputs, however slow; a wrong mixer, order of motors or curve shows there.
+
+    Parameters
+    ----------
+    record
+        Holds the four commands.
+    mixer
+        Columns roll, pitch, yaw and thrust, shape ``(motors, 4)``.
+
+    Returns
+    -------
+    MotorHistory
+        Of the kind ``thrust_demand``, with a finding ``motor_reconstruction``.
+    Agreement or None
+        With the logged outputs; ``None`` where the log holds none, or how they follow from the demand is not known.
+
+    Raises
+    ------
+    InsufficientDataError
+        A command is missing.
+    UsageError
+        The mixer has another number of motors than the log.
+    """
+    time_s, commands, source = on_one_clock(record, COMMANDS)
+    history = MotorHistory(
+        kind="thrust_demand",
+        time_s=time_s,
+        values=np.asarray(mixer, dtype=np.float64) @ commands,
+        source=f"mixer of {source}",
+    )
+    agreement = agreement_of(record, history, mixer)
+    remarks = (*_told(history, agreement), *_slow_thrust(record))
+    return judged(record, replace(history, findings=remarks)), agreement
+
+
+def reconstructed_outputs(record: FlightRecord, mixer: FloatArray) -> MotorHistory:
+    """Outputs to the motors at the rate of the commands, through what the autopilot does to its demands.
+
+    The gain that the slow outputs show, and the logged voltage, take the places of the density of the air and of the
+    resting voltage, which logs do not hold.
+
+    Parameters
+    ----------
+    record, mixer
+        As for :func:`reconstructed_demands`.
+
+    Raises
+    ------
+    InsufficientDataError
+        A command or all outputs are missing, or how outputs follow from demands is not known.
+    """
+    demands, agreement = reconstructed_demands(record, mixer)
+    known = linearization_of(record)
+    if known is None or agreement is None:
+        raise InsufficientDataError(
+            f"{record.source.name} does not tell how outputs follow from demands of thrust",
+            needed="motor outputs, and MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX",
+            remedy="use the demands, or log the motors faster",
+        )
+    share = voltage_share(record, known, demands.time_s)
+    values = known.outputs(demands.values, gain=agreement.gain, voltage_share=share)
+    told = tuple(finding for finding in demands.findings if finding.kind not in ("saturation", "rate_too_low"))
+    return judged(record, replace(demands, kind="output", values=values, findings=told))
+
+
+def _told(history: MotorHistory, agreement: Agreement | None) -> Iterator[Finding]:
+    if agreement is None:
+        yield warn(
+            "motor_reconstruction",
+            history.source,
+            "The motors follow from the commands and the mixer, and could not be checked against logged ones.",
+        )
+        return
+    agrees = agreement.agrees
+    message = (
+        f"Motors at {history.sample_rate_hz:.0f} Hz from the commands {'agree' if agrees else 'do not agree'} with "
+        f"{agreement.samples} samples of the logged ones: {100.0 * agreement.rms:.2f} % of their range rms, "
+        f"{100.0 * agreement.unexplained:.2f} % of their variance."
+    )
+    yield (remark if agrees else warn)(
+        "motor_reconstruction",
+        history.source,
+        message if agrees else f"{message} {_reason(agreement)}",
+        **{
+            "samples": float(agreement.samples),
+            "gain": agreement.gain,
+            "rms": agreement.rms,
+            "unexplained": agreement.unexplained,
+            "shift": float(agreement.shift),
+            **{
+                f"correlation_{axis}": correlation
+                for axis, correlation in zip(AXES, agreement.correlations, strict=True)
+            },
+        },
+    )
+
+
+def _reason(agreement: Agreement) -> str:
+    """Why the two do not agree: a wrong layout turns a sign around or mixes axes, and slow logs lose what is fast."""
+    wrong = [axis for axis, correlation in zip(AXES, agreement.correlations, strict=True) if correlation < _RELATED]
+    if wrong:
+        return f"{' and '.join(wrong)} do not fit: the layout or the mixer is not what it is taken for."
+    return "All axes fit: commands and motors were not logged at the same instants, and move in between."
+
+
+def _slow_thrust(record: FlightRecord) -> Iterator[Finding]:
+    """A thrust command that is slower than the others is interpolated, and its motion between samples lost."""
+    rates = {name: next(record.holding(name))[0].sample_rate_hz for name in COMMANDS}
+    if rates["thrust_command"] * _FASTER < rates["roll_command"]:
+        rate_hz = rates["thrust_command"]
+        yield warn(
+            "rate_too_low",
+            "thrust_command",
+            f"thrust_command is logged at {rate_hz:.1f} Hz, roll_command at {rates['roll_command']:.1f} Hz: "
+            "thrust in between is interpolated.",
+            rate_hz=rate_hz,
+            needed_hz=rates["roll_command"],
+        )
+
+
 EXPLAINED = 0.01
 """A reconstruction agrees when it leaves no more than this part of the variance of the logged outputs."""
 
@@ -455,7 +517,7 @@ def agreement_of(record: FlightRecord, demands: MotorHistory, mixer: FloatArray)
         return None
     stamps, share = outputs.time_s[kept], voltage_share(record, known, outputs.time_s[kept])
     logged = known.demands(outputs.values[:, kept], voltage_share=share)
-    shift = min(_SHIFTS, key=lambda one: _rest(_sampled(demands, stamps + one * step_s), logged)[1])
+    shift = min(_SHIFTS, key=lambda trial: _rest(_sampled(demands, stamps + trial * step_s), logged)[1])
     wanted = _sampled(demands, stamps + shift * step_s)
     gain = _rest(wanted, logged)[0]
     actual = known.outputs(logged, voltage_share=share)
@@ -486,8 +548,8 @@ def _correlations(mixer: FloatArray, wanted: FloatArray, logged: FloatArray) -> 
     inverse = np.linalg.pinv(mixer)
     pairs = zip(inverse @ wanted, inverse @ logged, strict=True)
     return tuple(
-        float(np.corrcoef(one, other)[0, 1]) if np.ptp(one) > 0.0 and np.ptp(other) > 0.0 else 0.0
-        for one, other in pairs
+        float(np.corrcoef(asked, made)[0, 1]) if np.ptp(asked) > 0.0 and np.ptp(made) > 0.0 else 0.0
+        for asked, made in pairs
     )
 
 
@@ -500,176 +562,109 @@ def voltage_share(record: FlightRecord, known: Linearization, time_s: FloatArray
     return known.voltage_share(np.interp(time_s, topic.time_s, topic.values[row]))
 
 
-def or_none(read: Callable[[FlightRecord], MotorHistory], record: FlightRecord) -> MotorHistory | None:
-    """Motors that a log may not hold."""
-    try:
-        return read(record)
-    except InsufficientDataError:
+_LOWEST_SHARE = 0.6
+"""ArduPilot takes no voltage below this share of the highest."""
+
+_LINEAR = 1e-9
+
+
+def expo_thrust(share: FloatArray, expo: float) -> FloatArray:
+    r"""Thrust of an output, both shares of the largest: :math:`(1 - e) s + e s^2`."""
+    return np.asarray((1.0 - expo) * share + expo * share**2)
+
+
+def expo_share(thrust: FloatArray, expo: float) -> FloatArray:
+    """Output that makes a thrust, both shares of the largest; the inverse of :func:`expo_thrust`.
+
+    Examples
+    --------
+    >>> expo_share(expo_thrust(np.array([0.2, 0.7]), 0.65), 0.65).round(12).tolist()
+    [0.2, 0.7]
+    """
+    if abs(expo) < _LINEAR:
+        return np.array(thrust, dtype=np.float64)
+    root = np.sqrt(np.maximum((1.0 - expo) ** 2 + 4.0 * expo * np.asarray(thrust), 0.0))
+    return np.asarray((expo - 1.0 + root) / (2.0 * expo))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linearization(Immutable):
+    """How an autopilot turns a demand of thrust into an output.
+
+    Parameters
+    ----------
+    expo
+        Curve of the motors that it undoes.
+    low, high
+        Outputs of no and of full thrust.
+    voltage_max, voltage_min
+        Range of voltage that it compensates, in volts; zero when it does not.
+    """
+
+    expo: float = 0.0
+    low: float = 0.0
+    high: float = 1.0
+    voltage_max: float = 0.0
+    voltage_min: float = 0.0
+
+    @property
+    def compensates_voltage(self) -> bool:
+        return self.voltage_max > 0.0 and self.voltage_min < self.voltage_max
+
+    def voltage_share(self, voltage_v: FloatArray) -> FloatArray:
+        """What the autopilot divides its outputs by, from the resting voltage of the battery."""
+        if not self.compensates_voltage:
+            return np.ones_like(voltage_v)
+        lowest = max(self.voltage_min, _LOWEST_SHARE * self.voltage_max)
+        return np.asarray(np.clip(voltage_v, lowest, self.voltage_max) / self.voltage_max)
+
+    def outputs(self, demands: FloatArray, *, gain: float = 1.0, voltage_share: FloatArray | float = 1.0) -> FloatArray:
+        """Outputs to the motors, between ``low`` and ``high``.
+
+        Parameters
+        ----------
+        demands
+            Shares of the largest thrust, any shape.
+        gain
+            One over the density of the air over that at sea level.
+        voltage_share
+            Of :meth:`voltage_share`.
+        """
+        share = expo_share(np.maximum(gain * demands, 0.0), self.expo) / voltage_share
+        return np.asarray(self.low + (self.high - self.low) * np.clip(share, 0.0, 1.0))
+
+    def demands(self, outputs: FloatArray, *, voltage_share: FloatArray | float = 1.0) -> FloatArray:
+        """Demands behind outputs, up to the gain."""
+        share = (outputs - self.low) / (self.high - self.low) * voltage_share
+        return expo_thrust(np.asarray(share), self.expo)
+
+
+def linearization_of(record: FlightRecord) -> Linearization | None:
+    """How the autopilot that wrote a log turns demands into its logged motor outputs; ``None`` when that is not known.
+
+    What PX4 logs as ``actuator_motors`` is the demand itself; ``THR_MDL_FAC`` acts after it.
+    """
+    if record.source.format.startswith("PX4"):
+        return Linearization()
+    return _ardupilot(record.parameters) if record.source.format.startswith(("ArduPilot", "MAVLink")) else None
+
+
+def _ardupilot(parameters: Mapping[str, float]) -> Linearization | None:
+    names = ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
+    if any(name not in parameters for name in names):
         return None
-
-
-_FASTER = 1.5
-_RELATED = 0.5
-
-
-def reconstructed_demands(record: FlightRecord, mixer: FloatArray) -> tuple[MotorHistory, Agreement | None]:
-    r"""Share of the largest thrust that the autopilot asked of each motor, at the rate of its commands.
-
-    .. math:: d_i = m_{i1} u_{roll} + m_{i2} u_{pitch} + m_{i3} u_{yaw} + m_{i4} u_{thrust}
-
-    Holds where no motor is at a limit, and for the shape of the demand alone where the autopilot scales all of it. It
-    is checked against the logged outputs, however slow; a wrong mixer, order of motors or curve shows there.
-
-    Parameters
-    ----------
-    record
-        Holds the four commands.
-    mixer
-        Columns roll, pitch, yaw and thrust, shape ``(motors, 4)``.
-
-    Returns
-    -------
-    MotorHistory
-        Of the kind ``thrust_demand``, with a finding ``motor_reconstruction``.
-    Agreement or None
-        With the logged outputs; ``None`` where the log holds none, or how they follow from the demand is not known.
-
-    Raises
-    ------
-    InsufficientDataError
-        A command is missing.
-    UsageError
-        The mixer has another number of motors than the log.
-    """
-    time_s, commands, source = on_one_clock(record, COMMANDS)
-    history = MotorHistory(
-        kind="thrust_demand",
-        time_s=time_s,
-        values=np.asarray(mixer, dtype=np.float64) @ commands,
-        source=f"mixer of {source}",
-    )
-    agreement = agreement_of(record, history, mixer)
-    remarks = (*_told(history, agreement), *_slow_thrust(record))
-    return judged(record, replace(history, findings=remarks)), agreement
-
-
-def reconstructed_outputs(record: FlightRecord, mixer: FloatArray) -> MotorHistory:
-    """Outputs to the motors at the rate of the commands, through what the autopilot does to its demands.
-
-    The gain that the slow outputs show, and the logged voltage, take the places of the density of the air and of the
-    resting voltage, which logs do not hold.
-
-    Parameters
-    ----------
-    record, mixer
-        As for :func:`reconstructed_demands`.
-
-    Raises
-    ------
-    InsufficientDataError
-        A command or all outputs are missing, or how outputs follow from demands is not known.
-    """
-    demands, agreement = reconstructed_demands(record, mixer)
-    known = linearization_of(record)
-    if known is None or agreement is None:
-        raise InsufficientDataError(
-            f"{record.source.name} does not tell how outputs follow from demands of thrust",
-            needed="motor outputs, and MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX",
-            remedy="use the demands, or log the motors faster",
+    expo, low, high = (parameters[name] for name in names)
+    return (
+        Linearization(
+            expo=float(np.clip(expo, -1.0, 1.0)),
+            low=low,
+            high=high,
+            voltage_max=parameters.get("MOT_BAT_VOLT_MAX", 0.0),
+            voltage_min=parameters.get("MOT_BAT_VOLT_MIN", 0.0),
         )
-    share = voltage_share(record, known, demands.time_s)
-    values = known.outputs(demands.values, gain=agreement.gain, voltage_share=share)
-    told = tuple(finding for finding in demands.findings if finding.kind not in ("saturation", "rate_too_low"))
-    return judged(record, replace(demands, kind="output", values=values, findings=told))
-
-
-def motor_history(record: FlightRecord, mixer: FloatArray | None = None) -> MotorHistory:
-    """The motors as truly and as fast as the log tells them.
-
-    Measured speeds, where all motors have them at 40 Hz and more; else the logged outputs; else, where the commands are
-    faster by half and the mixer is known, the demands of thrust that follow from them and agree with the outputs.
-
-    Parameters
-    ----------
-    record
-        The log.
-    mixer
-        Columns roll, pitch, yaw and thrust, shape ``(motors, 4)``.
-
-    Raises
-    ------
-    InsufficientDataError
-        The log holds no motors, and no commands with a mixer.
-    """
-    speeds = or_none(logged_speeds, record)
-    if speeds is not None and speeds.sample_rate_hz >= LOWEST_RATE_HZ:
-        return speeds
-    outputs = or_none(logged_outputs, record)
-    if mixer is None:
-        return outputs or speeds or logged_outputs(record)
-    try:
-        demands, agreement = reconstructed_demands(record, mixer)
-    except InsufficientDataError:
-        return outputs or speeds or logged_outputs(record)
-    if outputs is None:
-        return demands
-    faster = demands.sample_rate_hz >= _FASTER * outputs.sample_rate_hz
-    if faster and agreement is not None and agreement.agrees:
-        return demands
-    disagreeing = [finding for finding in demands.findings if finding.kind == "motor_reconstruction"]
-    return replace(outputs, findings=(*outputs.findings, *(disagreeing if faster else ())))
-
-
-def _told(history: MotorHistory, agreement: Agreement | None) -> Iterator[Finding]:
-    if agreement is None:
-        yield warn(
-            "motor_reconstruction",
-            history.source,
-            "The motors follow from the commands and the mixer, and could not be checked against logged ones.",
-        )
-        return
-    agrees = agreement.agrees
-    message = (
-        f"Motors at {history.sample_rate_hz:.0f} Hz from the commands {'agree' if agrees else 'do not agree'} with "
-        f"{agreement.samples} samples of the logged ones: {100.0 * agreement.rms:.2f} % of their range rms, "
-        f"{100.0 * agreement.unexplained:.2f} % of their variance."
+        if low < high
+        else None
     )
-    yield (remark if agrees else warn)(
-        "motor_reconstruction",
-        history.source,
-        message if agrees else f"{message} {_reason(agreement)}",
-        **{
-            "samples": float(agreement.samples),
-            "gain": agreement.gain,
-            "rms": agreement.rms,
-            "unexplained": agreement.unexplained,
-            "shift": float(agreement.shift),
-            **{f"correlation_{axis}": one for axis, one in zip(AXES, agreement.correlations, strict=True)},
-        },
-    )
-
-
-def _reason(agreement: Agreement) -> str:
-    """Why the two do not agree: a wrong layout turns a sign around or mixes axes, and slow logs lose what is fast."""
-    wrong = [axis for axis, one in zip(AXES, agreement.correlations, strict=True) if one < _RELATED]
-    if wrong:
-        return f"{' and '.join(wrong)} do not fit: the layout or the mixer is not what it is taken for."
-    return "All axes fit: commands and motors were not logged at the same instants, and move in between."
-
-
-def _slow_thrust(record: FlightRecord) -> Iterator[Finding]:
-    """A thrust command that is slower than the others is interpolated, and its motion between samples lost."""
-    rates = {name: next(record.holding(name))[0].sample_rate_hz for name in COMMANDS}
-    if rates["thrust_command"] * _FASTER < rates["roll_command"]:
-        rate_hz = rates["thrust_command"]
-        yield warn(
-            "rate_too_low",
-            "thrust_command",
-            f"thrust_command is logged at {rate_hz:.1f} Hz, roll_command at {rates['roll_command']:.1f} Hz: "
-            "thrust in between is interpolated.",
-            rate_hz=rate_hz,
-            needed_hz=rates["roll_command"],
-        )
 
 
 WINDOW_S = 2.0

@@ -1,8 +1,8 @@
-r"""What a step of a command says without a model: gain, delay, rise time, and the bandwidth that follows from it.
+"""What a flight says without a model: step responses, the limit of thrust, and how strongly the axes are coupled.
 
-Thrust over weight from the motion alone, and whether it ever stood at a limit.
-
-Whether an output answers to the commands of other axes: a test by least squares that asks for no model.
+A step of a command has a gain, a delay and a rise time, and the bandwidth follows from the rise time. Thrust over
+weight follows from the motion alone. Whether an output answers to the commands of other axes is a test by least
+squares.
 """
 
 from __future__ import annotations
@@ -175,9 +175,9 @@ def rise_time_bandwidth(steps: Sequence[StepResponse]) -> Bandwidth:
     Examples
     --------
     >>> from dataclasses import replace
-    >>> one = StepResponse(start_s=0.0, step=1.0, change=1.0, delay_s=0.05, half_s=0.1, rise_s=0.25, rise_noise_s=0.0,
+    >>> step = StepResponse(start_s=0.0, step=1.0, change=1.0, delay_s=0.05, half_s=0.1, rise_s=0.25, rise_noise_s=0.0,
     ...                    creep=0.0, overshoot=0.0)
-    >>> found = rise_time_bandwidth([one, replace(one, rise_s=0.35)])
+    >>> found = rise_time_bandwidth([step, replace(step, rise_s=0.35)])
     >>> round(found.bandwidth_hz, 3), round(found.bandwidth_std_hz, 3)
     (1.167, 0.275)
     """
@@ -355,7 +355,7 @@ def thrust_limit(ratio: FloatArray, *, sample_rate_hz: float, width: float | Non
     --------
     >>> time_s = np.arange(0.0, 20.0, 0.05)
     >>> thrust = 1.0 + 0.3 * np.sin(3.0 * time_s)
-    >>> [thrust_limit(one, sample_rate_hz=20.0).saturated for one in (thrust, np.minimum(thrust, 1.2))]
+    >>> [thrust_limit(samples, sample_rate_hz=20.0).saturated for samples in (thrust, np.minimum(thrust, 1.2))]
     [False, True]
     """
     highest = float(ratio.max())

@@ -1,19 +1,12 @@
-"""The loop of a whole flight: sensors, controllers, mixer, vehicle. Importing this module imports Numba.
+"""A whole flight, turn by turn: vehicle, sensors, controllers, mixer. Importing this module imports Numba.
 
-What the numbers mean stands in `rotorid.simulation.multirotor`; columns of the log in `rotorid.simulation.multirotor`.
-Numba knows stale code by the file that holds it alone: after a change in `multirotor_kernels` or `sensor_kernels`, take
-the compiled code of this module away, too (``rm src/rotorid/simulate/__pycache__/*.nb*``).
+Everything here works on plain arrays; what they mean stands in `rotorid.simulation.multirotor`, and so do the columns
+of the log. :func:`derivative` is written so that its uncompiled form takes complex numbers, from which linear models
+are made without finite differences.
 
-The equations of a multirotor and their integration. Importing this module imports Numba: do it inside a function.
-
-Everything here works on plain arrays; what they mean stands in `rotorid.simulation.multirotor`. :func:`derivative` is
-written so that its uncompiled form takes complex numbers, from which linear models are made without finite differences.
-
-What sensors make of the state of a vehicle, and filters of the sensors. Importing this module imports Numba.
-
-What the numbers mean stands in `rotorid.simulation.multirotor`; columns of the log in `rotorid.simulation.multirotor`.
-
-Compilation of kernels that make no arrays. Importing this module imports Numba.
+Numba keeps compiled code beside the file and knows stale code by that file alone. Everything that a flight calls is
+therefore here. Only the numbers that come from `rotorid.simulation.multirotor` (order of states, columns of the log)
+are compiled in from outside: after a change of those, remove ``__pycache__/flight_kernels*.nb*``.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""A closed-loop hover flight with test inputs, gusts and sensor noise, as an autopilot would log it.
+"""A hover flight in closed loop of a linear vehicle, with test inputs, gusts and sensor noise, as an autopilot logs it.
 
-What flies: a linear model of hover with the autopilot that holds it there.
-
-The autopilot that holds a hover: a cascade of velocity, angle and rate, with constant gains.
-
-Gusts: air velocity as a first-order Gauss–Markov process, the shape of Dryden's longitudinal spectrum.
+The autopilot is a cascade of velocity, angle and rate with constant gains. Gusts are air velocities, each a first-order
+Gauss–Markov process, the shape of Dryden's longitudinal spectrum.
 """
 
 from __future__ import annotations
@@ -25,6 +22,10 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 
 MEASURED = ("p", "q", "r", "phi", "theta", "psi", "u", "v", "w")
 """What the autopilot measures, in the order of its error matrix."""
+
+VELOCITIES = ("u", "v", "w")
+ACCELERATIONS = ("ax", "ay", "az")
+OUTPUTS = MEASURED + ACCELERATIONS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,11 +82,6 @@ class HoverController:
         return np.array([[row.get(name, 0.0) for name in MEASURED] for row in rows])
 
 
-VELOCITIES = ("u", "v", "w")
-ACCELERATIONS = ("ax", "ay", "az")
-OUTPUTS = MEASURED + ACCELERATIONS
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HoverVehicle(Immutable):
     r"""A vehicle around hover.
@@ -130,51 +126,6 @@ class HoverVehicle(Immutable):
         """Columns of G for gusts along u, v and w, shape ``(x, 3)``: air that comes is speed that goes."""
         columns: FloatArray = -self.system.F[:, [self.states.index(name) for name in VELOCITIES]]
         return columns
-
-
-def gauss_markov(
-    samples: int, *, intensity: float, correlation_s: float, sample_rate_hz: float, rng: np.random.Generator
-) -> FloatArray:
-    r"""Stationary noise with the autocorrelation :math:`\sigma^2 e^{-|t|/T}`.
-
-    .. math:: g_{k+1} = a g_k + \sigma \sqrt{1 - a^2} \, n_k, \qquad a = e^{-h/T}, \qquad
-        S(\omega) = \frac{4 \sigma^2 T}{1 + \omega^2 T^2} \text{ per Hz}
-
-    It is Dryden's longitudinal gust for T = scale length over airspeed. In hover the airspeed is the wind itself, so T
-    is given directly; the transverse components of Dryden fall off a little differently.
-
-    Parameters
-    ----------
-    samples
-        Number of samples.
-    intensity
-        Standard deviation :math:`\sigma`, in the unit of the result.
-    correlation_s
-        T, the time after which the correlation has fallen to 1/e.
-    sample_rate_hz
-        Rate of the samples; the recursion is exact at any rate.
-    rng
-        Random generator; ``samples`` numbers are drawn from it.
-
-    Returns
-    -------
-    FloatArray
-        Shape ``(samples,)``; already stationary at its first sample.
-
-    Examples
-    --------
-    >>> gust = gauss_markov(9, intensity=0.5, correlation_s=2.0, sample_rate_hz=100.0, rng=np.random.default_rng(0))
-    >>> gust.shape
-    (9,)
-    """
-    from scipy.signal import lfilter
-
-    decay = math.exp(-1.0 / (correlation_s * sample_rate_hz))
-    innovation = rng.standard_normal(samples)
-    # The first sample is drawn from the stationary distribution, all others bring what the decay took away.
-    innovation[1:] *= math.sqrt(1.0 - decay**2)
-    gust: FloatArray = intensity * lfilter([1.0], [1.0, -decay], innovation)
-    return gust
 
 
 STEP_RATE_HZ = 1000.0
@@ -422,3 +373,48 @@ def _within_limits(vehicle: HoverVehicle, commands: FloatArray) -> None:
                 needed=f"{low:g} to {high:g}",
                 remedy="lower the amplitude of the plan or the turbulence",
             )
+
+
+def gauss_markov(
+    samples: int, *, intensity: float, correlation_s: float, sample_rate_hz: float, rng: np.random.Generator
+) -> FloatArray:
+    r"""Stationary noise with the autocorrelation :math:`\sigma^2 e^{-|t|/T}`.
+
+    .. math:: g_{k+1} = a g_k + \sigma \sqrt{1 - a^2} \, n_k, \qquad a = e^{-h/T}, \qquad
+        S(\omega) = \frac{4 \sigma^2 T}{1 + \omega^2 T^2} \text{ per Hz}
+
+    It is Dryden's longitudinal gust for T = scale length over airspeed. In hover the airspeed is the wind itself, so T
+    is given directly; the transverse components of Dryden fall off a little differently.
+
+    Parameters
+    ----------
+    samples
+        Number of samples.
+    intensity
+        Standard deviation :math:`\sigma`, in the unit of the result.
+    correlation_s
+        T, the time after which the correlation has fallen to 1/e.
+    sample_rate_hz
+        Rate of the samples; the recursion is exact at any rate.
+    rng
+        Random generator; ``samples`` numbers are drawn from it.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(samples,)``; already stationary at its first sample.
+
+    Examples
+    --------
+    >>> gust = gauss_markov(9, intensity=0.5, correlation_s=2.0, sample_rate_hz=100.0, rng=np.random.default_rng(0))
+    >>> gust.shape
+    (9,)
+    """
+    from scipy.signal import lfilter
+
+    decay = math.exp(-1.0 / (correlation_s * sample_rate_hz))
+    innovation = rng.standard_normal(samples)
+    # The first sample is drawn from the stationary distribution, all others bring what the decay took away.
+    innovation[1:] *= math.sqrt(1.0 - decay**2)
+    gust: FloatArray = intensity * lfilter([1.0], [1.0, -decay], innovation)
+    return gust

@@ -1,6 +1,7 @@
-"""Time response of a linear model with delays that are fractions of a sample.
+"""Time response of a linear model whose sampled inputs arrive late by any fraction of a sample.
 
-Exact discretization of a linear system whose sampled inputs arrive late by any fraction of a sample.
+The discretization is exact: the inputs are taken as steps or straight lines between samples, and nothing else is
+assumed.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""The two loops that arrays cannot express. Importing this module imports Numba: do it inside a function.
+"""The loops over time that arrays cannot express: responses, closed loops, and their sensitivities.
 
-Time recursions of sensitivities. Importing this module imports Numba: do it inside a function.
-
-The time recursion of a predictor's sensitivities. Importing this module imports Numba: do it inside a function.
+Importing this module imports Numba: do it inside a function.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-r"""The linear hover model of a nonlinear multirotor, exact: every slope by a complex step, no finite differences.
+r"""The linear model of a nonlinear multirotor at hover, and that of the autopilot around it.
 
-Around level hover in calm air, at the rated voltage, with everything as a difference from it,
+The slopes of the vehicle are exact, each by a complex step and none by finite differences. Around level hover in calm
+air, at the rated voltage, with everything as a difference from it,
 
 .. math::
 
@@ -21,10 +22,9 @@ What is no slope at hover, and what is taken in its place:
 
 Left out: the sag of the battery under load, limits of commands and motors.
 
-An autopilot around hover as a linear system: what its commands make of what is measured, and of test inputs.
-
-The cascade of :mod:`rotorid.simulation.autopilot` without its limits, in continuous time. Each part that it computes
-once a turn :math:`T` is replaced by the continuous one with the same gain and the same lateness at low frequencies:
+The autopilot is the cascade of :mod:`rotorid.simulation.autopilot` without its limits, in continuous time: what its
+commands make of what is measured, and of test inputs. Each part that it computes once a turn :math:`T` is replaced by
+the continuous one with the same gain and the same delay at low frequencies:
 
 .. math::
 
@@ -34,7 +34,7 @@ once a turn :math:`T` is replaced by the continuous one with the same gain and t
 
 and the Butterworth filter by that of the cutoff :math:`2 \tan(\omega_c T/2)/T`. What is left is of second order in
 :math:`\omega T`: it holds up to about a tenth of the rate of the loop. That commands are late and held for a turn
-belongs to the vehicle (:func:`rotorid.simulation.linearization.linearize`).
+belongs to the vehicle (:func:`linearize`).
 """
 
 from __future__ import annotations
@@ -365,7 +365,7 @@ def _cascade(autopilot: Autopilot, inputs: tuple[str, ...], gyro_lag_s: float = 
         M=M,
         F=F,
         G=G,
-        H0=np.stack([one + more for one, more in zip(commands, added, strict=True)])[:, :size],
+        H0=np.stack([command + extra for command, extra in zip(commands, added, strict=True)])[:, :size],
         H1=np.zeros((len(AXES), size)),
         input_delays_s=np.zeros(taken),
         output_delays_s=np.zeros(len(AXES)),

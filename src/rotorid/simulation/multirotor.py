@@ -1,4 +1,4 @@
-r"""A multirotor as a rigid body with rotors, air and a battery: what flies in a nonlinear simulation.
+r"""A multirotor as a rigid body with rotors, air, a battery and sensors: what flies in a nonlinear simulation.
 
 With the velocity :math:`V` through the air and the rates :math:`\omega` in body axes, position and velocity over
 ground in earth axes, the quaternion :math:`q` from body to earth and the speed :math:`x_i` of each rotor as a share of
@@ -25,14 +25,8 @@ holds whatever stability derivatives were published, and a drag that grows with 
 
 Left out: blade flapping beyond the induced drag, inflow of one rotor into another, ground effect, elastic frames.
 
-What the sensors of a simulated vehicle make of the truth.
-
-What the kernels of the nonlinear flight take: plain numbers and arrays under names, nothing else.
-
-Value objects with checks and documentation make these (`rotorid.simulation.multirotor`, `autopilot`, `sensors`);
-compiled code reads them.
-
-Columns in which the kernel of a flight logs.
+Value objects come first. What compiled code reads (:class:`Body`, :class:`Supply`, :class:`Senses`, :class:`Control`)
+are the same numbers as plain arrays under names, with the columns in which a flight is logged.
 """
 
 from __future__ import annotations
@@ -52,136 +46,6 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 
 STATES = 13
 """Position, velocity (north, east, down), quaternion (w, x, y, z; body to earth), rates. The rotors come after."""
-
-
-class Body(NamedTuple):
-    """A rigid body and its rotors. Forces and moments are about the center of gravity, in body axes."""
-
-    mass: float
-    gravity: float
-    inertia: FloatArray
-    """Shape ``(3, 3)``."""
-    inverse_inertia: FloatArray
-    aerodynamics: FloatArray
-    """Force and moment per air velocity and rate, shape ``(6, 6)``."""
-    has_aerodynamics: bool
-    quadratic_drag: FloatArray
-    """N/(m/s)² along each axis, shape ``(3,)``."""
-    has_quadratic_drag: bool
-    effectiveness: FloatArray
-    """Force and moment per newton of thrust, without the torque of the rotors, shape ``(6, rotors)``."""
-    torque_axes: FloatArray
-    """Moment per newton meter of torque, shape ``(3, rotors)``."""
-    hubs: FloatArray
-    """Where the rotors sit, shape ``(rotors, 3)``."""
-    thrust: FloatArray
-    """Coefficients of the speed's powers 0 to 2, N."""
-    torque: FloatArray
-    """The same, N m."""
-    lag_up: float
-    lag_down: float
-    has_lag: bool
-    """Without one, the speeds are the outputs."""
-    induced_drag: float
-    """N/(m/s) at full speed."""
-    inclined: bool
-    inflow: float
-    """Newtons of thrust per m/s of descent at full speed; negative for climb that unloads."""
-    has_air: bool
-    """Whether the rotors feel how they move through the air."""
-    spin_momentum: FloatArray
-    """Angular momentum of each rotor at full speed, shape ``(3, rotors)``."""
-    has_spin: bool
-
-
-class Supply(NamedTuple):
-    """A battery."""
-
-    voltage_full: float
-    voltage_empty: float
-    voltage_rated: float
-    resistance_ohm: float
-    capacity_as: float
-    current_per_power: float
-    """Ampere per newton to the power 1.5, all rotors together."""
-    present: bool
-
-
-class Senses(NamedTuple):
-    """Sensors; noise is the standard deviation of each sample."""
-
-    gyro_noise: float
-    gyro_bias: FloatArray
-    gyro_lag_s: float
-    gyro_step: float
-    gyro_vibration: float
-    accelerometer_noise: float
-    accelerometer_bias: FloatArray
-    accelerometer_lag_s: float
-    accelerometer_step: float
-    accelerometer_vibration: float
-    accelerometer_place: FloatArray
-    attitude_noise: float
-    velocity_noise: float
-    position_noise: float
-    blade_rad_s: float
-    """Speed of a rotor at full output, for vibration."""
-
-
-class Control(NamedTuple):
-    """An autopilot. Arrays of three are roll, pitch, yaw."""
-
-    tick_s: float
-    substeps: int
-    proportional: FloatArray
-    integral: FloatArray
-    derivative: FloatArray
-    feedforward: FloatArray
-    integral_limit: FloatArray
-    derivative_of_error: bool
-    derivative_keep: FloatArray
-    """What first-order filters keep of the last sample: of the derivative, the error, the target, the command."""
-    error_keep: FloatArray
-    target_keep: FloatArray
-    command_keep: FloatArray
-    gyro_filter: FloatArray
-    """b0 b1 b2 a1 a2 of the filter of the rates."""
-    accelerometer_filter: FloatArray
-    angle: FloatArray
-    rate_limit: FloatArray
-    tilt_limit: float
-    velocity_p: float
-    velocity_i: float
-    position_p: float
-    climb_p: float
-    climb_i: float
-    height_p: float
-    hold_velocity: bool
-    heading_follows: bool
-    """Whether the heading set-point follows the vehicle while the yaw stick is out."""
-    hold_height: bool
-    tilt_compensation: bool
-    stick_tilt: float
-    stick_yaw_rate: float
-    stick_climb: float
-    stick_thrust: float
-    hover_thrust: float
-    mixer: FloatArray
-    """Shape ``(rotors, 4)``."""
-    low: float
-    high: float
-    expo: float
-    output_low: float
-    output_high: float
-    voltage_max: float
-    voltage_min: float
-    delay_steps: IntArray
-    """Of each command, in steps of the integrator."""
-
-
-def plain(values: ArrayLike) -> FloatArray:
-    """A fresh array. Kernels are compiled anew for integers, for read-only arrays and for other orders in memory."""
-    return np.array(values, dtype=np.float64, order="C")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -241,7 +105,7 @@ class Rotors(Immutable):
         """Coefficients of the torque, N m."""
         if self.torque is not None:
             return self.torque
-        c_0, c_1, c_2 = (self.torque_per_thrust_m * one for one in self.thrust)
+        c_0, c_1, c_2 = (self.torque_per_thrust_m * coefficient for coefficient in self.thrust)
         return c_0, c_1, c_2
 
     def thrust_at(self, share: float) -> float:
@@ -394,7 +258,7 @@ class Multirotor(Immutable):
         """
         wanted = np.array([-self.mass_kg * STANDARD_GRAVITY_M_S2, 0.0, 0.0, 0.0])
         thrusts = np.linalg.pinv(self.wrench[2:]) @ wanted
-        shares = np.array([self.rotors.share_of(float(one)) for one in thrusts])
+        shares = np.array([self.rotors.share_of(float(thrust)) for thrust in thrusts])
         if shares.max() > 1.0:
             raise ModelError(
                 f"{self.name} hovers at {shares.max():.2f} of full speed", needed="less weight or more thrust"
@@ -569,6 +433,136 @@ PERFECT = Sensors(
     position_noise_m=0.0,
 )
 """Sensors that read the truth."""
+
+
+class Body(NamedTuple):
+    """A rigid body and its rotors. Forces and moments are about the center of gravity, in body axes."""
+
+    mass: float
+    gravity: float
+    inertia: FloatArray
+    """Shape ``(3, 3)``."""
+    inverse_inertia: FloatArray
+    aerodynamics: FloatArray
+    """Force and moment per air velocity and rate, shape ``(6, 6)``."""
+    has_aerodynamics: bool
+    quadratic_drag: FloatArray
+    """N/(m/s)² along each axis, shape ``(3,)``."""
+    has_quadratic_drag: bool
+    effectiveness: FloatArray
+    """Force and moment per newton of thrust, without the torque of the rotors, shape ``(6, rotors)``."""
+    torque_axes: FloatArray
+    """Moment per newton meter of torque, shape ``(3, rotors)``."""
+    hubs: FloatArray
+    """Where the rotors sit, shape ``(rotors, 3)``."""
+    thrust: FloatArray
+    """Coefficients of the speed's powers 0 to 2, N."""
+    torque: FloatArray
+    """The same, N m."""
+    lag_up: float
+    lag_down: float
+    has_lag: bool
+    """Without one, the speeds are the outputs."""
+    induced_drag: float
+    """N/(m/s) at full speed."""
+    inclined: bool
+    inflow: float
+    """Newtons of thrust per m/s of descent at full speed; negative for climb that unloads."""
+    has_air: bool
+    """Whether the rotors feel how they move through the air."""
+    spin_momentum: FloatArray
+    """Angular momentum of each rotor at full speed, shape ``(3, rotors)``."""
+    has_spin: bool
+
+
+class Supply(NamedTuple):
+    """A battery."""
+
+    voltage_full: float
+    voltage_empty: float
+    voltage_rated: float
+    resistance_ohm: float
+    capacity_as: float
+    current_per_power: float
+    """Ampere per newton to the power 1.5, all rotors together."""
+    present: bool
+
+
+class Senses(NamedTuple):
+    """Sensors; noise is the standard deviation of each sample."""
+
+    gyro_noise: float
+    gyro_bias: FloatArray
+    gyro_lag_s: float
+    gyro_step: float
+    gyro_vibration: float
+    accelerometer_noise: float
+    accelerometer_bias: FloatArray
+    accelerometer_lag_s: float
+    accelerometer_step: float
+    accelerometer_vibration: float
+    accelerometer_place: FloatArray
+    attitude_noise: float
+    velocity_noise: float
+    position_noise: float
+    blade_rad_s: float
+    """Speed of a rotor at full output, for vibration."""
+
+
+class Control(NamedTuple):
+    """An autopilot. Arrays of three are roll, pitch, yaw."""
+
+    tick_s: float
+    substeps: int
+    proportional: FloatArray
+    integral: FloatArray
+    derivative: FloatArray
+    feedforward: FloatArray
+    integral_limit: FloatArray
+    derivative_of_error: bool
+    derivative_keep: FloatArray
+    """What first-order filters keep of the last sample: of the derivative, the error, the target, the command."""
+    error_keep: FloatArray
+    target_keep: FloatArray
+    command_keep: FloatArray
+    gyro_filter: FloatArray
+    """b0 b1 b2 a1 a2 of the filter of the rates."""
+    accelerometer_filter: FloatArray
+    angle: FloatArray
+    rate_limit: FloatArray
+    tilt_limit: float
+    velocity_p: float
+    velocity_i: float
+    position_p: float
+    climb_p: float
+    climb_i: float
+    height_p: float
+    hold_velocity: bool
+    heading_follows: bool
+    """Whether the heading set-point follows the vehicle while the yaw stick is out."""
+    hold_height: bool
+    tilt_compensation: bool
+    stick_tilt: float
+    stick_yaw_rate: float
+    stick_climb: float
+    stick_thrust: float
+    hover_thrust: float
+    mixer: FloatArray
+    """Shape ``(rotors, 4)``."""
+    low: float
+    high: float
+    expo: float
+    output_low: float
+    output_high: float
+    voltage_max: float
+    voltage_min: float
+    delay_steps: IntArray
+    """Of each command, in steps of the integrator."""
+
+
+def plain(values: ArrayLike) -> FloatArray:
+    """A fresh array. Kernels are compiled anew for integers, for read-only arrays and for other orders in memory."""
+    return np.array(values, dtype=np.float64, order="C")
 
 
 RATE_RAW, ACCELERATION_RAW, RATE, ACCELERATION = 0, 3, 6, 9

@@ -1,6 +1,7 @@
-"""The time recursion of a nonlinear model and its sensitivities; import it inside a function, because it imports Numba.
+"""The time recursion of a nonlinear model and its sensitivities.
 
-Plain loops throughout: slices, tuples and calls would take several times as long to compile.
+Importing this module imports Numba: do it inside a function. Plain loops throughout: slices, tuples and calls would
+take several times as long to compile.
 """
 
 from __future__ import annotations
@@ -20,34 +21,34 @@ def run(operations: IntArray, first: int, last: int, slots: FloatArray) -> None:
     leaves = slots.size - operations.shape[0]
     for n in range(first, last):
         code = operations[n, 0]
-        one = slots[operations[n, 1]]
-        two = slots[operations[n, 2]]
+        left = slots[operations[n, 1]]
+        right = slots[operations[n, 2]]
         if code == ADD:
-            value = one + two
+            value = left + right
         elif code == MULTIPLY:
-            value = one * two
+            value = left * right
         elif code == NEGATE:
-            value = -one
+            value = -left
         elif code == DIVIDE:
-            value = one / two
+            value = left / right
         elif code == POWER:
-            value = one**two
+            value = left**right
         elif code == SQRT:
-            value = math.sqrt(one)
+            value = math.sqrt(left)
         elif code == ABS:
-            value = abs(one)
+            value = abs(left)
         elif code == EXP:
-            value = math.exp(one)
+            value = math.exp(left)
         elif code == LOG:
-            value = math.log(one)
+            value = math.log(left)
         elif code == SIN:
-            value = math.sin(one)
+            value = math.sin(left)
         elif code == COS:
-            value = math.cos(one)
+            value = math.cos(left)
         elif code == TAN:
-            value = math.tan(one)
+            value = math.tan(left)
         else:  # the sign, zero at zero
-            value = math.copysign(1.0, one) if one != 0.0 else 0.0
+            value = math.copysign(1.0, left) if left != 0.0 else 0.0
         slots[leaves + n] = value
 
 

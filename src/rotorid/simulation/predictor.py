@@ -1,14 +1,13 @@
-r"""One-step predictions of a linear model that follows its measured outputs, with exact sensitivities.
+r"""One-step predictions of a linear model that follows its measured outputs, and the state in which they begin.
 
 .. math:: \hat x_{k+1} = \Phi \hat x_k + \sum_j \Gamma_j u_{k-n-1+j} + K e_k, \qquad
     e_k = y_k - C \hat x_k - D \, u(t_k - \tau)
 
 The predictor's own transition is :math:`\Phi - K C`. With the gain of a Kalman filter it is stable however unstable the
-vehicle is, and so are its sensitivities: the innovations :math:`e` of an unstable model never diverge.
+vehicle is, and so are its exact sensitivities: the innovations :math:`e` of an unstable model never diverge.
 
-The state in which a simulation begins: a Kalman filter over what was before, or least squares over the record.
-
-Both take the exact step of :func:`rotorid.simulation.linear.discretize`, fractional delays included. Euler's step
+The state at the start comes from a Kalman filter over what was before, or from least squares over the record. All take
+the exact step of :func:`rotorid.simulation.linear.discretize`, fractional delays included. Euler's step
 :math:`I + A \, \Delta t`, which is common in such filters, moves the poles of the filter's model.
 """
 

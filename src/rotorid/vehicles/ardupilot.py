@@ -114,8 +114,8 @@ def aircraft() -> Aircraft:
 
     Examples
     --------
-    >>> one = aircraft()
-    >>> float(one.autopilot.hover_commands(one.vehicle)[3].round(4))
+    >>> flying = aircraft()
+    >>> float(flying.autopilot.hover_commands(flying.vehicle)[3].round(4))
     0.3625
     """
     return Aircraft(vehicle=_vehicle(), autopilot=_autopilot(), sensors=_SENSORS)

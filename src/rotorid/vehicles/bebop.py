@@ -1,9 +1,9 @@
-r"""The Parrot Bebop 2 with its autopilot, as published: roll, pitch and vertical speed after their set-points.
+"""The Parrot Bebop 2: published responses to set-points, and a vehicle that flies freely behind the same set-points.
 
-Flown under motion capture at 20 Hz with random binary commands of all three at once (*System identification for an
-autonomous drone*; the paper's appendix L has the numbers). Inputs are ``phi_setpoint``, ``theta_setpoint`` and
-``velocity_down_setpoint``, outputs ``phi``, ``theta`` and ``velocity_down``; the paper counts vertical speed upward,
-which changes both sides alike.
+**Published.** Flown under motion capture at 20 Hz with random binary commands of all three at once (*System
+identification for an autonomous drone*; the paper's appendix L has the numbers). Inputs are ``phi_setpoint``,
+``theta_setpoint`` and ``velocity_down_setpoint``, outputs ``phi``, ``theta`` and ``velocity_down``; the paper counts
+vertical speed upward, which changes both sides alike.
 
 The parameters of first order are averages over four records, those of second and third order the fit to the first of
 them. The states of those have no meaning. Of the fourth order only pitch is printed whole: in roll one entry of B is
@@ -13,12 +13,10 @@ Higher orders took a trim of the pitch angle for slow dynamics: the third order 
 steady gain of -13.4, the fourth one of -109. Over the 18 s of a record this hardly shows. A command that stays would
 in the end tilt these models the wrong way.
 
-The Parrot Bebop 2 of `rotorid.vehicles.bebop` as a vehicle that flies freely, behind its set-points.
-
-Roll, pitch and vertical speed answer their set-points like the published responses. Those disagree: at any frequency
-from 0.5 to 10 rad/s, the models of first order, of first order with delay and of second order lie within a circle about
-their mean, whose radius is 0.03 to 0.2 of the set-point, and the responses here lie in that circle too. Drag over mass
-is the published one, 0.25 1/s ahead and 0.33 1/s to the side.
+**Flying.** Roll, pitch and vertical speed answer their set-points like the published responses. Those disagree: at any
+frequency from 0.5 to 10 rad/s, the models of first order, of first order with delay and of second order lie within a
+circle about their mean, whose radius is 0.03 to 0.2 of the set-point, and the responses here lie in that circle too.
+Drag over mass is the published one, 0.25 1/s ahead and 0.33 1/s to the side.
 
 What is ours: everything inside. Mass and inertia are those that users of the vehicle fly it with (LADAC, TU
 Braunschweig), the arm, the thrust curve, the torque and the gains are chosen. There is no integral: as with the

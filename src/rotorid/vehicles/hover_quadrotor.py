@@ -169,10 +169,10 @@ def excitation() -> FloatArray:
     """Accelerations that the doublets ask for in turn: climb, roll, pitch, yaw; shape ``(4, n)``."""
     asked = np.zeros((4, round(DURATION_S * SAMPLE_RATE_HZ)))
     for axis, amplitude in enumerate(_DOUBLETS.tolist()):
-        one = doublet(amplitude=amplitude, pulse_s=_PULSE_S, sample_rate_hz=SAMPLE_RATE_HZ, trim_s=0.0)
+        pulses = doublet(amplitude=amplitude, pulse_s=_PULSE_S, sample_rate_hz=SAMPLE_RATE_HZ, trim_s=0.0)
         for start_s in np.arange(0.25 + axis * _EVERY_S / 4.0, DURATION_S, _EVERY_S):
             first = round(start_s * SAMPLE_RATE_HZ)
-            asked[axis, first : first + one.size] = one
+            asked[axis, first : first + pulses.size] = pulses
     return asked
 
 

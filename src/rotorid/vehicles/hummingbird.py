@@ -1,8 +1,8 @@
-r"""The AscTec Hummingbird in hover, as published: one model each of pitch, yaw and heave.
+r"""The AscTec Hummingbird: published models of pitch, yaw and heave, and a vehicle that flies freely as they say.
 
-A quadrotor in a plus, flown outdoors with pilot's sweeps below 2 Hz and injected ones above (Niermeyer, Raffler and
-Holzapfel, *Open-Loop Quadrotor Flight Dynamics Identification in Frequency Domain via Closed-Loop Flight Testing*,
-tables 2 to 4). Commands are those of its motor controllers, 1 to 200, as differences of rotor speeds (eq 6).
+**Published.** A quadrotor in a plus, flown outdoors with pilot's sweeps below 2 Hz and injected ones above (Niermeyer,
+Raffler and Holzapfel, *Open-Loop Quadrotor Flight Dynamics Identification in Frequency Domain via Closed-Loop Flight
+Testing*, tables 2 to 4). Commands are those of its motor controllers, 1 to 200, as differences of rotor speeds (eq 6).
 
 Pitch was published with the scaled state :math:`q_T = 100 z q`, because the tool of its authors had no parameters in
 output matrices. In SI units, with :math:`1/(100 z)` = 0.7416 (so the accelerometer sits 13.5 mm above the center of
@@ -21,11 +21,9 @@ model ``axis.yaw`` holds the same system with the speed as a fraction of its ste
 The steady speed is 3.603 rad/s a step; :math:`k_{\omega\delta}` must be larger, for a motor controller without
 integral part never quite reaches what it is asked for. Here it is 3.94, which is ours.
 
-The AscTec Hummingbird of `rotorid.vehicles.hummingbird` as a vehicle that flies freely.
-
-Rotors in a plus make the forces of `rotorid.models.physical`: thrust that falls with the air that meets the rotor,
-:math:`dc_T/dJ`, a side force against the motion across it that shrinks with the inclination of the inflow, and torque.
-The publication has derivatives and no physical parameters. Those here solve
+**Flying.** Rotors in a plus make the forces of `rotorid.models.physical`: thrust that falls with the air that meets the
+rotor, :math:`dc_T/dJ`, a side force against the motion across it that shrinks with the inclination of the inflow, and
+torque. The publication has derivatives and no physical parameters. Those here solve
 :func:`~rotorid.models.physical.hover_derivatives` for the published ones, from a mass, an arm, a propeller and a yaw
 inertia that are chosen:
 
@@ -200,8 +198,8 @@ def aircraft() -> Aircraft:
 
     Examples
     --------
-    >>> one = aircraft()
-    >>> one.vehicle.hover_shares.round(3).tolist(), round(PHYSICS["c_T"], 3), round(PHYSICS["z"], 3)
+    >>> flying = aircraft()
+    >>> flying.vehicle.hover_shares.round(3).tolist(), round(PHYSICS["c_T"], 3), round(PHYSICS["z"], 3)
     ([0.58, 0.58, 0.58, 0.58], 0.141, 0.19)
     """
     P = PHYSICS

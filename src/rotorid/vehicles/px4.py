@@ -1,6 +1,9 @@
-r"""The quadrotor of PX4's own simulator, SIH, as its parameters describe it.
+r"""PX4's cascade from PX4's own parameters, and the quadrotor of its simulator, SIH, under it.
 
-Four rotors in an X with linear thrust, a body with linear drag and damping:
+One list of parameters flies a simulation and fills its log; :func:`with_gains` takes the list of a log instead, one's
+own controller around a vehicle of the library.
+
+SIH has four rotors in an X with linear thrust, and a body with linear drag and damping:
 
 .. math::
 
@@ -15,10 +18,6 @@ What is ours: SIH updates rates with the thrust of the end of each step, so that
 than it does by exact integration. A low-pass of 56 Hz on the gyroscopes, where SIH's log says 40 Hz, makes up for that:
 as there, angular velocity follows the torque set-point with 5.3 ms of pure delay. Below 50 rad/s the two low-passes
 differ in nothing else.
-
-PX4's cascade from PX4's own parameters: one list of numbers that flies a simulation and fills its log.
-
-A vehicle under the gains that a log holds: one's own controller around a vehicle of the library.
 """
 
 from __future__ import annotations

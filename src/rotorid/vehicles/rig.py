@@ -110,7 +110,7 @@ def fly(
     Examples
     --------
     >>> record = fly(("motor_3", "motor_4"), np.random.default_rng(0))
-    >>> record.topics[0].values.shape, [str(one.axis) for one in record.declared]
+    >>> record.topics[0].values.shape, [str(maneuver.axis) for maneuver in record.declared]
     ((14, 12000), ['roll'])
     """
     test_inputs = np.zeros((len(MOTORS), round(DURATION_S * STEP_RATE_HZ)))

@@ -1,7 +1,8 @@
-r"""The S500 quadrotor in hover, as published: the vehicle that ships with rotorid.
+r"""The S500 quadrotor in hover, as published, and a vehicle that flies freely with the published derivatives.
 
-A kit-built quadrotor of 0.5 m and 1.4 kg with PX4, identified from piloted frequency sweeps (*System Identification of
-an S500 Quadrotor UAV*, eqs 2 and 3, tables 4 and 7). In hover, with everything as a difference from trim:
+**Published.** A kit-built quadrotor of 0.5 m and 1.4 kg with PX4, identified from piloted frequency sweeps (*System
+Identification of an S500 Quadrotor UAV*, eqs 2 and 3, tables 4 and 7). In hover, with everything as a difference from
+trim:
 
 .. math::
 
@@ -22,10 +23,8 @@ The printed numbers are used as they are. The printed longitudinal eigenvalues d
 against 2.66 ± 3.82j), the lateral ones do. The delay of the yaw command is not printed; here it is that of the roll
 command, because the motors are the same. Hover thrust and gains are not published either: those below are ours.
 
-The S500 of `rotorid.vehicles.s500` as a vehicle that flies freely: the published derivatives on a rigid body.
-
-In hover every derivative is the published one: those of stability are forces and moments in proportion to the motion
-through the air, mass and inertia times the printed number, and those of control are what each rotor does,
+**Flying.** In hover every derivative is the published one: those of stability are forces and moments in proportion to
+the motion through the air, mass and inertia times the printed number, and those of control are what each rotor does,
 
 .. math:: E = \mathrm{diag}(m, m, m, I_{xx}, I_{yy}, I_{zz}) \; B \; (S X)^{-1}
 
@@ -41,9 +40,9 @@ Derivatives of hover do not describe fast flight. Against the wind at :math:`u`,
 makes :math:`w = u \theta`, and the published M_w turns that into :math:`26.6 \, u \theta` more nose up, which no gains
 hold with these delays once :math:`u` is large. A steady headwind of 2 m/s overturns this vehicle, and gusts of 0.5 m/s
 (standard deviation) do so in one flight of ten minutes out of eight; in gusts of 0.4 m/s it stays below 0.25 rad. Wind
-from behind or from the side does no harm.
-For the same reason, gains of pitch and roll are above those of the linear vehicle of `rotorid.vehicles.s500`, whose
-gusts are 0.08 m/s; the distance of their loops from the critical point is 0.5 instead of 0.6.
+from behind or from the side does no harm. For the same reason, gains of pitch and roll are above those of the linear
+vehicle (:data:`CONTROLLER`), whose gusts are 0.08 m/s; the distance of their loops from the critical point is 0.5
+instead of 0.6.
 """
 
 from __future__ import annotations
@@ -264,8 +263,8 @@ def aircraft() -> Aircraft:
 
     Examples
     --------
-    >>> one = aircraft()
-    >>> one.autopilot.hover_commands(one.vehicle).round(9).tolist()[-1]
+    >>> flying = aircraft()
+    >>> flying.autopilot.hover_commands(flying.vehicle).round(9).tolist()[-1]
     0.5
     """
     layout = library_layout("quad.x").scaled(ARM_M)

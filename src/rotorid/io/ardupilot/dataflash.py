@@ -1,12 +1,11 @@
-"""ArduPilot DataFlash logs: bytes to tables of messages.
+"""ArduPilot's DataFlash container: from the bytes of a log to a table of each kind of message, with units.
 
 A log is a chain of messages without checksum or framing: two magic bytes, a type, and as many bytes as the ``FMT``
 message of that type declared. The magic also occurs inside messages, so that the chain must be followed; it is
 followed for all messages at once, and step by step only where a false or damaged header interrupts it.
 
-What a DataFlash log says about its own messages: the letters of a format, and the columns that they make.
-
-Units of DataFlash columns, from the ``UNIT``, ``MULT`` and ``FMTU`` messages of the log.
+A log defines itself. ``FMT`` holds the letters of a format, which give each column its type, and ``UNIT``, ``MULT`` and
+``FMTU`` hold the units and multipliers of the columns.
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ from rotorid.io.files import gather, gather_into
 from rotorid.typing import AnyArray, BoolArray, FloatArray, IntArray
 
 HEADER_BYTES = 3
-INSTANCE_UNIT = "instance"
-"""Unit label of the column that numbers identical sensors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,37 +123,6 @@ FMT = Format(
     columns=("Type", "Length", "Name", "Format", "Columns"),
 )
 """The one definition that a log need not make: that of the definitions."""
-
-
-def parse_format(message: bytes) -> Format | None:
-    """Read one ``FMT`` message of 89 bytes, header included; ``None`` when it cannot be one.
-
-    Examples
-    --------
-    >>> texts = b"RATE" + b"Qf".ljust(16, bytes(1)) + b"TimeUS,R".ljust(64, bytes(1))
-    >>> parse_format(bytes([0xA3, 0x95, 128, 75, 15]) + texts).columns
-    ('TimeUS', 'R')
-    """
-    number, length = message[3], message[4]
-    name, letters, columns = (text_of(field) for field in (message[5:9], message[9:25], message[25:89]))
-    if length < HEADER_BYTES or not name or not (name.isascii() and name.isprintable()):
-        return None
-    return Format(
-        number=number,
-        length=length,
-        name=name,
-        letters=letters,
-        columns=tuple(columns.split(",")) if columns else (),
-    )
-
-
-def text_of(raw: bytes) -> str:
-    """Text up to the first zero byte; UTF-8, or Latin-1 where the field is not UTF-8."""
-    try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError:
-        text = raw.decode("latin-1")
-    return text.partition("\0")[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -292,67 +258,6 @@ class Table:
         stamps: FloatArray = self.numbers(name)[0]
         stamps /= per_second
         return stamps
-
-
-def _texts(raw: AnyArray) -> AnyArray:
-    """Text of each row of bytes, shape ``(messages, width)`` to ``(messages,)``."""
-    width = raw.shape[1]
-    if raw.size and raw.max() > 0x7F:
-        return np.array([text_of(row.tobytes()) for row in raw], dtype=f"<U{width}")
-    before_zero = np.logical_and.accumulate(raw != 0, axis=1)
-    ascii_bytes = np.where(before_zero, raw, 0).astype(np.uint8)
-    # ASCII is the first page of Unicode: widening the bytes is the whole conversion.
-    return ascii_bytes.astype("<u4").view(f"<U{width}")[:, 0]
-
-
-PREFIXES: Mapping[float, str] = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
-
-
-def units_of(tables: Mapping[str, Table]) -> Mapping[int, Mapping[str, str]]:
-    """Type of message to the unit of each of its columns, for the values as ``Table.column`` returns them.
-
-    A multiplier becomes a prefix of the unit (``cm/s``), or a number in front of it (``100 m``) when no prefix fits.
-    The letters that carry a factor themselves are already scaled, so that their multiplier is left out.
-    """
-    if not {"FMTU", "UNIT"} <= tables.keys():
-        return {}
-    labels = _lookup(tables["UNIT"], "Label")
-    multipliers = _lookup(tables["MULT"], "Mult") if "MULT" in tables else {}
-    formats = {table.format.number: table.format for table in tables.values()}
-    declared = tables["FMTU"]
-    if not (declared.holds_numbers("FmtType") and declared.holds_text("UnitIds", "MultIds")):
-        return {}
-    rows = zip(*(declared.column(name).tolist() for name in ("FmtType", "UnitIds", "MultIds")), strict=True)
-    return {
-        number: _columns(formats[number], unit_ids, mult_ids, labels, multipliers)
-        for number, unit_ids, mult_ids in rows
-        if number in formats
-    }
-
-
-def _lookup(table: Table, column: str) -> Mapping[str, object]:
-    if column not in table or not table.holds_numbers("Id") or table.column("Id").dtype.kind not in "iu":
-        return {}
-    return {
-        chr(key & 0xFF): value
-        for key, value in zip(table.column("Id").tolist(), table.column(column).tolist(), strict=True)
-    }
-
-
-def _columns(
-    layout: Format, unit_ids: str, mult_ids: str, labels: Mapping[str, object], multipliers: Mapping[str, object]
-) -> Mapping[str, str]:
-    units = {}
-    for index, (column, letter) in enumerate(zip(layout.columns, layout.letters, strict=False)):
-        label = str(labels.get(unit_ids[index : index + 1], ""))
-        multiplier = multipliers.get(mult_ids[index : index + 1])
-        if label and LETTERS[letter].divisor == 1.0 and isinstance(multiplier, float):
-            # The log stores single-precision numbers in a double: seven digits are what was meant.
-            rounded = float(f"{multiplier:.7g}")
-            label = PREFIXES[rounded] + label if rounded in PREFIXES else f"{rounded:.4g} {label}"
-        if label:
-            units[column] = label
-    return units
 
 
 MAGIC = (0xA3, 0x95)
@@ -701,3 +606,98 @@ def _damage(log: DataFlashLog) -> Iterator[Finding]:
             f"the definitions of {', '.join(log.undecodable)} contradict themselves; these messages were not decoded",
             messages=len(log.undecodable),
         )
+
+
+def parse_format(message: bytes) -> Format | None:
+    """Read one ``FMT`` message of 89 bytes, header included; ``None`` when it cannot be one.
+
+    Examples
+    --------
+    >>> texts = b"RATE" + b"Qf".ljust(16, bytes(1)) + b"TimeUS,R".ljust(64, bytes(1))
+    >>> parse_format(bytes([0xA3, 0x95, 128, 75, 15]) + texts).columns
+    ('TimeUS', 'R')
+    """
+    number, length = message[3], message[4]
+    name, letters, columns = (text_of(field) for field in (message[5:9], message[9:25], message[25:89]))
+    if length < HEADER_BYTES or not name or not (name.isascii() and name.isprintable()):
+        return None
+    return Format(
+        number=number,
+        length=length,
+        name=name,
+        letters=letters,
+        columns=tuple(columns.split(",")) if columns else (),
+    )
+
+
+def text_of(raw: bytes) -> str:
+    """Text up to the first zero byte; UTF-8, or Latin-1 where the field is not UTF-8."""
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")
+    return text.partition("\0")[0]
+
+
+def _texts(raw: AnyArray) -> AnyArray:
+    """Text of each row of bytes, shape ``(messages, width)`` to ``(messages,)``."""
+    width = raw.shape[1]
+    if raw.size and raw.max() > 0x7F:
+        return np.array([text_of(row.tobytes()) for row in raw], dtype=f"<U{width}")
+    before_zero = np.logical_and.accumulate(raw != 0, axis=1)
+    ascii_bytes = np.where(before_zero, raw, 0).astype(np.uint8)
+    # ASCII is the first page of Unicode: widening the bytes is the whole conversion.
+    return ascii_bytes.astype("<u4").view(f"<U{width}")[:, 0]
+
+
+INSTANCE_UNIT = "instance"
+"""Unit label of the column that numbers identical sensors."""
+
+PREFIXES: Mapping[float, str] = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
+
+
+def units_of(tables: Mapping[str, Table]) -> Mapping[int, Mapping[str, str]]:
+    """Type of message to the unit of each of its columns, for the values as ``Table.column`` returns them.
+
+    A multiplier becomes a prefix of the unit (``cm/s``), or a number in front of it (``100 m``) when no prefix fits.
+    The letters that carry a factor themselves are already scaled, so that their multiplier is left out.
+    """
+    if not {"FMTU", "UNIT"} <= tables.keys():
+        return {}
+    labels = _lookup(tables["UNIT"], "Label")
+    multipliers = _lookup(tables["MULT"], "Mult") if "MULT" in tables else {}
+    formats = {table.format.number: table.format for table in tables.values()}
+    declared = tables["FMTU"]
+    if not (declared.holds_numbers("FmtType") and declared.holds_text("UnitIds", "MultIds")):
+        return {}
+    rows = zip(*(declared.column(name).tolist() for name in ("FmtType", "UnitIds", "MultIds")), strict=True)
+    return {
+        number: _columns(formats[number], unit_ids, mult_ids, labels, multipliers)
+        for number, unit_ids, mult_ids in rows
+        if number in formats
+    }
+
+
+def _lookup(table: Table, column: str) -> Mapping[str, object]:
+    if column not in table or not table.holds_numbers("Id") or table.column("Id").dtype.kind not in "iu":
+        return {}
+    return {
+        chr(key & 0xFF): value
+        for key, value in zip(table.column("Id").tolist(), table.column(column).tolist(), strict=True)
+    }
+
+
+def _columns(
+    layout: Format, unit_ids: str, mult_ids: str, labels: Mapping[str, object], multipliers: Mapping[str, object]
+) -> Mapping[str, str]:
+    units = {}
+    for index, (column, letter) in enumerate(zip(layout.columns, layout.letters, strict=False)):
+        label = str(labels.get(unit_ids[index : index + 1], ""))
+        multiplier = multipliers.get(mult_ids[index : index + 1])
+        if label and LETTERS[letter].divisor == 1.0 and isinstance(multiplier, float):
+            # The log stores single-precision numbers in a double: seven digits are what was meant.
+            rounded = float(f"{multiplier:.7g}")
+            label = PREFIXES[rounded] + label if rounded in PREFIXES else f"{rounded:.4g} {label}"
+        if label:
+            units[column] = label
+    return units

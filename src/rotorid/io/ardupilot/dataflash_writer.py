@@ -1,4 +1,4 @@
-"""Writer of ArduPilot DataFlash logs: tables of messages to bytes, merged by their stamps.
+"""ArduPilot's DataFlash container, written: tables of messages to bytes, merged by their stamps.
 
 A log holds its own definitions first (``FMT``), then the units and multipliers of their columns (``UNIT``, ``MULT``,
 ``FMTU``), then the messages one after another, as :mod:`rotorid.io.ardupilot.dataflash` reads them.
@@ -204,17 +204,17 @@ def encode(tables: Iterable[Messages]) -> bytes:
     [10, 28]
     """
     held = [table for table in tables if np.size(table.values.get(CLOCK, ()))]
-    numbers = [FMT.number, *(layout.number for layout in (UNIT, MULT, FMTU, *(one.layout for one in held)))]
+    numbers = [FMT.number, *(layout.number for layout in (UNIT, MULT, FMTU, *(messages.layout for messages in held)))]
     if not held or len(set(numbers)) < len(numbers):
         raise UsageError(
-            f"messages {', '.join(one.layout.name for one in held) or 'of no kind'} came",
+            f"messages {', '.join(messages.layout.name for messages in held) or 'of no kind'} came",
             needed="at least one kind with stamps TimeUS, each with a number of its own that is none of "
             f"{', '.join(map(str, numbers[:4]))}",
         )
-    blocks = [packed(one) for one in held]
+    blocks = [packed(messages) for messages in held]
     stamps = [block[CLOCK].astype(np.int64) for block in blocks]
     head = b"".join(
-        block.tobytes() for block in _described([one.layout for one in held], int(min(map(np.min, stamps))))
+        block.tobytes() for block in _described([messages.layout for messages in held], int(min(map(np.min, stamps))))
     )
     return head + _merged(blocks, stamps).tobytes()
 

@@ -1,10 +1,8 @@
-"""Reader of ArduPilot logs: the tables of a DataFlash log as a flight record in the vocabulary of the package.
+"""ArduPilot logs as flight records: which column of which DataFlash message is which channel of the vocabulary.
 
-Which column of which ArduPilot message is which channel, as tables, and the topics they make.
-
-Motors and sticks of an ArduPilot log: which channel is which, and what its pulse widths mean.
-
-Runs of ArduPilot's SYSTEMID mode: what was injected where, and the interval of each chirp.
+Most messages become topics by a table. Three things need more than a row of it: the motors, whose channels and pulse
+widths the parameters tell; the pilot's sticks; and the runs of SYSTEMID mode, each a declared maneuver with what was
+injected where.
 """
 
 from __future__ import annotations
@@ -25,6 +23,10 @@ from rotorid.io.ardupilot.dataflash import Table, decode, sniff
 from rotorid.io.files import file_bytes, without_places
 from rotorid.typing import AnyArray, Axis, BoolArray
 from rotorid.units import parse_unit
+
+__all__ = ["FORMAT", "read", "sniff"]
+
+FORMAT = "ArduPilot DataFlash"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,20 +90,175 @@ LEGACY_RATE = (
 
 _INSTANCE_COLUMNS = ("I", "Inst", "Instance", "C")
 
+MOTOR_FUNCTIONS: Mapping[int, int] = MappingProxyType(
+    {function: function - 32 for function in range(33, 41)} | {function: function - 73 for function in range(82, 86)}
+)
+"""``SERVOn_FUNCTION`` to the number of the motor."""
 
-def is_legacy_rate(table: Table) -> bool:
-    """Whether ``RATE`` is in the units of firmware before 3.4: its outputs are then far beyond one."""
-    if "RllOut" in table:
-        return True
-    outputs = [table.column(name) for name in ("ROut", "POut", "YOut", "AOut") if table.holds_numbers(name)]
-    return any(bool(np.any(np.abs(output[np.isfinite(output)]) > 1.5)) for output in outputs)
+FRAME_CLASS_MOTORS: Mapping[int, int] = MappingProxyType({1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10})
+"""``FRAME_CLASS`` to the number of motors."""
+
+FRAME_NAME_MOTORS: Mapping[str, int] = MappingProxyType(
+    {"QUAD": 4, "HEXA": 6, "OCTA": 8, "OCTA_QUAD": 8, "OCTAQUAD": 8, "Y6": 6, "TRI": 3, "DECA": 10, "DODECAHEXA": 12}
+)
+"""The same as the message ``Frame: QUAD/X`` names it."""
+
+DSHOT_TYPES = range(4, 8)
+"""``MOT_PWM_TYPE`` of digital protocols, which know no limits but 1000 and 2000."""
+
+STICKS: Mapping[str, tuple[str, int]] = MappingProxyType(
+    {"roll": ("RCMAP_ROLL", 1), "pitch": ("RCMAP_PITCH", 2), "yaw": ("RCMAP_YAW", 4), "thrust": ("RCMAP_THROTTLE", 3)}
+)
+"""Axis to the parameter that names its stick's channel, and the usual channel."""
+
+ENTRIES: Mapping[int, tuple[Axis, str]] = MappingProxyType(
+    {
+        1: ("roll", "deg"),
+        2: ("pitch", "deg"),
+        3: ("yaw", "deg/s"),
+        4: ("roll", "deg"),
+        5: ("pitch", "deg"),
+        6: ("yaw", "deg/s"),
+        7: ("roll", "deg/s"),
+        8: ("pitch", "deg/s"),
+        9: ("yaw", "deg/s"),
+        10: ("roll", "1"),
+        11: ("pitch", "1"),
+        12: ("yaw", "1"),
+        13: ("thrust", "1"),
+    }
+)
+"""``SID_AXIS`` to the excited axis and the unit of the injected signal.
+
+1–3 enter as pilot input and 4–6 the same without feedforward (in yaw both are a rate), 7–9 the rate controller's
+target, 10–13 the mixer.
+"""
+
+_ENDED_EARLY = 0.9
+_LOOP_BY_LOOP = 0.75
+"""Below this part of the loop's rate at most every second sample was logged."""
+
+_EVERY_LOOP_BITS = 0b11
+"""Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
+
+FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
+"""Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
+
+WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC"}) | {
+    f"ESC{number}" for number in range(1, 33)
+}
+"""Messages that are read at all."""
 
 
-def instances(table: Table) -> AnyArray | None:
-    """Number of the sensor behind each message, or ``None`` when the messages are not numbered."""
-    names = (table.instance_column, *_INSTANCE_COLUMNS)
-    column = next((name for name in names if name is not None and table.holds_numbers(name)), None)
-    return None if column is None else table.column(column)
+def read(path: Path, source: Source) -> FlightRecord:
+    """Read a log.
+
+    Rates and accelerations come from ``SIDD`` while SYSTEMID mode ran, else from ``RATE`` and ``IMU``; mixer inputs
+    from ``RATE``. All stamps are those of the log. ``RATE`` and ``IMU`` have passed the gyro filter
+    (``INS_GYRO_FILTER``), ``SIDD`` has not: a model fitted to the former carries the filter's delay. Positions are
+    relative to the origin of the estimator; where on Earth that is does not enter the record. The file is mapped and
+    only the messages behind the channels are collected, so that memory follows the record and not the log.
+
+    Parameters
+    ----------
+    path
+        The log, unpacked.
+    source
+        What is known of the file; the firmware is filled in.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read or is no DataFlash log.
+    """
+    log = decode(file_bytes(path), WANTED)
+    tables, parameters = log.tables, _parameters(log.tables)
+    runs = system_id_runs(tables, parameters)
+    sticks = stick_topic(tables, parameters)
+    flown = (*system_id_topics(tables, runs), *common_topics(tables), *motor_topics(tables, parameters))
+    topics = flown if sticks is None else (*flown, sticks)
+    return FlightRecord(
+        source=replace(source, firmware=_firmware(tables)),
+        topics=topics,
+        parameters=without_places(parameters),
+        declared=declared_maneuvers(runs),
+        instruments=_instruments(runs, sticks),
+        findings=(
+            *log.findings,
+            *system_id_findings(runs),
+            *decimation_findings(topics, runs, parameters),
+            *_dialect(tables),
+            *_slow(topics, parameters),
+        ),
+    )
+
+
+def _parameters(tables: Mapping[str, Table]) -> Mapping[str, float]:
+    """The autopilot's parameters; of one that changed in flight, the last value."""
+    table = tables.get("PARM")
+    if table is None or not (table.holds_text("Name") and table.holds_numbers("Value")):
+        return {}
+    return {
+        str(name): float(value)
+        for name, value in zip(table.column("Name"), table.column("Value"), strict=True)
+        if np.isfinite(value)
+    }
+
+
+def _firmware(tables: Mapping[str, Table]) -> str:
+    """``ArduCopter V4.5.7 (…)``, as the autopilot introduces itself."""
+    for name, column in (("VER", "FWS"), ("MSG", "Message")):
+        if name in tables and tables[name].holds_text(column):
+            texts = tables[name].column(column).tolist()
+            found = next((text for text in texts if re.search(r"\bV\d+\.\d+", text)), "")
+            if found:
+                return str(found)
+    return ""
+
+
+def _instruments(runs: tuple[Run, ...], sticks: Topic | None) -> Mapping[str, tuple[str, ...]]:
+    """Signals without feedback: the injection where there was one, then the stick, which a pilot closes slowly."""
+    excited = {run.axis for run in runs}
+    held = () if sticks is None else tuple(channel.name for channel in sticks.channels)
+    listed = {
+        axis: (
+            *([f"{axis}_excitation"] if axis in excited else []),
+            *([f"{axis}_stick"] if f"{axis}_stick" in held else []),
+        )
+        for axis in AXES
+    }
+    return {axis: names for axis, names in listed.items() if names}
+
+
+def _dialect(tables: Mapping[str, Table]) -> Iterator[Finding]:
+    if "RATE" not in tables:
+        yield warn(
+            "missing_channel",
+            "RATE",
+            "the log has no RATE messages, so that the mixer's inputs are not known; set bit 0 (fast attitude) "
+            "of LOG_BITMASK",
+        )
+    elif is_legacy_rate(tables["RATE"]):
+        yield remark(
+            "legacy_units",
+            "RATE",
+            "RATE is in the units of firmware before 3.4: rates were read as centidegrees per second, roll, "
+            "pitch and yaw outputs as parts of 4500, throttle as parts of 1000",
+        )
+
+
+def common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:
+    """Topics of the messages that every log has, best first; of several sensors the first one."""
+    for name, rows in MESSAGES.items():
+        if name not in tables:
+            continue
+        table = tables[name]
+        legacy = name == "RATE" and is_legacy_rate(table)
+        number = instances(table)
+        first = None if number is None else number == number.min()
+        topic = topic_of(table, LEGACY_RATE if legacy else rows, chosen=first)
+        if topic is not None:
+            yield topic
 
 
 def topic_of(
@@ -141,40 +298,34 @@ def topic_of(
     )
 
 
-def common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:
-    """Topics of the messages that every log has, best first; of several sensors the first one."""
-    for name, rows in MESSAGES.items():
-        if name not in tables:
-            continue
-        table = tables[name]
-        legacy = name == "RATE" and is_legacy_rate(table)
-        number = instances(table)
-        first = None if number is None else number == number.min()
-        topic = topic_of(table, LEGACY_RATE if legacy else rows, chosen=first)
+def is_legacy_rate(table: Table) -> bool:
+    """Whether ``RATE`` is in the units of firmware before 3.4: its outputs are then far beyond one."""
+    if "RllOut" in table:
+        return True
+    outputs = [table.column(name) for name in ("ROut", "POut", "YOut", "AOut") if table.holds_numbers(name)]
+    return any(bool(np.any(np.abs(output[np.isfinite(output)]) > 1.5)) for output in outputs)
+
+
+def instances(table: Table) -> AnyArray | None:
+    """Number of the sensor behind each message, or ``None`` when the messages are not numbered."""
+    names = (table.instance_column, *_INSTANCE_COLUMNS)
+    column = next((name for name in names if name is not None and table.holds_numbers(name)), None)
+    return None if column is None else table.column(column)
+
+
+def motor_topics(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> Iterator[Topic]:
+    """Motor outputs, 0 to 1 over the range of the pulse width, and measured motor speeds."""
+    motors = motor_channels(tables, parameters)
+    if "RCOU" in tables:
+        low, high = _motor_range(parameters)
+        rows = [
+            Row(f"C{channel}", f"motor_{motor}", "1", 1.0 / (high - low), -low / (high - low))
+            for channel, motor in sorted(motors.items(), key=lambda pair: pair[1])
+        ]
+        topic = topic_of(tables["RCOU"], rows)
         if topic is not None:
             yield topic
-
-
-MOTOR_FUNCTIONS: Mapping[int, int] = MappingProxyType(
-    {function: function - 32 for function in range(33, 41)} | {function: function - 73 for function in range(82, 86)}
-)
-"""``SERVOn_FUNCTION`` to the number of the motor."""
-
-FRAME_CLASS_MOTORS: Mapping[int, int] = MappingProxyType({1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10})
-"""``FRAME_CLASS`` to the number of motors."""
-
-FRAME_NAME_MOTORS: Mapping[str, int] = MappingProxyType(
-    {"QUAD": 4, "HEXA": 6, "OCTA": 8, "OCTA_QUAD": 8, "OCTAQUAD": 8, "Y6": 6, "TRI": 3, "DECA": 10, "DODECAHEXA": 12}
-)
-"""The same as the message ``Frame: QUAD/X`` names it."""
-
-DSHOT_TYPES = range(4, 8)
-"""``MOT_PWM_TYPE`` of digital protocols, which know no limits but 1000 and 2000."""
-
-STICKS: Mapping[str, tuple[str, int]] = MappingProxyType(
-    {"roll": ("RCMAP_ROLL", 1), "pitch": ("RCMAP_PITCH", 2), "yaw": ("RCMAP_YAW", 4), "thrust": ("RCMAP_THROTTLE", 3)}
-)
-"""Axis to the parameter that names its stick's channel, and the usual channel."""
+    yield from _speed_topics(tables, motors)
 
 
 def motor_channels(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> Mapping[int, int]:
@@ -201,21 +352,6 @@ def _announced_motors(tables: Mapping[str, Table]) -> int:
     texts = tables["MSG"].column("Message").tolist()
     frames = (re.split(r"[ /]", text.removeprefix("Frame: "))[0] for text in texts if text.startswith("Frame: "))
     return next((FRAME_NAME_MOTORS[frame] for frame in frames if frame in FRAME_NAME_MOTORS), 0)
-
-
-def motor_topics(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> Iterator[Topic]:
-    """Motor outputs, 0 to 1 over the range of the pulse width, and measured motor speeds."""
-    motors = motor_channels(tables, parameters)
-    if "RCOU" in tables:
-        low, high = _motor_range(parameters)
-        rows = [
-            Row(f"C{channel}", f"motor_{motor}", "1", 1.0 / (high - low), -low / (high - low))
-            for channel, motor in sorted(motors.items(), key=lambda pair: pair[1])
-        ]
-        topic = topic_of(tables["RCOU"], rows)
-        if topic is not None:
-            yield topic
-    yield from _speed_topics(tables, motors)
 
 
 def _motor_range(parameters: Mapping[str, float]) -> tuple[float, float]:
@@ -264,38 +400,6 @@ def _stick(axis: str, parameters: Mapping[str, float]) -> Row:
     reversed_ = parameters.get(f"RC{channel}_REVERSED", 0.0) == 1.0 or parameters.get(f"RC{channel}_REV", 1.0) == -1.0
     slope = (-2.0 if reversed_ else 2.0) / span
     return Row(f"C{channel}", f"{axis}_stick", "1", slope, -center * slope)
-
-
-ENTRIES: Mapping[int, tuple[Axis, str]] = MappingProxyType(
-    {
-        1: ("roll", "deg"),
-        2: ("pitch", "deg"),
-        3: ("yaw", "deg/s"),
-        4: ("roll", "deg"),
-        5: ("pitch", "deg"),
-        6: ("yaw", "deg/s"),
-        7: ("roll", "deg/s"),
-        8: ("pitch", "deg/s"),
-        9: ("yaw", "deg/s"),
-        10: ("roll", "1"),
-        11: ("pitch", "1"),
-        12: ("yaw", "1"),
-        13: ("thrust", "1"),
-    }
-)
-"""``SID_AXIS`` to the excited axis and the unit of the injected signal.
-
-1–3 enter as pilot input and 4–6 the same without feedforward (in yaw both are a rate), 7–9 the rate controller's
-target, 10–13 the mixer.
-"""
-
-
-_ENDED_EARLY = 0.9
-_LOOP_BY_LOOP = 0.75
-"""Below this part of the loop's rate at most every second sample was logged."""
-
-_EVERY_LOOP_BITS = 0b11
-"""Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -467,116 +571,6 @@ def decimation_findings(
             loop_hz=loop_hz,
             nyquist_hz=0.5 * rate_hz,
             sweep_top_hz=reached_hz,
-        )
-
-
-__all__ = ["FORMAT", "read", "sniff"]
-
-FORMAT = "ArduPilot DataFlash"
-
-FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
-"""Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
-
-WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC"}) | {
-    f"ESC{number}" for number in range(1, 33)
-}
-"""Messages that are read at all."""
-
-
-def read(path: Path, source: Source) -> FlightRecord:
-    """Read a log.
-
-    Rates and accelerations come from ``SIDD`` while SYSTEMID mode ran, else from ``RATE`` and ``IMU``; mixer inputs
-    from ``RATE``. All stamps are those of the log. ``RATE`` and ``IMU`` have passed the gyro filter
-    (``INS_GYRO_FILTER``), ``SIDD`` has not: a model fitted to the former carries the filter's delay. Positions are
-    relative to the origin of the estimator; where on Earth that is does not enter the record. The file is mapped and
-    only the messages behind the channels are collected, so that memory follows the record and not the log.
-
-    Parameters
-    ----------
-    path
-        The log, unpacked.
-    source
-        What is known of the file; the firmware is filled in.
-
-    Raises
-    ------
-    LogError
-        The file cannot be read or is no DataFlash log.
-    """
-    log = decode(file_bytes(path), WANTED)
-    tables, parameters = log.tables, _parameters(log.tables)
-    runs = system_id_runs(tables, parameters)
-    sticks = stick_topic(tables, parameters)
-    flown = (*system_id_topics(tables, runs), *common_topics(tables), *motor_topics(tables, parameters))
-    topics = flown if sticks is None else (*flown, sticks)
-    return FlightRecord(
-        source=replace(source, firmware=_firmware(tables)),
-        topics=topics,
-        parameters=without_places(parameters),
-        declared=declared_maneuvers(runs),
-        instruments=_instruments(runs, sticks),
-        findings=(
-            *log.findings,
-            *system_id_findings(runs),
-            *decimation_findings(topics, runs, parameters),
-            *_dialect(tables),
-            *_slow(topics, parameters),
-        ),
-    )
-
-
-def _parameters(tables: Mapping[str, Table]) -> Mapping[str, float]:
-    """The autopilot's parameters; of one that changed in flight, the last value."""
-    table = tables.get("PARM")
-    if table is None or not (table.holds_text("Name") and table.holds_numbers("Value")):
-        return {}
-    return {
-        str(name): float(value)
-        for name, value in zip(table.column("Name"), table.column("Value"), strict=True)
-        if np.isfinite(value)
-    }
-
-
-def _firmware(tables: Mapping[str, Table]) -> str:
-    """``ArduCopter V4.5.7 (…)``, as the autopilot introduces itself."""
-    for name, column in (("VER", "FWS"), ("MSG", "Message")):
-        if name in tables and tables[name].holds_text(column):
-            texts = tables[name].column(column).tolist()
-            found = next((text for text in texts if re.search(r"\bV\d+\.\d+", text)), "")
-            if found:
-                return str(found)
-    return ""
-
-
-def _instruments(runs: tuple[Run, ...], sticks: Topic | None) -> Mapping[str, tuple[str, ...]]:
-    """Signals without feedback: the injection where there was one, then the stick, which a pilot closes slowly."""
-    excited = {run.axis for run in runs}
-    held = () if sticks is None else tuple(channel.name for channel in sticks.channels)
-    listed = {
-        axis: (
-            *([f"{axis}_excitation"] if axis in excited else []),
-            *([f"{axis}_stick"] if f"{axis}_stick" in held else []),
-        )
-        for axis in AXES
-    }
-    return {axis: names for axis, names in listed.items() if names}
-
-
-def _dialect(tables: Mapping[str, Table]) -> Iterator[Finding]:
-    if "RATE" not in tables:
-        yield warn(
-            "missing_channel",
-            "RATE",
-            "the log has no RATE messages, so that the mixer's inputs are not known; set bit 0 (fast attitude) "
-            "of LOG_BITMASK",
-        )
-    elif is_legacy_rate(tables["RATE"]):
-        yield remark(
-            "legacy_units",
-            "RATE",
-            "RATE is in the units of firmware before 3.4: rates were read as centidegrees per second, roll, "
-            "pitch and yaw outputs as parts of 4500, throttle as parts of 1000",
         )
 
 

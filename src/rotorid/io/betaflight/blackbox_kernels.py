@@ -1,11 +1,9 @@
-"""The walk through the frames of a blackbox log. Importing this module imports Numba: do it inside a function.
+"""The walk through the frames of a blackbox log, number by number.
 
-The caller pads the data by more than the longest frame, so that no read can leave the array; a frame that ends in the
-padding is one that the log cuts off.
+Importing this module imports Numba: do it inside a function.
 
-How a blackbox log writes numbers. Importing this module imports Numba: do it inside a function.
-
-Nothing in here looks where the data end: the caller pads them by more than the longest frame.
+Nothing in here looks where the data end: the caller pads them by more than the longest frame, so that no read can leave
+the array. A frame that ends in the padding is one that the log cuts off.
 """
 
 from __future__ import annotations
@@ -163,8 +161,11 @@ def read_fields(data: AnyArray, at: int, groups: IntArray, row: IntArray) -> int
 HALF = 1 << 31
 MARKERS = np.full(256, -1, dtype=np.int64)
 INTRA, INTER, SLOW, GPS, HOME, EVENT = range(6)
+
+
 for _kind, _letter in enumerate(b"IPSGHE"):
     MARKERS[_letter] = _kind
+
 
 # What the walk knows and counts.
 ROWS, FIXES, SEARCHING, ANCHORED, ITERATION, TIME, PERIOD_NS, INTRA_ITERATION, INTRA_TIME = range(9)

@@ -1,4 +1,4 @@
-"""MAVLink telemetry logs as tables: a walk over the stamped frames, their checksums, and their fields as arrays.
+"""MAVLink frames of a telemetry log as tables: walked, checked, and their fields as arrays.
 
 A ``.tlog`` is a row of frames as they came over the radio, each behind eight bytes with the time of the ground station.
 The layouts of the few messages that are needed stand here as a table; nothing in the file can name a type, open a

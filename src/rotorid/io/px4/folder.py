@@ -1,4 +1,4 @@
-"""A folder of CSV files that ``ulog2csv`` made of a PX4 log, read like the log it came from."""
+"""A folder of CSV files that ``ulog2csv`` made of a PX4 log, read like the log that it came from."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""PX4's topics, old and new, as channels of the package: one table for every container that holds them.
+"""PX4 logs as flight records: which field of which topic is which channel, in the names of PX4 old and new.
 
-What a careful engineer remarks on a PX4 log before using it, with the logging parameter to change.
-
-PX4 flight logs (``.ulg``): the ULog container, whose topics `rotorid.io.px4.log` names.
+One table serves every container that holds PX4's topics: ULog files, folders of ``ulog2csv``, and bags. What a careful
+engineer remarks before using a log comes with the parameter of the logger that mends it.
 """
 
 from __future__ import annotations
@@ -22,88 +21,47 @@ from rotorid.io.files import without_places
 from rotorid.io.px4.ulog import MAGIC, extract
 from rotorid.typing import AnyArray, FloatArray
 
-_PROFILE = "SDLOG_PROFILE = 25 (bits 0 default set, 3 system identification, 4 high rate)"
-_NEEDED = {
-    "p": "the body rates p, q, r (vehicle_angular_velocity)",
-    "roll_command": "what the mixer receives (vehicle_torque_setpoint, before 2022 actuator_controls_0)",
-    "thrust_command": "the collective thrust (vehicle_thrust_setpoint, before 2022 actuator_controls_0)",
-}
+FORMAT = "PX4 ULog"
 
 
-def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any]) -> Iterator[Finding]:
-    """Damage, dropouts, missing channels and slow topics of a log.
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a ULog."""
+    return head.startswith(MAGIC)
+
+
+def read(path: Path, source: Source) -> FlightRecord:
+    """Read a PX4 log.
 
     Parameters
     ----------
-    topics
-        What was read.
-    facts
-        What the container says: ``damage``, ``dropouts``, ``size_bytes``, ``parameters``.
+    path
+        A ULog file.
+    source
+        Name, format and hash of the file as the user gave it.
+
+    Raises
+    ------
+    LogError
+        The file cannot be parsed, or holds no topic that the package has a name for.
     """
-    yield from _damage(facts["damage"], facts["size_bytes"])
-    yield from _dropouts(facts["dropouts"])
-    yield from _missing(topics)
-    yield from _slow(topics, facts["parameters"].get("SDLOG_PROFILE"))
+    log = extract(path, wanted_fields())
+    facts = {
+        "parameters": without_places(log.parameters),
+        "dropouts": log.dropouts,
+        "damage": log.damage,
+        "size_bytes": log.size_bytes,
+    }
+    return record_of(log.arrays, facts, replace(source, firmware=_firmware(log.info)))
 
 
-def _damage(damage: Sequence[tuple[int, int, str]], size_bytes: int) -> Iterator[Finding]:
-    if not damage:
-        return
-    lost = sum(stop - start for start, stop, _ in damage)
-    first, _, reason = damage[0]
-    places = "in one place" if len(damage) == 1 else f"in {len(damage)} places"
-    yield warn(
-        "corrupt_log",
-        f"byte {first}",
-        f"The file is damaged {places}, first at byte {first} of {size_bytes}: {reason}. {lost} bytes were "
-        "left out; what stands around them was read. Copy the log again from the vehicle if that is possible.",
-        first_byte=first,
-        lost_bytes=lost,
-        places=len(damage),
-        size_bytes=size_bytes,
-    )
-
-
-def _dropouts(dropouts: Sequence[tuple[float, float]]) -> Iterator[Finding]:
-    if not dropouts:
-        return
-    total_s = sum(duration for _, duration in dropouts)
-    at_s, longest_s = max(dropouts, key=lambda drop: drop[1])
-    yield (warn if longest_s > 0.0 else remark)(
-        "gap",
-        "logger",
-        f"The logger lost data {len(dropouts)} times, {total_s:.3f} s in all and {longest_s:.3f} s at most, at "
-        f"{at_s:.2f} s. A faster SD card or fewer topics (SDLOG_PROFILE) help.",
-        dropouts=len(dropouts),
-        lost_s=total_s,
-        longest_s=longest_s,
-        longest_at_s=at_s,
-    )
-
-
-def _missing(topics: Sequence[Topic]) -> Iterator[Finding]:
-    held = {channel.name for topic in topics for channel in topic.channels}
-    for name, meaning in _NEEDED.items():
-        if name not in held:
-            yield warn(
-                "missing_channel", name, f"The log does not hold {meaning}. Set {_PROFILE} before the next flight."
-            )
-
-
-def _slow(topics: Sequence[Topic], profile: float | None) -> Iterator[Finding]:
-    gyro_hz = next((topic.sample_rate_hz for topic in topics if topic.row("p") is not None), 0.0)
-    commands = [topic for topic in topics if any(channel.name.endswith("_command") for channel in topic.channels)]
-    for topic in commands:
-        if 0.0 < topic.sample_rate_hz < 0.5 * gyro_hz:
-            now = "" if profile is None else f" (it is {profile:g})"
-            yield warn(
-                "rate_too_low",
-                topic.name,
-                f"{topic.name} was logged at {topic.sample_rate_hz:.0f} Hz and the rates at {gyro_hz:.0f} Hz: "
-                f"the slower one limits the band and adds delay. Set {_PROFILE}{now} before the next flight.",
-                rate_hz=topic.sample_rate_hz,
-                gyro_rate_hz=gyro_hz,
-            )
+def _firmware(info: Mapping[str, str | int]) -> str:
+    """``PX4 1.17.0``, from the packed number that the log carries: major, minor, patch, kind of release."""
+    release = info.get("ver_sw_release")
+    if not isinstance(release, int) or release == 0:
+        return str(info.get("sys_name", ""))
+    kinds = {0: " (development)", 64: " (alpha)", 128: " (beta)", 192: " (release candidate)", 255: ""}
+    kind = kinds[max(limit for limit in kinds if limit <= release & 0xFF)]
+    return f"{info.get('sys_name', 'PX4')} {release >> 24 & 0xFF}.{release >> 16 & 0xFF}.{release >> 8 & 0xFF}{kind}"
 
 
 _SAMPLED = ("timestamp_sample", "timestamp")
@@ -380,46 +338,85 @@ def _not_numbers(topic: Topic, lost: int) -> Finding:
     )
 
 
-__all__ = ["FORMAT", "MAGIC", "read", "sniff"]
-
-FORMAT = "PX4 ULog"
-
-
-def sniff(head: bytes) -> bool:
-    """Whether a file that starts like this is a ULog."""
-    return head.startswith(MAGIC)
+_PROFILE = "SDLOG_PROFILE = 25 (bits 0 default set, 3 system identification, 4 high rate)"
+_NEEDED = {
+    "p": "the body rates p, q, r (vehicle_angular_velocity)",
+    "roll_command": "what the mixer receives (vehicle_torque_setpoint, before 2022 actuator_controls_0)",
+    "thrust_command": "the collective thrust (vehicle_thrust_setpoint, before 2022 actuator_controls_0)",
+}
 
 
-def read(path: Path, source: Source) -> FlightRecord:
-    """Read a PX4 log.
+def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any]) -> Iterator[Finding]:
+    """Damage, dropouts, missing channels and slow topics of a log.
 
     Parameters
     ----------
-    path
-        A ULog file.
-    source
-        Name, format and hash of the file as the user gave it.
-
-    Raises
-    ------
-    LogError
-        The file cannot be parsed, or holds no topic that the package has a name for.
+    topics
+        What was read.
+    facts
+        What the container says: ``damage``, ``dropouts``, ``size_bytes``, ``parameters``.
     """
-    log = extract(path, wanted_fields())
-    facts = {
-        "parameters": without_places(log.parameters),
-        "dropouts": log.dropouts,
-        "damage": log.damage,
-        "size_bytes": log.size_bytes,
-    }
-    return record_of(log.arrays, facts, replace(source, firmware=_firmware(log.info)))
+    yield from _damage(facts["damage"], facts["size_bytes"])
+    yield from _dropouts(facts["dropouts"])
+    yield from _missing(topics)
+    yield from _slow(topics, facts["parameters"].get("SDLOG_PROFILE"))
 
 
-def _firmware(info: Mapping[str, str | int]) -> str:
-    """``PX4 1.17.0``, from the packed number that the log carries: major, minor, patch, kind of release."""
-    release = info.get("ver_sw_release")
-    if not isinstance(release, int) or release == 0:
-        return str(info.get("sys_name", ""))
-    kinds = {0: " (development)", 64: " (alpha)", 128: " (beta)", 192: " (release candidate)", 255: ""}
-    kind = kinds[max(limit for limit in kinds if limit <= release & 0xFF)]
-    return f"{info.get('sys_name', 'PX4')} {release >> 24 & 0xFF}.{release >> 16 & 0xFF}.{release >> 8 & 0xFF}{kind}"
+def _damage(damage: Sequence[tuple[int, int, str]], size_bytes: int) -> Iterator[Finding]:
+    if not damage:
+        return
+    lost = sum(stop - start for start, stop, _ in damage)
+    first, _, reason = damage[0]
+    places = "in one place" if len(damage) == 1 else f"in {len(damage)} places"
+    yield warn(
+        "corrupt_log",
+        f"byte {first}",
+        f"The file is damaged {places}, first at byte {first} of {size_bytes}: {reason}. {lost} bytes were "
+        "left out; what stands around them was read. Copy the log again from the vehicle if that is possible.",
+        first_byte=first,
+        lost_bytes=lost,
+        places=len(damage),
+        size_bytes=size_bytes,
+    )
+
+
+def _dropouts(dropouts: Sequence[tuple[float, float]]) -> Iterator[Finding]:
+    if not dropouts:
+        return
+    total_s = sum(duration for _, duration in dropouts)
+    at_s, longest_s = max(dropouts, key=lambda drop: drop[1])
+    yield (warn if longest_s > 0.0 else remark)(
+        "gap",
+        "logger",
+        f"The logger lost data {len(dropouts)} times, {total_s:.3f} s in all and {longest_s:.3f} s at most, at "
+        f"{at_s:.2f} s. A faster SD card or fewer topics (SDLOG_PROFILE) help.",
+        dropouts=len(dropouts),
+        lost_s=total_s,
+        longest_s=longest_s,
+        longest_at_s=at_s,
+    )
+
+
+def _missing(topics: Sequence[Topic]) -> Iterator[Finding]:
+    held = {channel.name for topic in topics for channel in topic.channels}
+    for name, meaning in _NEEDED.items():
+        if name not in held:
+            yield warn(
+                "missing_channel", name, f"The log does not hold {meaning}. Set {_PROFILE} before the next flight."
+            )
+
+
+def _slow(topics: Sequence[Topic], profile: float | None) -> Iterator[Finding]:
+    gyro_hz = next((topic.sample_rate_hz for topic in topics if topic.row("p") is not None), 0.0)
+    commands = [topic for topic in topics if any(channel.name.endswith("_command") for channel in topic.channels)]
+    for topic in commands:
+        if 0.0 < topic.sample_rate_hz < 0.5 * gyro_hz:
+            now = "" if profile is None else f" (it is {profile:g})"
+            yield warn(
+                "rate_too_low",
+                topic.name,
+                f"{topic.name} was logged at {topic.sample_rate_hz:.0f} Hz and the rates at {gyro_hz:.0f} Hz: "
+                f"the slower one limits the band and adds delay. Set {_PROFILE}{now} before the next flight.",
+                rate_hz=topic.sample_rate_hz,
+                gyro_rate_hz=gyro_hz,
+            )

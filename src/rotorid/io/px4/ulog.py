@@ -1,27 +1,20 @@
 """PX4's ULog container as arrays of the topics that are wanted.
 
-The file is mapped, not read: `rotorid.io.px4.ulog` finds the messages, and only the fields that are asked for are
-collected from them. Memory follows what is returned, not the size of the file.
-
-A walk over the messages of a ULog file: where it is intact, where it breaks and why, and where the data stand.
+A file defines formats, and topics that use them; nothing here spells a format out: sizes are added up, and a field is
+looked for by its name. Definitions that contain themselves, describe messages that cannot exist, or are more than any
+logger writes are refused.
 
 ULog has no checksums, but every message states its size and type, and every data message names a subscription whose
 format fixes the size. A parser that trusts these numbers loses its way after one flipped bit without noticing; the walk
 notices, and finds the way again. Data messages, nine of ten, are found by the block and followed all at once; only
 where their chain is interrupted does the walk go step by step.
 
-References
-----------
-PX4 developer guide, "ULog File Format".
-
-What a ULog file defines: formats, the topics that use them, and where in a message a field stands.
-
-Nothing here spells a format out: sizes are added up, and a field is looked for by its name. Definitions that contain
-themselves, describe messages that cannot exist, or are more than any logger writes are refused.
+The file is mapped, not read, and only the fields that are asked for are collected from it. Memory follows what is
+returned, not the size of the file.
 
 References
 ----------
-PX4 developer guide, "ULog File Format", sections "Format Message" and "Subscription Message".
+PX4 developer guide, "ULog File Format", above all the sections "Format Message" and "Subscription Message".
 """
 
 from __future__ import annotations
@@ -39,6 +32,10 @@ from rotorid.errors import LogError
 from rotorid.io.files import Place, file_bytes, gather
 from rotorid.typing import AnyArray, IntArray
 
+MAGIC = b"ULog\x01\x12\x35"
+HEADER_BYTES = 16
+MESSAGE_HEADER_BYTES = 3
+
 TYPES = {
     "int8_t": "i1",
     "uint8_t": "u1",
@@ -55,138 +52,191 @@ TYPES = {
 }
 """Types of the format and what they are in NumPy."""
 
-MOST = 1 << 16
-"""Of anything that a log counts in its definitions: topics, parameters, places of damage."""
+_CLOCKS = ("timestamp", "timestamp_sample")
+_DATA_STARTS = MESSAGE_HEADER_BYTES + 2
+_INFORMATION = ("sys_name", "ver_sw_release")
+"""What is read of the information that a log carries; it also holds serial numbers, which are nobody's business."""
 
-_MOST_TEXT = 1 << 22
-_MOST_MEASURED = 1 << 20
-_LARGEST_MESSAGE = 0xFFFF
-_DEEPEST = 8
-_STEP = re.compile(r"(\w+)\[(\d{1,5})\]")
-_SIZES = {name: np.dtype(code).itemsize for name, code in TYPES.items()}
+_NUMBERS = {"float": struct.Struct("<f"), "int32_t": struct.Struct("<i"), "uint32_t": struct.Struct("<I")}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Member:
-    """One field of a format: ``kind`` is a type or another format, ``count`` is ``None`` for what is no array."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples(Mapping[str, AnyArray]):
+    """``topic/field`` to the samples as logged, shape ``(samples,)``, collected anew whenever they are asked for.
 
-    kind: str
-    count: int | None
-    name: str
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Subscription:
-    """One topic of a log: its name, which of several like it, and the payloads that its messages can have.
-
-    A payload begins with two bytes for the number of the subscription; loggers may leave the padding at the end out.
+    So the samples of a large log never all exist beside the record that is made of them.
     """
 
-    topic: str
-    instance: int
-    least_bytes: int
-    most_bytes: int
+    data: AnyArray
+    fields: Mapping[str, tuple[Stream, Place]]
+
+    def __getitem__(self, name: str) -> AnyArray:
+        stream, place = self.fields[name]
+        (values,) = gather(self.data, stream.positions, [place])
+        return values
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.fields
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.fields)
+
+    def __len__(self) -> int:
+        return len(self.fields)
 
 
-@dataclass(slots=True)
-class Definitions:
-    """What the messages of a file defined so far; grows as they are learned."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ULog:
+    """What a log holds of the wanted topics, and what it says about itself.
 
-    formats: dict[str, tuple[Member, ...]] = field(default_factory=dict)
-    text_bytes: int = 0
-    measured: int = 0
+    Parameters
+    ----------
+    arrays
+        The fields that exist, and the stamps ``topic/timestamp`` and ``topic/timestamp_sample``.
+    parameters
+        The autopilot's parameters at the end of the log.
+    info
+        Name and packed version of the firmware.
+    dropouts
+        Time and duration of the losses that the logger noticed, in seconds.
+    damage
+        First byte, first byte after, and reason of what cannot be read.
+    size_bytes
+        Length of the file.
+    """
 
-    def learn(self, payload: bytes) -> None:
-        """Learn the payload of a format message."""
-        self.text_bytes += len(payload)
-        if self.text_bytes > _MOST_TEXT:
-            raise impossible(f"they are longer than {_MOST_TEXT >> 20} MiB")
-        name, _, rest = payload.decode("utf-8", errors="replace").partition(":")
-        members: list[Member] = []
-        for item in filter(None, rest.split(";")):
-            kind, _, label = item.partition(" ")
-            kind, bracket, count = kind.partition("[")
-            digits = count.rstrip("]")
-            if bracket and not digits.isdecimal():
-                return  # The topic stays without a format, which its subscription will say.
-            members.append(Member(kind=kind, count=int(digits[:9]) if bracket else None, name=label))
-        self.formats[name] = tuple(members)
+    arrays: Mapping[str, AnyArray]
+    parameters: Mapping[str, float]
+    info: Mapping[str, str | int]
+    dropouts: Sequence[tuple[float, float]]
+    damage: Sequence[tuple[int, int, str]]
+    size_bytes: int
 
-    def subscribe(self, payload: bytes) -> tuple[int, Subscription]:
-        """Number and content of a subscription message."""
-        topic = payload[3:].decode("utf-8", errors="replace")
-        size, _ = self._measure(topic, ())
-        padding = 0
-        for member in reversed(self.formats.get(topic, ())):
-            if not member.name.startswith("_padding"):
-                break
-            padding += _times(member) * _SIZES.get(member.kind, 0)
-        subscription = Subscription(
-            topic=topic, instance=payload[0], least_bytes=2 + size - padding, most_bytes=2 + size
+
+def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
+    """Collect the wanted fields of a ULog file.
+
+    Parameters
+    ----------
+    path
+        A ULog file.
+    topics
+        Name of a topic to the names of its fields, such as ``xyz[0]``. Only the first instance of a topic is read.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, is cut inside its header, is of a kind that is not understood, or its definitions
+        cannot be true.
+    """
+    data = file_bytes(path)
+    if data.size <= HEADER_BYTES or data[: len(MAGIC)].tobytes() != MAGIC:
+        raise LogError(
+            f"a ULog file of {data.size} bytes came, which ends inside its header",
+            needed="a whole log",
+            remedy="copy it again from the vehicle",
         )
-        return int.from_bytes(payload[1:3], "little"), subscription
-
-    def locate(self, topic: str, name: str) -> tuple[int, np.dtype[np.generic]] | None:
-        """Offset and type of a field such as ``xyz[2]`` in the data of a topic; ``None`` when it has no such field."""
-        kind, offset = topic, 0
-        for text in name.split("."):
-            label, index = _label_and_index(text)
-            for member in self.formats.get(kind, ()):
-                if member.name == (text if member.count is None else label):
-                    break
-                offset += _times(member) * self._item_bytes(member.kind)
-            else:
-                return None
-            if member.count is not None:
-                if index is None or index >= member.count:
-                    return None
-                offset += index * self._item_bytes(member.kind)
-            kind = member.kind
-        return (offset, np.dtype(TYPES[kind])) if kind in TYPES else None
-
-    def _item_bytes(self, kind: str) -> int:
-        return _SIZES[kind] if kind in _SIZES else self._measure(kind, ())[0]
-
-    def _measure(self, name: str, outer: tuple[str, ...]) -> tuple[int, int]:
-        """Bytes and fields of a format with everything nested in it, counted without spelling the fields out."""
-        if name in outer or len(outer) > _DEEPEST:
-            raise impossible(f"that of {name[:40]!r} contains itself or is nested too deeply")
-        size = count = 0
-        for member in self.formats.get(name, ()):
-            self.measured += 1
-            if self.measured > _MOST_MEASURED:
-                raise impossible("together they are longer than those of any logger")
-            known = member.kind in _SIZES
-            inner, parts = (_SIZES[member.kind], 1) if known else self._measure(member.kind, (*outer, name))
-            size += _times(member) * inner
-            count += _times(member) * max(parts, 1)
-            if max(size, count) > _LARGEST_MESSAGE:
-                raise impossible(f"that of {name[:40]!r} is larger than any message can be")
-        return size, count
-
-
-def _label_and_index(text: str) -> tuple[str, int | None]:
-    """``xyz[2]`` as the name of an array and the place in it."""
-    step = _STEP.fullmatch(text)
-    return (text, None) if step is None else (step[1], int(step[2]))
-
-
-def _times(member: Member) -> int:
-    return 1 if member.count is None else member.count
-
-
-def impossible(what: str) -> LogError:
-    """The refusal of a file whose definitions no logger writes."""
-    return LogError(
-        f"the log's definitions cannot be true: {what}",
-        needed="a ULog file as PX4 writes it",
-        remedy="copy it again from the vehicle",
+    _refuse_unknown_kind(data)
+    found = walk(data, topics)
+    streams: dict[str, Stream] = {}
+    for stream in found.streams:
+        if stream.positions.size:
+            streams.setdefault(stream.subscription.topic, stream)
+    fields: dict[str, tuple[Stream, Place]] = {}
+    damage = [(item.start, item.stop, item.reason) for item in found.damage]
+    for topic, stream in streams.items():
+        places = _places(found, stream, (*_CLOCKS, *topics[topic]))
+        if "timestamp" in places:
+            fields |= {f"{topic}/{name}": (stream, place) for name, place in places.items()}
+        else:
+            damage.append((HEADER_BYTES, HEADER_BYTES, f"the definition of {topic} names no time stamps"))
+    arrays = Samples(data=data, fields=fields)
+    parameters, info = _statements(data, found)
+    return ULog(
+        arrays=arrays,
+        parameters=parameters,
+        info=info,
+        dropouts=list(_dropouts(data, found, streams, arrays)),
+        damage=damage,
+        size_bytes=data.size,
     )
 
 
-MAGIC = b"ULog\x01\x12\x35"
-HEADER_BYTES = 16
-MESSAGE_HEADER_BYTES = 3
+def _refuse_unknown_kind(data: AnyArray) -> None:
+    """Refuse a file that says of itself that an older reader would misread it."""
+    head = data[HEADER_BYTES : HEADER_BYTES + 19].tobytes()
+    if len(head) == 19 and head[2] == ord("B") and (head[11] & ~1 or any(head[12:])):
+        raise LogError(
+            f"the ULog file is of a kind that is not understood: its incompatible flags are {head[11:].hex()}",
+            needed="a log of PX4 1.3 to 1.17",
+            remedy="look for a newer version of rotorid",
+        )
+
+
+def _places(found: Walk, stream: Stream, names: Sequence[str]) -> dict[str, Place]:
+    """Where in its messages the fields stand that a topic has and that are numbers."""
+    places: dict[str, Place] = {}
+    for name in names:
+        place = found.definitions.locate(stream.subscription.topic, name)
+        if place is None:
+            continue
+        offset, dtype = place
+        if dtype.kind == "S":
+            # A letter is read as its code.
+            dtype = np.dtype(np.uint8)
+        # A format that was defined anew, with other sizes, after its topic had begun.
+        beyond = 2 + offset + dtype.itemsize > stream.subscription.least_bytes
+        if not (beyond or (name in _CLOCKS and dtype != np.uint64)):
+            places[name] = (_DATA_STARTS + offset, dtype)
+    return places
+
+
+def _statements(data: AnyArray, found: Walk) -> tuple[dict[str, float], dict[str, str | int]]:
+    """Parameters, of one that changed in flight the last value, and information of the firmware."""
+    parameters: dict[str, float] = {}
+    info: dict[str, str | int] = {}
+    for position in found.statements:
+        letter, payload = _message(data, position)
+        if letter == "O":
+            continue
+        length = payload[0]
+        kind, _, name = payload[1 : 1 + length].decode("ascii").partition(" ")
+        value = payload[1 + length :]
+        if letter == "I" and name in _INFORMATION and kind.startswith("char["):
+            info[name] = value.decode("utf-8", errors="replace").rstrip("\0")
+        elif kind in _NUMBERS and len(value) == _NUMBERS[kind].size and (letter == "P" or name in _INFORMATION):
+            (number,) = _NUMBERS[kind].unpack(value)
+            if letter == "P":
+                parameters[name] = float(number)
+            else:
+                info[name] = number
+    return parameters, info
+
+
+def _dropouts(
+    data: AnyArray, found: Walk, streams: Mapping[str, Stream], arrays: Mapping[str, AnyArray]
+) -> Iterator[tuple[float, float]]:
+    """Losses that the logger noticed; a dropout has no stamp but that of the data before it."""
+    lost = [position for position in found.statements if data[position + 2] == ord("O")]
+    if not lost:
+        return
+    last_us = np.zeros(len(lost), dtype=np.uint64)
+    for topic, stream in streams.items():
+        if f"{topic}/timestamp" in arrays:
+            stamps = np.append(arrays[f"{topic}/timestamp"], np.uint64(0))
+            # Without data before the loss the index is -1, which is the appended zero.
+            last_us = np.maximum(last_us, stamps[np.searchsorted(stream.positions, lost) - 1])
+    for position, stamp_us in zip(lost, last_us.tolist(), strict=True):
+        _, payload = _message(data, position)
+        yield stamp_us * 1e-6, int.from_bytes(payload, "little") * 1e-3
+
+
+def _message(data: AnyArray, position: int) -> tuple[str, bytes]:
+    """Letter and payload of a message."""
+    size = int(data[position]) | int(data[position + 1]) << 8
+    start = position + MESSAGE_HEADER_BYTES
+    return chr(data[position + 2]), data[start : start + size].tobytes()
+
 
 _SYNC = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
 _HEADER = struct.Struct("<HBH")
@@ -518,187 +568,130 @@ def _refuse(view: memoryview, position: int, size: int, letter: int) -> str:
     return ""
 
 
-_CLOCKS = ("timestamp", "timestamp_sample")
-_DATA_STARTS = MESSAGE_HEADER_BYTES + 2
-_INFORMATION = ("sys_name", "ver_sw_release")
-"""What is read of the information that a log carries; it also holds serial numbers, which are nobody's business."""
+MOST = 1 << 16
+"""Of anything that a log counts in its definitions: topics, parameters, places of damage."""
 
-_NUMBERS = {"float": struct.Struct("<f"), "int32_t": struct.Struct("<i"), "uint32_t": struct.Struct("<I")}
+_MOST_TEXT = 1 << 22
+_MOST_MEASURED = 1 << 20
+_LARGEST_MESSAGE = 0xFFFF
+_DEEPEST = 8
+_STEP = re.compile(r"(\w+)\[(\d{1,5})\]")
+_SIZES = {name: np.dtype(code).itemsize for name, code in TYPES.items()}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Samples(Mapping[str, AnyArray]):
-    """``topic/field`` to the samples as logged, shape ``(samples,)``, collected anew whenever they are asked for.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Member:
+    """One field of a format: ``kind`` is a type or another format, ``count`` is ``None`` for what is no array."""
 
-    So the samples of a large log never all exist beside the record that is made of them.
+    kind: str
+    count: int | None
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Subscription:
+    """One topic of a log: its name, which of several like it, and the payloads that its messages can have.
+
+    A payload begins with two bytes for the number of the subscription; loggers may leave the padding at the end out.
     """
 
-    data: AnyArray
-    fields: Mapping[str, tuple[Stream, Place]]
-
-    def __getitem__(self, name: str) -> AnyArray:
-        stream, place = self.fields[name]
-        (values,) = gather(self.data, stream.positions, [place])
-        return values
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.fields
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.fields)
-
-    def __len__(self) -> int:
-        return len(self.fields)
+    topic: str
+    instance: int
+    least_bytes: int
+    most_bytes: int
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ULog:
-    """What a log holds of the wanted topics, and what it says about itself.
+@dataclass(slots=True)
+class Definitions:
+    """What the messages of a file defined so far; grows as they are learned."""
 
-    Parameters
-    ----------
-    arrays
-        The fields that exist, and the stamps ``topic/timestamp`` and ``topic/timestamp_sample``.
-    parameters
-        The autopilot's parameters at the end of the log.
-    info
-        Name and packed version of the firmware.
-    dropouts
-        Time and duration of the losses that the logger noticed, in seconds.
-    damage
-        First byte, first byte after, and reason of what cannot be read.
-    size_bytes
-        Length of the file.
-    """
+    formats: dict[str, tuple[Member, ...]] = field(default_factory=dict)
+    text_bytes: int = 0
+    measured: int = 0
 
-    arrays: Mapping[str, AnyArray]
-    parameters: Mapping[str, float]
-    info: Mapping[str, str | int]
-    dropouts: Sequence[tuple[float, float]]
-    damage: Sequence[tuple[int, int, str]]
-    size_bytes: int
+    def learn(self, payload: bytes) -> None:
+        """Learn the payload of a format message."""
+        self.text_bytes += len(payload)
+        if self.text_bytes > _MOST_TEXT:
+            raise impossible(f"they are longer than {_MOST_TEXT >> 20} MiB")
+        name, _, rest = payload.decode("utf-8", errors="replace").partition(":")
+        members: list[Member] = []
+        for item in filter(None, rest.split(";")):
+            kind, _, label = item.partition(" ")
+            kind, bracket, count = kind.partition("[")
+            digits = count.rstrip("]")
+            if bracket and not digits.isdecimal():
+                return  # The topic stays without a format, which its subscription will say.
+            members.append(Member(kind=kind, count=int(digits[:9]) if bracket else None, name=label))
+        self.formats[name] = tuple(members)
 
-
-def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
-    """Collect the wanted fields of a ULog file.
-
-    Parameters
-    ----------
-    path
-        A ULog file.
-    topics
-        Name of a topic to the names of its fields, such as ``xyz[0]``. Only the first instance of a topic is read.
-
-    Raises
-    ------
-    LogError
-        The file cannot be read, is cut inside its header, is of a kind that is not understood, or its definitions
-        cannot be true.
-    """
-    data = file_bytes(path)
-    if data.size <= HEADER_BYTES or data[: len(MAGIC)].tobytes() != MAGIC:
-        raise LogError(
-            f"a ULog file of {data.size} bytes came, which ends inside its header",
-            needed="a whole log",
-            remedy="copy it again from the vehicle",
+    def subscribe(self, payload: bytes) -> tuple[int, Subscription]:
+        """Number and content of a subscription message."""
+        topic = payload[3:].decode("utf-8", errors="replace")
+        size, _ = self._measure(topic, ())
+        padding = 0
+        for member in reversed(self.formats.get(topic, ())):
+            if not member.name.startswith("_padding"):
+                break
+            padding += _times(member) * _SIZES.get(member.kind, 0)
+        subscription = Subscription(
+            topic=topic, instance=payload[0], least_bytes=2 + size - padding, most_bytes=2 + size
         )
-    _refuse_unknown_kind(data)
-    found = walk(data, topics)
-    streams: dict[str, Stream] = {}
-    for stream in found.streams:
-        if stream.positions.size:
-            streams.setdefault(stream.subscription.topic, stream)
-    fields: dict[str, tuple[Stream, Place]] = {}
-    damage = [(item.start, item.stop, item.reason) for item in found.damage]
-    for topic, stream in streams.items():
-        places = _places(found, stream, (*_CLOCKS, *topics[topic]))
-        if "timestamp" in places:
-            fields |= {f"{topic}/{name}": (stream, place) for name, place in places.items()}
-        else:
-            damage.append((HEADER_BYTES, HEADER_BYTES, f"the definition of {topic} names no time stamps"))
-    arrays = Samples(data=data, fields=fields)
-    parameters, info = _statements(data, found)
-    return ULog(
-        arrays=arrays,
-        parameters=parameters,
-        info=info,
-        dropouts=list(_dropouts(data, found, streams, arrays)),
-        damage=damage,
-        size_bytes=data.size,
-    )
+        return int.from_bytes(payload[1:3], "little"), subscription
 
-
-def _refuse_unknown_kind(data: AnyArray) -> None:
-    """Refuse a file that says of itself that an older reader would misread it."""
-    head = data[HEADER_BYTES : HEADER_BYTES + 19].tobytes()
-    if len(head) == 19 and head[2] == ord("B") and (head[11] & ~1 or any(head[12:])):
-        raise LogError(
-            f"the ULog file is of a kind that is not understood: its incompatible flags are {head[11:].hex()}",
-            needed="a log of PX4 1.3 to 1.17",
-            remedy="look for a newer version of rotorid",
-        )
-
-
-def _places(found: Walk, stream: Stream, names: Sequence[str]) -> dict[str, Place]:
-    """Where in its messages the fields stand that a topic has and that are numbers."""
-    places: dict[str, Place] = {}
-    for name in names:
-        place = found.definitions.locate(stream.subscription.topic, name)
-        if place is None:
-            continue
-        offset, dtype = place
-        if dtype.kind == "S":
-            # A letter is read as its code.
-            dtype = np.dtype(np.uint8)
-        # A format that was defined anew, with other sizes, after its topic had begun.
-        beyond = 2 + offset + dtype.itemsize > stream.subscription.least_bytes
-        if not (beyond or (name in _CLOCKS and dtype != np.uint64)):
-            places[name] = (_DATA_STARTS + offset, dtype)
-    return places
-
-
-def _statements(data: AnyArray, found: Walk) -> tuple[dict[str, float], dict[str, str | int]]:
-    """Parameters, of one that changed in flight the last value, and information of the firmware."""
-    parameters: dict[str, float] = {}
-    info: dict[str, str | int] = {}
-    for position in found.statements:
-        letter, payload = _message(data, position)
-        if letter == "O":
-            continue
-        length = payload[0]
-        kind, _, name = payload[1 : 1 + length].decode("ascii").partition(" ")
-        value = payload[1 + length :]
-        if letter == "I" and name in _INFORMATION and kind.startswith("char["):
-            info[name] = value.decode("utf-8", errors="replace").rstrip("\0")
-        elif kind in _NUMBERS and len(value) == _NUMBERS[kind].size and (letter == "P" or name in _INFORMATION):
-            (number,) = _NUMBERS[kind].unpack(value)
-            if letter == "P":
-                parameters[name] = float(number)
+    def locate(self, topic: str, name: str) -> tuple[int, np.dtype[np.generic]] | None:
+        """Offset and type of a field such as ``xyz[2]`` in the data of a topic; ``None`` when it has no such field."""
+        kind, offset = topic, 0
+        for text in name.split("."):
+            label, index = _label_and_index(text)
+            for member in self.formats.get(kind, ()):
+                if member.name == (text if member.count is None else label):
+                    break
+                offset += _times(member) * self._item_bytes(member.kind)
             else:
-                info[name] = number
-    return parameters, info
+                return None
+            if member.count is not None:
+                if index is None or index >= member.count:
+                    return None
+                offset += index * self._item_bytes(member.kind)
+            kind = member.kind
+        return (offset, np.dtype(TYPES[kind])) if kind in TYPES else None
+
+    def _item_bytes(self, kind: str) -> int:
+        return _SIZES[kind] if kind in _SIZES else self._measure(kind, ())[0]
+
+    def _measure(self, name: str, outer: tuple[str, ...]) -> tuple[int, int]:
+        """Bytes and fields of a format with everything nested in it, counted without spelling the fields out."""
+        if name in outer or len(outer) > _DEEPEST:
+            raise impossible(f"that of {name[:40]!r} contains itself or is nested too deeply")
+        size = count = 0
+        for member in self.formats.get(name, ()):
+            self.measured += 1
+            if self.measured > _MOST_MEASURED:
+                raise impossible("together they are longer than those of any logger")
+            known = member.kind in _SIZES
+            inner, parts = (_SIZES[member.kind], 1) if known else self._measure(member.kind, (*outer, name))
+            size += _times(member) * inner
+            count += _times(member) * max(parts, 1)
+            if max(size, count) > _LARGEST_MESSAGE:
+                raise impossible(f"that of {name[:40]!r} is larger than any message can be")
+        return size, count
 
 
-def _dropouts(
-    data: AnyArray, found: Walk, streams: Mapping[str, Stream], arrays: Mapping[str, AnyArray]
-) -> Iterator[tuple[float, float]]:
-    """Losses that the logger noticed; a dropout has no stamp but that of the data before it."""
-    lost = [position for position in found.statements if data[position + 2] == ord("O")]
-    if not lost:
-        return
-    last_us = np.zeros(len(lost), dtype=np.uint64)
-    for topic, stream in streams.items():
-        if f"{topic}/timestamp" in arrays:
-            stamps = np.append(arrays[f"{topic}/timestamp"], np.uint64(0))
-            # Without data before the loss the index is -1, which is the appended zero.
-            last_us = np.maximum(last_us, stamps[np.searchsorted(stream.positions, lost) - 1])
-    for position, stamp_us in zip(lost, last_us.tolist(), strict=True):
-        _, payload = _message(data, position)
-        yield stamp_us * 1e-6, int.from_bytes(payload, "little") * 1e-3
+def _label_and_index(text: str) -> tuple[str, int | None]:
+    """``xyz[2]`` as the name of an array and the place in it."""
+    step = _STEP.fullmatch(text)
+    return (text, None) if step is None else (step[1], int(step[2]))
 
 
-def _message(data: AnyArray, position: int) -> tuple[str, bytes]:
-    """Letter and payload of a message."""
-    size = int(data[position]) | int(data[position + 1]) << 8
-    start = position + MESSAGE_HEADER_BYTES
-    return chr(data[position + 2]), data[start : start + size].tobytes()
+def _times(member: Member) -> int:
+    return 1 if member.count is None else member.count
+
+
+def impossible(what: str) -> LogError:
+    """The refusal of a file whose definitions no logger writes."""
+    return LogError(
+        f"the log's definitions cannot be true: {what}",
+        needed="a ULog file as PX4 writes it",
+        remedy="copy it again from the vehicle",
+    )

@@ -1,10 +1,7 @@
-"""Reader of ROS 1 bags (``.bag``), ROS 2 bags (``.db3``, ``.mcap``) and other MCAP files with ROS messages.
+"""ROS bags as flight records: ROS 1 (``.bag``), ROS 2 (``.db3``, ``.mcap``) and other MCAP files with ROS messages.
 
-Which field of which ROS message is which channel, as a table, and the turn from ROS axes to FRD and NED.
-
-From the arrays of a bag to topics in the vocabulary of the package.
-
-What a careful engineer remarks on a bag: damage, missing headers, clocks that disagree, topics without a meaning.
+A table says which field of which message is which channel. Values are turned from ROS axes (FLU, ENU) to FRD and NED
+here and nowhere else.
 """
 
 from __future__ import annotations
@@ -29,6 +26,111 @@ from rotorid.io.sandbox import Extract
 from rotorid.io.tables.mapped import assemble, sources_of
 from rotorid.io.tables.mapping import ChannelMapping, nearest
 from rotorid.typing import AnyArray, BoolArray, FloatArray
+
+FORMAT = "ROS bag"
+
+_INSTRUMENTS = ("stick", "excitation")
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a ROS 1 bag, an SQLite database or an MCAP file."""
+    return head.startswith((ROS1_MAGIC, SQLITE_MAGIC, MCAP_MAGIC))
+
+
+def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, sandbox: bool = True) -> FlightRecord:
+    """Read a bag.
+
+    Values are turned from ROS axes (FLU, ENU) to FRD and NED; a set-point is told from a measurement by the name of its
+    topic. Stamps are those of the header; a topic without a header stands at the time of its reception, which adds the
+    delay of the network, with a finding. Of a bag in several files, each is a log of its own.
+
+    Parameters
+    ----------
+    path
+        One file: of a ROS 2 bag the ``.db3`` or ``.mcap`` in its folder. Its ``metadata.yaml`` is not needed.
+    source
+        Name, format and hash of the file as the user gave it.
+    mapping
+        Where each channel stands, as ``/topic.field.part``, with ``row`` or ``column`` for an element of an array.
+        ``/topic.header.stamp`` and ``/topic.@received`` are stamps in seconds. Values are turned as ``frame``,
+        ``world`` and ``scale`` say. Without a mapping the types of the messages decide, and a number alone
+        (``std_msgs/Float64``) counts when its topic ends in a name of the vocabulary.
+    sandbox
+        Parse in a child process with limits: code is made from the definitions in a bag.
+
+    Raises
+    ------
+    LogError
+        The package ``rosbags`` is not installed, the file is no bag, or nothing in it has a name.
+    UsageError
+        The mapping does not fit the bag.
+    """
+    options = {"by_kind": {}, "by_topic": _by_topic(mapping)} if mapping else _by_rules()
+    if sandbox:
+        extract = sandboxed.extract("rosbag", path, options, name=source.name)
+    else:
+        extract = bag_extract.extract(path, options)
+    if mapping is not None:
+        _check(mapping, extract, source.name)
+        return assemble(extract.arrays, mapping, source, findings_of((), extract))
+    topics = tuple(topics_of(extract))
+    if not topics:
+        raise LogError(
+            f"{source.name} holds {_listed(extract.facts['topics'])}",
+            needed="a topic of sensor_msgs/Imu, nav_msgs/Odometry, px4_msgs or the like, with its definition",
+            remedy="name the channels of other topics with a mapping: --map FILE.toml",
+        )
+    held = {channel.name for topic in topics for channel in topic.channels}
+    axes = ("roll", "pitch", "yaw", "thrust")
+    present = {axis: tuple(f"{axis}_{kind}" for kind in _INSTRUMENTS if f"{axis}_{kind}" in held) for axis in axes}
+    return FlightRecord(
+        source=source,
+        topics=topics,
+        instruments={axis: names for axis, names in present.items() if names},
+        findings=tuple(findings_of(topics, extract)),
+    )
+
+
+def _by_rules() -> dict[str, Any]:
+    return {"by_kind": paths_by_kind() | {kind: ["data"] for kind in PLAIN_KINDS}, "by_topic": {}}
+
+
+def _by_topic(mapping: ChannelMapping) -> dict[str, list[str]]:
+    wanted: dict[str, list[str]] = {}
+    for name in sources_of(mapping):
+        topic, _, path = name.partition(".")
+        wanted.setdefault(topic, []).append(path)
+    return wanted
+
+
+def _check(mapping: ChannelMapping, extract: Extract, file: str) -> None:
+    """Say which topic or field of a mapping does not exist, and which do."""
+    topics: Mapping[str, Mapping[str, Any]] = extract.facts["topics"]
+    for name in sources_of(mapping):
+        if name in extract.arrays:
+            continue
+        topic, _, path = name.partition(".")
+        if topic not in topics:
+            close = nearest(topic, topics)
+            raise UsageError(
+                f"{file} has no topic {topic!r}",
+                needed=f"a source `/topic.field`, the topic one of {_listed(topics)}",
+                remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
+            )
+        about = topics[topic]
+        if about["unreadable"] or not about["fields"]:
+            why = about["unreadable"] or f"none of its {about['count']} messages can be decoded"
+            raise LogError(f"{file}: the topic {topic} cannot be read: {why}", needed="a definition of its messages")
+        raise UsageError(
+            f"{file}: the topic {topic} ({about['kind']}) has no numbers at {path!r} that every message holds",
+            needed=f"a path that starts with one of {', '.join(about['fields'])}",
+            remedy="correct `source` or `time` in the mapping",
+        )
+
+
+def _listed(topics: Mapping[str, Mapping[str, Any]]) -> str:
+    return ", ".join(f"{topic} ({about['kind']})" for topic, about in list(topics.items())[:30]) or "no messages"
+
 
 Axes: TypeAlias = Literal["plain", "body", "earth", "attitude", "px4_attitude"]
 """What kind of quantity turns: nothing, a vector in FLU, one in ENU, a quaternion x, y, z, w of both, or PX4's own."""
@@ -201,60 +303,6 @@ def ignored_bits(rule: Rule) -> int:
     return _IGNORED_BITS.get(rule.channels[0], 0) if rule.kind == _MASKED else 0
 
 
-def turned(values: FloatArray, rule: Rule, frames: tuple[str, str]) -> FloatArray | None:
-    r"""Values in FRD and NED.
-
-    A vector in FLU turns by :math:`(x, -y, -z)`, one in ENU by :math:`(y, x, -z)`; of the angles of FLU in ENU, roll
-    stays, pitch changes its sign, and :math:`\psi = \pi/2 - \psi_{ENU}`. A frame whose name ends in ``ned`` or ``frd``,
-    as MAVROS and PX4 name theirs, is taken as such.
-
-    Parameters
-    ----------
-    values
-        Rows as the fields of the rule, shape ``(fields, samples)``.
-    rule
-        What they are.
-    frames
-        ``frame_id`` and ``child_frame_id`` of the header.
-
-    Returns
-    -------
-    FloatArray or None
-        Rows as the channels of the rule; ``None`` for an attitude that mixes the two worlds.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> rule = rules_for("sensor_msgs/msg/Imu", "/imu")[1]
-    >>> turned(np.array([[0.1], [0.2], [9.81]]), rule, ("base_link", "")).ravel().tolist()
-    [0.1, -0.2, -9.81]
-    """
-    outer, inner = (_is_down(frame) for frame in frames)
-    body_down = inner if frames[1] else outer
-    if rule.axes == "body":
-        return values if body_down else values * np.array([[1.0], [-1.0], [-1.0]])
-    if rule.axes == "earth":
-        return values if outer else np.stack([values[1], values[0], -values[2]])
-    if rule.axes == "px4_attitude":
-        return euler_from_quaternion(values)
-    if rule.axes == "attitude":
-        if frames[1] and outer != inner:
-            return None
-        phi, theta, psi = euler_from_quaternion(values[[3, 0, 1, 2]])
-        return np.stack([phi, theta, psi]) if outer else np.stack([phi, -theta, np.arctan2(np.cos(psi), np.sin(psi))])
-    return values * rule.sign
-
-
-def _is_down(frame: str) -> bool:
-    return frame.lower().endswith(("ned", "frd"))
-
-
-PLAIN_KINDS = ("std_msgs/msg/Float64", "std_msgs/msg/Float32")
-"""A number without meaning, unless the topic ends in a name of the vocabulary."""
-
-_MICROSECOND = 1e-6
-
-
 def topics_of(extract: Extract) -> Iterator[Topic]:
     """Topics that the rules have a name for, best first.
 
@@ -360,6 +408,60 @@ def _meant(rule: Rule, arrays: Mapping[str, AnyArray], raw: FloatArray) -> BoolA
     return meant
 
 
+def turned(values: FloatArray, rule: Rule, frames: tuple[str, str]) -> FloatArray | None:
+    r"""Values in FRD and NED.
+
+    A vector in FLU turns by :math:`(x, -y, -z)`, one in ENU by :math:`(y, x, -z)`; of the angles of FLU in ENU, roll
+    stays, pitch changes its sign, and :math:`\psi = \pi/2 - \psi_{ENU}`. A frame whose name ends in ``ned`` or ``frd``,
+    as MAVROS and PX4 name theirs, is taken as such.
+
+    Parameters
+    ----------
+    values
+        Rows as the fields of the rule, shape ``(fields, samples)``.
+    rule
+        What they are.
+    frames
+        ``frame_id`` and ``child_frame_id`` of the header.
+
+    Returns
+    -------
+    FloatArray or None
+        Rows as the channels of the rule; ``None`` for an attitude that mixes the two worlds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rule = rules_for("sensor_msgs/msg/Imu", "/imu")[1]
+    >>> turned(np.array([[0.1], [0.2], [9.81]]), rule, ("base_link", "")).ravel().tolist()
+    [0.1, -0.2, -9.81]
+    """
+    outer, inner = (_is_down(frame) for frame in frames)
+    body_down = inner if frames[1] else outer
+    if rule.axes == "body":
+        return values if body_down else values * np.array([[1.0], [-1.0], [-1.0]])
+    if rule.axes == "earth":
+        return values if outer else np.stack([values[1], values[0], -values[2]])
+    if rule.axes == "px4_attitude":
+        return euler_from_quaternion(values)
+    if rule.axes == "attitude":
+        if frames[1] and outer != inner:
+            return None
+        phi, theta, psi = euler_from_quaternion(values[[3, 0, 1, 2]])
+        return np.stack([phi, theta, psi]) if outer else np.stack([phi, -theta, np.arctan2(np.cos(psi), np.sin(psi))])
+    return values * rule.sign
+
+
+def _is_down(frame: str) -> bool:
+    return frame.lower().endswith(("ned", "frd"))
+
+
+PLAIN_KINDS = ("std_msgs/msg/Float64", "std_msgs/msg/Float32")
+"""A number without meaning, unless the topic ends in a name of the vocabulary."""
+
+_MICROSECOND = 1e-6
+
+
 def _plain(topic: str, name: str, arrays: Mapping[str, AnyArray]) -> Topic:
     kept = np.isfinite(arrays["data"])
     channel = Channel(name=name, unit=STANDARD_UNITS[name], source=f"{topic}.data")
@@ -463,108 +565,3 @@ def _without_meaning(topics: Sequence[Topic], held: Mapping[str, Mapping[str, An
             "out. A mapping can name them: --map FILE.toml.",
             topics=len(others),
         )
-
-
-FORMAT = "ROS bag"
-
-_INSTRUMENTS = ("stick", "excitation")
-
-
-def sniff(head: bytes) -> bool:
-    """Whether a file that starts like this is a ROS 1 bag, an SQLite database or an MCAP file."""
-    return head.startswith((ROS1_MAGIC, SQLITE_MAGIC, MCAP_MAGIC))
-
-
-def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, sandbox: bool = True) -> FlightRecord:
-    """Read a bag.
-
-    Values are turned from ROS axes (FLU, ENU) to FRD and NED; a set-point is told from a measurement by the name of its
-    topic. Stamps are those of the header; a topic without a header stands at the time of its reception, which adds the
-    delay of the network, with a finding. Of a bag in several files, each is a log of its own.
-
-    Parameters
-    ----------
-    path
-        One file: of a ROS 2 bag the ``.db3`` or ``.mcap`` in its folder. Its ``metadata.yaml`` is not needed.
-    source
-        Name, format and hash of the file as the user gave it.
-    mapping
-        Where each channel stands, as ``/topic.field.part``, with ``row`` or ``column`` for an element of an array.
-        ``/topic.header.stamp`` and ``/topic.@received`` are stamps in seconds. Values are turned as ``frame``,
-        ``world`` and ``scale`` say. Without a mapping the types of the messages decide, and a number alone
-        (``std_msgs/Float64``) counts when its topic ends in a name of the vocabulary.
-    sandbox
-        Parse in a child process with limits: code is made from the definitions in a bag.
-
-    Raises
-    ------
-    LogError
-        The package ``rosbags`` is not installed, the file is no bag, or nothing in it has a name.
-    UsageError
-        The mapping does not fit the bag.
-    """
-    options = {"by_kind": {}, "by_topic": _by_topic(mapping)} if mapping else _by_rules()
-    if sandbox:
-        extract = sandboxed.extract("rosbag", path, options, name=source.name)
-    else:
-        extract = bag_extract.extract(path, options)
-    if mapping is not None:
-        _check(mapping, extract, source.name)
-        return assemble(extract.arrays, mapping, source, findings_of((), extract))
-    topics = tuple(topics_of(extract))
-    if not topics:
-        raise LogError(
-            f"{source.name} holds {_listed(extract.facts['topics'])}",
-            needed="a topic of sensor_msgs/Imu, nav_msgs/Odometry, px4_msgs or the like, with its definition",
-            remedy="name the channels of other topics with a mapping: --map FILE.toml",
-        )
-    held = {channel.name for topic in topics for channel in topic.channels}
-    axes = ("roll", "pitch", "yaw", "thrust")
-    present = {axis: tuple(f"{axis}_{kind}" for kind in _INSTRUMENTS if f"{axis}_{kind}" in held) for axis in axes}
-    return FlightRecord(
-        source=source,
-        topics=topics,
-        instruments={axis: names for axis, names in present.items() if names},
-        findings=tuple(findings_of(topics, extract)),
-    )
-
-
-def _by_rules() -> dict[str, Any]:
-    return {"by_kind": paths_by_kind() | {kind: ["data"] for kind in PLAIN_KINDS}, "by_topic": {}}
-
-
-def _by_topic(mapping: ChannelMapping) -> dict[str, list[str]]:
-    wanted: dict[str, list[str]] = {}
-    for name in sources_of(mapping):
-        topic, _, path = name.partition(".")
-        wanted.setdefault(topic, []).append(path)
-    return wanted
-
-
-def _check(mapping: ChannelMapping, extract: Extract, file: str) -> None:
-    """Say which topic or field of a mapping does not exist, and which do."""
-    topics: Mapping[str, Mapping[str, Any]] = extract.facts["topics"]
-    for name in sources_of(mapping):
-        if name in extract.arrays:
-            continue
-        topic, _, path = name.partition(".")
-        if topic not in topics:
-            close = nearest(topic, topics)
-            raise UsageError(
-                f"{file} has no topic {topic!r}",
-                needed=f"a source `/topic.field`, the topic one of {_listed(topics)}",
-                remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
-            )
-        about = topics[topic]
-        if about["unreadable"] or not about["fields"]:
-            why = about["unreadable"] or f"none of its {about['count']} messages can be decoded"
-            raise LogError(f"{file}: the topic {topic} cannot be read: {why}", needed="a definition of its messages")
-        raise UsageError(
-            f"{file}: the topic {topic} ({about['kind']}) has no numbers at {path!r} that every message holds",
-            needed=f"a path that starts with one of {', '.join(about['fields'])}",
-            remedy="correct `source` or `time` in the mapping",
-        )
-
-
-def _listed(topics: Mapping[str, Mapping[str, Any]]) -> str:
-    return ", ".join(f"{topic} ({about['kind']})" for topic, about in list(topics.items())[:30]) or "no messages"

@@ -1,6 +1,7 @@
-"""Named arrays of a file without autopilot knowledge become a flight record, by a mapping.
+"""Named arrays of a file without autopilot knowledge as a flight record, by a mapping.
 
-Files that name their channels themselves: by the names of variables, or by column headers with units.
+Files that name their channels themselves, by the names of variables or by column headers with units, give a mapping of
+their own.
 """
 
 from __future__ import annotations
