@@ -33,8 +33,8 @@ import numpy as np
 
 from rotorid.search.acceleration import AccelerationProblem, hover_parameters
 from rotorid.search.catalog import search
-from rotorid.search.objective import SearchResult
 from rotorid.search.population import Genetic
+from rotorid.search.result import SearchResult
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles import hover_quadrotor
@@ -89,7 +89,7 @@ class NumpyCost:
 
     def __init__(self, posed: AccelerationProblem) -> None:
         truth = hover_quadrotor.TRUTH
-        self.box, self.evaluations = posed.box, 0
+        self.box, self.evaluations = posed.search_box, 0
         kept = np.exp(-1.0 / (truth["T_motor"] * posed.sample_rate_hz))
         speed = np.empty_like(posed.motors)
         speed[:, 0] = posed.motors[:, 0]
@@ -249,7 +249,7 @@ def run() -> dict[str, Found]:
         "pymoo": with_pymoo,
     }
     found = {
-        "floor": Found(float(posed.costs(truth[None])[0]), 0.0),
+        "floor": Found(float(posed.many_costs(truth[None])[0]), 0.0),
         "genetic": measured(lambda seed: ours(posed, f"genetic:{POPULATION}x{GENERATIONS}", seed).cost, REPEATS),
         "evolution": measured(lambda seed: ours(posed, "evolution", seed).cost, REPEATS),
     }

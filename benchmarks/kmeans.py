@@ -24,6 +24,7 @@ import numpy as np
 from rotorid.data.record import FlightRecord
 from rotorid.fitting.frequency.fit import fit, without_structural_zeros
 from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.problem import Scale, StartBox, search_box
 from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
@@ -32,9 +33,7 @@ from rotorid.models.toml import from_toml
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.search.catalog import search
-from rotorid.search.objective import Progress
-from rotorid.search.objectives import FrequencyObjective
-from rotorid.search.starts import Scale, StartBox, search_box
+from rotorid.search.result import Progress
 from rotorid.typing import FloatArray
 from rotorid.vehicles import rig
 
@@ -115,7 +114,7 @@ class Case(NamedTuple):
     """What is searched, the truth of its free parameters, and how much may be spent."""
 
     name: str
-    objective: FrequencyObjective
+    problem: FrequencyProblem
     truth: FloatArray
     budget: int
 
@@ -186,7 +185,7 @@ def attitude(seed: int, noise: float) -> Case:
 
 def late() -> Case:
     """Roll with delays anywhere below 3 s, which turn the phase of the fastest points up to five times."""
-    problem = roll(1, 0.01).objective.problem
+    problem = roll(1, 0.01).problem
     free = problem.parameters
     longer = [replace(free[n], upper=5.0) if n.startswith("tau") else free[n] for n in free.names]
     box = StartBox(
@@ -217,7 +216,7 @@ def scores(case: Case, names: Sequence[str] = SEARCHES, *, seeds: Sequence[int])
     """Every search from these seeds, and ``fit``, from the package's own start values, once."""
     runs = {name: [searched(case, name, seed) for seed in seeds] for name in names} | {"fit": [fitted(case)]}
     ends = [run.trace[-1].best for each in runs.values() for run in each]
-    target = FOUND * min(case.objective.polish(case.truth).cost, *ends)
+    target = FOUND * min(case.problem.polish(case.truth).cost, *ends)
     return {name: mean_score([run.score(target) for run in each]) for name, each in runs.items()}
 
 
@@ -229,7 +228,7 @@ def mean_score(each: Sequence[Score]) -> Score:
 def searched(case: Case, name: str, seed: int) -> Run:
     """The search of that name."""
     began = time.process_time()
-    found = search(name).run(case.objective, budget=case.budget, seed=seed)
+    found = search(name).run(case.problem, budget=case.budget, seed=seed)
     end = Progress(found.evaluations + found.polishing, found.best.cost)
     return Run((*found.trace, end), time.process_time() - began)
 
@@ -237,21 +236,21 @@ def searched(case: Case, name: str, seed: int) -> Run:
 def fitted(case: Case) -> Run:
     """From the package's own start values; the costs of those that were looked through are not counted."""
     began = time.process_time()
-    found = fit(case.objective.problem)
+    found = fit(case.problem)
     return Run((Progress(found.evaluations, found.cost),), time.process_time() - began)
 
 
 def share(case: Case) -> float:
     """Share of the box from which a local search ends in the lowest minimum."""
-    starts = search(f"sobol:{SHARE_STARTS}").run(case.objective, budget=10**6, seed=0)
-    lowest = min(case.objective.polish(case.truth).cost, starts.best.cost)
+    starts = search(f"sobol:{SHARE_STARTS}").run(case.problem, budget=10**6, seed=0)
+    lowest = min(case.problem.polish(case.truth).cost, starts.best.cost)
     at_lowest = sum(one.share for one in starts.basins if one.cost <= FOUND * lowest)
     return float(at_lowest)
 
 
 def ratio_and_delays(case: Case) -> tuple[float, FloatArray, float]:
     """Error of the first gain in percent and of the delays in milliseconds, and the average cost of a response."""
-    problem = case.objective.problem
+    problem = case.problem
     theta = fit(problem).theta
     names = problem.parameters.free
     late_ms = [1e3 * (theta[k] - case.truth[k]) for k, name in enumerate(names) if name.startswith("tau")]
@@ -287,7 +286,7 @@ def _line(name: str, score: Score) -> str:
 
 def _case(name: str, problem: FrequencyProblem, box: StartBox, truth: Mapping[str, float], *, budget: int) -> Case:
     at_truth = np.array([truth[one] for one in problem.parameters.free])
-    return Case(name, FrequencyObjective(problem=problem, box=box), at_truth, budget)
+    return Case(name, problem.within(box), at_truth, budget)
 
 
 def _two_flights(seed: int, noise: float, system: StateSpace | None = None) -> list[FlightRecord]:

@@ -10,10 +10,10 @@ import numpy as np
 
 from benchmarks.search_problems import PROBLEMS
 from benchmarks.searches import OWN, POPULATIONS, Run, points
-from rotorid.plot.figure import BESIDE, INPUT, MEASURED, MODEL, SERIES
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.plot.figure import INPUT, MEASURED, MODEL, SECONDARY, SERIES
 from rotorid.plot.paper import PAPER_STYLE, matplotlib_or_remedy
 from rotorid.search.catalog import search
-from rotorid.search.objectives import FrequencyObjective
 from rotorid.search.spread import Share
 from rotorid.typing import FloatArray
 
@@ -23,7 +23,7 @@ LOOKS: dict[str, tuple[str, str, str]] = {
     "genetic": (SERIES[4], "-.", "s"),
     "kmeans": (INPUT, "-", "^"),
     "sobol": (MEASURED, "-", "v"),
-    "random": (BESIDE, "--", "P"),
+    "random": (SECONDARY, "--", "P"),
     "central": (SERIES[5], ":", "X"),
 }
 """Color, dashes and marker of each search."""
@@ -152,9 +152,9 @@ def _before(runs: Sequence[Run], problems: Sequence[str]) -> Any:
 def _failure() -> Any:
     """Data with a delay, the lowest minimum, and two others where searches end."""
     posed = PROBLEMS["late"].pose(0)
-    objective = posed.objective
-    assert isinstance(objective, FrequencyObjective)
-    basins = search("sobol").run(objective, budget=3000, seed=0).basins
+    problem = posed.problem
+    assert isinstance(problem, FrequencyProblem)
+    basins = search("sobol").run(problem, budget=3000, seed=0).basins
     delays_s = [float(basin.theta[-1]) for basin in basins]
     # The lowest, the lowest with another delay, and the lowest whose phase turns once more.
     chosen = [
@@ -163,7 +163,6 @@ def _failure() -> Any:
         next(basin for basin, delay in zip(basins, delays_s, strict=True) if delay > 0.1),
     ]
     mpl = matplotlib_or_remedy()
-    problem = objective.problem
     dense = np.geomspace(1.0, 40.0, 600)
     with mpl.rc_context(PAPER_STYLE):
         canvas = mpl.figure.Figure(figsize=(9.0, 3.4), layout="constrained")
@@ -171,7 +170,7 @@ def _failure() -> Any:
     omega, measured = problem.data.omega_rad_s, problem.data.values[0, 0]
     left.plot(omega, _decibels(measured), "o", color="#24292f", markersize=3.5, label="measured", zorder=4)
     right.plot(omega, np.angle(measured, deg=True), "o", color="#24292f", markersize=3.5, zorder=4)
-    looks = ((MODEL, "-"), (MEASURED, "--"), (BESIDE, "-."))
+    looks = ((MODEL, "-"), (MEASURED, "--"), (SECONDARY, "-."))
     for basin, (color, dashes) in zip(chosen, looks, strict=True):
         model = problem.structure.response(problem.parameters.unpack(basin.theta).values, dense)[0, 0]
         label = f"cost {basin.cost:.0f}, delay {1e3 * basin.theta[-1]:.0f} ms"

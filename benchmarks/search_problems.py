@@ -15,15 +15,14 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.fit import fit
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import LevenbergMarquardt, Residuals, Solution
+from rotorid.fitting.problem import Problem as AnyProblem
+from rotorid.fitting.problem import Scale, StartBox
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, own_starts
 from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.search.acceleration import AccelerationProblem, hover_parameters
-from rotorid.search.objective import Objective
-from rotorid.search.objectives import objective_of
-from rotorid.search.starts import Scale, StartBox
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 from rotorid.vehicles import hover_quadrotor, s500
@@ -41,7 +40,7 @@ class Posed(NamedTuple):
 
     Parameters
     ----------
-    objective
+    problem
         What is searched.
     truth
         Parameters behind the data, shape ``(p,)``.
@@ -49,7 +48,7 @@ class Posed(NamedTuple):
         The package's own starts: the lowest cost they lead to, and the residuals with Jacobians they take.
     """
 
-    objective: Objective
+    problem: AnyProblem
     truth: FloatArray
     own: Callable[[], tuple[float, int]]
 
@@ -108,8 +107,7 @@ def _response(
         solver = Counted()
         return fit(problem, solver=solver).cost, sum(end.evaluations for end in solver.ends)
 
-    objective = objective_of(problem, box=_box(sides, parameters))
-    return Posed(objective, np.array([truth[name] for name in parameters.free]), own)
+    return Posed(problem.within(_box(sides, parameters)), np.array([truth[name] for name in parameters.free]), own)
 
 
 RATE_TRUTH = {"L_roll": 60.0, "L_p": -2.0, "T_motor": 0.05, "tau_roll": 0.012}
@@ -239,13 +237,13 @@ def swing(seed: int) -> Posed:
     problem = TimeProblem(structure=structure, parameters=structure.parameters, records=(record,))
     sides: dict[str, Side] = {"w": (3.0, 100.0, LOGARITHMIC), "z": (0.001, 0.9, LOGARITHMIC)}
     sides |= {"b": (10.0, 1e4, LOGARITHMIC), "tau": (0.0, 0.3, LINEAR)}
-    objective = objective_of(problem, box=_box(sides, problem.parameters))
 
     def own() -> tuple[float, int]:
-        ends = [objective.polish(start) for start in own_starts(problem)]
+        ends = [problem.polish(start) for start in own_starts(problem)]
         return min(end.cost for end in ends), sum(end.evaluations for end in ends)
 
-    return Posed(objective, np.array([truth[name] for name in problem.parameters.free]), own)
+    truths = np.array([truth[name] for name in problem.parameters.free])
+    return Posed(problem.within(_box(sides, problem.parameters)), truths, own)
 
 
 def accelerations(seed: int) -> Posed:

@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.search_problems import PROBLEMS, Posed
 from rotorid.errors import UsageError
 from rotorid.search.catalog import search, searches
-from rotorid.search.objective import Progress
+from rotorid.search.result import Progress
 from rotorid.search.spread import Share, wilson
 
 SEEDS = 20
@@ -97,8 +97,8 @@ def runs_of(problem: str, seed: int) -> Iterator[Run]:
     began = time.process_time()
     cost, spent = posed.own()
     yield Run(problem, OWN, seed, 0, cost, cost, spent, time.process_time() - began)
-    truth = float(posed.objective.costs(posed.truth[None])[0])
-    yield Run(problem, "truth", seed, 0, truth, posed.objective.polish(posed.truth).cost, 0, 0.0)
+    truth = float(posed.problem.many_costs(posed.truth[None])[0])
+    yield Run(problem, "truth", seed, 0, truth, posed.problem.polish(posed.truth).cost, 0, 0.0)
     budgets = [budget for budget in BUDGETS if budget <= MOST.get(problem, BUDGETS[-1])]
     for name in searches():
         if name in POPULATIONS:
@@ -114,7 +114,7 @@ def runs_of(problem: str, seed: int) -> Iterator[Run]:
 def _each(problem: str, posed: Posed, name: str, seed: int, budgets: Sequence[int]) -> Iterator[Run]:
     for budget in budgets:
         began = time.process_time()
-        found = search(name).run(posed.objective, budget=budget, seed=seed)
+        found = search(name).run(posed.problem, budget=budget, seed=seed)
         seconds, spent = time.process_time() - began, found.evaluations + found.polishing
         yield Run(problem, name, seed, budget, found.cost, found.best.cost, spent, seconds)
 
@@ -126,7 +126,7 @@ def _nested(problem: str, posed: Posed, name: str, seed: int, budgets: Sequence[
     def progress(entry: Progress) -> None:
         heard.append((entry, time.process_time() - began))
 
-    search(name).run(posed.objective, budget=budgets[-1], seed=seed, progress=progress)
+    search(name).run(posed.problem, budget=budgets[-1], seed=seed, progress=progress)
     for budget in budgets:
         ended = next((one for one in heard if one[0].evaluations >= budget), heard[-1])
         (spent, best), seconds = ended
@@ -141,7 +141,7 @@ def study(problems: Iterable[str], seeds: int = SEEDS) -> list[Run]:
         began = time.process_time()
         # The first call of everything compiles and imports.
         for name in searches():
-            search(name).run(PROBLEMS[problem].pose(0).objective, budget=30, seed=0)
+            search(name).run(PROBLEMS[problem].pose(0).problem, budget=30, seed=0)
         for seed in range(seeds):
             runs += runs_of(problem, seed)
         print(f"# {problem}: {time.process_time() - began:.0f} s", flush=True)
@@ -175,15 +175,15 @@ def points(runs: Sequence[Run], problem: str, name: str) -> list[Point]:
 def jacobian_in_costs(problem: str) -> tuple[float, float]:
     """Microseconds of one cost of fifteen at once, and how many of these a residual with its Jacobian takes."""
     posed = PROBLEMS[problem].pose(0)
-    thetas = posed.objective.box.at(np.random.default_rng(0).random((15, posed.truth.size)))
-    posed.objective.costs(thetas)
+    thetas = posed.problem.search_box.at(np.random.default_rng(0).random((15, posed.truth.size)))
+    posed.problem.many_costs(thetas)
     began = time.process_time()
     repeats = 10
     for _ in range(repeats):
-        posed.objective.costs(thetas)
+        posed.problem.many_costs(thetas)
     cost_s = (time.process_time() - began) / (repeats * len(thetas))
     began = time.process_time()
-    residuals = sum(posed.objective.polish(theta).evaluations for theta in thetas)
+    residuals = sum(posed.problem.polish(theta).evaluations for theta in thetas)
     return 1e6 * cost_s, (time.process_time() - began) / residuals / cost_s
 
 

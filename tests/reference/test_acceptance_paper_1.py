@@ -7,9 +7,8 @@ import pytest
 from benchmarks.kmeans import Case, attitude, late, roll
 
 from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.problem import search_box
 from rotorid.search.catalog import search
-from rotorid.search.objectives import FrequencyObjective
-from rotorid.search.starts import search_box
 from rotorid.vehicles import rig
 
 RATIO_BAR = 0.02
@@ -30,7 +29,7 @@ def three_axes() -> Case:
 
 
 def require_truth(case: Case, theta: np.ndarray) -> None:
-    for name, found, true in zip(case.objective.problem.parameters.free, theta, case.truth, strict=True):
+    for name, found, true in zip(case.problem.parameters.free, theta, case.truth, strict=True):
         if name.startswith("tau"):
             assert found == pytest.approx(true, abs=SAMPLE_S), name
         else:
@@ -40,14 +39,14 @@ def require_truth(case: Case, theta: np.ndarray) -> None:
 @pytest.mark.parametrize("candidates", [3, 4, 5])
 @pytest.mark.parametrize("seed", range(3))
 def test_roll_from_anywhere(one_axis: Case, candidates: int, seed: int) -> None:
-    found = search(f"kmeans:{candidates}").run(one_axis.objective, budget=120, seed=seed)
+    found = search(f"kmeans:{candidates}").run(one_axis.problem, budget=120, seed=seed)
     require_truth(one_axis, found.best.theta)
-    assert found.best.cost == pytest.approx(one_axis.objective.polish(one_axis.truth).cost, rel=SAME_MINIMUM)
+    assert found.best.cost == pytest.approx(one_axis.problem.polish(one_axis.truth).cost, rel=SAME_MINIMUM)
 
 
 def test_limit_of_the_paper_ends_the_search_early(one_axis: Case) -> None:
     # An average of 100 for each of two responses, within the first round: three costs and a few exchanges.
-    ends = [search("kmeans:3:200").run(one_axis.objective, budget=1000, seed=seed) for seed in range(5)]
+    ends = [search("kmeans:3:200").run(one_axis.problem, budget=1000, seed=seed) for seed in range(5)]
     assert all(end.evaluations + end.polishing < 100 for end in ends)
     assert all(end.local_searches == 1 for end in ends)
     for end in ends:
@@ -56,35 +55,35 @@ def test_limit_of_the_paper_ends_the_search_early(one_axis: Case) -> None:
 
 @pytest.mark.parametrize("candidates", [3, 4, 5])
 def test_attitude_from_anywhere(three_axes: Case, candidates: int) -> None:
-    found = search(f"kmeans:{candidates}").run(three_axes.objective, budget=160, seed=0)
+    found = search(f"kmeans:{candidates}").run(three_axes.problem, budget=160, seed=0)
     require_truth(three_axes, found.best.theta)
-    assert found.best.cost == pytest.approx(three_axes.objective.polish(three_axes.truth).cost, rel=SAME_MINIMUM)
+    assert found.best.cost == pytest.approx(three_axes.problem.polish(three_axes.truth).cost, rel=SAME_MINIMUM)
 
 
 def test_package_needs_no_search(one_axis: Case, three_axes: Case) -> None:
     for case in (one_axis, three_axes):
-        assert fit(case.objective.problem).cost == pytest.approx(
-            case.objective.polish(case.truth).cost, rel=SAME_MINIMUM
+        assert fit(case.problem).cost == pytest.approx(
+            case.problem.polish(case.truth).cost, rel=SAME_MINIMUM
         )
 
 
 def test_box_has_one_minimum(one_axis: Case) -> None:
-    starts = search("sobol:64").run(one_axis.objective, budget=10_000, seed=0)
+    starts = search("sobol:64").run(one_axis.problem, budget=10_000, seed=0)
     assert starts.local_searches == 64
     assert len(starts.basins) == 1
 
 
 def test_delays_below_three_seconds_have_many_minima() -> None:
-    starts = search("sobol:64").run(late().objective, budget=10_000, seed=0)
+    starts = search("sobol:64").run(late().problem, budget=10_000, seed=0)
     assert len(starts.basins) > 10
 
 
 def test_inertia_and_thrust_are_wherever_the_search_began(one_axis: Case) -> None:
-    problem = one_axis.objective.problem
+    problem = one_axis.problem
     both = problem.with_parameters(problem.structure.parameters)
     free = both.parameters.free
-    objective = FrequencyObjective(problem=both, box=search_box(both.parameters, wider=10.0))
-    ends = np.array([search("kmeans:3").run(objective, budget=60, seed=seed).best.theta for seed in range(8)])
+    wide = both.within(search_box(both.parameters, wider=10.0))
+    ends = np.array([search("kmeans:3").run(wide, budget=60, seed=seed).best.theta for seed in range(8)])
     J_x, K_f = (ends[:, free.index(name)] for name in ("J_x", "K_f"))
     assert J_x.max() > 3.0 * J_x.min()
     np.testing.assert_allclose(K_f / J_x, K_f[0] / J_x[0], rtol=1e-4)
@@ -97,7 +96,7 @@ def test_ratio_stands_noise(noise: float) -> None:
     ratios, delays = [], []
     for seed in range(10):
         case = roll(seed, noise)
-        K_f, *late_s = search("kmeans:3").run(case.objective, budget=60, seed=seed).best.theta
+        K_f, *late_s = search("kmeans:3").run(case.problem, budget=60, seed=seed).best.theta
         ratios.append(K_f / rig.TRUTH["K_f"])
         delays.append(late_s)
     assert np.mean(ratios) == pytest.approx(1.0, abs=RATIO_BAR)

@@ -15,7 +15,7 @@ import pytest
 from rotorid.models.parameter import ParameterSet
 from rotorid.search.acceleration import AccelerationProblem, hover_parameters
 from rotorid.search.catalog import search
-from rotorid.search.objective import SearchResult
+from rotorid.search.result import SearchResult
 from rotorid.search.spread import spread_over_starts
 from rotorid.typing import FloatArray
 from rotorid.vehicles import hover_quadrotor
@@ -43,7 +43,7 @@ def posed(seed: int, parameters: ParameterSet = ALL_FREE) -> AccelerationProblem
 
 def floor_of(problem: AccelerationProblem) -> float:
     truth = np.array([TRUTH[name] for name in problem.parameters.free])
-    return float(problem.costs(truth[None])[0])
+    return float(problem.many_costs(truth[None])[0])
 
 
 def run(seed: int, parameters: ParameterSet) -> SearchResult:

@@ -436,6 +436,12 @@ class ParameterSet:
         """
         return self._layout.network.directions(self._numbers)
 
+    @property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the free parameters, each shape ``(n,)``."""
+        free = [self[name] for name in self.free]
+        return np.array([parameter.lower for parameter in free]), np.array([parameter.upper for parameter in free])
+
     def pack(self) -> FloatArray:
         """Values of the free parameters, shape ``(n,)``."""
         return np.array([self._numbers[slot] for slot in self._layout.network.free])

@@ -5,26 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.errors import UsageError
-from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import same_cost
-from rotorid.fitting.time.output_error import TimeProblem
+from rotorid.fitting.problem import Problem
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings
-from rotorid.search.objective import Basin, Progress, SearchResult
+from rotorid.search.result import Basin, Progress, SearchResult
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 
 _PROGRESS = logging.getLogger("rotorid.progress")
-
-
-Cost: TypeAlias = Literal["frequency", "output_error"]
 
 NEARLY_AS_GOOD = 0.10
 """Of the cost: a misfit that is 5 % larger, which no look at the fit would tell."""
@@ -48,8 +43,8 @@ class Searched(Immutable):
     name
         The search as it was asked for, with its options.
     cost
-        What was minimized: CIFER's cost, summed over the responses, or the squared output errors, weighed by the size
-        of the outputs.
+        What was minimized, as :attr:`rotorid.fitting.problem.Problem.method` says it: CIFER's cost, summed over the
+        responses, or the squared output errors, weighed by the size of the outputs.
     parameters
         Of the problem: names, and the values of the model before the search.
     result
@@ -57,7 +52,7 @@ class Searched(Immutable):
     """
 
     name: str
-    cost: Cost
+    cost: str
     parameters: ParameterSet
     result: SearchResult
 
@@ -76,16 +71,18 @@ class Searched(Immutable):
     def _distance(self, theta: FloatArray) -> float:
         """From the values of the model, each parameter by its size."""
         own = self.parameters.pack()
+        theta = theta[: own.size]
         size = np.maximum(np.abs(own), np.abs(theta))
         moved = np.divide(np.abs(theta - own), size, out=np.zeros(own.shape), where=size > 0.0)
         return float(moved @ moved)
 
     def values(self, basin: Basin) -> dict[str, float]:
         """Free parameters at a minimum, by their names."""
-        return dict(zip(self.parameters.free, map(float, basin.theta), strict=True))
+        free = self.parameters.free
+        return dict(zip(free, map(float, basin.theta[: len(free)]), strict=True))
 
 
-def searched(problem: FrequencyProblem | TimeProblem, settings: IdentifySettings) -> Searched | None:
+def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
     """Search a problem as the settings ask; nothing where they ask for none.
 
     Parameters
@@ -106,21 +103,19 @@ def searched(problem: FrequencyProblem | TimeProblem, settings: IdentifySettings
     if name is None or not problem.parameters.free:
         return None
     from rotorid.search.catalog import search
-    from rotorid.search.objectives import objective_of
 
     def say(at: Progress) -> None:
         _PROGRESS.info(f"searching by {name}: {at.evaluations} evaluations, best cost {at.best:.4g}")
 
-    in_time = isinstance(problem, TimeProblem)
     result = search(name).run(
-        objective_of(problem.shortened(_SEARCHED) if isinstance(problem, TimeProblem) else problem),
+        problem.shortened(_SEARCHED),
         budget=settings.evaluations or (EVALUATIONS if settings.search else _WITHOUT_LIMIT),
         seed=settings.seed,
         progress=say,
     )
     return Searched(
         name=name,
-        cost="output_error" if in_time else "frequency",
+        cost=problem.method,
         parameters=problem.parameters,
         result=result,
     )

@@ -31,10 +31,10 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
 from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import (
     InitialCondition,
     OutputErrorFit,
-    Part,
     TimeData,
     TimeProblem,
     fit_output_error,

@@ -29,8 +29,9 @@ from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.fitting.frequency.problem import FrequencyProblem, ResidualErrors, residual_errors
+from rotorid.fitting.frequency.problem import FrequencyProblem, residual_errors
 from rotorid.fitting.least_squares import Solution
+from rotorid.fitting.problem import ResidualErrors
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.planning.expected import (
     ExpectedFit,

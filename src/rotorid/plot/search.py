@@ -23,7 +23,7 @@ from rotorid.plot.figure import (
     text,
 )
 from rotorid.plot.time import TIME_AXIS, line
-from rotorid.search.objective import Progress
+from rotorid.search.result import Progress
 from rotorid.typing import FloatArray
 
 _DEGREES = 180.0 / np.pi

@@ -76,7 +76,7 @@ from rotorid.report.words import (
     worst_maneuver,
     worst_record,
 )
-from rotorid.search.objective import Progress
+from rotorid.search.result import Progress
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

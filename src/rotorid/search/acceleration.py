@@ -41,12 +41,12 @@ from typing import ClassVar, Literal, NamedTuple, Protocol, TypeAlias, get_args
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import read_only
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Solution
+from rotorid.fitting.problem import Problem, Scale, StartBox
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rotors import UP, RotorLayout
-from rotorid.search.starts import Scale, StartBox
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -163,7 +163,7 @@ def polished(problem: AccelerationProblem, start: FloatArray, points: FloatArray
     """
     weights = np.ones(problem.tilt.size) if points is None else points
     cost = _Cost(problem, problem.channel_weights[:, None] * weights)
-    theta = np.clip(start, problem.box.lower, problem.box.upper)
+    theta = np.clip(start, *problem.box)
     reached = _closed_form(problem, theta, points)
     return cost.descend(theta) if reached is None else cost.solution(reached, began=cost.sum(theta))
 
@@ -186,13 +186,16 @@ def _closed_form(problem: AccelerationProblem, theta: FloatArray, points: FloatA
     return _moved(theta, problem.free_powers, np.log(ratios), problem.box)
 
 
-def _moved(theta: FloatArray, powers: FloatArray, wanted: FloatArray, box: StartBox) -> FloatArray | None:
+def _moved(
+    theta: FloatArray, powers: FloatArray, wanted: FloatArray, box: tuple[FloatArray, FloatArray]
+) -> FloatArray | None:
     """Parameters within their bounds whose products of powers have moved by ``wanted``, in logarithms.
 
     Those that would leave the box stay at the bound that they meet, and the others make up for them.
     """
+    lower, upper = box
     with np.errstate(divide="ignore"):
-        low, high = np.log(np.maximum(np.sort([box.lower / theta, box.upper / theta], axis=0), 0.0))
+        low, high = np.log(np.maximum(np.sort([lower / theta, upper / theta], axis=0), 0.0))
     steps, free = np.zeros(theta.size), np.ones(theta.size, dtype=np.bool_)
     while free.any():
         steps[free] = np.linalg.pinv(powers[:, free]) @ (wanted - powers[:, ~free] @ steps[~free])
@@ -202,8 +205,8 @@ def _moved(theta: FloatArray, powers: FloatArray, wanted: FloatArray, box: Start
         steps, free = np.clip(steps, low, high), free & ~over
     if np.abs(powers @ steps - wanted).max() > _REACHED:
         return None
-    reached = np.clip(theta * np.exp(steps), box.lower, box.upper)
-    met = np.where(reached - box.lower < box.upper - reached, box.lower, box.upper)
+    reached = np.clip(theta * np.exp(steps), lower, upper)
+    met = np.where(reached - lower < upper - reached, lower, upper)
     return np.where(free, reached, met)
 
 
@@ -216,7 +219,7 @@ class _Cost:
 
     def descend(self, theta: FloatArray) -> Solution:
         """Steps of least squares, with ever sharper corners."""
-        lower, upper = self.problem.box.lower, self.problem.box.upper
+        lower, upper = self.problem.box
         best = self.solution(theta, began=self.sum(theta))
         evaluations, trace = 0, [best.cost]
         for rounded in _ROUNDED if self.absolute else (0.0,):
@@ -235,10 +238,8 @@ class _Cost:
 
     def solution(self, theta: FloatArray, *, began: float) -> Solution:
         """A solution at a place that is known to be one."""
-        errors = self.errors(theta)
-        jacobian = self.derivatives(theta, errors, _ROUNDED[-1] * self.mean_errors(errors))
-        residual = self.sharp_residual(errors)
-        lower, upper = self.problem.box.lower, self.problem.box.upper
+        residual, jacobian = self.sharp_residuals(theta)
+        lower, upper = self.problem.box
         cost = float(residual @ residual)
         return Solution(
             theta=theta,
@@ -287,6 +288,12 @@ class _Cost:
         """A solution of rounded corners with the cost and the residuals of the sharp ones."""
         residual = self.sharp_residual(self.errors(found.theta))
         return replace(found, residual=residual, cost=float(residual @ residual))
+
+    def sharp_residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals ``(4 n,)`` whose squares add up to the cost, and derivatives of those with rounded corners."""
+        errors = self.errors(theta)
+        jacobian = self.derivatives(theta, errors, _ROUNDED[-1] * self.mean_errors(errors))
+        return self.sharp_residual(errors), jacobian
 
     def sharp_residual(self, errors: FloatArray) -> FloatArray:
         """Residuals whose squares add up to the cost, shape ``(4 n,)``."""
@@ -350,7 +357,7 @@ def hover_parameters(*, m: float, omega_max: float, T_motor: float) -> Parameter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AccelerationProblem(Immutable):
+class AccelerationProblem(Problem):
     r"""Search motor and inertia constants with the least difference of four accelerations.
 
     .. math:: f = \frac{1}{4} \sum_c \frac{\sum_k |a_c(k) - \hat a_c(k)|}{\sum_k |a_c(k) - \bar a_c|}
@@ -375,6 +382,8 @@ class AccelerationProblem(Immutable):
         Of all.
     layout
         Where the motors are, in meters, and which way they turn; they push straight up.
+    region
+        Where a global search looks; by default all of the bounds.
     parameters
         Named ``c_t kappa I_xx I_yy I_zz m omega_max T_motor``; their bounds are the box of the search.
     error
@@ -408,7 +417,6 @@ class AccelerationProblem(Immutable):
     accelerations: FloatArray
     sample_rate_hz: float
     layout: RotorLayout
-    parameters: ParameterSet
     error: ErrorKind = "absolute"
 
     def __post_init__(self) -> None:
@@ -432,7 +440,7 @@ class AccelerationProblem(Immutable):
             )
         self._set(motors=motors, accelerations=accelerations, tilt=tilt)
         self._require_movement()
-        _ = self.box
+        _ = self.search_box
 
     def _require_movement(self) -> None:
         still = [name for name, size in zip(OUTPUTS, self._sizes.tolist(), strict=True) if size == 0.0]
@@ -447,8 +455,10 @@ class AccelerationProblem(Immutable):
         return "accelerations from motor outputs"
 
     @cached_property
-    def box(self) -> StartBox:
-        """Bounds of the free parameters; those over a decade and more are divided logarithmically."""
+    def search_box(self) -> StartBox:
+        """The whole of the bounds, where no region is given; those over a decade and more divided logarithmically."""
+        if self.region is not None:
+            return self.region
         free = [self.parameters[name] for name in self.parameters.free]
         wide: list[Scale] = [
             "logarithmic" if p.lower > 0.0 and p.upper >= _DECADE * p.lower else "linear" for p in free
@@ -457,11 +467,15 @@ class AccelerationProblem(Immutable):
             lower=np.array([p.lower for p in free]), upper=np.array([p.upper for p in free]), scales=tuple(wide)
         )
 
+    def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals ``(4 n,)`` whose squares add up to the cost, and derivatives with corners rounded ``(4 n, p)``."""
+        return _Cost(self, np.broadcast_to(self.channel_weights[:, None], self.made.shape)).sharp_residuals(theta)
+
     def named(self, theta: FloatArray) -> dict[str, float]:
         """Free parameters by their names."""
         return dict(zip(self.parameters.free, np.asarray(theta).tolist(), strict=True))
 
-    def costs(self, thetas: FloatArray) -> FloatArray:
+    def many_costs(self, thetas: FloatArray) -> FloatArray:
         """Cost of many parameter vectors ``(b, p)``, shape ``(b,)``; infinite where the model has no value."""
         gains, kept = self._model(self._values(thetas))
         if self.holds_lag:
@@ -489,7 +503,7 @@ class AccelerationProblem(Immutable):
         return model
 
     def polish(self, start: FloatArray) -> Solution:
-        """Local search from a start ``(p,)``; its cost is that of :meth:`costs`, and never above that of the start.
+        """Local search from a start ``(p,)``; its cost is that of :meth:`many_costs`, never above the start's.
 
         Where the lag is held and each acceleration can have the gain that suits it best, which is so with all inertias
         free, this is the only minimum, in closed form: see :mod:`rotorid.search.acceleration`.

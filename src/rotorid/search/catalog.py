@@ -5,14 +5,16 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
+from functools import partial
 from typing import Protocol
 
 from rotorid.errors import UsageError
+from rotorid.fitting.problem import Problem
 from rotorid.search.cma import cma_from_text
 from rotorid.search.kmeans import kmeans_from_text
-from rotorid.search.multistart import central_from_text, random_from_text, sobol_from_text
-from rotorid.search.objective import Objective, Report, SearchResult
+from rotorid.search.multistart import multistart_from_text
 from rotorid.search.population import evolution_from_text, genetic_from_text
+from rotorid.search.result import Report, SearchResult
 
 DEFAULT = "evolution"
 """The search to take when nothing is known of the problem."""
@@ -28,7 +30,7 @@ class Search(Protocol):
 
     def run(
         self,
-        objective: Objective,
+        problem: Problem,
         *,
         budget: int,
         seed: int,
@@ -39,8 +41,8 @@ class Search(Protocol):
 
         Parameters
         ----------
-        objective
-            What is minimized, and where.
+        problem
+            What is minimized; its ``search_box`` says where.
         budget
             Evaluations that may be spent. A population spends them on costs, and ends in a few local searches beyond;
             a search that is made of local searches spends them on these, and finishes the last.
@@ -62,13 +64,13 @@ class Search(Protocol):
 
 
 _SEARCHES: Mapping[str, Callable[[str], Search]] = {
-    "central": central_from_text,
+    "central": partial(multistart_from_text, "central"),
     "cma": cma_from_text,
     "evolution": evolution_from_text,
     "genetic": genetic_from_text,
     "kmeans": kmeans_from_text,
-    "random": random_from_text,
-    "sobol": sobol_from_text,
+    "random": partial(multistart_from_text, "random"),
+    "sobol": partial(multistart_from_text, "sobol"),
 }
 """What makes each search from the text of its options."""
 

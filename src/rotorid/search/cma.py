@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.search.objective import Evaluations, Objective, Report, SearchResult, require_budget, whole_number
+from rotorid.fitting.problem import Problem
 from rotorid.search.population import end_of_population
+from rotorid.search.result import Evaluations, Report, SearchResult, require_budget, whole_number
 from rotorid.typing import FloatArray
 
 _STEP = 0.3
@@ -67,7 +68,7 @@ class CovarianceAdaptation:
 
     def run(
         self,
-        objective: Objective,
+        problem: Problem,
         *,
         budget: int,
         seed: int,
@@ -75,11 +76,11 @@ class CovarianceAdaptation:
         progress: Report | None = None,
     ) -> SearchResult:
         """Search for the lowest minimum, see :class:`rotorid.search.catalog.Search`."""
-        size = objective.box.lower.size
+        size = problem.search_box.lower.size
         first = self.population or 4 + int(3.0 * np.log(size))
         require_budget(budget, first)
         rng = np.random.default_rng(seed)
-        evaluations = Evaluations(objective, executor=executor, progress=progress)
+        evaluations = Evaluations(problem, executor=executor, progress=progress)
         tried: list[FloatArray] = []
         met: list[FloatArray] = []
         run, largest, spent = _Run(first, _STEP, np.full(size, 0.5)), first, {"large": 0, "small": 0}
@@ -134,7 +135,7 @@ def _descend(
     while evaluations.count + run.population <= budget:
         steps = [strategy.ask() for _ in range(run.population)]
         shares = _folded(np.array(steps))
-        costs = evaluations.costs(evaluations.objective.box.at(shares))
+        costs = evaluations.costs(evaluations.box.at(shares))
         strategy.tell(list(zip(steps, np.minimum(costs, _WORST).tolist(), strict=True)))
         evaluations.mark()
         tried.append(shares)

@@ -10,9 +10,9 @@ import numpy as np
 
 from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
+from rotorid.fitting.problem import Problem
 from rotorid.search.multistart import most_starts
-from rotorid.search.objective import Evaluations, Objective, Report, SearchResult, require_budget, whole_number
-from rotorid.search.population import end
+from rotorid.search.result import Evaluations, Report, SearchResult, end, require_budget, whole_number
 from rotorid.search.starts import sobol
 from rotorid.typing import FloatArray, IntArray
 
@@ -101,7 +101,7 @@ class KMeans:
 
     def run(
         self,
-        objective: Objective,
+        problem: Problem,
         *,
         budget: int,
         seed: int,
@@ -110,10 +110,10 @@ class KMeans:
     ) -> SearchResult:
         """Search for the lowest minimum, see :class:`rotorid.search.catalog.Search`."""
         require_budget(budget, 1)
-        evaluations = Evaluations(objective, executor=executor, progress=progress)
+        evaluations = Evaluations(problem, executor=executor, progress=progress)
         found: list[Solution] = []
         lowest = np.inf
-        for starts in self._rounds(objective, budget, seed):
+        for starts in self._rounds(problem, budget, seed):
             thetas = self._settled(evaluations, starts, budget, lowest)
             for solution in evaluations.polished(thetas):
                 found.append(solution)
@@ -128,10 +128,10 @@ class KMeans:
     def _accepts(self, cost: float) -> bool:
         return self.acceptable is not None and cost <= self.acceptable
 
-    def _rounds(self, objective: Objective, budget: int, seed: int) -> Iterator[FloatArray]:
+    def _rounds(self, problem: Problem, budget: int, seed: int) -> Iterator[FloatArray]:
         """Start vectors of one round after the other, as many as the budget can pay."""
         count = self.candidates * (1 + most_starts(budget) // self.candidates)
-        points = sobol(objective.box, count, rng=np.random.default_rng(seed))
+        points = sobol(problem.search_box, count, rng=np.random.default_rng(seed))
         return iter(points.reshape(-1, self.candidates, points.shape[1]))
 
     def _settled(self, evaluations: Evaluations, thetas: FloatArray, budget: int, lowest: float) -> FloatArray:

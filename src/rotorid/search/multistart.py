@@ -1,37 +1,46 @@
-"""Plain multi-start from points drawn evenly over the box.
+"""Multi-start: a local search from one start after the other, until the budget is spent.
 
-Plain multi-start from Sobol points: the first choice where local searches are cheap.
-
-Plain multi-start from a central composite design: for few parameters, without anything random.
-
-Plain multi-start: a local search from one start after the other, until the budget is spent.
+The starts are a design over the box. Scrambled Sobol points fill it more evenly than random ones, so that fewer of them
+miss a basin; a central composite design has nothing random, and suits few parameters.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 
+from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
-from rotorid.search.objective import (
-    Evaluations,
-    Objective,
-    Report,
-    SearchResult,
-    no_options,
-    require_budget,
-    whole_number,
-)
-from rotorid.search.population import end
+from rotorid.fitting.problem import Problem, StartBox
+from rotorid.search.result import Evaluations, Report, SearchResult, end, require_budget, whole_number
 from rotorid.search.starts import at_random, central_composite, sobol
 from rotorid.typing import FloatArray
+
+Design: TypeAlias = Literal["central", "random", "sobol"]
+
+
+class Starts(Protocol):
+    """Lays out about so many starts over a box, shape ``(n, p)``."""
+
+    def __call__(self, box: StartBox, count: int, *, rng: np.random.Generator) -> FloatArray: ...
+
+
+def _all_of_composite(box: StartBox, count: int, *, rng: np.random.Generator) -> FloatArray:
+    """The whole design: what the budget does not pay is left out as it is spent, the star first."""
+    del count, rng
+    return central_composite(box)
+
+
+_DESIGNS: Mapping[Design, Starts] = {"central": _all_of_composite, "random": at_random, "sobol": sobol}
 
 
 def search_from(
     search: str,
-    objective: Objective,
+    problem: Problem,
     starts: FloatArray,
     *,
     budget: int,
@@ -52,7 +61,7 @@ def search_from(
         No start has a finite cost.
     """
     require_budget(budget, 1)
-    evaluations = Evaluations(objective, executor=executor, progress=progress)
+    evaluations = Evaluations(problem, executor=executor, progress=progress)
     found: list[Solution] = []
     lowest = np.inf
     for start, solution in zip(starts, evaluations.polished(starts), strict=True):
@@ -70,110 +79,40 @@ def most_starts(budget: int) -> int:
     return max(budget // 2, 1)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Random:
-    """Local searches from as many points as the budget pays.
-
-    The yardstick for every other search: each start falls into a basin with the probability of its share of the box.
-
-    Parameters
-    ----------
-    starts
-        How many at most; none for as many as the budget pays.
-
-    Examples
-    --------
-    >>> random_from_text("64")
-    Random(starts=64)
-    """
-
-    starts: int | None = None
-
-    @property
-    def name(self) -> str:
-        """Its name in the catalog."""
-        return "random"
-
-    def run(
-        self,
-        objective: Objective,
-        *,
-        budget: int,
-        seed: int,
-        executor: Executor | None = None,
-        progress: Report | None = None,
-    ) -> SearchResult:
-        """Search for the lowest minimum, see :class:`rotorid.search.catalog.Search`."""
-        count = min(self.starts or most_starts(budget), most_starts(budget))
-        starts = at_random(objective.box, count, rng=np.random.default_rng(seed))
-        return search_from(self.name, objective, starts, budget=budget, seed=seed, executor=executor, progress=progress)
-
-
-def random_from_text(options: str) -> Random:
-    """``random`` or ``random:64``, with the number of starts."""
-    return Random(starts=whole_number(options, of="random", needed="random:64") if options else None)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sobol:
-    """Local searches from as many points as the budget pays.
-
-    Scrambled Sobol points fill the box more evenly than random ones, so that fewer starts miss a basin.
-
-    Parameters
-    ----------
-    starts
-        How many at most; none for as many as the budget pays.
-
-    Examples
-    --------
-    >>> sobol_from_text("64")
-    Sobol(starts=64)
-    """
-
-    starts: int | None = None
-
-    @property
-    def name(self) -> str:
-        """Its name in the catalog."""
-        return "sobol"
-
-    def run(
-        self,
-        objective: Objective,
-        *,
-        budget: int,
-        seed: int,
-        executor: Executor | None = None,
-        progress: Report | None = None,
-    ) -> SearchResult:
-        """Search for the lowest minimum, see :class:`rotorid.search.catalog.Search`."""
-        count = min(self.starts or most_starts(budget), most_starts(budget))
-        starts = sobol(objective.box, count, rng=np.random.default_rng(seed))
-        return search_from(self.name, objective, starts, budget=budget, seed=seed, executor=executor, progress=progress)
-
-
-def sobol_from_text(options: str) -> Sobol:
-    """``sobol`` or ``sobol:64``, with the number of starts."""
-    return Sobol(starts=whole_number(options, of="sobol", needed="sobol:64") if options else None)
-
-
 @dataclass(frozen=True)
-class Central:
-    """Local searches from the center of the box, the corners of a cube about it and a star on its faces.
+class MultiStart:
+    """Local searches from as many points of a design as the budget pays.
 
-    With k parameters there are :math:`2^k + 2 k + 1` starts; those that the budget does not pay are left out, the star
-    first. The seed changes nothing. Twelve parameters or fewer are needed.
+    - ``random`` points are the yardstick for every other search: each start falls into a basin with the probability of
+      its share of the box.
+    - ``sobol`` points are the first choice where local searches are cheap.
+    - ``central`` has the center of the box, the corners of a cube about it and a star on its faces,
+      :math:`2^k + 2 k + 1` starts with k parameters, of which twelve or fewer are needed. The seed changes nothing.
+
+    Parameters
+    ----------
+    design
+        How the starts lie; the name of the search in the catalog.
+    starts
+        How many at most; none for as many as the budget pays.
+
+    Examples
+    --------
+    >>> multistart_from_text("sobol", "64")
+    MultiStart(design='sobol', starts=64)
     """
+
+    design: Design
+    starts: int | None = None
 
     @property
     def name(self) -> str:
         """Its name in the catalog."""
-        return "central"
+        return self.design
 
     def run(
         self,
-        objective: Objective,
+        problem: Problem,
         *,
         budget: int,
         seed: int,
@@ -181,11 +120,13 @@ class Central:
         progress: Report | None = None,
     ) -> SearchResult:
         """Search for the lowest minimum, see :class:`rotorid.search.catalog.Search`."""
-        starts = central_composite(objective.box)
-        return search_from(self.name, objective, starts, budget=budget, seed=seed, executor=executor, progress=progress)
+        count = min(self.starts or most_starts(budget), most_starts(budget))
+        starts = _DESIGNS[self.design](problem.search_box, count, rng=np.random.default_rng(seed))
+        return search_from(self.name, problem, starts, budget=budget, seed=seed, executor=executor, progress=progress)
 
 
-def central_from_text(options: str) -> Central:
-    """``central``."""
-    no_options(options, of="central")
-    return Central()
+def multistart_from_text(design: Design, options: str) -> MultiStart:
+    """``sobol`` and ``random``, or ``sobol:64`` with the number of starts; ``central``, which has no options."""
+    if design == "central" and options:
+        raise UsageError(f"central:{options} came", needed="central, which has no options")
+    return MultiStart(design, whole_number(options, of=design, needed=f"{design}:64") if options else None)

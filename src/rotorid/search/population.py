@@ -1,31 +1,29 @@
-"""Differential evolution with restarts: the search to take when in doubt.
+"""Populations: differential evolution with restarts, and the genetic algorithm of the literature on quadrotors.
 
-The real-coded genetic algorithm of the literature on quadrotors, as published.
-
-How every search ends: in local searches, with all minima.
+Differential evolution is the search to take when in doubt; the genetic one is here to reproduce what was published.
+Both spend their budget on costs, and end in local searches from the few vectors that are worth one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.fitting.least_squares import Solution
-from rotorid.search.objective import (
+from rotorid.fitting.problem import Problem, StartBox
+from rotorid.search.result import (
     Evaluations,
-    Objective,
     Report,
     SearchResult,
-    basins,
+    end,
     require_budget,
     whole_number,
     worth_polishing,
 )
-from rotorid.search.starts import StartBox, sobol
+from rotorid.search.starts import sobol
 from rotorid.typing import FloatArray, IntArray
 
 POLISHED = 8
@@ -55,31 +53,8 @@ def end_of_population(
         Nothing that was tried has a finite cost.
     """
     chosen = worth_polishing(shares, costs, count=POLISHED, early=EARLY, reserved=RESERVED)
-    starts = evaluations.objective.box.at(shares[chosen])
+    starts = evaluations.box.at(shares[chosen])
     return end(search, seed, evaluations, list(evaluations.polished(starts)))
-
-
-def end(search: str, seed: int, evaluations: Evaluations, found: Sequence[Solution]) -> SearchResult:
-    """The result of a search that ended in these local searches.
-
-    Raises
-    ------
-    InsufficientDataError
-        None has a finite cost.
-    """
-    best, minima = basins(found, name=evaluations.objective.name)
-    return SearchResult(
-        search=search,
-        seed=seed,
-        best=best,
-        theta=evaluations.theta,
-        cost=evaluations.best,
-        basins=minima,
-        trace=tuple(evaluations.trace),
-        evaluations=evaluations.count,
-        polishing=evaluations.polishing,
-        local_searches=len(found),
-    )
 
 
 _AT_REST = 1e-6
@@ -139,7 +114,7 @@ class Evolution:
 
     def run(
         self,
-        objective: Objective,
+        problem: Problem,
         *,
         budget: int,
         seed: int,
@@ -149,19 +124,19 @@ class Evolution:
         """Search for the lowest minimum, see :class:`rotorid.search.catalog.Search`."""
         require_budget(budget, self.population)
         rng = np.random.default_rng(seed)
-        evaluations = Evaluations(objective, executor=executor, progress=progress)
+        evaluations = Evaluations(problem, executor=executor, progress=progress)
         tried: list[FloatArray] = []
         met: list[FloatArray] = []
 
         def costs(shares: FloatArray) -> FloatArray:
             tried.append(shares.T.copy())
-            met.append(evaluations.costs(objective.box.at(shares.T)))
+            met.append(evaluations.costs(evaluations.box.at(shares.T)))
             evaluations.mark()
             return np.minimum(met[-1], _WORST)
 
         population = self.population
         while (left := (budget - evaluations.count) // population) > 0:
-            _evolve(costs, population, objective.box.lower.size, generations=left, rng=rng)
+            _evolve(costs, population, evaluations.box.lower.size, generations=left, rng=rng)
             if 2 * population * _FEWEST_GENERATIONS <= budget - evaluations.count:
                 population *= 2
         return end_of_population(self.name, seed, evaluations, np.concatenate(tried), np.concatenate(met))
@@ -267,7 +242,7 @@ class Genetic:
 
     def run(
         self,
-        objective: Objective,
+        problem: Problem,
         *,
         budget: int,
         seed: int,
@@ -277,15 +252,15 @@ class Genetic:
         """Search for the lowest minimum, see :class:`rotorid.search.catalog.Search`."""
         require_budget(budget, self.population)
         rng = np.random.default_rng(seed)
-        evaluations = Evaluations(objective, executor=executor, progress=progress)
+        evaluations = Evaluations(problem, executor=executor, progress=progress)
         generations = min(self.generations or budget, budget // self.population)
-        size = (generations, self.population, objective.box.lower.size)
+        size = (generations, self.population, evaluations.box.lower.size)
         tried, met = np.empty(size), np.empty(size[:2])
         shares, costs = rng.random(size[1:]), np.full(self.population, np.inf)
         for generation in range(generations):
             elite = int(np.argmin(costs))
             offspring = self._offspring(shares, costs, rng) if generation else shares
-            tried[generation], met[generation] = offspring, evaluations.costs(objective.box.at(offspring))
+            tried[generation], met[generation] = offspring, evaluations.costs(evaluations.box.at(offspring))
             evaluations.mark()
             worst = int(np.argmax(met[generation]))
             best, lowest = shares[elite].copy(), costs[elite]

@@ -12,8 +12,9 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
+from rotorid.fitting.problem import Problem
 from rotorid.search.catalog import Search
-from rotorid.search.objective import Objective, SearchResult
+from rotorid.search.result import SearchResult
 from rotorid.typing import BoolArray, FloatArray, IntArray
 from rotorid.uncertainty.resampling import LeftOut, RunProgress, SpreadTable, each_run, spread_of
 
@@ -29,21 +30,21 @@ _NORMAL_95 = 1.959964
 
 @dataclass(frozen=True, eq=False)
 class Repeated:
-    """The same search of the same objective, from any seed.
+    """The same search of the same problem, from any seed.
 
     Parameters
     ----------
-    search, objective, budget
+    search, problem, budget
         As in :meth:`rotorid.search.catalog.Search.run`.
     """
 
     search: Search
-    objective: Objective
+    problem: Problem
     budget: int
 
     def __call__(self, seed: int) -> SearchResult:
         """The search with one seed."""
-        return self.search.run(self.objective, budget=self.budget, seed=seed)
+        return self.search.run(self.problem, budget=self.budget, seed=seed)
 
 
 class Share(NamedTuple):

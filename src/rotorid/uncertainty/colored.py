@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.time.output_error import Part
+from rotorid.fitting.problem import Part
 from rotorid.typing import ComplexArray, FloatArray
 
 _LONGEST_MEMORY = 40
@@ -58,7 +58,7 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     Parameters
     ----------
     parts
-        Whitened residuals, slopes and unknowns of each record, see :class:`rotorid.fitting.time.output_error.Part`.
+        Whitened residuals, slopes and unknowns of each record, see :class:`rotorid.fitting.problem.Part`.
 
     Raises
     ------

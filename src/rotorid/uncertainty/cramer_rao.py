@@ -25,8 +25,9 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.frequency.problem import FrequencyProblem, ResidualErrors
+from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import Solution
+from rotorid.fitting.problem import ResidualErrors
 from rotorid.typing import FloatArray
 
 CRAMER_RAO_GUIDELINE_PERCENT = 20.0

@@ -11,8 +11,8 @@ from tests.unit.fitting.error_twin import EXACT, TRUTH, draws, measured, posed
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.fit import fit, refine
-from rotorid.fitting.frequency.problem import ResidualErrors
 from rotorid.fitting.least_squares import Outcome
+from rotorid.fitting.problem import ResidualErrors
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, bounds
 

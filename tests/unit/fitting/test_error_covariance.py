@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.unit.fitting.error_twin import EXACT, OMEGA, between_inputs, draws, measured, posed, stated_covariance
 
-from rotorid.fitting.frequency.problem import MODEL_ERROR, ResidualErrors
+from rotorid.fitting.problem import MODEL_ERROR, ResidualErrors
 from rotorid.typing import FloatArray
 
 JOINED = measured(EXACT)

@@ -30,7 +30,7 @@ from rotorid.pipeline.segments import TimeRecords, time_records
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings, parse_segment
 from rotorid.pipeline.time_fit import fit_in_time
 from rotorid.reduction.guided import Reduced, fit_and_drop
-from rotorid.search.objective import Basin
+from rotorid.search.result import Basin
 from rotorid.uncertainty.cramer_rao import Bounds
 
 MODEL = "response.second_order_delay"

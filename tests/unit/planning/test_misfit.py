@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from tests.unit.planning.plans import LOG_HZ, STRUCTURE, TRUTH, roll_loop, sweeps
 
-from rotorid.fitting.frequency.problem import FrequencyProblem, ResidualErrors
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.problem import ResidualErrors
 from rotorid.planning.expected import (
     ExpectedFit,
     FitChoices,

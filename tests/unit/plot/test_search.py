@@ -10,7 +10,7 @@ import pytest
 
 from rotorid.errors import UsageError
 from rotorid.plot.search import ACCELERATIONS, accelerations, convergence
-from rotorid.search.objective import Progress
+from rotorid.search.result import Progress
 
 TRACE = (Progress(15, np.inf), Progress(30, 2.0), Progress(45, 0.5))
 

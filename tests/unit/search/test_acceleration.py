@@ -44,7 +44,7 @@ def truth_of(problem: AccelerationProblem) -> FloatArray:
 
 
 def starts(problem: AccelerationProblem, count: int = 4) -> FloatArray:
-    return problem.box.at(np.random.default_rng(5).random((count, problem.box.lower.size)))
+    return problem.search_box.at(np.random.default_rng(5).random((count, problem.search_box.lower.size)))
 
 
 def as_printed(values: dict[str, float]) -> FloatArray:
@@ -73,7 +73,7 @@ def test_costs_are_those_of_the_equations(parameters: ParameterSet, error: str) 
     power = 2 if error == "squared" else 1
     moved = FLIGHT.accelerations - FLIGHT.accelerations.mean(axis=1, keepdims=True)
     sizes = np.sum(np.abs(moved) ** power, axis=1)
-    for theta, cost, points in zip(thetas, problem.costs(thetas), problem.point_costs(thetas), strict=True):
+    for theta, cost, points in zip(thetas, problem.many_costs(thetas), problem.point_costs(thetas), strict=True):
         model = as_printed({**TRUTH, **problem.named(theta)})
         np.testing.assert_allclose(problem.modeled(theta), model, rtol=1e-9, atol=1e-9)
         each = np.abs(FLIGHT.accelerations - model) ** power / sizes[:, None]
@@ -85,7 +85,7 @@ def test_the_truth_explains_the_flight_but_for_its_noise() -> None:
     problem = posed()
     np.testing.assert_allclose(problem.modeled(truth_of(problem)), FLIGHT.exact, atol=1e-9)
     quiet = posed(flight=hover_quadrotor.fly(np.random.default_rng(0), noise=0.0))
-    assert quiet.costs(truth_of(quiet)[None])[0] < 1e-9
+    assert quiet.many_costs(truth_of(quiet)[None])[0] < 1e-9
 
 
 @pytest.mark.parametrize("parameters", [KAPPA_HELD, LAG_FREE], ids=["lag held", "lag free"])
@@ -106,12 +106,12 @@ def test_the_closed_form_is_the_minimum_from_wherever_it_begins(error: str) -> N
     ends = [problem.polish(start) for start in starts(problem)]
     for found in ends:
         assert found.outcome is Outcome.CONVERGED
-        assert found.cost == pytest.approx(float(problem.costs(found.theta[None])[0]), rel=1e-12)
+        assert found.cost == pytest.approx(float(problem.many_costs(found.theta[None])[0]), rel=1e-12)
         assert found.cost == pytest.approx(float(found.residual @ found.residual), rel=1e-12)
         assert found.trace[0] >= found.trace[-1]
         # The cost is convex in each gain, so a place that is lowest among its neighbors is the lowest of all.
         around = found.theta * (1.0 + 1e-4 * np.concatenate([np.eye(5), -np.eye(5)]))
-        assert problem.costs(around).min() >= found.cost
+        assert problem.many_costs(around).min() >= found.cost
     # Ends differ in what is not seen, and in nothing else.
     named = [problem.named(found.theta) for found in ends]
     for one in named[1:]:
@@ -127,12 +127,12 @@ def test_bounds_in_the_way_leave_the_closed_form() -> None:
     problem = posed()
     corners = np.full((4, 5), 0.5)
     corners[:, [problem.parameters.free.index(name) for name in ("kappa", "I_zz")]] = [[0, 0], [0, 1], [1, 0], [1, 1]]
-    ends = [problem.polish(start) for start in problem.box.at(corners)]
+    ends = [problem.polish(start) for start in problem.search_box.at(corners)]
     # Where both begin at the same side of the box, κ comes back to its bound.
     assert [sum(found.at_bound) for found in ends] == [1, 0, 0, 1]
     for found in ends:
         assert found.evaluations == 1
-        assert np.all((found.theta >= problem.box.lower) & (found.theta <= problem.box.upper))
+        assert np.all((found.theta >= problem.search_box.lower) & (found.theta <= problem.search_box.upper))
         assert found.cost == pytest.approx(ends[0].cost, rel=1e-9)
 
 
@@ -143,13 +143,13 @@ def test_steps_lead_down_where_there_is_no_closed_form(parameters: ParameterSet,
     ends = [problem.polish(start) for start in starts(problem, 3)]
     truth = truth_of(problem)
     for found in ends:
-        assert found.cost == pytest.approx(float(problem.costs(found.theta[None])[0]), rel=1e-9)
+        assert found.cost == pytest.approx(float(problem.many_costs(found.theta[None])[0]), rel=1e-9)
         assert list(found.trace) == sorted(found.trace, reverse=True)
-        assert found.cost <= problem.costs(truth[None])[0]
+        assert found.cost <= problem.many_costs(truth[None])[0]
     # Corners rounded over a hundredth of the mean error move the end by about the square of that.
     np.testing.assert_allclose([found.cost for found in ends], ends[0].cost, rtol=1e-6)
     around = ends[0].theta * (1.0 + 1e-2 * np.concatenate([np.eye(truth.size), -np.eye(truth.size)]))
-    assert problem.costs(around).min() > ends[0].cost
+    assert problem.many_costs(around).min() > ends[0].cost
     # Noise leaves a percent.
     np.testing.assert_allclose(ends[0].theta, truth, rtol=0.03)
 
@@ -193,15 +193,15 @@ def test_it_comes_back_from_another_process() -> None:
     problem = posed(LAG_FREE)
     again = pickle.loads(pickle.dumps(problem))
     thetas = starts(problem)
-    np.testing.assert_array_equal(again.costs(thetas), problem.costs(thetas))
+    np.testing.assert_array_equal(again.many_costs(thetas), problem.many_costs(thetas))
     assert not again.motors.flags.writeable
 
 
 def test_the_box_is_that_of_the_bounds() -> None:
-    box = posed(LAG_FREE).box
+    box = posed(LAG_FREE).search_box
     assert box.scales == ("logarithmic",) * 4 + ("linear",)
     near = ParameterSet(replace(p, lower=0.01, upper=0.09) if p.name == "I_xx" else p for p in KAPPA_HELD)
-    assert posed(near).box.scales[1] == "linear"
+    assert posed(near).search_box.scales[1] == "linear"
 
 
 @pytest.mark.parametrize(

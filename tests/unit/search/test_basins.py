@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.search.objectives import Valleys
+from tests.unit.search.problems import Valleys
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import Outcome
-from rotorid.search.objective import basins, worth_polishing
+from rotorid.search.result import basins, worth_polishing
 
 PLACES = Valleys.places
 
@@ -43,12 +43,12 @@ def test_no_finite_end_is_said() -> None:
 
 def test_the_feet_of_all_valleys_are_worth_polishing() -> None:
     shares = np.random.default_rng(0).random((600, 2))
-    objective = Valleys()
-    costs = objective.costs(objective.box.at(shares))
+    problem = Valleys()
+    costs = problem.many_costs(problem.search_box.at(shares))
     chosen = worth_polishing(shares, costs, count=4)
     assert chosen[0] == np.argmin(costs)
     assert np.all(np.diff(costs[chosen]) > 0.0)
-    feet = objective.box.at(shares[chosen])
+    feet = problem.search_box.at(shares[chosen])
     assert {tuple(np.sign(foot)) for foot in feet} == {tuple(place) for place in PLACES}
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
+from rotorid.fitting.problem import search_box
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.search.starts import search_box
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from tests.unit.search.objectives import LOWEST, OBJECTIVES, Valleys
+from tests.unit.search.problems import LOWEST, PROBLEMS, Valleys
 
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.search.catalog import search, searches
-from rotorid.search.objective import Objective, Progress, SearchResult
+from rotorid.search.result import Progress, SearchResult
 from rotorid.typing import FloatArray
 
 
@@ -44,7 +44,7 @@ LINES = [
     Line("sobol:16", 600),
 ]
 EACH = pytest.mark.parametrize("line", LINES, ids=[line.text for line in LINES])
-ON_EACH = pytest.mark.parametrize("name", OBJECTIVES)
+ON_EACH = pytest.mark.parametrize("name", PROBLEMS)
 LONGEST_LOCAL_SEARCH = 201
 
 
@@ -55,7 +55,7 @@ def budget(line: Line, name: str) -> int:
 
 @cache
 def found(line: Line, name: str, seed: int = 1) -> SearchResult:
-    return search(line.text).run(OBJECTIVES[name], budget=budget(line, name), seed=seed)
+    return search(line.text).run(PROBLEMS[name], budget=budget(line, name), seed=seed)
 
 
 def same(one: SearchResult, other: SearchResult) -> bool:
@@ -101,10 +101,10 @@ def test_it_ends_in_a_minimum(line: Line, name: str) -> None:
 @EACH
 @ON_EACH
 def test_what_it_tells_agrees(line: Line, name: str) -> None:
-    objective, result = OBJECTIVES[name], found(line, name)
+    problem, result = PROBLEMS[name], found(line, name)
     assert result.search == line.text.partition(":")[0]
-    assert float(objective.costs(result.theta[None])[0]) == pytest.approx(result.cost, rel=1e-9)
-    assert float(objective.costs(result.best.theta[None])[0]) == pytest.approx(result.best.cost, rel=1e-6)
+    assert float(problem.many_costs(result.theta[None])[0]) == pytest.approx(result.cost, rel=1e-9)
+    assert float(problem.many_costs(result.best.theta[None])[0]) == pytest.approx(result.best.cost, rel=1e-6)
     assert result.best.cost <= result.cost * (1.0 + 1e-12)
     assert sum(basin.share for basin in result.basins) == pytest.approx(1.0)
     assert [basin.cost for basin in result.basins[1:]] == sorted(basin.cost for basin in result.basins[1:])
@@ -129,7 +129,7 @@ def test_the_trace_falls_within_the_budget(line: Line, name: str) -> None:
 @EACH
 def test_the_seed_decides(line: Line) -> None:
     first = found(line, "late")
-    assert same(first, search(line.text).run(OBJECTIVES["late"], budget=line.budget, seed=1))
+    assert same(first, search(line.text).run(PROBLEMS["late"], budget=line.budget, seed=1))
     other = found(line, "late", seed=2)
     assert np.array_equal(first.theta, other.theta) is (line.text == "central")
 
@@ -151,7 +151,7 @@ def threads() -> Iterator[Executor]:
 @pytest.mark.parametrize("workers", ["processes", "threads"])
 def test_any_number_of_workers_gives_the_same_answer(line: Line, workers: str, request: pytest.FixtureRequest) -> None:
     pool: Executor = request.getfixturevalue(workers)
-    shared = search(line.text).run(OBJECTIVES["late"], budget=line.budget, seed=1, executor=pool)
+    shared = search(line.text).run(PROBLEMS["late"], budget=line.budget, seed=1, executor=pool)
     assert same(shared, found(line, "late"))
 
 
@@ -236,7 +236,7 @@ class Slow(Valleys):
 def test_workers_share_local_searches(threads: Executor) -> None:
     def seconds(executor: Executor | None) -> float:
         before = time.perf_counter()
-        slow: Objective = Slow()
+        slow = Slow()
         search("sobol:24").run(slow, budget=10_000, seed=0, executor=executor)
         return time.perf_counter() - before
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.least_squares import LevenbergMarquardt
-from rotorid.search.starts import StartBox, at_random, central_composite, multistart, sobol
+from rotorid.fitting.least_squares import LevenbergMarquardt, best_of
+from rotorid.fitting.problem import StartBox
+from rotorid.search.starts import at_random, central_composite, sobol
 from rotorid.typing import FloatArray
 
 Design = Callable[[StartBox, np.random.Generator], FloatArray]
@@ -72,9 +73,8 @@ def valleys(x: FloatArray) -> tuple[FloatArray, FloatArray]:
 def test_all_minima_are_kept() -> None:
     wide = np.full(2, np.inf)
     box = StartBox(lower=np.full(2, -2.0), upper=np.full(2, 2.0), scales=("linear", "linear"))
-    found = multistart(
-        lambda start: LevenbergMarquardt().minimize(valleys, start, -wide, wide), central_composite(box), name="valleys"
-    )
+    ends = [LevenbergMarquardt().minimize(valleys, start, -wide, wide) for start in central_composite(box)]
+    found = best_of(ends, name="valleys")
     assert np.all(np.sign(found.theta) == [1.0, 1.0])
     corners = {tuple(np.sign(theta)) for _, theta in found.others if abs(theta).min() > 0.5}
     assert corners == {(1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)}
@@ -88,6 +88,4 @@ def test_no_usable_start_is_said() -> None:
 
     wide = np.array([np.inf])
     with pytest.raises(InsufficientDataError, match="nowhere"):
-        multistart(
-            lambda start: LevenbergMarquardt().minimize(nowhere, start, -wide, wide), [np.zeros(1)], name="nowhere"
-        )
+        best_of([LevenbergMarquardt().minimize(nowhere, np.zeros(1), -wide, wide)], name="nowhere")

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 import pytest
-from tests.unit.search.objectives import Valleys
+from tests.unit.search.problems import Valleys, anything
 
-from rotorid.data.base import Immutable
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.fitting.problem import Problem, StartBox
+from rotorid.models.parameter import ParameterSet
 from rotorid.search import population as ending
 from rotorid.search.catalog import search
-from rotorid.search.objective import worth_polishing
-from rotorid.search.starts import StartBox
+from rotorid.search.result import worth_polishing
 from rotorid.typing import FloatArray
 
 SIDES = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trap(Immutable):
+class Trap(Problem):
     """Two bowls, side by side: the wider one has most of the box and of the low costs, the steeper one the lowest."""
 
-    at_once: ClassVar[int] = 4
-
     name: str = "trap"
-    box: StartBox = field(
+    parameters: ParameterSet = field(default_factory=lambda: anything(*(f"x{k}" for k in range(SIDES))))
+    region: StartBox | None = field(
         default_factory=lambda: StartBox(lower=np.zeros(SIDES), upper=np.ones(SIDES), scales=("linear",) * SIDES)
     )
     steep: float = 1.3
@@ -40,9 +38,6 @@ class Trap(Immutable):
         right = thetas[:, :1] > 0.7
         moved = np.where(right, self.steep * (thetas - 0.8), thetas - 0.4)
         return np.hstack([moved, np.where(right, 0.0, 0.3)]) ** 2
-
-    def costs(self, thetas: FloatArray) -> FloatArray:
-        return np.asarray(self.point_costs(thetas).sum(axis=1))
 
     def polish(self, start: FloatArray) -> Solution:
         return LevenbergMarquardt().minimize(self.residuals, start, np.zeros(SIDES), np.ones(SIDES))
@@ -86,7 +81,7 @@ def test_what_lies_beside_a_chosen_place_takes_no_reserved_one() -> None:
 
 def test_while_all_is_early_nothing_is_reserved() -> None:
     shares = np.random.default_rng(0).random((ending.EARLY, 2))
-    costs = Valleys().costs(5.0 * shares - 2.5)
+    costs = Valleys().many_costs(5.0 * shares - 2.5)
     plain = worth_polishing(shares, costs, count=ending.POLISHED)
     reserved = worth_polishing(shares, costs, count=ending.POLISHED, early=ending.EARLY, reserved=ending.RESERVED)
     assert reserved.tolist() == plain.tolist()

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from tests.unit.search.objectives import Valleys
+from tests.unit.search.problems import Valleys
 
 from rotorid.errors import UsageError
 from rotorid.search.population import Genetic, _roulette
@@ -63,9 +63,9 @@ class Heard(Valleys):
 
     asked: ClassVar[list[FloatArray]] = []
 
-    def costs(self, thetas: FloatArray) -> FloatArray:
+    def many_costs(self, thetas: FloatArray) -> FloatArray:
         self.asked.append(thetas)
-        return super().costs(thetas)
+        return super().many_costs(thetas)
 
 
 def test_the_best_is_never_lost() -> None:

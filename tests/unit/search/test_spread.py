@@ -10,12 +10,11 @@ from tests.unit.fitting.known_models import posed
 
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.fitting.problem import StartBox
 from rotorid.models.library import rate_model
 from rotorid.search.catalog import search
-from rotorid.search.objective import Progress, SearchResult
-from rotorid.search.objectives import FrequencyObjective
+from rotorid.search.result import Progress, SearchResult
 from rotorid.search.spread import Repeated, spread_over_starts, wilson
-from rotorid.search.starts import StartBox
 from rotorid.typing import FloatArray
 
 
@@ -158,7 +157,7 @@ def test_a_search_of_the_catalog_can_be_repeated() -> None:
         upper=np.array([300.0, 0.0, 0.06]),
         scales=("logarithmic", "linear", "linear"),
     )
-    repeated = Repeated(search("genetic"), FrequencyObjective(problem=problem, box=box), 150)
+    repeated = Repeated(search("genetic"), problem.within(box), 150)
     spread = spread_over_starts(repeated, names=parameters.free, runs=6, seed=0)
     assert spread.success.value == 1.0
     np.testing.assert_allclose(spread.after.mean, [60.0, -2.0, 0.012], rtol=1e-5)

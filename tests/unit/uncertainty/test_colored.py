@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.time.output_error import Part
+from rotorid.fitting.problem import Part
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import autoregression, colored_covariance
 

@@ -35,8 +35,9 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.frequency.problem import ResidualErrors, residual_errors
+from rotorid.fitting.frequency.problem import residual_errors
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.fitting.problem import ResidualErrors
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 InputHold: TypeAlias = Literal["held", "smooth"]

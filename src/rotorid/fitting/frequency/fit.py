@@ -29,7 +29,7 @@ import numpy as np
 
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.frequency.parameter_map import generic_values
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, ResidualErrors, pair_names
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, pair_names
 from rotorid.fitting.frequency.starts import own_starts, start_values
 from rotorid.fitting.least_squares import (
     LARGEST_DAMPING,
@@ -40,6 +40,7 @@ from rotorid.fitting.least_squares import (
     best_of,
     same_cost,
 )
+from rotorid.fitting.problem import ResidualErrors
 from rotorid.typing import BoolArray, FloatArray, IntArray
 
 

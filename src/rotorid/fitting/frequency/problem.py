@@ -34,15 +34,15 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import read_only
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.parameter_map import Matrices, ParameterMap, Slopes
-from rotorid.models.parameter import ParameterSet
+from rotorid.fitting.problem import Problem, ResidualErrors
 from rotorid.models.structure import LinearStructure
 from rotorid.spectral.composite import level_about, output_correlation
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
@@ -406,60 +406,8 @@ def within_bands(used: BoolArray, data: FrequencyResponse, bands: Mapping[str, t
     return kept
 
 
-MODEL_ERROR = 0.01
-"""Relative error of the model itself, independent from point to point: no structure and no sensor is better."""
-
-_OWN_SHARE = 0.1
-"""Part of a point's own variance that no other point shares: measured covariances are not known better than that."""
-
 _JITTER = 1e-9
 """Outputs of which one is the integral of another err alike to the last digit; a factor needs some distance."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ResidualErrors(Immutable):
-    """What the errors of the data make of the residuals of a problem.
-
-    Parameters
-    ----------
-    covariance
-        Of the residuals, shape ``(2 n, 2 n)``.
-    scale
-        Factor from a relative error to each residual, shape ``(2 n,)``.
-    """
-
-    covariance: FloatArray
-    scale: FloatArray
-
-    def __post_init__(self) -> None:
-        self._set(
-            covariance=read_only(self.covariance, np.float64, ndim=2),
-            scale=read_only(self.scale, np.float64, ndim=1),
-        )
-
-    @cached_property
-    def root(self) -> FloatArray:
-        """Cholesky factor of the covariance with what no measured covariance knows, shape ``(2 n, 2 n)``."""
-        return np.asarray(np.linalg.cholesky(self.covariance + np.diag(self.own)))
-
-    @property
-    def own(self) -> FloatArray:
-        """Variances of what no measured covariance knows, independent from residual to residual, shape ``(2 n,)``."""
-        return np.asarray(_OWN_SHARE * np.diag(self.covariance) + (MODEL_ERROR * self.scale) ** 2)
-
-    def whitened(self, values: FloatArray) -> FloatArray:
-        """Residuals, or columns of a Jacobian, in units in which their errors have no correlation and variance one."""
-        from scipy.linalg import solve_triangular
-
-        return np.asarray(solve_triangular(self.root, values, lower=True, check_finite=False))
-
-    @cached_property
-    def whitened_trace(self) -> float:
-        """Sum of the variances of whitened residuals: what is measured of them, without what no covariance knows."""
-        from scipy.linalg.lapack import dtrtri
-
-        inverse = dtrtri(self.root.T, lower=0)[0]
-        return float(self.scale.size - np.einsum("ij,ij,i->", inverse, inverse, self.own))
 
 
 def residual_errors(
@@ -539,14 +487,13 @@ def _between_outputs(data: FrequencyResponse, output: IntArray, source: IntArray
     return np.asarray(factor @ factor.conj().T)
 
 
-_OF_THE_DATA = ("weights", "scales", "points", "point_scales", "errors")
 _LARGEST_ERROR = 0.3
 _LONGEST_DIP = 3
 _FEWEST_POINTS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FrequencyProblem(Immutable):
+class FrequencyProblem(Problem):
     """Fit a linear structure to frequency responses in CIFER's cost.
 
     Weights change what is minimized, and never what is reported: :meth:`costs` are CIFER's own numbers, comparable
@@ -556,8 +503,8 @@ class FrequencyProblem(Immutable):
     ----------
     structure
         Its inputs and outputs name the responses, in this order.
-    parameters
-        Which parameters are free, and from where to start.
+    parameters, region
+        As in :class:`rotorid.fitting.problem.Problem`.
     data
         Measured responses of exactly these inputs and outputs.
     used
@@ -568,8 +515,10 @@ class FrequencyProblem(Immutable):
         Weight of a squared degree against a squared decibel; CIFER's 0.01745 makes 7.57° one decibel.
     """
 
+    method: ClassVar[str] = "frequency"
+    kept: ClassVar[tuple[str, ...]] = ("weights", "scales", "points", "point_scales", "errors")
+
     structure: LinearStructure
-    parameters: ParameterSet
     data: FrequencyResponse
     used: BoolArray
     pair_weights: Mapping[str, float] = field(default_factory=dict)
@@ -595,6 +544,11 @@ class FrequencyProblem(Immutable):
         if not 0.0 <= self.phase_weight < np.inf:
             raise UsageError(f"the phase weight {self.phase_weight:g} came", needed="zero or a positive number")
         self._set(used=used, pair_weights=self.pair_weights)
+
+    @property
+    def name(self) -> str:
+        """Name of the structure."""
+        return self.structure.name
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -627,12 +581,6 @@ class FrequencyProblem(Immutable):
         return magnitude[self.used], phase[self.used]
 
     @cached_property
-    def box(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of the free parameters, each shape ``(p,)``."""
-        free = [self.parameters[name] for name in self.parameters.free]
-        return np.array([one.lower for one in free]), np.array([one.upper for one in free])
-
-    @cached_property
     def errors(self) -> ResidualErrors:
         """What the errors of the data make of the residuals."""
         return residual_errors(self.data, self.used, self.point_scales)
@@ -642,12 +590,9 @@ class FrequencyProblem(Immutable):
         model = self.structure.response(self.parameters.unpack(theta).values, self.data.omega_rad_s)
         return residual_errors(self.data, self.used, self.point_scales, model=model)
 
-    def with_parameters(self, parameters: ParameterSet) -> FrequencyProblem:
-        """The same problem with other free parameters or another start."""
-        changed = replace(self, parameters=parameters)
-        # What follows from the data alone need not be worked out again.
-        changed.__dict__.update({name: self.__dict__[name] for name in _OF_THE_DATA if name in self.__dict__})
-        return changed
+    def stated_errors(self, theta: FloatArray, *, weights: Literal["cifer", "covariance"] = "cifer") -> ResidualErrors:
+        """The errors that the responses state; with weights of the covariance, those about the model at ``theta``."""
+        return self.errors if weights == "cifer" else self.errors_about(theta)
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals whose squares sum to the weighted cost, shape ``(2 n,)``, and their Jacobian ``(2 n, p)``.
@@ -667,6 +612,17 @@ class FrequencyProblem(Immutable):
     def many_costs(self, thetas: FloatArray) -> FloatArray:
         """Sum of the squared residuals for many parameter vectors ``(b, p)``, shape ``(b,)``; infinite at a pole."""
         return sums_of_squares(self.parameter_map, thetas, self.points, self.point_scales)
+
+    def point_costs(self, thetas: FloatArray) -> FloatArray:
+        """Squared error of magnitude and phase at every point, weighted as in the cost, ``(b, p)`` to ``(b, n)``."""
+        residual = self.many_residuals(thetas)[0]
+        magnitude, phase = np.split(residual, 2, axis=-1)
+        squares = magnitude**2 + phase**2
+        return np.where(np.isfinite(squares), squares, np.inf)
+
+    def point_weights(self, points: FloatArray) -> FloatArray:
+        """Weights of points ``(n,)`` as those of magnitudes and phases, ``(2 n,)``."""
+        return np.tile(points, 2)
 
     def costs(self, theta: FloatArray) -> FloatArray:
         """Cost of each response without weights of pairs, shape ``(y, u)``."""

@@ -39,7 +39,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.time.output_error import Part
+from rotorid.fitting.problem import Part, Problem
 from rotorid.models.motors import RATES
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import BoolArray, FloatArray
@@ -191,7 +191,7 @@ class Axis(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotorProblem(Immutable):
+class MotorProblem(Problem):
     """The chain from motor outputs to accelerations, fitted to records.
 
     Parameters
@@ -201,8 +201,8 @@ class MotorProblem(Immutable):
     levers
         Roll, pitch and yaw moment of one newton of each rotor: :math:`-y_i`, :math:`x_i` in meters, and the direction
         :math:`s_i` of its torque; shape ``(3, motors)``.
-    parameters
-        Of :func:`rotorid.models.motors.motor_parameters`.
+    parameters, region
+        As in :class:`rotorid.fitting.problem.Problem`; those of :func:`rotorid.models.motors.motor_parameters`.
     axes
         Which equations count.
     filters
@@ -215,9 +215,11 @@ class MotorProblem(Immutable):
         Records and levers have different numbers of motors.
     """
 
+    method: ClassVar[str] = "motors"
+    alike: ClassVar[bool] = False
+
     records: tuple[MotorRecord, ...]
     levers: FloatArray
-    parameters: ParameterSet
     axes: tuple[str, ...] = ("az", "weight", "p", "q", "r")
     filters: tuple[Mapping[str, Filter], ...] = ()
 
@@ -233,15 +235,10 @@ class MotorProblem(Immutable):
         filters = self.filters or tuple(plain for _ in self.records)
         self._set(records=tuple(self.records), levers=levers, axes=tuple(self.axes), filters=tuple(filters))
 
-    @cached_property
-    def box(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of the free parameters, each shape ``(p,)``."""
-        free = [self.parameters[name] for name in self.parameters.free]
-        return np.array([one.lower for one in free]), np.array([one.upper for one in free])
-
-    def with_parameters(self, parameters: ParameterSet) -> MotorProblem:
-        """The same problem with other free parameters or another start."""
-        return replace(self, parameters=parameters)
+    @property
+    def name(self) -> str:
+        """What is fitted, for messages."""
+        return "motors"
 
     def with_filters(self, filters: Sequence[Mapping[str, Filter]]) -> MotorProblem:
         """The same problem with errors taken as of another color."""

@@ -6,16 +6,17 @@ Maximum likelihood for a nonlinear model: output error with the noise re-estimat
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import Immutable
 from rotorid.errors import ModelError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.time.output_error import Fitted, Part, TimeData, require_records
+from rotorid.fitting.problem import Part, StartBox, search_box
+from rotorid.fitting.time.output_error import Fitted, OutputErrorProblem, TimeData
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.simulation.nonlinear import NonlinearSensitivities, Scheme, nonlinear_sensitivities, simulate_nonlinear
@@ -25,6 +26,8 @@ NonlinearUnknown: TypeAlias = Literal["initial_state", "output_shift"]
 """What no model can know of a record: where it began, and offsets of its sensors."""
 
 _SAME_DIRECTION = 1e-9
+_ABOUT_START = 0.1
+_LEAST_START = 1e-3
 
 
 class Estimate(NamedTuple):
@@ -46,7 +49,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NonlinearProblem(Immutable):
+class NonlinearProblem(OutputErrorProblem):
     r"""Fit a nonlinear structure to measured outputs.
 
     .. math:: y(t_k) = \hat y(t_k; \theta, x_0) + c + e_k, \qquad e_k \sim (0, R)
@@ -57,20 +60,15 @@ class NonlinearProblem(Immutable):
 
     Parameters
     ----------
-    structure
-        Its inputs and outputs name the rows of the records.
-    parameters
-        Which parameters are free, and from where to start; there may be more than the structure has.
-    records
-        What was measured.
+    parameters, region, structure, records, noise
+        As in :class:`rotorid.fitting.time.output_error.OutputErrorProblem`; there may be more parameters than the
+        structure has.
     unknowns
         What is estimated beside the parameters, for each record. Without ``initial_state`` only those initial states
         are unknown of which the first sample says nothing; the others are taken as measured, noise and all. The shift
         of an output that only counts from its own start, such as a position, cannot be told from that start.
     scheme
         How the model is integrated.
-    noise
-        Covariance :math:`R` of the output errors, shape ``(y, y)``; at first the variances of the outputs.
 
     Raises
     ------
@@ -78,33 +76,16 @@ class NonlinearProblem(Immutable):
         A record has other rows than the structure, or there is none; or a parameter of the structure is missing.
     """
 
+    initial_conditions: ClassVar[tuple[str, ...]] = get_args(NonlinearUnknown)
+
     structure: NonlinearStructure
-    parameters: ParameterSet
-    records: tuple[TimeData, ...]
     unknowns: tuple[NonlinearUnknown, ...] = ("initial_state",)
     scheme: Scheme = field(default_factory=Scheme)
-    noise: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        outputs = len(self.structure.outputs)
-        require_records(
-            self.records,
-            inputs=self.structure.inputs,
-            outputs=self.structure.outputs,
-            unknowns=self.unknowns,
-            known=get_args(NonlinearUnknown),
-        )
         if missing := [name for name in self.structure.parameters.names if name not in self.parameters.names]:
             raise UsageError(f"{self.structure.name} has {', '.join(missing)}, which the parameters lack")
-        noise = read_only(self.noise if self.noise.size else self._variances(), np.float64, ndim=2)
-        if noise.shape != (outputs, outputs):
-            raise UsageError(f"a noise of shape {noise.shape} came", needed=f"shape ({outputs}, {outputs})")
-        self._set(records=tuple(self.records), noise=noise)
-
-    def _variances(self) -> FloatArray:
-        whole = np.hstack([record.outputs - record.outputs.mean(axis=1, keepdims=True) for record in self.records])
-        size = np.mean(whole**2, axis=1)
-        return np.diag(np.where(size > 0.0, size, 1.0))
+        super().__post_init__()
 
     @cached_property
     def _measured(self) -> FloatArray:
@@ -123,13 +104,26 @@ class NonlinearProblem(Immutable):
         shifts = len(self.structure.outputs) if "output_shift" in self.unknowns else 0
         return int(self._unknown_states.sum()) + shifts
 
+    @property
+    def most_unknowns(self) -> int:
+        """The numbers that are estimated beside the parameters, over all records."""
+        return self._nuisances * len(self.records)
+
     @cached_property
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of a vector, each shape ``(p + nuisances,)``."""
-        free = [self.parameters[name] for name in self.parameters.free]
-        none = np.full(self._nuisances * len(self.records), np.inf)
-        lower, upper = np.array([one.lower for one in free]), np.array([one.upper for one in free])
+        none = np.full(self.most_unknowns, np.inf)
+        lower, upper = self.parameters.box
         return np.concatenate([lower, -none]), np.concatenate([upper, none])
+
+    @property
+    def search_box(self) -> StartBox:
+        """Where a global search looks: initial states and shifts close to what was measured."""
+        if self.region is not None:
+            return self.region
+        about = self.start[len(self.parameters.free) :]
+        reach = _ABOUT_START * np.maximum(np.abs(about), _LEAST_START)
+        return search_box(self.parameters).beside(about - reach, about + reach)
 
     @cached_property
     def start(self) -> FloatArray:
@@ -137,24 +131,6 @@ class NonlinearProblem(Immutable):
         guesses = np.nan_to_num(self._measured)[:, self._unknown_states]
         shifts = np.zeros((len(self.records), self._nuisances - guesses.shape[1]))
         return np.concatenate([self.parameters.pack(), np.hstack([guesses, shifts]).ravel()])
-
-    @cached_property
-    def whitening(self) -> FloatArray:
-        r"""A square root of :math:`R^{-1}`, shape ``(y, y)``."""
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.noise)), dtype=np.float64)
-
-    @property
-    def samples(self) -> int:
-        """Samples of all records together."""
-        return sum(record.samples for record in self.records)
-
-    def with_parameters(self, parameters: ParameterSet) -> NonlinearProblem:
-        """The same problem with other free parameters or another start."""
-        return replace(self, parameters=parameters)
-
-    def with_noise(self, noise: FloatArray) -> NonlinearProblem:
-        """The same problem with another covariance of the output errors."""
-        return replace(self, noise=noise)
 
     def unpack(self, theta: FloatArray) -> Estimate:
         """What a vector stands for.

@@ -9,11 +9,12 @@ Where a fit in the time domain begins when nothing else is known: the start valu
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise, product
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import TimeHistory
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Solution, best_of
+from rotorid.fitting.problem import Part, Problem
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.simulation.linear import Hold
@@ -164,62 +167,33 @@ class Fitted(NamedTuple):
     predicted: FloatArray
 
 
-class Part(NamedTuple):
-    """One record at some parameters, whitened.
-
-    Parameters
-    ----------
-    residual
-        Beside all unknowns, shape ``(n, y)``.
-    slopes
-        Its derivatives, shape ``(n, y, p)``.
-    unknown
-        Orthonormal basis of what the unknowns can explain, shape ``(n, y, k)``.
-    """
-
-    residual: FloatArray
-    slopes: FloatArray
-    unknown: FloatArray
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TimeProblem(Immutable):
-    r"""Fit a linear structure to measured outputs, with the error at the output.
-
-    .. math:: y(t_k) = \hat y(t_k; \theta) + c + \Phi_k x_0 + \Psi_k b + e_k, \qquad e_k \sim (0, R)
-
-    Initial states :math:`x_0`, output shifts :math:`c` and constants :math:`b` in the state equations enter linearly:
-    at every :math:`\theta` they are solved for exactly, and residual and Jacobian are what is left beside them
-    (variable projection). They cost nothing in the search and their share in the uncertainty is counted.
+class RecordsProblem(Problem):
+    """What is fitted to records: a structure, and for each record what no model can know of it.
 
     Parameters
     ----------
+    parameters, region
+        As in :class:`rotorid.fitting.problem.Problem`.
     structure
         Its inputs and outputs name the rows of the records.
-    parameters
-        Which parameters are free, and from where to start.
     records
         What was measured.
-    hold
-        What the inputs do between their samples: ``zero`` for a command as it was sent, ``first`` for a signal that was
-        resampled or is smooth.
     unknowns
         What is estimated beside the parameters, for each record.
-    noise
-        Covariance :math:`R` of the output errors, shape ``(y, y)``; at first the variances of the outputs.
 
     Raises
     ------
     UsageError
-        A record has other rows than the structure, or there is none.
+        There is no record, one has other rows than the structure, or an unknown is none.
     """
 
-    structure: LinearStructure
-    parameters: ParameterSet
+    initial_conditions: ClassVar[tuple[str, ...]] = get_args(InitialCondition)
+    """What can be unknown."""
+
+    structure: LinearStructure | NonlinearStructure
     records: tuple[TimeData, ...]
-    hold: Hold = "zero"
     unknowns: tuple[InitialCondition, ...] = ("initial_state", "output_shift")
-    noise: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         require_records(
@@ -227,27 +201,14 @@ class TimeProblem(Immutable):
             inputs=self.structure.inputs,
             outputs=self.structure.outputs,
             unknowns=self.unknowns,
-            known=get_args(InitialCondition),
+            known=self.initial_conditions,
         )
-        noise = self.noise if self.noise.size else self._variances()
-        self._set(records=tuple(self.records), noise=read_only(noise, np.float64, ndim=2))
+        self._set(records=tuple(self.records), unknowns=tuple(self.unknowns))
 
-    def _variances(self) -> FloatArray:
-        whole = np.hstack([record.outputs - record.outputs.mean(axis=1, keepdims=True) for record in self.records])
-        size = np.mean(whole**2, axis=1)
-        return np.diag(np.where(size > 0.0, size, 1.0))
-
-    @cached_property
-    def box(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of the free parameters, each shape ``(p,)``."""
-        free = [self.parameters[name] for name in self.parameters.free]
-        return np.array([one.lower for one in free]), np.array([one.upper for one in free])
-
-    @cached_property
-    def whitening(self) -> FloatArray:
-        r"""A square root of :math:`R^{-1}`, shape ``(y, y)``."""
-        root = np.linalg.cholesky(self.noise)
-        return np.asarray(np.linalg.inv(root), dtype=np.float64)
+    @property
+    def name(self) -> str:
+        """Name of the structure."""
+        return self.structure.name
 
     @property
     def samples(self) -> int:
@@ -261,28 +222,120 @@ class TimeProblem(Immutable):
         size = {"initial_state": states, "state_bias": states, "output_shift": outputs}
         return len(self.records) * sum(size[unknown] for unknown in self.unknowns)
 
-    def shortened(self, samples: int) -> TimeProblem:
+    def shortened(self, samples: int) -> Self:
         """The same problem on the first part of every record, so that all together hold about so many samples."""
         share = samples / self.samples
         if share >= 1.0:
             return self
         least = 2 + self.most_unknowns // len(self.records)
-        ends = [min(one.samples, max(least, round(share * one.samples))) for one in self.records]
+        ends = [min(record.samples, max(least, round(share * record.samples))) for record in self.records]
         return replace(
             self,
             records=tuple(
-                replace(one, inputs=one.inputs[:, :end], outputs=one.outputs[:, :end])
-                for one, end in zip(self.records, ends, strict=True)
+                replace(record, inputs=record.inputs[:, :end], outputs=record.outputs[:, :end])
+                for record, end in zip(self.records, ends, strict=True)
             ),
         )
 
-    def with_parameters(self, parameters: ParameterSet) -> TimeProblem:
-        """The same problem with other free parameters or another start."""
-        return replace(self, parameters=parameters)
 
-    def with_noise(self, noise: FloatArray) -> TimeProblem:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OutputErrorProblem(RecordsProblem):
+    r"""What is fitted to records with all errors at the outputs: residuals are those of a simulation.
+
+    A point is one sample with all outputs, one record after the other. Costs need no derivatives and are simulated
+    without; a simulation that diverges, and parameters outside their bounds, have an infinite cost.
+
+    Parameters
+    ----------
+    parameters, region, structure, records, unknowns
+        As in :class:`RecordsProblem`.
+    noise
+        Covariance :math:`R` of the output errors, shape ``(y, y)``; at first the variances of the outputs.
+    """
+
+    method: ClassVar[str] = "output_error"
+
+    noise: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        outputs = len(self.structure.outputs)
+        noise = read_only(self.noise if self.noise.size else self._variances(), np.float64, ndim=2)
+        if noise.shape != (outputs, outputs):
+            raise UsageError(f"a noise of shape {noise.shape} came", needed=f"shape ({outputs}, {outputs})")
+        self._set(noise=noise)
+
+    def _variances(self) -> FloatArray:
+        whole = np.hstack([record.outputs - record.outputs.mean(axis=1, keepdims=True) for record in self.records])
+        size = np.mean(whole**2, axis=1)
+        return np.diag(np.where(size > 0.0, size, 1.0))
+
+    @cached_property
+    def whitening(self) -> FloatArray:
+        r"""A square root of :math:`R^{-1}`, shape ``(y, y)``."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.noise)), dtype=np.float64)
+
+    def with_noise(self, noise: FloatArray) -> Self:
         """The same problem with another covariance of the output errors."""
         return replace(self, noise=noise)
+
+    @abstractmethod
+    def predicted(self, theta: FloatArray) -> tuple[Fitted, ...]:
+        """Every record with what the model predicts, unknowns estimated."""
+
+    def _squares(self, theta: FloatArray) -> FloatArray:
+        try:
+            fitted = self.predicted(theta)
+        except ModelError:
+            return np.full(self.samples, np.inf)
+        errors = [self.whitening @ (record.outputs - predicted) for record, predicted in fitted]
+        return np.concatenate([np.sum(error**2, axis=0) for error in errors])
+
+    def point_weights(self, points: FloatArray) -> FloatArray:
+        """Weights of samples ``(n,)`` as those of all their outputs, ``(n * y,)``."""
+        return np.repeat(points, len(self.structure.outputs))
+
+    def noiseless(self, theta: FloatArray) -> Self:
+        """The same problem with outputs that are the predicted ones."""
+        records = tuple(replace(record, outputs=predicted) for record, predicted in self.predicted(theta))
+        return replace(self, records=records)
+
+    def disturbed(self, errors: Sequence[FloatArray]) -> Self:
+        """The same problem with whitened errors ``(n, y)`` of every record added to its outputs."""
+        color = np.linalg.inv(self.whitening)
+        records = tuple(
+            replace(record, outputs=record.outputs + color @ error.T)
+            for record, error in zip(self.records, errors, strict=True)
+        )
+        return replace(self, records=records)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimeProblem(OutputErrorProblem):
+    r"""Fit a linear structure to measured outputs, with the error at the output.
+
+    .. math:: y(t_k) = \hat y(t_k; \theta) + c + \Phi_k x_0 + \Psi_k b + e_k, \qquad e_k \sim (0, R)
+
+    Initial states :math:`x_0`, output shifts :math:`c` and constants :math:`b` in the state equations enter linearly:
+    at every :math:`\theta` they are solved for exactly, and residual and Jacobian are what is left beside them
+    (variable projection). They cost nothing in the search and their share in the uncertainty is counted.
+
+    Parameters
+    ----------
+    parameters, region, structure, records, unknowns, noise
+        As in :class:`OutputErrorProblem`.
+    hold
+        What the inputs do between their samples: ``zero`` for a command as it was sent, ``first`` for a signal that was
+        resampled or is smooth.
+
+    Raises
+    ------
+    UsageError
+        A record has other rows than the structure, or there is none.
+    """
+
+    structure: LinearStructure
+    hold: Hold = "zero"
 
     @np.errstate(over="ignore", invalid="ignore")  # a step too far diverges, and is turned back
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:

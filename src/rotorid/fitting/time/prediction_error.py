@@ -20,13 +20,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, get_args
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Outcome, Solution, best_of
+from rotorid.fitting.problem import Part
 from rotorid.fitting.time.noise_model import (
     NoiseLevels,
     NoiseModel,
@@ -35,7 +36,7 @@ from rotorid.fitting.time.noise_model import (
     noise_model,
     steady_predictor,
 )
-from rotorid.fitting.time.output_error import InitialCondition, Part, TimeData, require_records
+from rotorid.fitting.time.output_error import InitialCondition, RecordsProblem, TimeData
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
@@ -294,7 +295,7 @@ class Settled(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InnovationsProblem(Immutable):
+class InnovationsProblem(RecordsProblem):
     r"""Fit a linear structure and a noise model to the innovations of their predictor.
 
     .. math:: \min_\theta \; N \log\det \hat R(\theta), \qquad \hat R = \frac1N \sum_k e_k e_k^T
@@ -304,10 +305,10 @@ class InnovationsProblem(Immutable):
 
     Parameters
     ----------
+    parameters, region, unknowns
+        As in :class:`rotorid.fitting.time.output_error.RecordsProblem`.
     structure
         Its inputs and outputs name the rows of the records. No output may be late.
-    parameters
-        Which parameters are free, and from where to start.
     records
         What was measured, at full rate: a predictor needs every sample that the controller answered.
     noise
@@ -315,8 +316,6 @@ class InnovationsProblem(Immutable):
     hold
         What the inputs do between their samples: ``first`` for samples of a smooth command, ``zero`` for a command as
         it was held. A wrong one moves the delays by half a sample.
-    unknowns
-        What is estimated beside the parameters, for each record.
 
     Raises
     ------
@@ -324,23 +323,16 @@ class InnovationsProblem(Immutable):
         A record has other rows than the structure, there is none, or a model delays an output.
     """
 
+    method: ClassVar[str] = "prediction_error"
+
     structure: LinearStructure
-    parameters: ParameterSet
-    records: tuple[TimeData, ...]
     noise: NoiseModel | None = None
     hold: Hold = "first"
     unknowns: tuple[InitialCondition, ...] = ("initial_state", "output_shift", "state_bias")
 
     def __post_init__(self) -> None:
-        require_records(
-            self.records,
-            inputs=self.structure.inputs,
-            outputs=self.structure.outputs,
-            unknowns=self.unknowns,
-            known=get_args(InitialCondition),
-        )
-        noise = self.noise or noise_model(self.structure, self.parameters, self.records)
-        self._set(records=tuple(self.records), noise=noise, unknowns=tuple(self.unknowns))
+        super().__post_init__()
+        self._set(noise=self.noise or noise_model(self.structure, self.parameters, self.records))
 
     @property
     def noise_model(self) -> NoiseModel:
@@ -351,9 +343,8 @@ class InnovationsProblem(Immutable):
     @cached_property
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Bounds of the free parameters and of those of the noise, each shape ``(p,)``."""
-        free = [self.parameters[name] for name in self.parameters.free]
-        lower, upper = self.noise_model.box
-        return np.array([*(one.lower for one in free), *lower]), np.array([*(one.upper for one in free), *upper])
+        (low, high), (lower, upper) = self.parameters.box, self.noise_model.box
+        return np.array([*low, *lower]), np.array([*high, *upper])
 
     @property
     def start(self) -> FloatArray:
@@ -363,15 +354,6 @@ class InnovationsProblem(Immutable):
     def theta(self, noise: FloatArray | None = None) -> FloatArray:
         """The parameters as they are with those of a noise, shape ``(p,)``."""
         return np.concatenate([self.parameters.pack(), self.noise_model.start if noise is None else noise])
-
-    @property
-    def samples(self) -> int:
-        """Samples of all records together."""
-        return sum(record.samples for record in self.records)
-
-    def with_parameters(self, parameters: ParameterSet) -> InnovationsProblem:
-        """The same problem with other free parameters or another start."""
-        return replace(self, parameters=parameters)
 
     def without_gusts(self) -> InnovationsProblem:
         """The same problem with jolts only."""

@@ -1,12 +1,9 @@
-"""What a search minimizes: one face for every cost of the package.
+"""What a search answers, and how it counts: evaluations, local searches, and the minima that these end in.
 
-What a search answers: the best it found, every minimum with its basin, and what it cost.
-
-Costs and local searches of many vectors, on as many workers as there are, with the same answer on each.
-
-Of many local searches the distinct minima, and of many tried vectors those worth a local search.
-
-Options of searches as text, and budgets.
+A search knows nothing of frequency responses, simulations or forces. It works on a few verbs of a
+:class:`rotorid.fitting.problem.Problem`: costs of many vectors, whole or point by point, and a local search. Costs are
+computed on as many workers as there are, with the same answer on each. Of many local searches the distinct minima are
+kept with their basins, and of many tried vectors those are found that are worth a local search.
 """
 
 from __future__ import annotations
@@ -15,56 +12,15 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Outcome, Solution, best_of, same_place
-from rotorid.search.starts import StartBox
+from rotorid.fitting.problem import Problem
 from rotorid.typing import FloatArray, IntArray
-
-
-class Objective(Protocol):
-    """A cost over a box of parameters, with a local search of its own.
-
-    Every search works on these few verbs alone, so that it knows nothing of frequency responses, simulations or forces.
-    An objective is a value: the cost of a vector depends on that vector only, and it pickles, so that workers in other
-    processes can compute it.
-    """
-
-    at_once: ClassVar[int]
-    """How many vectors a worker is given at least: hundreds where one costs microseconds."""
-
-    @property
-    def name(self) -> str:
-        """What is fitted, for messages."""
-        ...
-
-    @property
-    def box(self) -> StartBox:
-        """Where to search; the local search may leave it as far as its own bounds allow."""
-        ...
-
-    def costs(self, thetas: FloatArray) -> FloatArray:
-        """Cost of many parameter vectors ``(b, p)``, shape ``(b,)``; infinite where the model has no value."""
-        ...
-
-    def point_costs(self, thetas: FloatArray) -> FloatArray:
-        """What every point of the data adds to the cost, ``(b, p)`` to ``(b, n)``; infinite where there is no value.
-
-        A point is what is measured at once: magnitude and phase at one frequency, all outputs at one sample.
-        """
-        ...
-
-    def polish(self, start: FloatArray) -> Solution:
-        """Local search from a start ``(p,)``; the cost of the solution is that of :meth:`costs`."""
-        ...
-
-    def polish_points(self, start: FloatArray, points: FloatArray) -> Solution:
-        """A few steps of it for a part of the data: weights of the points, zero or more, shape ``(n,)``."""
-        ...
 
 
 class Progress(NamedTuple):
@@ -158,11 +114,11 @@ _AHEAD = 32
 
 
 class Evaluations:
-    """Costs of an objective, counted and remembered, and what was best after how many.
+    """Costs of a problem, counted and remembered, and what was best after how many.
 
     Parameters
     ----------
-    objective
+    problem
         What is minimized.
     executor
         Workers; without one the work is done here. Those in other processes are worth it only for costs that take
@@ -171,32 +127,29 @@ class Evaluations:
         Called with every entry of the trace.
     """
 
-    def __init__(
-        self, objective: Objective, *, executor: Executor | None = None, progress: Report | None = None
-    ) -> None:
-        self.objective = objective
+    def __init__(self, problem: Problem, *, executor: Executor | None = None, progress: Report | None = None) -> None:
+        self.problem = problem
+        self.box = problem.search_box
         self._executor = executor
         self._progress = progress
         self.count = 0
         self.polishing = 0
         self.best = np.inf
-        self.theta = objective.box.at(np.full(objective.box.lower.size, 0.5))
+        self.theta = self.box.at(np.full(self.box.lower.size, 0.5))
         self.trace: list[Progress] = []
 
     def costs(self, thetas: FloatArray) -> FloatArray:
         """Costs of vectors ``(b, p)``, shape ``(b,)``; infinite where there is no number."""
-        return self._remembered(
-            thetas, np.concatenate(self._map(partial(_costs, self.objective), self._chunks(thetas)))
-        )
+        return self._remembered(thetas, np.concatenate(self._map(partial(_costs, self.problem), self._chunks(thetas))))
 
     def point_costs(self, thetas: FloatArray) -> FloatArray:
         """What every point adds to these costs, ``(b, p)`` to ``(b, n)``."""
-        costs = np.concatenate(self._map(partial(_point_costs, self.objective), self._chunks(thetas)))
+        costs = np.concatenate(self._map(partial(_point_costs, self.problem), self._chunks(thetas)))
         self._remembered(thetas, costs.sum(axis=1))
         return costs
 
     def _chunks(self, thetas: FloatArray) -> list[FloatArray]:
-        size = max(self.objective.at_once, -(-len(thetas) // _MOST_CHUNKS))
+        size = max(self.problem.at_once, -(-len(thetas) // _MOST_CHUNKS))
         return [thetas[first : first + size] for first in range(0, len(thetas), size)]
 
     def _remembered(self, thetas: FloatArray, costs: FloatArray) -> FloatArray:
@@ -213,14 +166,14 @@ class Evaluations:
         """
         for first in range(0, len(starts), _AHEAD):
             block = starts[first : first + _AHEAD]
-            run = partial(_polish, self.objective)
+            run = partial(_polish, self.problem)
             for solution in map(run, block) if self._executor is None else self._executor.map(run, block):
                 self.polishing += solution.evaluations
                 yield solution
 
     def polished_points(self, starts: FloatArray, points: FloatArray) -> list[Solution]:
         """Ends of local searches from starts ``(k, p)``, each with its own weights of the points, ``(k, n)``."""
-        found = self._map(partial(_polish_points, self.objective), list(zip(starts, points, strict=True)))
+        found = self._map(partial(_polish_points, self.problem), list(zip(starts, points, strict=True)))
         self.polishing += sum(one.evaluations for one in found)
         return found
 
@@ -243,25 +196,25 @@ class Evaluations:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a vector far off has a cost that is no number
-def _costs(objective: Objective, thetas: FloatArray) -> FloatArray:
-    costs = objective.costs(thetas)
+def _costs(problem: Problem, thetas: FloatArray) -> FloatArray:
+    costs = problem.many_costs(thetas)
     return np.where(np.isfinite(costs), costs, np.inf)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def _polish(objective: Objective, start: FloatArray) -> Solution:
-    return objective.polish(start)
+def _polish(problem: Problem, start: FloatArray) -> Solution:
+    return problem.polish(start)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def _point_costs(objective: Objective, thetas: FloatArray) -> FloatArray:
-    costs = objective.point_costs(thetas)
+def _point_costs(problem: Problem, thetas: FloatArray) -> FloatArray:
+    costs = problem.point_costs(thetas)
     return np.where(np.isfinite(costs), costs, np.inf)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def _polish_points(objective: Objective, task: tuple[FloatArray, FloatArray]) -> Solution:
-    return objective.polish_points(*task)
+def _polish_points(problem: Problem, task: tuple[FloatArray, FloatArray]) -> Solution:
+    return problem.polish_points(*task)
 
 
 _MOST_PLACES = 32
@@ -377,6 +330,29 @@ def _distance(many: FloatArray, one: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(((many - one[:, None]) ** 2).sum(axis=0) / one.size))
 
 
+def end(search: str, seed: int, evaluations: Evaluations, found: Sequence[Solution]) -> SearchResult:
+    """The result of a search that ended in these local searches.
+
+    Raises
+    ------
+    InsufficientDataError
+        None has a finite cost.
+    """
+    best, minima = basins(found, name=evaluations.problem.name)
+    return SearchResult(
+        search=search,
+        seed=seed,
+        best=best,
+        theta=evaluations.theta,
+        cost=evaluations.best,
+        basins=minima,
+        trace=tuple(evaluations.trace),
+        evaluations=evaluations.count,
+        polishing=evaluations.polishing,
+        local_searches=len(found),
+    )
+
+
 def whole_number(text: str, *, of: str, needed: str) -> int:
     """A positive whole number.
 
@@ -402,18 +378,6 @@ def whole_number(text: str, *, of: str, needed: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise UsageError(f"{text!r} came as an option of the search {of}", needed=f"positive numbers as in {needed}")
     return int(text)
-
-
-def no_options(text: str, *, of: str) -> None:
-    """Refuse options of a search that has none.
-
-    Raises
-    ------
-    UsageError
-        There are some.
-    """
-    if text:
-        raise UsageError(f"{of}:{text} came", needed=f"{of}, which has no options")
 
 
 def require_budget(budget: int, least: int) -> None:

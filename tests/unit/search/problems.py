@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 from tests.unit.fitting.known_models import posed
 
-from rotorid.data.base import Immutable
 from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.fitting.problem import Problem, StartBox
 from rotorid.fitting.time.output_error import TimeData, TimeProblem
 from rotorid.models.library import rate_model
+from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.toml import from_toml
-from rotorid.search.objectives import FrequencyObjective, TimeObjective
-from rotorid.search.starts import StartBox
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 
@@ -35,14 +32,18 @@ OSCILLATOR = from_toml(
 RATE = rate_model("rate.roll")
 
 
+def anything(*names: str) -> ParameterSet:
+    """Free parameters without bounds or meaning."""
+    return ParameterSet(Parameter(name=name, value=0.0, unit="1") for name in names)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Valleys(Immutable):
+class Valleys(Problem):
     """Four minima near (1, 1), (1, -1), (-1, 1) and (-1, -1), the first the lowest; no value beyond a circle."""
 
-    at_once: ClassVar[int] = 4
-
     name: str = "valleys"
-    box: StartBox = field(
+    parameters: ParameterSet = field(default_factory=lambda: anything("a", "b"))
+    region: StartBox | None = field(
         default_factory=lambda: StartBox(lower=np.full(2, -2.5), upper=np.full(2, 2.5), scales=("linear", "linear"))
     )
     places = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
@@ -58,21 +59,8 @@ class Valleys(Immutable):
         squares = squares[:, :2] + squares[:, 2:]
         return np.where(np.isfinite(squares), squares, np.inf)
 
-    def costs(self, thetas: FloatArray) -> FloatArray:
-        return np.asarray(self.point_costs(thetas).sum(axis=1))
-
-    def polish(self, start: FloatArray) -> Solution:
-        return LevenbergMarquardt().minimize(self.residuals, start, np.full(2, -np.inf), np.full(2, np.inf))
-
-    def polish_points(self, start: FloatArray, points: FloatArray) -> Solution:
-        root = np.tile(np.sqrt(points), 2)
-
-        def weighted(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-            residual, jacobian = self.residuals(x)
-            return root * residual, root[:, None] * jacobian
-
-        wide = np.full(2, np.inf)
-        return LevenbergMarquardt(iterations=5).minimize(weighted, start, -wide, wide)
+    def point_weights(self, points: FloatArray) -> FloatArray:
+        return np.tile(points, 2)
 
 
 def rate_problem(*, noise: float = 0.05) -> FrequencyProblem:
@@ -80,14 +68,14 @@ def rate_problem(*, noise: float = 0.05) -> FrequencyProblem:
     return posed(RATE, truth, np.geomspace(1.0, 40.0, 30), noise=noise)
 
 
-def late() -> FrequencyObjective:
+def late() -> Problem:
     """A rate response whose delay may be so long that the phase wraps: two minima or more."""
     box = StartBox(
         lower=np.array([5.0, -20.0, 0.01, 0.0]),
         upper=np.array([500.0, -0.1, 0.3, 0.4]),
         scales=("logarithmic", "logarithmic", "logarithmic", "linear"),
     )
-    return FrequencyObjective(problem=rate_problem(), box=box)
+    return rate_problem().within(box)
 
 
 def oscillator_problem() -> TimeProblem:
@@ -98,13 +86,13 @@ def oscillator_problem() -> TimeProblem:
     return TimeProblem(structure=OSCILLATOR, parameters=OSCILLATOR.parameters, records=(record,), hold="zero")
 
 
-def swinging() -> TimeObjective:
+def swinging() -> Problem:
     """An oscillator whose frequency may be wrong by a factor, so that it comes out of step."""
     box = StartBox(lower=np.array([3.0, 0.4, 4.0]), upper=np.array([300.0, 40.0, 400.0]), scales=("logarithmic",) * 3)
-    return TimeObjective(problem=oscillator_problem(), box=box)
+    return oscillator_problem().within(box)
 
 
-OBJECTIVES = {"valleys": Valleys(), "late": late(), "swinging": swinging()}
+PROBLEMS: dict[str, Problem] = {"valleys": Valleys(), "late": late(), "swinging": swinging()}
 
 LOWEST = {
     "valleys": Valleys().polish(np.array([1.0, 1.1])),

@@ -1,0 +1,393 @@
+r"""What is fitted to what: the one face that solvers, searches, bounds and bootstraps take.
+
+A problem is a value. It poses a sum of squares over the free parameters :math:`\theta` of a model,
+
+.. math:: J(\theta) = \sum_i r_i(\theta)^2,
+
+and a new one needs little more than its residuals with their exact Jacobian: bounds, costs of many vectors, local
+searches and the box of a global search follow from these. What data know of their own errors differs. Measured
+responses state them (:meth:`Problem.stated_errors`); records in time do not, and what a fit has left of them must tell
+(:meth:`Problem.parts`). By this, and by nothing else, bounds and bootstraps choose their way.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.errors import ModelError, UsageError
+from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.models.parameter import Parameter, ParameterSet
+from rotorid.typing import BoolArray, FloatArray
+
+_SOLVER = LevenbergMarquardt()
+_FEW_STEPS = LevenbergMarquardt(iterations=10, tolerance=1e-6)
+
+MODEL_ERROR = 0.01
+"""Relative error of the model itself, independent from point to point: no structure and no sensor is better."""
+
+_OWN_SHARE = 0.1
+"""Part of a point's own variance that no other point shares: measured covariances are not known better than that."""
+
+
+class Part(NamedTuple):
+    """One record, or one equation over it, at some parameters; in units in which errors have variance one.
+
+    Parameters
+    ----------
+    residual
+        Beside all unknowns, shape ``(n, y)``.
+    slopes
+        Its derivatives, shape ``(n, y, p)``.
+    unknown
+        Orthonormal basis of what the unknowns can explain, shape ``(n, y, k)``.
+    """
+
+    residual: FloatArray
+    slopes: FloatArray
+    unknown: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResidualErrors(Immutable):
+    """What the errors of the data make of the residuals of a problem.
+
+    Parameters
+    ----------
+    covariance
+        Of the residuals, shape ``(2 n, 2 n)``.
+    scale
+        Factor from a relative error to each residual, shape ``(2 n,)``.
+    """
+
+    covariance: FloatArray
+    scale: FloatArray
+
+    def __post_init__(self) -> None:
+        self._set(
+            covariance=read_only(self.covariance, np.float64, ndim=2),
+            scale=read_only(self.scale, np.float64, ndim=1),
+        )
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """Cholesky factor of the covariance with what no measured covariance knows, shape ``(2 n, 2 n)``."""
+        return np.asarray(np.linalg.cholesky(self.covariance + np.diag(self.own)))
+
+    @property
+    def own(self) -> FloatArray:
+        """Variances of what no measured covariance knows, independent from residual to residual, shape ``(2 n,)``."""
+        return np.asarray(_OWN_SHARE * np.diag(self.covariance) + (MODEL_ERROR * self.scale) ** 2)
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Residuals, or columns of a Jacobian, in units in which their errors have no correlation and variance one."""
+        from scipy.linalg import solve_triangular
+
+        return np.asarray(solve_triangular(self.root, values, lower=True, check_finite=False))
+
+    @cached_property
+    def whitened_trace(self) -> float:
+        """Sum of the variances of whitened residuals: what is measured of them, without what no covariance knows."""
+        from scipy.linalg.lapack import dtrtri
+
+        inverse = dtrtri(self.root.T, lower=0)[0]
+        return float(self.scale.size - np.einsum("ij,ij,i->", inverse, inverse, self.own))
+
+
+Scale: TypeAlias = Literal["linear", "logarithmic"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StartBox(Immutable):
+    """A box in which starts are laid out.
+
+    Parameters
+    ----------
+    lower, upper
+        Shape ``(p,)``.
+    scales
+        How each side is divided: ``linear``, or ``logarithmic`` for what may lie anywhere in several decades of one
+        sign.
+
+    Raises
+    ------
+    UsageError
+        A side is empty or infinite, or a logarithmic one reaches zero.
+
+    Examples
+    --------
+    >>> box = StartBox(lower=np.array([-1.0, 0.01]), upper=np.array([1.0, 1.0]), scales=("linear", "logarithmic"))
+    >>> box.at(np.array([[0.5, 0.5]])).round(6).tolist()
+    [[0.0, 0.1]]
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    scales: tuple[Scale, ...]
+
+    def __post_init__(self) -> None:
+        lower, upper = (read_only(side, np.float64, ndim=1) for side in (self.lower, self.upper))
+        if not lower.size == upper.size == len(self.scales):
+            raise UsageError(
+                f"{lower.size} lower and {upper.size} upper bounds and {len(self.scales)} scales came",
+                needed="one of each for each parameter",
+            )
+        for low, high, scale in zip(lower.tolist(), upper.tolist(), self.scales, strict=True):
+            if not -np.inf < low < high < np.inf:
+                raise UsageError(f"a side from {low:g} to {high:g} came", needed="finite bounds with lower < upper")
+            if scale == "logarithmic" and low * high <= 0.0:
+                raise UsageError(f"a logarithmic side from {low:g} to {high:g} came", needed="bounds of one sign")
+        self._set(lower=lower, upper=upper, scales=tuple(self.scales))
+
+    def at(self, share: FloatArray) -> FloatArray:
+        """Points at given shares of every side, zero to one; shape ``(..., p)`` as it comes."""
+        logarithmic: BoolArray = np.array([scale == "logarithmic" for scale in self.scales], dtype=np.bool_)
+        sign = np.where(logarithmic, np.sign(self.lower), 1.0)
+        low = np.where(logarithmic, np.log(np.abs(np.where(logarithmic, self.lower, 1.0))), self.lower)
+        high = np.where(logarithmic, np.log(np.abs(np.where(logarithmic, self.upper, 1.0))), self.upper)
+        inside = low + share * (high - low)
+        return np.where(logarithmic, sign * np.exp(np.where(logarithmic, inside, 0.0)), inside)
+
+    def beside(self, lower: FloatArray, upper: FloatArray) -> StartBox:
+        """The box with more sides after its own, divided evenly."""
+        linear: tuple[Scale, ...] = tuple("linear" for _ in lower)
+        return StartBox(
+            lower=np.concatenate([self.lower, lower]),
+            upper=np.concatenate([self.upper, upper]),
+            scales=self.scales + linear,
+        )
+
+
+_WIDER = 3.0
+_LEAST_SIZE = 1e-3
+
+
+def search_box(parameters: ParameterSet, *, wider: float = _WIDER) -> StartBox:
+    """The box of the free parameters, from their start values.
+
+    It reaches from the smallest start value over ``wider`` to the largest times ``wider``; without start values, as far
+    about the value. Values of both signs, or zero, have a box about zero. Bounds cut it. A side without zero is divided
+    by its logarithm.
+
+    Parameters
+    ----------
+    parameters
+        Of a problem.
+    wider
+        How far the box reaches beyond the start values; ten for what may be off by a decade.
+
+    Returns
+    -------
+    StartBox
+        With as many sides as there are free parameters.
+
+    Raises
+    ------
+    UsageError
+        The bounds leave nothing of a side.
+
+    Examples
+    --------
+    >>> lag = Parameter(name="T_motor", value=0.05, unit="s", lower=0.0, starts=(0.03, 0.1))
+    >>> box = search_box(ParameterSet([lag]))
+    >>> box.lower.round(3).tolist(), box.upper.round(3).tolist(), box.scales
+    ([0.01], [0.3], ('logarithmic',))
+    """
+    sides = [_side(parameters[name], wider) for name in parameters.free]
+    scales: tuple[Scale, ...] = tuple("logarithmic" if low * high > 0.0 else "linear" for low, high in sides)
+    lower, upper = np.array(sides, dtype=np.float64).reshape(-1, 2).T
+    return StartBox(lower=lower, upper=upper, scales=scales)
+
+
+def _side(parameter: Parameter, wider: float) -> tuple[float, float]:
+    values = parameter.starts or (parameter.value,)
+    low, high = min(values), max(values)
+    if low > 0.0:
+        low, high = low / wider, high * wider
+    elif high < 0.0:
+        low, high = low * wider, high / wider
+    else:
+        size = wider * max(abs(low), abs(high), _LEAST_SIZE)
+        low, high = -size, size
+    return max(low, parameter.lower), min(high, parameter.upper)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem(Immutable, ABC):
+    """A sum of squares over the free parameters of a model.
+
+    A subclass says its :attr:`name` and its :meth:`residuals`; everything else can be left as it is here, and is
+    overridden where it is cheaper or where the data know more. The cost of a vector depends on that vector only, and
+    problems pickle, so that workers in other processes can compute it.
+
+    Where a vector of the problem has more numbers than there are free parameters, these come first.
+
+    Parameters
+    ----------
+    parameters
+        Which parameters are free, and from where to start.
+    region
+        Where a global search looks; by default :func:`search_box` of the parameters. A local search may leave it as far
+        as the bounds of the parameters allow.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True, kw_only=True, eq=False)
+    ... class Root(Problem):
+    ...     square: float
+    ...     name = "a square root"
+    ...
+    ...     def residuals(self, theta):
+    ...         return theta**2 - self.square, 2.0 * np.diag(theta)
+    >>> problem = Root(parameters=ParameterSet([Parameter(name="x", value=1.0, unit="1", lower=0.0)]), square=2.0)
+    >>> problem.polish(problem.start).theta.round(6).tolist(), problem.many_costs(np.array([[1.0], [2.0]])).tolist()
+    ([1.414214], [1.0, 4.0])
+    """
+
+    at_once: ClassVar[int] = 4
+    """How many vectors a worker is given at least: hundreds where one costs microseconds."""
+
+    method: ClassVar[str] = "least_squares"
+    """By what it is fitted, in a word: ``frequency``, ``output_error``, ``prediction_error``, ``motors``."""
+
+    alike: ClassVar[bool] = True
+    """Whether the errors of all parts are draws of one process; otherwise each part has a color of its own."""
+
+    kept: ClassVar[tuple[str, ...]] = ()
+    """Cached values that follow from the data alone, and need not be worked out again for other parameters."""
+
+    parameters: ParameterSet
+    region: StartBox | None = None
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """What is fitted, for messages."""
+
+    @abstractmethod
+    def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals at a vector ``(p,)``, shape ``(n,)``, and their Jacobian ``(n, p)``.
+
+        Both are not a number where the model has no value, so that a search turns back.
+        """
+
+    @cached_property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of a vector, each shape ``(p,)``."""
+        return self.parameters.box
+
+    @property
+    def start(self) -> FloatArray:
+        """Where a search begins that has no better idea, shape ``(p,)``."""
+        return self.parameters.pack()
+
+    @property
+    def search_box(self) -> StartBox:
+        """Where a global search looks."""
+        return self.region or search_box(self.parameters)
+
+    def with_parameters(self, parameters: ParameterSet) -> Self:
+        """The same problem with other free parameters or another start; a global search looks about these."""
+        return self._changed(parameters=parameters, region=None)
+
+    def within(self, region: StartBox) -> Self:
+        """The same problem, with a global search that looks elsewhere."""
+        return self._changed(region=region)
+
+    def _changed(self, **changes: Any) -> Self:
+        changed = replace(self, **changes)
+        changed.__dict__.update({name: self.__dict__[name] for name in self.kept if name in self.__dict__})
+        return changed
+
+    def shortened(self, samples: int) -> Self:
+        """The same problem on about so many samples, where it has more; for searches that need not have all."""
+        del samples
+        return self
+
+    def many_residuals(self, thetas: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals of many vectors ``(b, p)``, shape ``(b, n)``, and their derivatives ``(b, p, n)``."""
+        residual, jacobian = zip(*(self.residuals(theta) for theta in thetas), strict=True)
+        return np.stack(residual), np.stack(jacobian).swapaxes(1, 2)
+
+    def many_costs(self, thetas: FloatArray) -> FloatArray:
+        """Cost of many vectors ``(b, p)``, shape ``(b,)``; infinite where the model has no value."""
+        return np.asarray(self.point_costs(thetas).sum(axis=1))
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # most of a wide box may diverge
+    def point_costs(self, thetas: FloatArray) -> FloatArray:
+        """What every point of the data adds to the cost, ``(b, p)`` to ``(b, n)``; infinite where there is no value.
+
+        A point is what is measured at once: magnitude and phase at one frequency, all outputs at one sample.
+        """
+        squares = np.stack([self._squares(theta) for theta in thetas])
+        return np.where(np.isfinite(squares), squares, np.inf)
+
+    def _squares(self, theta: FloatArray) -> FloatArray:
+        try:
+            return self.residuals(theta)[0] ** 2
+        except ModelError:
+            return np.full(self.residuals(self.start)[0].size, np.inf)
+
+    def point_weights(self, points: FloatArray) -> FloatArray:
+        """Weights of points ``(n,)`` as those of the squared residuals."""
+        return points
+
+    def polish(self, start: FloatArray) -> Solution:
+        """Local search from a start ``(p,)``, by Levenberg and Marquardt; its cost is that of :meth:`many_costs`."""
+        return _SOLVER.minimize(self.residuals, start, *self.box)
+
+    def polish_points(self, start: FloatArray, points: FloatArray) -> Solution:
+        """A few steps of it for a part of the data: weights of the points, zero or more, shape ``(n,)``."""
+        root = self.point_weights(np.sqrt(points))
+
+        def residuals(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+            residual, jacobian = self.residuals(theta)
+            return root * residual, root[:, None] * jacobian
+
+        return _FEW_STEPS.minimize(residuals, start, *self.box)
+
+    def stated_errors(
+        self, theta: FloatArray, *, weights: Literal["cifer", "covariance"] = "cifer"
+    ) -> ResidualErrors | None:
+        """What the data themselves state of the errors of the residuals; nothing by default, see :meth:`parts`.
+
+        Parameters
+        ----------
+        theta
+            Where a fit ended, shape ``(p,)``.
+        weights
+            With which it was found.
+        """
+        del theta, weights
+        return None
+
+    def parts(self, theta: FloatArray) -> list[Part]:
+        """What a fit has left of each record, for errors that the data do not state.
+
+        At the end of a fit this is what :func:`rotorid.uncertainty.colored.colored_covariance` takes.
+        """
+        residual, jacobian = self.residuals(theta)
+        return [Part(residual[:, None], jacobian[:, None], np.zeros((residual.size, 1, 0)))]
+
+    def noiseless(self, theta: FloatArray) -> Self:
+        """The same problem with data that are what the model at ``theta`` says they are.
+
+        Raises
+        ------
+        UsageError
+            Nobody can say what these would be.
+        """
+        del theta
+        raise UsageError(f"data drawn anew were asked for of {self.name}", needed="a problem that knows how to draw it")
+
+    def disturbed(self, errors: Sequence[FloatArray]) -> Self:
+        """The same problem with errors added to its data: one array ``(n, y)`` for each part, in its units."""
+        del errors
+        raise UsageError(f"data drawn anew were asked for of {self.name}", needed="a problem that knows how to draw it")
