@@ -1,19 +1,5 @@
 """Value objects: frozen, keyword-only, arrays copied in and read-only."""
 
-from rotorid.data.findings import Finding, Severity
-from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
-from rotorid.data.response import FrequencyResponse
+from rotorid._faces import lazy
 
-__all__ = [
-    "AXES",
-    "STANDARD_UNITS",
-    "Channel",
-    "Finding",
-    "FlightRecord",
-    "FrequencyResponse",
-    "Maneuver",
-    "Severity",
-    "Source",
-    "TimeHistory",
-    "Topic",
-]
+__getattr__, __dir__, __all__ = lazy(__name__)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from importlib import import_module
 from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rotorid.data.display import dataclass_text
+from rotorid.errors import UsageError
 
 Value = TypeVar("Value")
 
@@ -25,8 +29,18 @@ def read_only(values: Any, dtype: type[Any], *, ndim: int) -> NDArray[Any]:
 class Immutable:
     """Mixin of the frozen dataclasses: they pickle through their constructor, so that arrays stay read-only.
 
-    Plain pickling restores the fields one by one, which silently hands back writable arrays.
+    Plain pickling restores the fields one by one, which silently hands back writable arrays. Their ``repr`` tells long
+    arrays by their size.
     """
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        # ``dataclass`` writes a repr of every number, unless the class has its own.
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        return dataclass_text(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         assert is_dataclass(self)
@@ -42,3 +56,24 @@ class Immutable:
 
 def _rebuild(kind: type[Value], state: Mapping[str, Any]) -> Value:
     return kind(**state)
+
+
+def optional(package: str) -> Any:
+    """A package that is not required, or an error that says how to get it.
+
+    Raises
+    ------
+    UsageError
+        It is not installed.
+
+    Examples
+    --------
+    >>> optional("no_such_package")
+    Traceback (most recent call last):
+    ...
+    rotorid.errors.UsageError: this needs no_such_package, which is not installed; pip install no_such_package.
+    """
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise UsageError(f"this needs {package}, which is not installed", remedy=f"pip install {package}") from error

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.base import Immutable
+from rotorid.data.display import html_table, lines_of
 
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
@@ -39,6 +40,36 @@ class Finding(Immutable):
 
     def __post_init__(self) -> None:
         self._set(numbers={name: float(value) for name, value in self.numbers.items()})
+
+    def _repr_html_(self) -> str:
+        return Findings([self])._repr_html_()
+
+
+class Findings(tuple[Finding, ...]):
+    """Findings as a tuple that shows itself: one a line, and as a table in a notebook.
+
+    Examples
+    --------
+    >>> Findings([warn("gap", "p", "0.4 s are missing.", longest_s=0.4)])
+    1 finding
+      warning  gap  p  0.4 s are missing.
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return lines_of(self._head, self._rows)
+
+    def _repr_html_(self) -> str:
+        return html_table(self._head, ["severity", "kind", "where", "message"], self._rows)
+
+    @property
+    def _head(self) -> str:
+        return f"{len(self)} finding{'s' * (len(self) != 1)}"
+
+    @property
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        return [(finding.severity, finding.kind, finding.where, finding.message) for finding in self]
 
 
 def remark(kind: str, where: str, message: str, /, **numbers: float) -> Finding:

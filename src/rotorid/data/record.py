@@ -14,14 +14,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from rotorid.data.base import Immutable, read_only
-from rotorid.data.findings import Finding
+from rotorid._faces import attached
+from rotorid.data.base import Immutable, optional, read_only
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, Findings
 from rotorid.errors import UsageError
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import AnyArray, Axis, FloatArray
+
+if TYPE_CHECKING:
+    from rotorid.plot.accessors import HistoryPictures, RecordPictures, TrackPictures
 
 MOTORS = 16
 
@@ -117,6 +123,125 @@ class Maneuver:
     def duration_s(self) -> float:
         return self.stop_s - self.start_s
 
+    @property
+    def band_text(self) -> str:
+        """The band for a person, empty where it is not known."""
+        return "" if self.band_rad_s is None else f"{self.band_rad_s[0]:.3g} to {self.band_rad_s[1]:.3g} rad/s"
+
+
+class Maneuvers(tuple[Maneuver, ...]):
+    """Maneuvers as a tuple that shows itself: one a line, and as a table in a notebook.
+
+    Examples
+    --------
+    >>> Maneuvers([Maneuver(axis="roll", kind="sweep", start_s=3.0, stop_s=63.0, band_rad_s=(0.3, 60.0))])
+    1 maneuver
+      roll  sweep  3.00 to 63.00 s  0.3 to 60 rad/s  found
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return lines_of(self._head, self._rows)
+
+    def _repr_html_(self) -> str:
+        return html_table(self._head, ["axis", "kind", "from, to", "band", "origin", "signal"], self._rows)
+
+    @property
+    def _head(self) -> str:
+        return f"{len(self)} maneuver{'s' * (len(self) != 1)}"
+
+    @property
+    def _rows(self) -> list[tuple[str, ...]]:
+        return [(m.axis, m.kind, f"{m.start_s:.2f} to {m.stop_s:.2f} s", m.band_text, m.origin, m.signal) for m in self]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Track(NDArrayOperatorsMixin, Immutable):
+    """Samples of one channel with their stamps, as they were logged.
+
+    It calculates and plots like the array of its values: ``np.degrees(track)``, ``track - track[0]``,
+    ``plt.plot(track.time_s, track)``; what comes out is a plain array. Samples of two topics do not lie on one clock;
+    :func:`rotorid.resample` brings them onto one.
+
+    Parameters
+    ----------
+    channel
+        Name, unit and origin.
+    topic
+        The log's own name of the topic that holds it.
+    time_s
+        Stamps, shape ``(samples,)``, seconds on the log's own clock; as logged, so they may repeat or step back.
+    values
+        Shape ``(samples,)``, SI units, FRD/NED.
+
+    Examples
+    --------
+    >>> track = Track(channel=Channel(name="p", unit="rad/s"), topic="SIDD", time_s=[0.0, 0.1], values=[1.0, 2.0])
+    >>> track
+    p [rad/s] of SIDD: 2 samples at 10 Hz, 0 to 0.1 s
+    >>> (2.0 * track).tolist(), float(np.mean(track)), len(track)
+    ([2.0, 4.0], 1.5, 2)
+    """
+
+    channel: Channel
+    topic: str
+    time_s: FloatArray
+    values: FloatArray
+
+    def __post_init__(self) -> None:
+        time_s, values = (read_only(array, np.float64, ndim=1) for array in (self.time_s, self.values))
+        if time_s.size != values.size:
+            raise ValueError(f"{self.name}: {time_s.size} stamps and {values.size} samples came")
+        self._set(time_s=time_s, values=values)
+
+    @property
+    def name(self) -> str:
+        return self.channel.name
+
+    @property
+    def unit(self) -> str:
+        return self.channel.unit
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Median rate of the stamps; zero for fewer than two samples."""
+        return _median_rate_hz(self.time_s)
+
+    @property
+    def plot(self) -> TrackPictures:
+        """Its picture: ``track.plot()``."""
+        pictures: TrackPictures = attached(self)
+        return pictures
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.Series`` over the stamps.
+
+        Raises
+        ------
+        UsageError
+            pandas is not installed.
+        """
+        index = optional("pandas").Index(self.time_s, name="time_s")
+        return optional("pandas").Series(self.values, index=index, name=self.name)
+
+    def __len__(self) -> int:
+        return int(self.values.size)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.values[index]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> AnyArray:
+        return np.array(self.values, dtype=dtype) if copy else np.asarray(self.values, dtype=dtype)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **keywords: Any) -> Any:
+        plain = [given.values if isinstance(given, Track) else given for given in inputs]
+        return getattr(ufunc, method)(*plain, **keywords)
+
+    def __repr__(self) -> str:
+        span = f", {self.time_s.min():.6g} to {self.time_s.max():.6g} s" if len(self) else ""
+        return f"{self.name} [{self.unit}] of {self.topic}: {len(self)} samples at {self.sample_rate_hz:.4g} Hz{span}"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Topic(Immutable):
@@ -156,9 +281,13 @@ class Topic(Immutable):
     @property
     def sample_rate_hz(self) -> float:
         """Median rate of the stamps; zero for fewer than two samples."""
-        steps = np.diff(self.time_s)
-        steps = steps[steps > 0.0]
-        return float(1.0 / np.median(steps)) if steps.size else 0.0
+        return _median_rate_hz(self.time_s)
+
+
+def _median_rate_hz(time_s: FloatArray) -> float:
+    steps = np.diff(time_s)
+    steps = steps[steps > 0.0]
+    return float(1.0 / np.median(steps)) if steps.size else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,6 +318,17 @@ class FlightRecord(Immutable):
         Axis to channels that excite it and contain no feedback, best first.
     findings
         What the reader had to remark.
+
+    Examples
+    --------
+    >>> rate = Channel(name="p", unit="rad/s")
+    >>> rates = Topic(name="RATE", time_s=[0.0, 0.1, 0.2], channels=(rate,), values=[[1.0, 2.0, 3.0]])
+    >>> record = FlightRecord(source=Source(name="flight.BIN", format="dataflash", sha256=""), topics=(rates,))
+    >>> record
+    FlightRecord flight.BIN (dataflash): 1 channel, 0 to 0.2 s
+      RATE  10 Hz  3 samples  p
+    >>> record["p"].time_s.tolist(), record["p"].values.tolist()
+    ([0.0, 0.1, 0.2], [1.0, 2.0, 3.0])
     """
 
     source: Source
@@ -202,9 +342,9 @@ class FlightRecord(Immutable):
         self._set(
             topics=tuple(self.topics),
             parameters=self.parameters,
-            declared=tuple(self.declared),
+            declared=Maneuvers(self.declared),
             instruments=self.instruments,
-            findings=tuple(self.findings),
+            findings=Findings(self.findings),
         )
 
     @property
@@ -229,6 +369,73 @@ class FlightRecord(Immutable):
         """Last stamp of any topic."""
         return max((float(topic.time_s[-1]) for topic in self.topics if topic.time_s.size), default=0.0)
 
+    def __getitem__(self, name: str) -> Track:
+        """Samples of one channel with their stamps, from the preferred topic; :meth:`holding` has the others."""
+        for topic, row in self.holding(name):
+            return Track(channel=topic.channels[row], topic=topic.name, time_s=topic.time_s, values=topic.values[row])
+        raise KeyError(f"no channel {name!r}; there are {', '.join(self.channel_names) or 'none'}")
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.channel_names
+
+    # Neither its topics nor its channels are meant by a loop over a record: who wants either says so.
+    __iter__ = None
+
+    @property
+    def plot(self) -> RecordPictures:
+        """Its picture: ``record.plot()``, ``record.plot("roll_command", "p")``."""
+        pictures: RecordPictures = attached(self)
+        return pictures
+
+    def to_pandas(self) -> dict[str, Any]:
+        """Topic to a ``pandas.DataFrame`` of its channels over its stamps: every topic has its own clock.
+
+        Raises
+        ------
+        UsageError
+            pandas is not installed.
+        """
+        return {
+            topic.name: _frame(topic.time_s, topic.channels, topic.values) for topic in self.topics if topic.channels
+        }
+
+    def __repr__(self) -> str:
+        return lines_of(self._head, self._rows)
+
+    def _repr_html_(self) -> str:
+        said = self.findings._repr_html_() if self.findings else ""
+        return html_table(self._head, ["topic", "rate", "samples", "channels"], self._rows) + said
+
+    @property
+    def _head(self) -> str:
+        count, firmware = len(self.channel_names), f", {self.source.firmware}" if self.source.firmware else ""
+        remarks = f", {len(self.findings)} findings" if self.findings else ""
+        return (
+            f"FlightRecord {self.source.name} ({self.source.format}{firmware}): {count} channel{'s' * (count != 1)}, "
+            f"{self.start_s:.6g} to {self.stop_s:.6g} s{remarks}"
+        )
+
+    @property
+    def _rows(self) -> list[tuple[str, ...]]:
+        return [
+            (
+                topic.name,
+                f"{topic.sample_rate_hz:.4g} Hz",
+                f"{topic.time_s.size} samples",
+                " ".join(channel.name for channel in topic.channels),
+            )
+            for topic in self.topics
+        ]
+
+
+def _frame(time_s: FloatArray, channels: tuple[Channel, ...], values: FloatArray) -> Any:
+    """A ``pandas.DataFrame`` over stamps; its ``attrs`` hold the units."""
+    pandas = optional("pandas")
+    names = [channel.name for channel in channels]
+    frame = pandas.DataFrame(values.T, index=pandas.Index(time_s, name="time_s"), columns=names)
+    frame.attrs["units"] = {channel.name: channel.unit for channel in channels}
+    return frame
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeHistory(Immutable):
@@ -246,6 +453,16 @@ class TimeHistory(Immutable):
         Time of the first sample on the log's own clock.
     processing
         What was done to the data since they were read, oldest first.
+
+    Examples
+    --------
+    >>> history = TimeHistory(values=[[3.0, -3.0]], channels=(Channel(name="p", unit="rad/s"),), sample_rate_hz=10.0,
+    ...                       start_s=2.0)
+    >>> history
+    TimeHistory of 1 channel: 2 samples at 10 Hz, 2 to 2.1 s
+      p  rad/s  rms 3
+    >>> history["p"].tolist()
+    [3.0, -3.0]
     """
 
     values: FloatArray
@@ -283,6 +500,50 @@ class TimeHistory(Immutable):
             raise KeyError(f"no channel {name!r}; there are {', '.join(self.names)}") from None
         samples: FloatArray = self.values[row]
         return samples
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    __iter__ = None
+
+    @property
+    def plot(self) -> HistoryPictures:
+        """Its picture: ``history.plot()``, ``history.plot("p")``."""
+        pictures: HistoryPictures = attached(self)
+        return pictures
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame`` of the channels over the stamps; its ``attrs`` hold the units.
+
+        Raises
+        ------
+        UsageError
+            pandas is not installed.
+        """
+        return _frame(self.time_s, self.channels, self.values)
+
+    def __repr__(self) -> str:
+        return lines_of(self._head, self._rows)
+
+    def _repr_html_(self) -> str:
+        return html_table(self._head, ["channel", "unit", "size"], self._rows)
+
+    @property
+    def _head(self) -> str:
+        count, samples = self.values.shape
+        stop_s = self.start_s + max(samples - 1, 0) / self.sample_rate_hz
+        return (
+            f"TimeHistory of {count} channel{'s' * (count != 1)}: {samples} samples at {self.sample_rate_hz:.6g} Hz, "
+            f"{self.start_s:.6g} to {stop_s:.6g} s"
+        )
+
+    @property
+    def _rows(self) -> list[tuple[str, ...]]:
+        sizes = np.sqrt(np.mean(self.values**2, axis=1)) if self.values.size else np.zeros(len(self.channels))
+        return [
+            (channel.name, channel.unit, f"rms {size:.4g}")
+            for channel, size in zip(self.channels, sizes.tolist(), strict=True)
+        ]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

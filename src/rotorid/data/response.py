@@ -6,13 +6,18 @@ What moved the outputs of an estimate beside its inputs.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
-from rotorid.data.findings import Finding
+from rotorid._faces import attached
+from rotorid.data.base import Immutable, optional, read_only
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, Findings
 from rotorid.typing import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from rotorid.plot.accessors import ResponsePictures
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +93,15 @@ class FrequencyResponse(Immutable):
         ``(u, u, f, f)``: one instrument may move several inputs. ``None`` takes them as independent.
     disturbance
         What moved the outputs beside the inputs; ``None`` for what is no plain estimate any more.
+
+    Examples
+    --------
+    >>> ones = np.ones((1, 1, 2))
+    >>> FrequencyResponse(omega_rad_s=[1.0, 10.0], values=ones, coherence=0.9 * ones, random_error=0.02 * ones,
+    ...                   covariance=np.zeros((1, 1, 2, 2)), inputs=("roll_command",), outputs=("p",),
+    ...                   estimate="direct")
+    FrequencyResponse: 2 frequencies, 1 to 10 rad/s, direct estimate
+      p/roll_command  coherence 0.900 to 0.900  error 2.0 % (median)
     """
 
     omega_rad_s: FloatArray
@@ -136,10 +150,70 @@ class FrequencyResponse(Immutable):
             outputs=tuple(self.outputs),
             instruments=tuple(self.instruments),
             windows_s=tuple(self.windows_s),
-            findings=tuple(self.findings),
+            findings=Findings(self.findings),
             processing=tuple(self.processing),
         )
 
     def pair(self, output: str, input: str) -> tuple[int, int]:
         """Indices of one response ``output/input``."""
         return self.outputs.index(output), self.inputs.index(input)
+
+    @property
+    def plot(self) -> ResponsePictures:
+        """Its pictures: ``response.plot()``, ``response.plot.bode(output="p", input="roll_command")``."""
+        pictures: ResponsePictures = attached(self)
+        return pictures
+
+    def to_xarray(self) -> Any:
+        """An ``xarray.Dataset`` over output, input and frequency.
+
+        Its variables are ``response`` (complex), ``coherence`` and ``random_error``; its ``attrs`` hold the estimate,
+        instruments, windows and processing.
+
+        Raises
+        ------
+        UsageError
+            xarray is not installed.
+        """
+        dimensions = ("output", "input", "omega_rad_s")
+        arrays = {"response": self.values, "coherence": self.coherence, "random_error": self.random_error}
+        return optional("xarray").Dataset(
+            {name: (dimensions, np.array(values)) for name, values in arrays.items()},
+            coords={
+                "output": list(self.outputs),
+                "input": list(self.inputs),
+                "omega_rad_s": np.array(self.omega_rad_s),
+            },
+            attrs={
+                "estimate": self.estimate,
+                "instruments": list(self.instruments),
+                "windows_s": list(self.windows_s),
+                "processing": list(self.processing),
+            },
+        )
+
+    def __repr__(self) -> str:
+        return lines_of(self._head, self._rows)
+
+    def _repr_html_(self) -> str:
+        said = self.findings._repr_html_() if self.findings else ""
+        return html_table(self._head, ["response", "coherence", "random error"], self._rows) + said
+
+    @property
+    def _head(self) -> str:
+        omega = self.omega_rad_s
+        span = f", {omega[0]:.4g} to {omega[-1]:.4g} rad/s" if omega.size else ""
+        with_what = f" with {', '.join(self.instruments)}" if self.instruments else ""
+        return f"FrequencyResponse: {omega.size} frequencies{span}, {self.estimate} estimate{with_what}"
+
+    @property
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows = []
+        for y, output in enumerate(self.outputs):
+            for u, input in enumerate(self.inputs):
+                known = np.isfinite(self.values[y, u])
+                coherence, error = self.coherence[y, u, known], self.random_error[y, u, known]
+                seen = f"coherence {coherence.min():.3f} to {coherence.max():.3f}" if known.any() else "not known"
+                usual = f"error {100.0 * float(np.median(error)):.1f} % (median)" if known.any() else ""
+                rows.append((f"{output}/{input}", seen, usual))
+        return rows

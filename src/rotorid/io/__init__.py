@@ -1,5 +1,5 @@
 """Readers and writers: the only access to files of data."""
 
-from rotorid.io.registry import read
+from rotorid._faces import lazy
 
-__all__ = ["read"]
+__getattr__, __dir__, __all__ = lazy(__name__)

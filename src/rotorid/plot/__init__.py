@@ -29,3 +29,7 @@ function for each picture:
 Frequency comes in rad/s; pictures over frequency take ``frequency="Hz"``, and those with a magnitude
 ``magnitude="linear"``.
 """
+
+from rotorid._faces import lazy
+
+__getattr__, __dir__, __all__ = lazy(__name__)

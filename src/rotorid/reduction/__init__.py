@@ -1,1 +1,5 @@
 """Drop what the data do not show."""
+
+from rotorid._faces import lazy
+
+__getattr__, __dir__, __all__ = lazy(__name__)

@@ -1,1 +1,5 @@
 """Conditioning of signals: one clock, excitations."""
+
+from rotorid._faces import lazy
+
+__getattr__, __dir__, __all__ = lazy(__name__)

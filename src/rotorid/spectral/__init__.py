@@ -1,1 +1,5 @@
 """Frequency responses from data."""
+
+from rotorid._faces import lazy
+
+__getattr__, __dir__, __all__ = lazy(__name__)

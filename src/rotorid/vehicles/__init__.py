@@ -1,6 +1,5 @@
 """Known truths: published vehicles with their numbers and sources, and the flight that ships with rotorid."""
 
-from rotorid.vehicles import s500
-from rotorid.vehicles.demo import demo_plan
+from rotorid._faces import lazy
 
-__all__ = ["demo_plan", "s500"]
+__getattr__, __dir__, __all__ = lazy(__name__)

@@ -1,1 +1,5 @@
 """Judge a model on data it has not seen."""
+
+from rotorid._faces import lazy
+
+__getattr__, __dir__, __all__ = lazy(__name__)

@@ -1,1 +1,5 @@
 """ArduPilot: DataFlash files, and how simulated flights are written as one."""
+
+from rotorid._faces import lazy
+
+__getattr__, __dir__, __all__ = lazy(__name__)

@@ -1,0 +1,1 @@
+from rotorid.io.mavlink.messages import Telemetry as Telemetry

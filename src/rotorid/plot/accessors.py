@@ -1,0 +1,158 @@
+"""What a value's ``plot`` is: ``record.plot()``, ``history.plot("p")``, ``response.plot.bode()``.
+
+The values say that they have pictures, and ``rotorid/__init__.py`` that they are these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rotorid.data.record import FlightRecord, TimeHistory, Track
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import UsageError
+from rotorid.plot.figure import INPUT, MEASURED, Figure, Panel, quantity, stacked
+from rotorid.plot.frequency import bode
+from rotorid.plot.time import TIME_AXIS, line
+from rotorid.typing import FloatArray
+
+USUAL = ("command", "p", "q", "r", "ax", "ay", "az")
+"""Channels that are drawn unasked, where there are any: commands, rates and specific forces."""
+
+_PANEL_PX = 110.0
+_DRIVING = ("_command", "_stick", "_excitation", "_setpoint")
+
+
+@dataclass(frozen=True)
+class RecordPictures:
+    """Pictures of a record: called, it draws channels over time.
+
+    Parameters
+    ----------
+    record
+        The record.
+    """
+
+    record: FlightRecord
+
+    def __call__(self, *channels: str) -> Figure:
+        """Channels over the log's own clock, a panel each, as they were logged; declared maneuvers are shaded.
+
+        Parameters
+        ----------
+        *channels
+            By default commands, rates and specific forces, or everything where none of these is there.
+
+        Raises
+        ------
+        UsageError
+            A channel is not in the record.
+        """
+        names = _chosen(channels, self.record.channel_names, self.record.source.name)
+        shaded = [(maneuver.start_s, maneuver.stop_s) for maneuver in self.record.declared]
+        tracks = [self.record[name] for name in names]
+        return stacked([_panel(t.time_s, t.values, t.name, shaded) for t in tracks], x_axis=TIME_AXIS)
+
+
+@dataclass(frozen=True)
+class HistoryPictures:
+    """Pictures of a time history: called, it draws channels over time.
+
+    Parameters
+    ----------
+    history
+        The history.
+    """
+
+    history: TimeHistory
+
+    def __call__(self, *channels: str) -> Figure:
+        """Channels over time, a panel each.
+
+        Parameters
+        ----------
+        *channels
+            By default commands, rates and specific forces, or everything where none of these is there.
+
+        Raises
+        ------
+        UsageError
+            A channel is not in the history.
+        """
+        names = _chosen(channels, self.history.names, "the history")
+        time_s = self.history.time_s
+        return stacked([_panel(time_s, self.history[name], name, ()) for name in names], x_axis=TIME_AXIS)
+
+
+@dataclass(frozen=True)
+class TrackPictures:
+    """The picture of one channel.
+
+    Parameters
+    ----------
+    track
+        The channel.
+    """
+
+    track: Track
+
+    def __call__(self) -> Figure:
+        """Its samples over the log's own clock."""
+        return stacked([_panel(self.track.time_s, self.track.values, self.track.name, ())], x_axis=TIME_AXIS)
+
+
+@dataclass(frozen=True)
+class ResponsePictures:
+    """Pictures of a frequency response: called, it draws the Bode plot of its first pair.
+
+    Parameters
+    ----------
+    response
+        The response.
+    """
+
+    response: FrequencyResponse
+
+    def __call__(self, output: str | None = None, input: str | None = None, **how: Any) -> Figure:
+        """The same as :meth:`bode`."""
+        return self.bode(output, input, **how)
+
+    def bode(self, output: str | None = None, input: str | None = None, **how: Any) -> Figure:
+        """Magnitude, phase and coherence of one pair.
+
+        Parameters
+        ----------
+        output, input
+            Which of its pairs; by default the first.
+        **how
+            What :func:`rotorid.bode` takes: ``model``, ``fitted``, ``frequency="Hz"``, ``magnitude="linear"``.
+
+        Raises
+        ------
+        UsageError
+            The response does not hold the pair.
+        """
+        y = _known(output or self.response.outputs[0], self.response.outputs, "output")
+        u = _known(input or self.response.inputs[0], self.response.inputs, "input")
+        return bode(self.response, output=y, input=u, **how)
+
+
+def _chosen(asked: Sequence[str], there: Sequence[str], where: str) -> list[str]:
+    for name in asked:
+        if name not in there:
+            raise UsageError(f"{where} holds no {name}", needed=f"one of {', '.join(there) or 'none'}")
+    usual = [name for name in there if name.rpartition("_")[2] in USUAL]
+    return list(asked or usual or there)
+
+
+def _known(name: str, there: Sequence[str], kind: str) -> str:
+    if name not in there:
+        raise UsageError(f"the {kind} {name} came", needed=f"one of {', '.join(there)}")
+    return name
+
+
+def _panel(time_s: FloatArray, values: FloatArray, name: str, shaded: Sequence[tuple[float, float]]) -> Panel:
+    color = INPUT if name.endswith(_DRIVING) or name.startswith("motor_") else MEASURED
+    trace = line(time_s, values, name, words=name, color=color, width=1.0)
+    return Panel(label=quantity(name).label, traces=(trace,), height_px=_PANEL_PX, shaded=shaded)
