@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rotorid.pipeline.schemas import SCHEMAS, schema_text
+from rotorid.documents.schemas import SCHEMAS, schema_text
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
 
@@ -14,4 +14,4 @@ DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_published_schema_is_current(name: str) -> None:
     published = (DOCS / f"{name}.json").read_text(encoding="utf-8")
-    assert published == schema_text(name), f"regenerate docs/schemas/{name}.json from rotorid.pipeline.schemas"
+    assert published == schema_text(name), f"regenerate docs/schemas/{name}.json from rotorid.documents.schemas"

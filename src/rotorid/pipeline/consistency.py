@@ -120,6 +120,31 @@ class ChannelSkew:
         """The option of ``identify`` that takes a suspicious skew out; empty for others."""
         return f"--shift {self.channel}:{self.unexplained_s:.4f}" if self.suspicious else ""
 
+    @property
+    def seconds(self) -> float:
+        """How far the delayed signal comes after the reference."""
+        return self.skew.seconds
+
+    @property
+    def std_s(self) -> float:
+        """One standard deviation of the skew."""
+        return self.skew.std
+
+    @property
+    def coherence(self) -> float:
+        """Mean coherence of the two signals."""
+        return self.skew.coherence
+
+    @property
+    def start_s(self) -> float:
+        """Where it was measured begins, on the log's own clock."""
+        return self.stretch.start_s
+
+    @property
+    def stop_s(self) -> float:
+        """Where it was measured ends."""
+        return self.stretch.stop_s
+
 
 @dataclass(frozen=True, kw_only=True)
 class Consistency:

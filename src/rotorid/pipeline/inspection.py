@@ -1,26 +1,27 @@
-"""What a log holds, and what it can support.
+"""What a log holds, and which models it can support.
 
-Which models a log can support, and what to change where it cannot.
+Channels with their rates and gaps, flights and excitations, whether sensors and clocks agree, the battery; and for each
+rate model what it needs, what the log has of it, and what to change where it cannot be identified.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
-from pydantic import Field
 
-from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.base import Immutable
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, FlightRecord, Maneuver, Topic
-from rotorid.documents.base import Document
-from rotorid.documents.result import FindingDocument, ManeuverDocument
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import RATE_AXES
-from rotorid.pipeline.assemble import finding_documents, maneuver_document
-from rotorid.pipeline.consistency import ChannelSkew, Stretch, check_consistency, stretches
+from rotorid.pipeline.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.pipeline.frequency_fit import LOWEST_TOP_RAD_S
 from rotorid.pipeline.instruments import axis_of, find_instrument
+from rotorid.pipeline.provenance import LoggedManeuver, logged
 from rotorid.pipeline.selection import RICH_KINDS
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.excitations import candidate_excitations, find_excitations
@@ -42,25 +43,51 @@ _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 _PerAxis: TypeAlias = Mapping[str, Sequence[Maneuver]]
 
 
-class NeedDocument(Document):
-    """One thing that a model needs, and whether the log has it."""
+@dataclass(frozen=True, kw_only=True)
+class Need(Immutable):
+    """One thing that a model needs.
+
+    Parameters
+    ----------
+    need
+        What it is.
+    there
+        Whether the log has it.
+    found
+        What the log has of it.
+    """
 
     need: str
     there: bool
     found: str
 
 
-class SupportDocument(Document):
-    """Whether a model can be identified from this log, and what to change if not."""
+@dataclass(frozen=True, kw_only=True)
+class Support(Immutable):
+    """Whether a model can be identified from a log.
+
+    Parameters
+    ----------
+    possible
+        Whether it can.
+    because
+        Why, or why not.
+    remedy
+        What to change where it cannot.
+    instrument
+        Channel free of feedback that a joint estimate would use.
+    needs
+        What the model needs, one by one.
+    """
 
     possible: bool
     because: str
     remedy: str = ""
     instrument: str | None = None
-    needs: list[NeedDocument] = Field(default_factory=list)
+    needs: tuple[Need, ...] = ()
 
 
-def supports(record: FlightRecord, found: _PerAxis, candidates: _PerAxis) -> dict[str, SupportDocument]:
+def supports(record: FlightRecord, found: _PerAxis, candidates: _PerAxis) -> dict[str, Support]:
     """Name of each rate model to whether the log supports it.
 
     Parameters
@@ -84,7 +111,7 @@ def segment_of(axis: str, start_s: float, stop_s: float) -> str:
     return f"{axis}:{start_s:.2f}:{stop_s:.2f}"
 
 
-def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, candidates: _PerAxis) -> SupportDocument:
+def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, candidates: _PerAxis) -> Support:
     name = axis_of(input)
     rates = {channel: _best_rate_hz(record, channel) for channel in (input, output)}
     rich = [maneuver for maneuver in found[name] if maneuver.kind in RICH_KINDS]
@@ -95,8 +122,8 @@ def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, can
     if verdict is None:
         estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
         because = f"{len(rich)} rich excitation(s), {min(rates.values()):.0f} Hz, {estimate}"
-        verdict = SupportDocument(possible=True, because=because, instrument=instrument)
-    return verdict.model_copy(update={"needs": _needs(rates, name, rich, instrument)})
+        verdict = Support(possible=True, because=because, instrument=instrument)
+    return replace(verdict, needs=_needs(rates, name, rich, instrument))
 
 
 def _best_rate_hz(record: FlightRecord, channel: str) -> float:
@@ -104,22 +131,22 @@ def _best_rate_hz(record: FlightRecord, channel: str) -> float:
     return max((topic.sample_rate_hz for topic, _ in record.holding(channel)), default=0.0)
 
 
-def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> SupportDocument | None:
+def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:
     """The refusal of a log that lacks channels, or holds them too slowly."""
     advice = _LOGGING_ADVICE.get(record.source.format, _OTHER_LOGGING)
     missing = [name for name in rates if name not in record.channel_names]
     if missing:
-        return SupportDocument(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
+        return Support(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
     slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]
     if slow:
         because = f"{' and '.join(slow)} is too slow; {LOWEST_RATE_HZ:.0f} Hz is the least"
-        return SupportDocument(possible=False, because=because, remedy=advice)
+        return Support(possible=False, because=because, remedy=advice)
     return None
 
 
 def _unflown(
     record: FlightRecord, axis: Axis, rich: Sequence[Maneuver], found: Sequence[Maneuver], tried: Maneuver | None
-) -> SupportDocument | None:
+) -> Support | None:
     """The refusal of a flight that does not excite an axis, or not fast enough; a candidate is pointed at."""
     if not rich:
         kinds = ", ".join(dict.fromkeys(maneuver.kind for maneuver in found))
@@ -130,20 +157,20 @@ def _unflown(
         remedy = flying.format(axis=axis, sid_axis=_SID_AXIS[axis])
         if tried is not None:
             remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
-        return SupportDocument(possible=False, because=because, remedy=remedy)
+        return Support(possible=False, because=because, remedy=remedy)
     tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s and maneuver.kind == "sweep"]
     if len(tops) == len(rich) and max(tops) < LOWEST_TOP_RAD_S:
         because = f"the sweeps end at {max(tops):.2g} rad/s; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more"
-        return SupportDocument(possible=False, because=because, remedy="fly a sweep that goes faster")
+        return Support(possible=False, because=because, remedy="fly a sweep that goes faster")
     return None
 
 
 def _needs(
     rates: Mapping[str, float], axis: Axis, rich: Sequence[Maneuver], instrument: str | None
-) -> list[NeedDocument]:
+) -> tuple[Need, ...]:
     """What a rate model needs, each with what the log has of it; without the last, feedback may bias the model."""
-    logged = [
-        NeedDocument(
+    rates_needed = [
+        Need(
             need=f"{name} at {LOWEST_RATE_HZ:.0f} Hz or more",
             there=rate >= LOWEST_RATE_HZ,
             found=f"{rate:.3g} Hz" if rate else "not logged",
@@ -153,15 +180,15 @@ def _needs(
     tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s]
     reach = f" up to {max(tops):.3g} rad/s" if tops else ""
     flown = ", ".join(dict.fromkeys(maneuver.kind.replace("_", " ") for maneuver in rich))
-    return [
-        *logged,
-        NeedDocument(
+    return (
+        *rates_needed,
+        Need(
             need=f"a sweep, multisine or random binary signal on {axis}",
             there=bool(rich),
             found=f"{len(rich)} ({flown}){reach}" if rich else "none found",
         ),
-        NeedDocument(need="an instrument free of feedback", there=bool(instrument), found=instrument or "none found"),
-    ]
+        Need(need="an instrument free of feedback", there=bool(instrument), found=instrument or "none found"),
+    )
 
 
 _GAP_STEPS = 2.5
@@ -175,8 +202,27 @@ _SETTINGS = (
 """Parameters of the autopilot that decide what is logged, filtered and fed back: the first ones to look at."""
 
 
-class ChannelDocument(Document):
-    """A channel in one topic: the same channel may stand in several."""
+@dataclass(frozen=True, kw_only=True)
+class LoggedChannel(Immutable):
+    """A channel in one topic: the same channel may stand in several.
+
+    Parameters
+    ----------
+    name, unit, source
+        As in :class:`rotorid.data.record.Channel`.
+    topic
+        The topic that holds it.
+    rate_hz
+        Usual rate of the topic.
+    samples
+        How many there are.
+    start_s, stop_s
+        First and last stamp on the log's own clock; ``None`` without samples.
+    gaps
+        Steps of more than 2.5 usual ones.
+    longest_gap_s
+        The longest of them; zero where there is none.
+    """
 
     name: str
     unit: str
@@ -190,13 +236,35 @@ class ChannelDocument(Document):
     longest_gap_s: float
 
 
-class CandidateDocument(ManeuverDocument):
-    """A stretch that moves an axis enough to try, and the value of ``--segment`` that takes it."""
+@dataclass(frozen=True, kw_only=True)
+class CandidateManeuver(LoggedManeuver):
+    """A stretch that moves an axis enough to try; its fields are those of a maneuver."""
 
-    segment: str
+    @property
+    def segment(self) -> str:
+        """The value of ``--segment`` that takes it."""
+        return segment_of(self.axis, self.start_s, self.stop_s)
 
 
-class BatteryDocument(Document):
+@dataclass(frozen=True, kw_only=True)
+class FlightInterval(Immutable):
+    """An interval in the air, on the log's own clock, and what showed it."""
+
+    start_s: float
+    stop_s: float
+    seen_in: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimedCheck(KinematicCheck):
+    """A sensor against the motion that attitude or velocities give, and the interval over which it was compared."""
+
+    start_s: float
+    stop_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Battery(Immutable):
     """Voltage of the battery at both ends of its record, and the lowest in between."""
 
     start_v: float
@@ -204,52 +272,40 @@ class BatteryDocument(Document):
     lowest_v: float
 
 
-class FlightDocument(Document):
-    """An interval in the air, and what told."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inspection(Immutable):
+    """Answer of :func:`inspect`.
 
-    start_s: float
-    stop_s: float
-    seen_in: str
+    Parameters
+    ----------
+    name, format, firmware, sha256
+        Of the log.
+    start_s, stop_s
+        First and last stamp on its own clock.
+    parameters
+        How many parameters of the autopilot it holds.
+    channels
+        Every channel of every topic.
+    excitations
+        Maneuvers that were declared or found, in order of time.
+    supports
+        Name of each rate model to whether the log supports it.
+    findings
+        Remarks, the grave ones first.
+    candidates
+        Stretches that may have been meant as excitations.
+    flights
+        Intervals in the air.
+    kinematics
+        Sensors against the kinematics.
+    skews
+        How far signals come after each other.
+    battery
+        Voltages, where they were logged.
+    settings
+        Parameters of the autopilot that decide what is logged, filtered and fed back.
+    """
 
-
-class KinematicsDocument(Document):
-    """A sensor against the motion that attitude or velocities give: scale, bias and lag with standard deviations."""
-
-    channel: str
-    against: str
-    start_s: float
-    stop_s: float
-    scale: float
-    scale_std: float
-    bias: float
-    bias_std: float
-    lag_s: float
-    lag_std_s: float
-    cancellation: float
-    verdict: Literal["consistent", "inconsistent", "uncertain"]
-
-
-class SkewDocument(Document):
-    """How far one signal comes after another, what filters explain of it, and the ``--shift`` for the rest."""
-
-    channel: str
-    reference: str
-    delayed: str
-    nature: Literal["same_channel", "vehicle"]
-    start_s: float
-    stop_s: float
-    seconds: float
-    std_s: float
-    sample_s: float
-    coherence: float
-    known_s: tuple[float, float]
-    remedy: str = ""
-
-
-class InspectDocument(Document):
-    """Answer of ``inspect``."""
-
-    schema_name: Annotated[Literal["rotorid.inspect/1"], Field(alias="schema")] = "rotorid.inspect/1"
     name: str
     format: str
     firmware: str
@@ -257,19 +313,47 @@ class InspectDocument(Document):
     start_s: float
     stop_s: float
     parameters: int
-    channels: list[ChannelDocument]
-    excitations: list[ManeuverDocument]
-    supports: dict[str, SupportDocument]
-    findings: list[FindingDocument]
-    candidates: list[CandidateDocument] = Field(default_factory=list)
-    flights: list[FlightDocument] = Field(default_factory=list)
-    kinematics: list[KinematicsDocument] = Field(default_factory=list)
-    skews: list[SkewDocument] = Field(default_factory=list)
-    battery: BatteryDocument | None = None
-    settings: dict[str, float] = Field(default_factory=dict)
+    channels: tuple[LoggedChannel, ...]
+    excitations: tuple[LoggedManeuver, ...]
+    supports: Mapping[str, Support]
+    findings: tuple[Finding, ...]
+    candidates: tuple[CandidateManeuver, ...] = ()
+    flights: tuple[FlightInterval, ...] = ()
+    kinematics: tuple[TimedCheck, ...] = ()
+    skews: tuple[ChannelSkew, ...] = ()
+    battery: Battery | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(supports=self.supports, settings=self.settings)
+
+    def __repr__(self) -> str:
+        return lines_of(self._heading, list(self._rows()))
+
+    def _repr_html_(self) -> str:
+        return html_table(self._heading, ("what", "which", "says"), self._rows())
+
+    @property
+    def _heading(self) -> str:
+        firmware = f", {self.firmware}" if self.firmware else ""
+        names = len({channel.name for channel in self.channels})
+        return f"{self.name}: {self.format}{firmware}, {self.start_s:.2f} to {self.stop_s:.2f} s, {names} channels"
+
+    def _rows(self) -> Iterator[tuple[str, str, str]]:
+        """What can be identified comes first, then what was flown, and what to know of it."""
+        for model, support in self.supports.items():
+            yield model, "yes" if support.possible else "no", support.because
+        for flight in self.flights:
+            yield "in the air", f"{flight.start_s:.1f} to {flight.stop_s:.1f} s", f"as {flight.seen_in} tells"
+        for maneuver in (*self.excitations, *self.candidates):
+            origin = "candidate" if isinstance(maneuver, CandidateManeuver) else maneuver.origin
+            interval = f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s"
+            yield f"{maneuver.axis} {maneuver.kind}", interval, f"{origin} in {maneuver.signal}"
+        for finding in self.findings:
+            yield f"{finding.severity} {finding.kind}", finding.where, finding.message
 
 
-def inspect(record: FlightRecord) -> InspectDocument:
+def inspect(record: FlightRecord) -> Inspection:
     """Say what a record holds: channels, rates, gaps, flights, excitations, whether it agrees with itself, and its use.
 
     Parameters
@@ -279,8 +363,8 @@ def inspect(record: FlightRecord) -> InspectDocument:
 
     Returns
     -------
-    InspectDocument
-        What ``rotorid inspect --json`` prints. A model counts as supported when its channels are logged fast enough
+    Inspection
+        What ``rotorid inspect`` tells. A model counts as supported when its channels are logged fast enough
         and something rich enough was flown on its axis; whether the response is coherent only ``identify`` tells.
         Checks that cannot be done stand among the findings.
 
@@ -298,9 +382,9 @@ def inspect(record: FlightRecord) -> InspectDocument:
     """
     found = {axis: find_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     candidates = {axis: candidate_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
-    flight, told = _flight(record)
+    flight, remarks = _flight(record)
     consistency = check_consistency(record, stretches(record, _in_time(*found.values()), flight))
-    return InspectDocument(
+    return Inspection(
         name=record.source.name,
         format=record.source.format,
         firmware=record.source.firmware,
@@ -308,14 +392,17 @@ def inspect(record: FlightRecord) -> InspectDocument:
         start_s=record.start_s,
         stop_s=record.stop_s,
         parameters=len(record.parameters),
-        channels=[_channel(topic, row) for topic in record.topics for row in range(len(topic.channels))],
-        excitations=[maneuver_document(record, maneuver) for maneuver in _in_time(*found.values())],
+        channels=tuple(_channel(topic, row) for topic in record.topics for row in range(len(topic.channels))),
+        excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
         supports=supports(record, found, candidates),
-        findings=finding_documents((*record.findings, *told, *consistency.findings)),
-        candidates=[_candidate(record, maneuver) for maneuver in _in_time(*candidates.values())],
-        flights=_flights(flight) if flight else [],
-        kinematics=[_kinematics(stretch, check) for stretch, check in consistency.checks],
-        skews=[_skew(skew) for skew in consistency.skews],
+        findings=worst_first((*record.findings, *remarks, *consistency.findings)),
+        candidates=tuple(logged(record, maneuver, CandidateManeuver) for maneuver in _in_time(*candidates.values())),
+        flights=_flights(flight) if flight else (),
+        kinematics=tuple(
+            TimedCheck(start_s=stretch.start_s, stop_s=stretch.stop_s, **vars(check))
+            for stretch, check in consistency.checks
+        ),
+        skews=consistency.skews,
         battery=_battery(record),
         settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
@@ -342,11 +429,6 @@ def _in_time(*groups: Sequence[Maneuver]) -> list[Maneuver]:
     return sorted((maneuver for group in groups for maneuver in group), key=lambda maneuver: maneuver.start_s)
 
 
-def _candidate(record: FlightRecord, maneuver: Maneuver) -> CandidateDocument:
-    plain = maneuver_document(record, maneuver)
-    return CandidateDocument(**plain.model_dump(), segment=segment_of(maneuver.axis, maneuver.start_s, maneuver.stop_s))
-
-
 def _flight(record: FlightRecord) -> tuple[Airborne | None, tuple[Finding, ...]]:
     """The flights, or why they are not known: a log from the bench can be looked at too."""
     try:
@@ -358,49 +440,17 @@ def _flight(record: FlightRecord) -> tuple[Airborne | None, tuple[Finding, ...]]
     return found, found.findings
 
 
-def _flights(flight: Airborne) -> list[FlightDocument]:
-    return [FlightDocument(start_s=start, stop_s=stop, seen_in=flight.seen_in) for start, stop in flight.intervals]
-
-
-def _kinematics(stretch: Stretch, check: KinematicCheck) -> KinematicsDocument:
-    return KinematicsDocument(
-        channel=check.channel,
-        against=check.against,
-        start_s=stretch.start_s,
-        stop_s=stretch.stop_s,
-        scale=check.scale,
-        scale_std=check.scale_std,
-        bias=check.bias,
-        bias_std=check.bias_std,
-        lag_s=check.lag_s,
-        lag_std_s=check.lag_std_s,
-        cancellation=check.cancellation,
-        verdict=check.verdict,
+def _flights(flight: Airborne) -> tuple[FlightInterval, ...]:
+    return tuple(
+        FlightInterval(start_s=start_s, stop_s=stop_s, seen_in=flight.seen_in) for start_s, stop_s in flight.intervals
     )
 
 
-def _skew(item: ChannelSkew) -> SkewDocument:
-    return SkewDocument(
-        channel=item.channel,
-        reference=item.reference,
-        delayed=item.delayed,
-        nature=item.nature,
-        start_s=item.stretch.start_s,
-        stop_s=item.stretch.stop_s,
-        seconds=item.skew.seconds,
-        std_s=item.skew.std,
-        sample_s=item.sample_s,
-        coherence=item.skew.coherence,
-        known_s=item.known_s,
-        remedy=item.remedy,
-    )
-
-
-def _battery(record: FlightRecord) -> BatteryDocument | None:
+def _battery(record: FlightRecord) -> Battery | None:
     for topic, row in record.holding("battery_voltage"):
         volts = topic.values[row][np.isfinite(topic.values[row])]
         if volts.size:
-            return BatteryDocument(start_v=float(volts[0]), stop_v=float(volts[-1]), lowest_v=float(volts.min()))
+            return Battery(start_v=float(volts[0]), stop_v=float(volts[-1]), lowest_v=float(volts.min()))
     return None
 
 
@@ -411,10 +461,10 @@ def _gaps(time_s: FloatArray) -> IntArray:
     return np.flatnonzero(steps > _GAP_STEPS * usual) if usual > 0.0 else np.empty(0, dtype=np.int64)
 
 
-def _channel(topic: Topic, row: int) -> ChannelDocument:
+def _channel(topic: Topic, row: int) -> LoggedChannel:
     gaps = np.diff(topic.time_s)[_gaps(topic.time_s)]
     channel = topic.channels[row]
-    return ChannelDocument(
+    return LoggedChannel(
         name=channel.name,
         unit=channel.unit,
         source=channel.source,

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar, overload
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
-from rotorid.pipeline.settings import MeasureSettings
 
 Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
+
+
+class Choices(Protocol):
+    """Choices of a run."""
+
+    @property
+    def seed(self) -> int:
+        """Of everything random."""
+        ...
+
+    def as_json(self) -> Mapping[str, Setting]:
+        """All of them by name."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +40,9 @@ class LoggedManeuver(Maneuver):
     """
 
     record: str
+
+
+Logged = TypeVar("Logged", bound=LoggedManeuver)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +87,7 @@ class Provenance(Immutable):
 
 def provenance(
     records: Sequence[FlightRecord],
-    settings: MeasureSettings,
+    settings: Choices,
     *,
     command: Sequence[str] = (),
     flights: Sequence[tuple[FlightRecord, Maneuver]] = (),
@@ -108,10 +123,26 @@ def provenance(
     )
 
 
-def logged(record: FlightRecord, maneuver: Maneuver) -> LoggedManeuver:
-    """A maneuver with the name of its log."""
+@overload
+def logged(record: FlightRecord, maneuver: Maneuver) -> LoggedManeuver: ...
+@overload
+def logged(record: FlightRecord, maneuver: Maneuver, kind: type[Logged], **more: Any) -> Logged: ...
+def logged(
+    record: FlightRecord, maneuver: Maneuver, kind: type[LoggedManeuver] = LoggedManeuver, **more: Any
+) -> LoggedManeuver:
+    """A maneuver with the name of its log.
+
+    Parameters
+    ----------
+    record, maneuver
+        A stretch of a log.
+    kind
+        What to make of it.
+    more
+        Fields of that kind which a maneuver has not.
+    """
     same = {item.name: getattr(maneuver, item.name) for item in fields(Maneuver)}
-    return LoggedManeuver(record=record.source.name, **same)
+    return kind(record=record.source.name, **same, **more)
 
 
 def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from rotorid.data.record import AXES, FlightRecord
-from rotorid.documents.result import ManeuverDocument
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically
 from rotorid.models.library import RATE_AXES
-from rotorid.pipeline.inspection import InspectDocument, coverage
+from rotorid.pipeline.inspection import Inspection, coverage
 from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, render
@@ -24,7 +23,7 @@ from rotorid.typing import FloatArray
 SUFFIXES = (".html", ".png")
 
 
-def write_inspection(path: Path, record: FlightRecord, document: InspectDocument) -> None:
+def write_inspection(path: Path, record: FlightRecord, inspection: Inspection) -> None:
     """Write the picture of a log; the ending of ``path`` says as what.
 
     Parameters
@@ -33,7 +32,7 @@ def write_inspection(path: Path, record: FlightRecord, document: InspectDocument
         An ``.html`` or a ``.png``; replaced when it is there.
     record
         The log.
-    document
+    inspection
         What ``inspect`` says of it.
 
     Raises
@@ -43,11 +42,11 @@ def write_inspection(path: Path, record: FlightRecord, document: InspectDocument
     """
     require_suffix(path)
     if path.suffix.lower() == ".html":
-        content: str | bytes = render_inspection(record, document)
+        content: str | bytes = render_inspection(record, inspection)
     else:
         from rotorid.plot.paper import log_png
 
-        content = log_png(log_picture(record, document), title=document.name)
+        content = log_png(log_picture(record, inspection), title=inspection.name)
     write_atomically(path, content)
 
 
@@ -67,7 +66,7 @@ def require_suffix(path: Path) -> None:
         )
 
 
-def render_inspection(record: FlightRecord, document: InspectDocument) -> str:
+def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
     """The picture of a log and all that ``inspect`` says of it as one HTML document.
 
     Scripts and styles are embedded, under the same content security policy as the report.
@@ -75,21 +74,21 @@ def render_inspection(record: FlightRecord, document: InspectDocument) -> str:
     picture = Picture(
         key="log",
         description="Bars of excitations, traces of inputs and outputs, and bars of logged topics over time",
-        figure=log_figure(log_picture(record, document)),
+        figure=log_figure(log_picture(record, inspection)),
     )
     return render(
         "inspection.html",
-        log=document,
-        topics=[list(rows) for _, rows in groupby(document.channels, key=lambda channel: channel.topic)],
-        remarks=finding_rows(document.findings),
+        log=inspection,
+        topics=[list(rows) for _, rows in groupby(inspection.channels, key=lambda channel: channel.topic)],
+        remarks=finding_rows(inspection.findings),
         log_picture=picture,
         pictures=[picture],
     )
 
 
-def log_picture(record: FlightRecord, document: InspectDocument) -> LogPicture:
+def log_picture(record: FlightRecord, inspection: Inspection) -> LogPicture:
     """What the picture shows of a log: flights, excitations, candidates, the signals of each axis, and all topics."""
-    shown = (("excitation", document.excitations), ("candidate", document.candidates))
+    shown = (("excitation", inspection.excitations), ("candidate", inspection.candidates))
     excitations = [
         Bar(
             row=axis,
@@ -103,11 +102,11 @@ def log_picture(record: FlightRecord, document: InspectDocument) -> LogPicture:
     flights = Bar(
         row="in the air",
         group="flight",
-        spans=[(flight.start_s, flight.stop_s) for flight in document.flights],
-        words=[f"as {flight.seen_in} tells" for flight in document.flights],
+        spans=[(flight.start_s, flight.stop_s) for flight in inspection.flights],
+        words=[f"as {flight.seen_in} tells" for flight in inspection.flights],
     )
     topics = [_topic_bar(topic.name, topic.sample_rate_hz, coverage(topic.time_s)) for topic in record.topics]
-    trends = [trend for axis in RATE_AXES.values() for trend in _trends(record, document, axis.input, axis.output)]
+    trends = [trend for axis in RATE_AXES.values() for trend in _trends(record, inspection, axis.input, axis.output)]
     return LogPicture(excitations=[bar for bar in (flights, *excitations) if bar.spans], trends=trends, topics=topics)
 
 
@@ -115,11 +114,11 @@ def _topic_bar(name: str, rate_hz: float, spans: Sequence[tuple[float, float]]) 
     return Bar(row=name, group="logged", spans=spans, words=[f"{rate_hz:.4g} Hz"] * len(spans))
 
 
-def _trends(record: FlightRecord, document: InspectDocument, command: str, output: str) -> list[Trend]:
+def _trends(record: FlightRecord, inspection: Inspection, command: str, output: str) -> list[Trend]:
     """The signal that excites an axis, or would, and the output that answers; whichever the log holds."""
     axis = next(axis for axis in AXES if command == f"{axis}_command")
-    seen: list[ManeuverDocument] = [item for item in document.excitations if item.axis == axis]
-    tried: list[ManeuverDocument] = [item for item in document.candidates if item.axis == axis]
+    seen = [item for item in inspection.excitations if item.axis == axis]
+    tried = [item for item in inspection.candidates if item.axis == axis]
     known = (*(item.signal for item in (*seen, *tried)), *excitation_signals(record, axis))  # type: ignore[arg-type]
     shaded = [(item.start_s, item.stop_s) for item in seen]
     shown = ((next(iter(known), command), True), (output, False))

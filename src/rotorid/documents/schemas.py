@@ -9,10 +9,10 @@ from rotorid.documents.base import Document
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
+from rotorid.documents.inspection import InspectDocument
 from rotorid.documents.response import ResponseDocument
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.inspection import InspectDocument
-from rotorid.pipeline.verify_document import VerifyDocument
+from rotorid.documents.verify import VerifyDocument
 
 SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.result-1": ResultDocument,

@@ -1,0 +1,129 @@
+"""The document that ``rotorid inspect`` prints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from rotorid.documents.base import Document, FindingDocument, ManeuverDocument
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.inspection import Inspection
+
+
+class NeedDocument(Document):
+    """One thing that a model needs, and whether the log has it."""
+
+    need: str
+    there: bool
+    found: str
+
+
+class SupportDocument(Document):
+    """Whether a model can be identified from this log, and what to change if not."""
+
+    possible: bool
+    because: str
+    remedy: str = ""
+    instrument: str | None = None
+    needs: list[NeedDocument] = Field(default_factory=list)
+
+
+class ChannelDocument(Document):
+    """A channel in one topic: the same channel may stand in several."""
+
+    name: str
+    unit: str
+    source: str
+    topic: str
+    rate_hz: float
+    samples: int
+    start_s: float | None
+    stop_s: float | None
+    gaps: int
+    longest_gap_s: float
+
+
+class CandidateDocument(ManeuverDocument):
+    """A stretch that moves an axis enough to try, and the value of ``--segment`` that takes it."""
+
+    segment: str
+
+
+class BatteryDocument(Document):
+    """Voltage of the battery at both ends of its record, and the lowest in between."""
+
+    start_v: float
+    stop_v: float
+    lowest_v: float
+
+
+class FlightDocument(Document):
+    """An interval in the air, and what told."""
+
+    start_s: float
+    stop_s: float
+    seen_in: str
+
+
+class KinematicsDocument(Document):
+    """A sensor against the motion that attitude or velocities give: scale, bias and lag with standard deviations."""
+
+    channel: str
+    against: str
+    start_s: float
+    stop_s: float
+    scale: float
+    scale_std: float
+    bias: float
+    bias_std: float
+    lag_s: float
+    lag_std_s: float
+    cancellation: float
+    verdict: Literal["consistent", "inconsistent", "uncertain"]
+
+
+class SkewDocument(Document):
+    """How far one signal comes after another, what filters explain of it, and the ``--shift`` for the rest."""
+
+    channel: str
+    reference: str
+    delayed: str
+    nature: Literal["same_channel", "vehicle"]
+    start_s: float
+    stop_s: float
+    seconds: float
+    std_s: float
+    sample_s: float
+    coherence: float
+    known_s: tuple[float, float]
+    remedy: str = ""
+
+
+class InspectDocument(Document):
+    """Answer of ``inspect``."""
+
+    schema_name: Annotated[Literal["rotorid.inspect/1"], Field(alias="schema")] = "rotorid.inspect/1"
+    name: str
+    format: str
+    firmware: str
+    sha256: str
+    start_s: float
+    stop_s: float
+    parameters: int
+    channels: list[ChannelDocument]
+    excitations: list[ManeuverDocument]
+    supports: dict[str, SupportDocument]
+    findings: list[FindingDocument]
+    candidates: list[CandidateDocument] = Field(default_factory=list)
+    flights: list[FlightDocument] = Field(default_factory=list)
+    kinematics: list[KinematicsDocument] = Field(default_factory=list)
+    skews: list[SkewDocument] = Field(default_factory=list)
+    battery: BatteryDocument | None = None
+    settings: dict[str, float] = Field(default_factory=dict)
+
+
+def inspect_document(inspection: Inspection) -> InspectDocument:
+    """What ``rotorid inspect --json`` prints."""
+    return InspectDocument.model_validate(inspection)
