@@ -18,17 +18,22 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.accuracy_peers import INSTALL, Peer, missing, peers, sampled
-from rotorid.data.record import Channel, TimeHistory
-from rotorid.fitting.black_box.fit import StartPlan, fit_black_box
-from rotorid.fitting.black_box.subspace import fit_subspace
-from rotorid.fitting.frequency.fit import fit
-from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
-from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
-from rotorid.models.library import response_model
-from rotorid.models.state_space import StateSpace
-from rotorid.simulation.linear import discretize, simulate_linear
-from rotorid.spectral.estimate import frequency_response
+from rotorid.data import Channel, TimeHistory
+from rotorid.fitting import (
+    FrequencyProblem,
+    InnovationsProblem,
+    StartPlan,
+    TimeData,
+    TimeProblem,
+    fit,
+    fit_black_box,
+    fit_output_error,
+    fit_prediction_error,
+    fit_subspace,
+)
+from rotorid.models import StateSpace, response_model
+from rotorid.simulation import discretize, simulate_linear
+from rotorid.spectral import frequency_response
 from rotorid.typing import ComplexArray, FloatArray
 
 SEEDS, SCANNED, KEPT = 20, 2, 2

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.fitting.time.output_error import TimeData
+from rotorid.fitting import TimeData
 from rotorid.typing import ComplexArray, FloatArray
 
 Setting = tuple[int, ...]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid.io.ardupilot.dataflash import decode
+from rotorid.io.ardupilot import decode
 
 LOG = (
     Path(os.environ.get("ROTORID_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))

@@ -15,12 +15,21 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rotorid.models.rotors import library_layout
-from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
+from rotorid.models import library_layout
+from rotorid.simulation import (
+    STATES,
+    Aircraft,
+    Autopilot,
+    Guidance,
+    Multirotor,
+    RateLoop,
+    Rotors,
+    Sortie,
+    Wind,
+    columns,
+    fly_batch,
+)
 from rotorid.simulation.flight_kernels import glide
-from rotorid.simulation.multirotor import STATES, Multirotor, Rotors
-from rotorid.simulation.multirotor_flight import Aircraft, Sortie, columns, fly_many
-from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray
 
 DURATION_S, RATE_HZ, REPEATS = 60.0, 250.0, 9
@@ -154,7 +163,7 @@ def batch(*, workers: int = 1) -> dict[str, float]:
             yield Sortie(aircraft=aircraft, duration_s=DURATION_S, wind=Wind(north_m_s=3.0, turbulence_m_s=0.5))
 
     def fly(count: int) -> None:
-        for one in fly_many(flights(count), columns("p", "roll_command"), workers=workers, settle_s=0.0):
+        for one in fly_batch(flights(count), columns("p", "roll_command"), workers=workers, settle_s=0.0):
             assert np.abs(one.result["p"]).max() < 1.0
 
     fly(1)

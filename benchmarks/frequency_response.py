@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 from scipy import signal
 
-from rotorid.data.record import Channel, TimeHistory
-from rotorid.spectral.spectra import spectral_matrices
-from rotorid.spectral.windows import HANN
+from rotorid.data import Channel, TimeHistory
+from rotorid.spectral import HANN, spectral_matrices
 from rotorid.typing import FloatArray
 
 RATES_HZ = (200.0, 1000.0)

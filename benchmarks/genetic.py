@@ -31,10 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rotorid.search.acceleration import AccelerationProblem, hover_parameters
-from rotorid.search.catalog import search
-from rotorid.search.population import Genetic
-from rotorid.search.result import SearchResult
+from rotorid.search import AccelerationProblem, Genetic, SearchResult, hover_parameters, search
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles import hover_quadrotor

@@ -21,19 +21,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.record import FlightRecord
-from rotorid.fitting.frequency.fit import fit, without_structural_zeros
-from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.fitting.problem import Scale, StartBox, search_box
-from rotorid.models.library import library_model
-from rotorid.models.parameter import ParameterSet
-from rotorid.models.state_space import StateSpace
-from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
+from rotorid.data import FlightRecord
+from rotorid.fitting import FrequencyProblem, Scale, StartBox, fit, search_box, without_structural_zeros
+from rotorid.models import LinearStructure, ParameterSet, StateSpace, from_toml, library_model
+from rotorid.pipeline import IdentifySettings
 from rotorid.pipeline.measure import measure
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.search.catalog import search
-from rotorid.search.result import Progress
+from rotorid.search import Progress, search
 from rotorid.typing import FloatArray
 from rotorid.vehicles import rig
 

@@ -16,11 +16,9 @@ from scipy.optimize import least_squares
 from scipy.signal import lsim
 
 from benchmarks.state_space import Job
-from rotorid.fitting.least_squares import LevenbergMarquardt
-from rotorid.fitting.time.output_error import TimeData, TimeProblem
-from rotorid.models.equations import structure_from_equations
-from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.simulation.linear import simulate_linear
+from rotorid.fitting import LevenbergMarquardt, TimeData, TimeProblem
+from rotorid.models import Parameter, ParameterSet, structure_from_equations
+from rotorid.simulation import simulate_linear
 from rotorid.typing import FloatArray
 
 SAMPLES, RATE_HZ, NOISE, OFF = 12_000, 200.0, 0.02, 0.1

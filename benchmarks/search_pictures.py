@@ -10,11 +10,9 @@ import numpy as np
 
 from benchmarks.search_problems import PROBLEMS
 from benchmarks.searches import OWN, POPULATIONS, Run, points
-from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.plot.figure import INPUT, MEASURED, MODEL, SECONDARY, SERIES
-from rotorid.plot.paper import PAPER_STYLE, matplotlib_or_remedy
-from rotorid.search.catalog import search
-from rotorid.search.spread import Share
+from rotorid.fitting import FrequencyProblem
+from rotorid.plot import INPUT, MEASURED, MODEL, PAPER_STYLE, SECONDARY, SERIES, matplotlib_or_remedy
+from rotorid.search import Share, search
 from rotorid.typing import FloatArray
 
 LOOKS: dict[str, tuple[str, str, str]] = {

@@ -11,19 +11,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.response import FrequencyResponse
-from rotorid.fitting.frequency.fit import fit
-from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.fitting.least_squares import LevenbergMarquardt, Residuals, Solution
-from rotorid.fitting.problem import Problem as AnyProblem
-from rotorid.fitting.problem import Scale, StartBox
-from rotorid.fitting.time.output_error import TimeData, TimeProblem, own_starts
-from rotorid.models.library import library_model, rate_model
-from rotorid.models.parameter import ParameterSet
-from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
-from rotorid.search.acceleration import AccelerationProblem, hover_parameters
-from rotorid.simulation.linear import simulate_linear
+from rotorid.data import FrequencyResponse
+from rotorid.fitting import (
+    FrequencyProblem,
+    LevenbergMarquardt,
+    Residuals,
+    Scale,
+    Solution,
+    StartBox,
+    TimeData,
+    TimeProblem,
+    fit,
+    own_starts,
+)
+from rotorid.fitting import Problem as AnyProblem
+from rotorid.models import LinearStructure, ParameterSet, from_toml, library_model, rate_model
+from rotorid.search import AccelerationProblem, hover_parameters
+from rotorid.simulation import simulate_linear
 from rotorid.typing import FloatArray
 from rotorid.vehicles import hover_quadrotor, s500
 

@@ -25,9 +25,7 @@ import numpy as np
 
 from benchmarks.search_problems import PROBLEMS, Posed
 from rotorid.errors import UsageError
-from rotorid.search.catalog import search, searches
-from rotorid.search.result import Progress
-from rotorid.search.spread import Share, wilson
+from rotorid.search import Progress, Share, search, searches, wilson
 
 SEEDS = 20
 BUDGETS = (30, 100, 300, 1000)

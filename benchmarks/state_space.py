@@ -18,11 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from rotorid.data.response import FrequencyResponse
-from rotorid.fitting.frequency.fit import fit, fit_many
-from rotorid.fitting.frequency.problem import FrequencyProblem, Points
-from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
+from rotorid.data import FrequencyResponse
+from rotorid.fitting import FrequencyProblem, Points, fit, fit_many
+from rotorid.models import LinearStructure, from_toml
 from rotorid.typing import FloatArray
 
 AVAILABLE = importlib.util.find_spec("control") is not None

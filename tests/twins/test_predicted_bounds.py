@@ -12,6 +12,7 @@ import pytest
 from tests.twins.twin_flights import LATERAL, record_of
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
+from rotorid.documents.result import result_document
 from rotorid.excitation.plan import planned
 from rotorid.excitation.sweep import pilot_sweep
 from rotorid.io.registry import read, write_log
@@ -20,9 +21,9 @@ from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.designs import expected_values
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.planning.aircraft_loop import aircraft_loop
+from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.expected import FitChoices
 from rotorid.planning.loop import vehicle_loop
 from rotorid.planning.prediction import Prediction, predict
@@ -96,7 +97,7 @@ class Case:
         choices = FitChoices(band_rad_s=self.band_rad_s)
         return predict(self.structure, self.truth, loop, self.plan, choices=choices)
 
-    def identified(self, seed: int) -> Identification:
+    def identified(self, seed: int) -> IdentifiedModel:
         parts = [
             Excitation(maneuver=one.maneuver, values=one.values, sample_rate_hz=one.sample_rate_hz)
             for one in self.plan.inputs
@@ -210,7 +211,7 @@ CASES = (
 def compared(case: Case, flights: int) -> tuple[Prediction, dict[str, FloatArray], dict[str, FloatArray]]:
     """The prediction, and what each flight gave: estimates and their stated errors."""
     found = case.predicted()
-    results = [case.identified(seed).document.parameters for seed in range(flights)]
+    results = [result_document(case.identified(seed)).parameters for seed in range(flights)]
     kept = [{name: (one.value, one.std) for name, one in result.items() if one.std is not None} for result in results]
     names = [one.name for one in found.parameters]
     # What a flight drops that others keep would be compared with another model.
@@ -283,7 +284,7 @@ def of_px4(plan: FlightPlan) -> Prediction:
     return predict(structure, expected_values(structure, CRAFT), aircraft_loop(CRAFT, wind=WIND), plan)
 
 
-def through_a_log(plan: FlightPlan, seed: int, folder: Path) -> Identification:
+def through_a_log(plan: FlightPlan, seed: int, folder: Path) -> IdentifiedModel:
     path = folder / f"{seed}.ulg"
     write_log(path, fly_multirotor(CRAFT, plan, wind=WIND, seed=seed), format="ulg")
     return identify([read(path)], "rate.roll")
@@ -299,5 +300,5 @@ def test_sweeps_of_any_length_through_a_log_that_does_not_declare_them(duration_
         np.testing.assert_allclose(found.response.windows_s, each.response.windows_s, rtol=1e-3)
         np.testing.assert_allclose(found.response.omega_rad_s, each.response.omega_rad_s, rtol=1e-3)
     for one in found.parameters:
-        stated = [each.document.parameters[one.name].std for each in flown]
+        stated = [result_document(each).parameters[one.name].std for each in flown]
         assert one.std == pytest.approx(np.mean(np.array(stated, dtype=np.float64)), rel=BAR)

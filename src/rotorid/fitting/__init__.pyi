@@ -33,12 +33,14 @@ from rotorid.fitting.least_squares import Minimum as Minimum
 from rotorid.fitting.least_squares import Outcome as Outcome
 from rotorid.fitting.least_squares import Residuals as Residuals
 from rotorid.fitting.least_squares import Solution as Solution
+from rotorid.fitting.least_squares import best_of as best_of
 from rotorid.fitting.motors.fit import MotorFit as MotorFit
 from rotorid.fitting.motors.fit import MotorProblem as MotorProblem
 from rotorid.fitting.motors.fit import fit_motors as fit_motors
 from rotorid.fitting.motors.inertia import InertiaRegression as InertiaRegression
 from rotorid.fitting.motors.inertia import inertia_regressions as inertia_regressions
 from rotorid.fitting.problem import Problem as Problem
+from rotorid.fitting.problem import Scale as Scale
 from rotorid.fitting.problem import StartBox as StartBox
 from rotorid.fitting.problem import search_box as search_box
 from rotorid.fitting.time.noise_model import NoiseModel as NoiseModel

@@ -1,6 +1,11 @@
+from rotorid.planning.aircraft import aircraft_loop as aircraft_loop
 from rotorid.planning.amplitude import Amplitude as Amplitude
 from rotorid.planning.amplitude import Limits as Limits
 from rotorid.planning.amplitude import largest_amplitude as largest_amplitude
+from rotorid.planning.duration import Comparison as Comparison
+from rotorid.planning.duration import Shortest as Shortest
+from rotorid.planning.duration import compare_plans as compare_plans
+from rotorid.planning.duration import shortest as shortest
 from rotorid.planning.expected import expected_fit as expected_fit
 from rotorid.planning.expected import expected_response as expected_response
 from rotorid.planning.loop import LoopModel as LoopModel
@@ -11,6 +16,3 @@ from rotorid.planning.prediction import PredictedParameter as PredictedParameter
 from rotorid.planning.prediction import Prediction as Prediction
 from rotorid.planning.prediction import fisher_information as fisher_information
 from rotorid.planning.prediction import predict as predict
-from rotorid.planning.shortest import Comparison as Comparison
-from rotorid.planning.shortest import Shortest as Shortest
-from rotorid.planning.shortest import compare_plans as compare_plans

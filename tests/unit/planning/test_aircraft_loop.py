@@ -10,7 +10,7 @@ from tests.unit.planning.plans import sweeps
 
 from rotorid.data.flight_plan import Entry, FlightPlan
 from rotorid.excitation.plan import planned, together
-from rotorid.planning.aircraft_loop import aircraft_loop
+from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.expected import as_planned, excited_flight
 from rotorid.simulation.multirotor import PERFECT
 from rotorid.simulation.multirotor_flight import fly_multirotor

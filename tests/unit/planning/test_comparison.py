@@ -7,8 +7,8 @@ import pytest
 from tests.unit.planning.plans import STRUCTURE, TRUTH, roll_loop, sweeps
 
 from rotorid.errors import UsageError
+from rotorid.planning.duration import compare_plans
 from rotorid.planning.prediction import predict
-from rotorid.planning.shortest import compare_plans
 
 
 def test_the_stronger_plan_is_best_and_the_hopeless_one_says_why() -> None:

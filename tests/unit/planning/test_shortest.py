@@ -10,9 +10,9 @@ from tests.unit.planning.plans import STRUCTURE, TRUTH, roll_loop, sweeps
 
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import UsageError
+from rotorid.planning.duration import shortest
 from rotorid.planning.expected import FitChoices
 from rotorid.planning.prediction import predict
-from rotorid.planning.shortest import shortest
 
 LOOP = roll_loop(0.1)
 CHOICES = FitChoices(band_rad_s=(2.0, 40.0))
@@ -64,7 +64,7 @@ def test_where_a_structure_does_not_fit_a_shorter_flight_may_do(monkeypatch: pyt
         parameter = SimpleNamespace(name="L_roll", percent=percent)
         return SimpleNamespace(parameters=(parameter,), inflation=3.0 if duration_s > 70.0 else 1.0)
 
-    monkeypatch.setattr("rotorid.planning.shortest.predict", inflated)
+    monkeypatch.setattr("rotorid.planning.duration.predict", inflated)
     found = shortest(STRUCTURE, TRUTH, LOOP, plan_of, {"L_roll": 1.0}, shortest_s=20.0, longest_s=240.0)
     assert found.duration_s == pytest.approx(40.0, rel=0.021)
     assert [one.duration_s for one in found.tried][-3:] == [60.0, 120.0, 240.0]
