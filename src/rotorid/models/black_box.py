@@ -1,4 +1,4 @@
-r"""Black-box state spaces of any order, as sections side by side.
+r"""Black-box state spaces of any order, as sections side by side, two modes in each.
 
 .. math:: \dot x_k = \begin{bmatrix} 0 & 1 \\ -a_{0,k} & -a_{1,k} \end{bmatrix} x_k + B_k u(t - \tau), \qquad
     y = \sum_k C_k x_k
@@ -6,9 +6,8 @@ r"""Black-box state spaces of any order, as sections side by side.
 with one row of every :math:`C_k` held at :math:`[1, 0]`. A section has two poles, real or complex alike, so that a fit
 may pass from one to the other; an odd order adds one section :math:`\dot x = -a_0 x + b u`. Per second-order section
 there are two poles, 2u gains and 2 (y - 1) weights: just as many numbers as the data can tell of a minimal model, where
-free A, B, C would have n² more and no finite bounds. Two sections with the same two poles cannot be told apart.
-
-A system split into its modes, two by two.
+free A, B, C would have n² more and no finite bounds. Any system whose modes can be told apart takes this form
+(:func:`modal_parts`, :func:`from_state_space`); two sections with the same two poles cannot be told apart.
 """
 
 from __future__ import annotations

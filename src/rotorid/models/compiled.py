@@ -1,8 +1,7 @@
-"""Expressions as one list of operations on plain numbers, in which every common part is computed once.
+"""Many expressions as one list of operations, in which every common part is computed once.
 
-The entries of a structure as numbers: affine ones by one matrix product, others by a list of shared operations.
-
-Expressions as a tape: operations on numbered slots, in arrays that a compiled loop can run.
+For one set of numbers (:class:`Operations`), for the entries of matrices with their slopes (:class:`Entries`: affine
+ones by one matrix product, the others by operations), and as arrays that a compiled loop can run (:class:`Tape`).
 """
 
 from __future__ import annotations

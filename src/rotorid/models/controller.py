@@ -1,6 +1,7 @@
-"""The rate controller of an autopilot as a frequency response, from the gains in its log.
+"""The rate controller of an autopilot, from the gains in its log: as a frequency response, and step by step.
 
-The rate controller of an autopilot step by step, as its program runs.
+One :class:`RateController` for all autopilots; its frequency response is of continuous time, its steps are those that
+the program of the autopilot runs.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-r"""The library of hover models: one TOML file each, read by name.
+r"""Models by name: the library of hover and nonlinear models, and families that are made to order.
 
-The library of nonlinear models: one TOML file each, read by name.
+**Hover and nonlinear models** are one TOML file each.
 
-Rate models of one axis: gain, damping, motor lag and delay.
-
-A multirotor in hover answers a torque command with
+**Rate models** of one axis have gain, damping, motor lag and delay. A multirotor in hover answers a torque command with
 
 .. math:: \dot p = L_p p + L_{roll} \, \delta, \qquad T_{motor} \dot\delta = -\delta + u(t - \tau_{roll})
 
@@ -12,7 +10,7 @@ and a thrust command with :math:`\dot w = Z_w w + Z_{thrust} \delta`, seen by th
 (without gravity). A hovering vehicle damps its own rates, so damping is bounded by zero. Below the speed modes of the
 airframe, some 3 to 8 rad/s, the rate of a real vehicle follows more than its own axis; there a hover model is needed.
 
-Responses to set-points: what an autopilot with the vehicle below it makes of a command, channel by channel.
+**Responses to set-points** say what an autopilot with the vehicle below it makes of a command, channel by channel.
 
 .. math::
 
@@ -24,7 +22,7 @@ Each response has an input of its own, and any number of them stand side by side
 axis does not answer to the command of another is an assumption, and :mod:`rotorid.signal.step_response` puts it to the
 test. The autopilot is inside: another tuning of it is another model.
 
-Transfer functions as structures: any order, several responses over one denominator, a delay for each input.
+**Transfer functions** of any order have several responses over one denominator and a delay for each input.
 
 .. math:: \frac{y_i}{u_j} = \frac{b_0 + b_1 s + \dots + b_m s^m}{a_0 + a_1 s + \dots + a_{n-1} s^{n-1} + s^n}
     e^{-\tau_j s}

@@ -1,4 +1,4 @@
-r"""Parameters of the chain from motor outputs to accelerations, and which of them a flight can tell.
+r"""The chain from motor outputs to accelerations: its parameters, which of them a flight can tell, what physics allows.
 
 .. math::
 
@@ -14,7 +14,7 @@ with rotor i at :math:`(x_i, y_i)` and the direction :math:`s_i` of its torque. 
 by mass, mass by inertia, :math:`\kappa` by :math:`I_{zz}`. One known mass, thrust or inertia sets the scale of all; one
 of :math:`\kappa` and :math:`I_{zz}` gives the other.
 
-What physics allows of thrust, inertia and torque constants that were identified from motor outputs.
+Identified constants are then put to the test: bodies, rotors that rise with their command, the weight that flies.
 """
 
 from __future__ import annotations

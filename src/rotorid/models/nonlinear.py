@@ -1,8 +1,8 @@
-"""Nonlinear structures: equations of states, inputs and parameters. A structure holds no data and no result.
+"""Nonlinear structures: equations of states, inputs and parameters, without data or results.
 
-Nonlinear structures from their equations as a paper prints them: ``vx' = -k*vx + (g + vz')*tan(theta)``.
-
-A multirotor under its own attitude controller, from any linear model of each axis to speeds and positions.
+Written as a paper prints them, ``vx' = -k*vx + (g + vz')*tan(theta)``, and solved for the derivatives. One that many
+need is a multirotor under its own attitude controller, from any linear model of each axis to speeds and positions
+(:func:`flight_structure`).
 """
 
 from __future__ import annotations

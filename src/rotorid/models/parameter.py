@@ -1,8 +1,7 @@
-"""Parameters: a value is never without its unit, its bounds and its role.
+"""Parameters: a value is never without its unit, its bounds and its role, alone or tied to others.
 
-Units of parameters: products, quotients and powers of SI symbols.
-
-Ties between parameters: the order in which they are computed, and how a value moves with those it is tied to.
+Units are products, quotients and powers of SI symbols. A tied parameter is an expression of others; ties are computed
+in their order, and directions through them carry errors from free parameters to all.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-r"""Forces of the rotors around hover, and the derivatives that follow from them.
+r"""The physics of hover: derivatives from mass, inertia and rotors, and back from derivatives to these.
 
 Four rotors in a plus: front, right, rear, left, at the distance :math:`l` from the axis of the vehicle and the height
 :math:`z` above the center of gravity. Rotor :math:`i` turns with :math:`n_i` revolutions per second and moves through
@@ -19,9 +19,8 @@ Source: Niermeyer, Raffler and Holzapfel, *Open-Loop Quadrotor Flight Dynamics I
 Closed-Loop Flight Testing*, eqs 1 to 6. The derivatives printed there (eqs 8 to 10) contain misprints: a power of D in
 M_u, the inertia of N_r, the sign of Z_thrust and of a term of M_q. Those here follow from the forces.
 
-What physics allows: inertia of a rigid body, weight and thrust, signs of the coefficients of a rotor.
-
-From derivatives back to mass, inertia and rotors, with the uncertainty that comes along.
+The way back solves these equations for what is unknown, with the uncertainty that comes along, and says where numbers
+are none that physics allows: of the inertia of a rigid body, of weight and thrust, of the signs of coefficients.
 """
 
 from __future__ import annotations

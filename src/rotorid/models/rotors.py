@@ -1,4 +1,4 @@
-r"""Where the rotors of a vehicle sit, which way they turn, and what a newton of thrust of each does to it.
+r"""Where the rotors of a vehicle sit, which way they turn, and what their thrusts and its mixer do with that.
 
 Rotor :math:`i` at :math:`r_i` pushes along the unit vector :math:`a_i` with the thrust :math:`T_i`, and its drag turns
 the vehicle the other way round than it turns itself:
@@ -15,20 +15,13 @@ straight up (:math:`a = (0, 0, -1)`)
 
 A counterclockwise rotor turns the nose to the right, which is a positive yaw moment.
 
-The layout of the rotors that a log's own parameters tell.
-
-The library of rotor layouts by name, and layouts that a user describes.
-
-What the autopilots' mixers make of commands, from the layout of the rotors.
-
-The columns of a mixer are those of `rotorid.signal.motors.COMMANDS`: roll, pitch, yaw, thrust.
-
-Whether the thrusts of the motors add up to one force and three moments that can be had independently.
+A layout comes from the library by name, from a user's TOML, or from the parameters in a log. The mixers of the
+autopilots follow from it; their columns are those of `rotorid.signal.motors.COMMANDS`: roll, pitch, yaw, thrust. A
+matrix in print need not belong to a layout: :func:`check_mixer` says of any
 
 .. math:: U = B F, \qquad U = (U_1, U_2, U_3, U_4)
 
-are thrust, and moments of roll, pitch and yaw, of the thrusts :math:`F` of the motors. A layout of rotors has such a
-matrix, :meth:`rotorid.models.rotors.RotorLayout.effectiveness`; those in print need not belong to one.
+of thrust and moments U and motor thrusts F whether the four can be had independently.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""Model structures: which parameter stands where. A structure holds no data and no result.
+"""Linear model structures: which parameter stands where, without data or results.
 
-How a frequency response moves with the entries of its matrices.
-
-States that have become algebraic, because a lag is zero, leave the equations.
-
-The part of a structure that leads from its inputs to its outputs.
+From a structure and values follow matrices; from these the frequency response and how it moves with every entry. States
+that have become algebraic, because a lag is zero, leave the equations; so does what leads from no input to any output.
 """
 
 from __future__ import annotations

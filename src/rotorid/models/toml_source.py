@@ -1,6 +1,7 @@
 """A TOML text on its way to a model: values of the right kind, and errors that name file and line.
 
-On which line of a TOML text a value stands; the parser of the standard library does not say.
+On which line a value stands the parser of the standard library does not say, so the text is walked once more for an
+error.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The shortest flight that reaches a wanted accuracy.
-
-Several plans side by side: which of them tells most about which parameter.
-"""
+"""How long to fly: the shortest flight that reaches a wanted accuracy, and which of several plans tells most."""
 
 from __future__ import annotations
 

@@ -1,20 +1,13 @@
-r"""The frequency response that a planned flight is expected to show, with its coherence and its errors.
+r"""What a planned flight is expected to show, taken the way of an identification: cut, estimated, fitted.
 
-Every estimate is made of spectra. Those of a planned flight are the sum of two: what the test inputs move, known as a
-history, because a sweep is a passing thing and no stationary noise, and what gusts and noise make of the loop,
+A plan is cut into records as its log will be. In them stands what the test inputs move, known as a history, because a
+sweep is a passing thing and no stationary noise, and what gusts and noise make of the loop. Every estimate is made of
+spectra, and the expected ones are the sum of both,
 
 .. math:: S_{ab} = \frac1K \sum_k A_k^* B_k + N_{ab}
 
 with the transforms of the history in every window. From there on the estimator itself is asked what it would answer and
-how sure it would be: told apart, cleared of leakage, joined over the windows.
-
-The fit of a structure to an expected response, as an identification goes about it.
-
-What a loop will do with the test inputs of a plan, gusts and noise aside.
-
-A plan as its records will be cut: which maneuvers are fitted, how much quiet time goes with them, which windows.
-
-How a planned flight will be identified.
+how sure it would be (:func:`rotorid.spectral.estimate.response_from`), and the fit of an identification where it ends.
 """
 
 from __future__ import annotations

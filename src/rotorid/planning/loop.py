@@ -1,4 +1,4 @@
-r"""A loop as frequency responses: what a flight is expected to look like, before anyone has flown it.
+r"""A loop as frequency responses: vehicle, feedback, test inputs, disturbances and noises before anyone has flown it.
 
 .. math:: u = K y + E r, \qquad y = G u + v
 
@@ -7,9 +7,8 @@ v as they stand at the outputs with the loop open. Solved for what is logged,
 
 .. math:: u = T E r + B v, \quad y = G T E r + (1 + G B) v, \qquad T = (1 - K G)^{-1}, \quad B = T K
 
-Loops of what the package can fly: a hover vehicle with its autopilot, and one axis under a rate controller.
-
-Spectra of disturbances and noises: white, gusts, and what a flight showed.
+The loop may be a hover vehicle with its autopilot or one axis under a rate controller; noise white, a gust, or what a
+flight showed.
 """
 
 from __future__ import annotations

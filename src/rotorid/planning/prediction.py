@@ -1,19 +1,15 @@
 r"""What a planned flight will tell: every parameter with its standard deviation, before anyone has flown.
 
 The expected response goes the way of a measured one: the structure is fitted to it at the points that will be usable,
-with the weights that will be used, and its errors are carried through the fit into a covariance of the parameters.
-Beside it stands what no estimate from the same test inputs can fall below (Cramér and Rao),
+with the weights that will be used, and its errors are carried through the fit into a covariance of the parameters,
+inflated as an identification inflates its bounds where the structure does not fit what flies. Two numbers stand beside
+each standard deviation: how far estimates of the same plan scatter from flight to flight, which leaves out what is the
+same in all of them, and what no estimate from the same test inputs can fall below (Cramér and Rao),
 
 .. math:: F_{ij} = 4 \int \mathrm{Re} \left[ \left(\frac{\partial G}{\partial \theta_i} U\right)^H S_{vv}^{-1}
     \frac{\partial G}{\partial \theta_j} U \right] df, \qquad U = T E R
 
 over the fitted band, with the transforms R of the whole records and the one-sided density of the disturbances.
-
-Fisher's information about parameters in the records of a planned flight.
-
-By how much an identification will inflate its bounds where the structure does not fit what will fly.
-
-How far estimates of the same plan will scatter from flight to flight.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """What an identification would remark on a flight, said before it is flown.
 
-Test inputs as an identification will see them in the log: declared with their band, or found in the signals.
+Too little that can be used, parameters that the flight will not show or not tell apart, values that the estimate will
+miss by more than chance.
 """
 
 from __future__ import annotations

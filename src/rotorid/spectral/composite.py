@@ -1,12 +1,10 @@
 r"""Composite windows: long ones for low frequencies, short ones for high, joined by their errors.
 
-All window lengths of one output joined into composite responses with their errors.
-
-How the disturbances of several outputs go together.
-
-A gust that moves one output moves the others, and of two outputs of which one is the integral of the other each holds
-the whole error of both. Whoever fits several responses at once must not count such errors as independent. What an
-output shows beside the response to the inputs,
+Each window length gives a response with an error; the composite takes of each the share that makes the error of the
+mean least (or CIFER's weights), output by output. All outputs of an estimate have their disturbances from the same
+gusts. Of two outputs of which one is the integral of the other each holds the whole error of both, so whoever fits
+several responses at once must not count such errors as independent. What an output shows beside the response to the
+inputs,
 
 .. math:: V_y = Y_y - j H_y' U_{w'} - \tfrac12 \sigma_\omega^2 H_y'' U - H_y U
 

@@ -1,8 +1,7 @@
-r"""From spectral matrices to one response of one window length: several inputs, with or without instruments.
+r"""The response of one window length: inputs told apart, leakage and smear of the window taken out.
 
-What a window adds to a response by being a window: leakage at its edges and the smear of its spectral line.
-
-A window of taper :math:`w` sees an output :math:`y = h * u` through
+Several inputs that move together are conditioned on each other, with instruments or without. A window of taper
+:math:`w` then sees an output :math:`y = h * u` through
 
 .. math:: Y(\omega) = \int w(t) \, y(t) \, e^{-j\omega t} dt
           = H U + j H' U_{w'} - \tfrac12 H'' U_{w''} - \dots

@@ -1,13 +1,12 @@
-r"""Frequency responses made of frequency responses.
+r"""Frequency responses made of frequency responses, with their errors: products, ratios, choices, smooth curves.
 
 What is multiplied with a known factor :math:`T(\omega)` keeps its relative error, and its covariance is scaled exactly:
 
 .. math:: H' = T H, \qquad E[\delta H'_i \, \delta H'^*_j] = T_i T_j^* \, E[\delta H_i \, \delta H_j^*]
 
 Coherence is that of the measured response throughout. Every function returns a new response and writes into its
-``processing`` what was done.
-
-A measured response as a smooth curve over the logarithm of frequency, with the error of all that is read off it.
+``processing`` what was done. What is read off a response between its points (a crossover, a margin) comes from a smooth
+curve over the logarithm of frequency, and has its error from the same covariance.
 """
 
 from __future__ import annotations

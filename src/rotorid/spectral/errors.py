@@ -1,17 +1,16 @@
-r"""Random error of frequency responses: the textbook's formula, and the covariance that holds for composites.
+r"""Random errors of frequency responses: from the textbook's formula to the covariance that holds for composites.
 
-How much of a disturbance is left in the residuals of a window length.
-
-A response that is estimated from K windows fits a part of the disturbance too. With the transforms of the instruments
-over the windows spanning the space of the projection P, and N the correlation that overlapping tapers give the
-transforms of a white disturbance,
+Three things make the stated error of an estimate wrong, and each has its function here. Windows that overlap, or share
+data with windows of other lengths, err together: the covariance follows from how a disturbance at each moment enters
+the estimate (:func:`influence`, :func:`response_covariance`). An estimate fits a part of the disturbance too, so that
+the residuals hold less than the whole. With the transforms of the instruments over the K windows spanning the space of
+the projection P, and N the correlation that overlapping tapers give the transforms of a white disturbance,
 
 .. math:: E[\hat S_{vv}] = S_{vv} \left( 1 - \frac{\mathrm{tr}(P N)}{K} \right)
 
-Of many short windows next to nothing is lost. Of a few long ones that overlap, most is: five windows of 72 s on a
-record of 120 s are hardly two.
-
-Weak instruments: how much larger an error is than its linear formula says when feedback rules the input.
+(:func:`residual_share`): of many short windows next to nothing is lost; of a few long ones that overlap, most is: five
+windows of 72 s on a record of 120 s are hardly two. And where feedback rules the input, an instrument is weak, and the
+linear formula too small (:func:`weak_instrument_factor`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
-"""Frequency responses from time histories: the one public verb of this layer.
+"""Frequency responses from time histories.
 
-What stands behind a composite response: which window carries it, what was taken out, how inputs move together.
+The way of every estimate: records are cut into windows of several lengths and transformed, the inputs are told apart,
+what windows add is taken out, and the lengths are joined into one response with its coherence, errors and the
+correlations of these. From spectra on (:func:`response_from`) it does not matter whether a flight was measured, or is
+only planned and its spectra expected.
 """
 
 from __future__ import annotations

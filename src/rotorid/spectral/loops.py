@@ -1,21 +1,8 @@
-r"""Sensitivity, closed loop and products of a measured loop.
-
-.. math:: L = C G, \quad S = \frac{1}{1 + L}, \quad T = \frac{L}{1 + L}
-
-All are holomorphic functions :math:`F(H)` of one measured response, so that errors follow to first order from
-:math:`\delta F = F'(H) \, \delta H` and the covariance between frequencies is scaled by :math:`F'_i F'^*_j`. That is
-good where the relative error of the measured response is well below one (0.3 is the bound used elsewhere).
-
-References
-----------
-Tischler, Berger, Ivler, Mansur, Cheung and Soong, *Practical Methods for Aircraft and Rotorcraft Flight Control Design*
-(2017).
-
-The broken-loop response, measured in a flight with the loops closed.
+r"""Loops from flights: the broken-loop response, and sensitivity and closed loop that follow from it.
 
 With the plant :math:`y = G u + v`, the feedback :math:`C` and a test signal :math:`d` added to the command,
 
-.. math:: u = d + f, \quad f = C_r r - C y, \qquad L = C G
+.. math:: u = d + f, \quad f = C_r r - C y, \qquad L = C G, \quad S = \frac{1}{1 + L}, \quad T = \frac{L}{1 + L}
 
 the loop is broken at the input of the plant. Which way to :math:`L` is open depends on what was flown:
 
@@ -23,16 +10,19 @@ the loop is broken at the input of the plant. Which way to :math:`L` is open dep
 flown                     function                                          holds when
 ========================  ================================================  ========================================
 test signal at the mixer  :func:`injected_loop`                             signal and command add up, unlimited
-any, gains known          :func:`~rotorid.spectral.loops.series`             the gains are those that flew
+any, gains known          :func:`series`                                    the gains are those that flew
 set-point sweep in gusts  :func:`feedback_controller`, then ``series``      set-point and output can be told apart
 set-point sweep           :func:`error_loop`                                the controller sees nothing but the error
 ========================  ================================================  ========================================
 
-Sensitivity, closed loop and products with a controller are in :mod:`rotorid.spectral.loops`.
+All else are holomorphic functions :math:`F(H)` of one measured response, so that errors follow to first order from
+:math:`\delta F = F'(H) \, \delta H` and the covariance between frequencies is scaled by :math:`F'_i F'^*_j`. That is
+good where the relative error of the measured response is well below one (0.3 is the bound used elsewhere).
 
 References
 ----------
-Ljung, *System Identification: Theory for the User*, 2nd ed. (1999), chapter 13.
+Ljung, *System Identification: Theory for the User*, 2nd ed. (1999), chapter 13; Tischler, Berger, Ivler, Mansur, Cheung
+and Soong, *Practical Methods for Aircraft and Rotorcraft Flight Control Design* (2017).
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-r"""Margins of a measured loop, each with its uncertainty, and none where the flight does not show it.
+"""Margins and bandwidths read off measured responses, each with its uncertainty; none that the flight does not show.
 
-Everything is read off a local fit over the logarithm of frequency (:mod:`rotorid.spectral.derived`), inside the band
-in which the points can be trusted: a relative error of at most 0.3, and a coherence of at least 0.3 for a joint
-estimate. A crossing outside is ``None``, and ``not_seen`` says where it was looked for: nothing is extrapolated.
-Standard deviations follow by the delta method from the covariance between frequencies; what moves with a crossing (the
-phase at a crossover that is uncertain itself) is counted in. They hold the scatter of the flight alone: not the last
-points of a sweep that ends near the crossing, where its transient biases them.
-
-Bandwidth and phase delay of an attitude response, after ADS-33.
+Gain and phase margins of a broken loop, rejection of disturbances of a sensitivity, and the bandwidth and phase delay
+of an attitude response after ADS-33. Everything is read off a local fit over the logarithm of frequency
+(:mod:`rotorid.spectral.derived`), inside the band in which the points can be trusted: a relative error of at most 0.3,
+and a coherence of at least 0.3 for a joint estimate. A crossing outside is ``None``, and ``not_seen`` says where it was
+looked for: nothing is extrapolated. Standard deviations follow by the delta method from the covariance between
+frequencies; what moves with a crossing (the phase at a crossover that is uncertain itself) is counted in. They hold the
+scatter of the flight alone: not the last points of a sweep that ends near the crossing, where its transient biases
+them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Cross-spectra of every pair of channels, window length by window length.
+"""Cross-spectra of every pair of channels, window length by window length, of records that can support an estimate.
 
-Whether data can support an estimate at all; what is wrong is said with its name before anything is computed.
+What data cannot support (samples that are not finite, a channel that never moves, a record shorter than its windows) is
+refused with its name, before anything is computed.
 """
 
 from __future__ import annotations

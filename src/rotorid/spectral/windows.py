@@ -1,6 +1,7 @@
-"""Window lengths and tapers: how long to look, and how to fade in and out.
+"""How records are looked at: lengths of windows, their tapers, and the grid of frequencies.
 
-Frequency grids: what a grid must be, and one that is fine enough to see how a response bends.
+Long windows see low frequencies and narrow resonances, short ones leave many averages. A taper fades a window in and
+out. A grid must be fine enough to see how a response bends between its points.
 """
 
 from __future__ import annotations
