@@ -86,7 +86,7 @@ def seen_by(record: FlightRecord, pair: Pair, topic: str) -> tuple[FrequencyResp
     (history,) = resample(
         replace(record, topics=topics),
         channels=[pair.input, pair.output],
-        followers=[pair.instrument],
+        auxiliary=[pair.instrument],
         start_s=pair.swept_s[0],
         stop_s=pair.swept_s[1],
         # Both topics on one clock, that of the command.

@@ -119,7 +119,7 @@ def px4(unpacked: Callable[[str], Path]) -> tuple[FlightRecord, list[TimeHistory
     histories = resample(
         record,
         channels=("roll_command", "p"),
-        followers=("roll_stick", "p_setpoint"),
+        auxiliary=("roll_stick", "p_setpoint"),
         start_s=40.54,
         stop_s=122.54,
     ).histories
@@ -189,7 +189,7 @@ def test_px4_attitude_bandwidth_is_that_of_its_loops_behind_a_late_stick(unpacke
     controller = rate_controller(record.parameters, "roll")
     assert controller is not None
     histories = resample(
-        record, channels=("roll_command", "phi"), followers=("roll_stick",), start_s=40.54, stop_s=122.54
+        record, channels=("roll_command", "phi"), auxiliary=("roll_stick",), start_s=40.54, stop_s=122.54
     ).histories
     quality = attitude_bandwidth(frequency_response(histories, inputs=["roll_stick"], outputs=["phi"], **PX4))
     assert quality.omega_180_rad_s is not None

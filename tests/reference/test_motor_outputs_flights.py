@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.signal.motor_outputs import reconstructed_outputs
 
 from rotorid.io.registry import read
 from rotorid.models.rotors import layout_of, library_layout, mixer_of
-from rotorid.signal.motors import MotorHistory, motor_history, reconstructed_demands, reconstructed_outputs
+from rotorid.signal.motors import MotorHistory, motor_history, reconstructed_demands
 from rotorid.typing import FloatArray
 
 Unpacked = Callable[[str], Path]
@@ -90,10 +91,10 @@ def test_ardupilot_demands_agree_with_slow_outputs(unpacked: Unpacked, shared_da
 
 def test_ardupilot_outputs_at_the_rate_of_the_loop(unpacked: Unpacked, shared_data: Path) -> None:
     record = read(path_of(unpacked, shared_data, SITL_ROLL))
-    outputs = reconstructed_outputs(record, mixer_of(layout_of(record), record.source.format))
+    time_s, outputs = reconstructed_outputs(record, mixer_of(layout_of(record), record.source.format))
     logged = next(record.holding("motor_1"))[0]
     flown = (logged.time_s > 60.0) & (logged.time_s < 260.0)
-    again = np.stack([np.interp(logged.time_s[flown], outputs.time_s, row) for row in outputs.values])
+    again = np.stack([np.interp(logged.time_s[flown], time_s, row) for row in outputs])
     assert float(np.sqrt(np.mean((again - logged.values[:, flown]) ** 2))) < 1e-3
 
 

@@ -254,14 +254,14 @@ def _stride(loop_rate_hz: float) -> int:
     return max(1, int(np.ceil(loop_rate_hz / _TABLE_RATE_HZ - 1e-9)))
 
 
-def write_log(path: Path, flown: SimulatedFlight, *, format: LogFormat) -> None:
+def write_log(path: Path, flight: SimulatedFlight, *, format: LogFormat) -> None:
     """Write a flight so that :func:`rotorid.io.registry.read` reads it back like any other log.
 
     Parameters
     ----------
     path
         File to write or replace, whole or not at all.
-    flown
+    flight
         The flight.
     format
         ``ulg`` as PX4 would have logged it, ``bin`` as ArduPilot, or ``csv``: every channel at the rate of the loop, or
@@ -275,15 +275,15 @@ def write_log(path: Path, flown: SimulatedFlight, *, format: LogFormat) -> None:
     if format == "ulg":
         from rotorid.io.px4.writer import write_px4
 
-        write_px4(path, flown, start_s=START_S["ulg"])
+        write_px4(path, flight, start_s=START_S["ulg"])
     elif format == "bin":
         from rotorid.io.ardupilot.writer import write_ardupilot
 
-        write_ardupilot(path, flown, start_s=START_S["bin"])
+        write_ardupilot(path, flight, start_s=START_S["bin"])
     elif format == "csv":
         from rotorid.io.tables.csv import write_csv
 
-        stride = _stride(flown.sample_rate_hz)
-        write_csv(path, flown.time_s[::stride], {name: row[::stride] for name, row in flown.columns.items()})
+        stride = _stride(flight.sample_rate_hz)
+        write_csv(path, flight.time_s[::stride], {name: row[::stride] for name, row in flight.columns.items()})
     else:
         raise UsageError(f"the format {format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}")

@@ -199,7 +199,7 @@ def cut(
         found = resample(
             record,
             channels=with_ingredients(record, channels),
-            followers=[name for name in followers if name not in silent],
+            auxiliary=[name for name in followers if name not in silent],
             start_s=start_s,
             stop_s=stop_s,
             sample_rate_hz=sample_rate_hz,

@@ -13,8 +13,8 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.plot.curves import Frequency, Magnitude, Style, View, decibels, magnitude_axis, points, shown
 from rotorid.plot.curves import line as over_frequency
 from rotorid.plot.figure import (
-    BESIDE,
     DASHES,
+    SECONDARY,
     SERIES,
     SYMBOLS,
     Figure,
@@ -114,7 +114,7 @@ def _strip(strip: Strip, names: Sequence[str], seen: set[str]) -> Panel:
     channel = strip.signals[0].channel
     edges = [min(one.time_s[0] for one in strip.signals), max(one.time_s[-1] for one in strip.signals)]
     for limit in strip.limits:
-        flat = line(np.array(edges), np.full(2, limit), channel, words="limit", color=BESIDE, width=1.4, dash="2 3")
+        flat = line(np.array(edges), np.full(2, limit), channel, words="limit", color=SECONDARY, width=1.4, dash="2 3")
         traces.append({**flat, "showlegend": "limit" not in seen})
         seen.add("limit")
     unit = quantity(channel).unit

@@ -108,7 +108,7 @@ def text(label: str) -> str:
 MEASURED = "#2b7fc0"
 MODEL = "#d55e00"
 INPUT = "#0b8f6d"
-BESIDE = "#8a8f98"
+SECONDARY = "#8a8f98"
 SHADE = "rgba(213, 94, 0, 0.10)"
 
 SERIES = (MEASURED, MODEL, INPUT, "#bf3993", "#8c624d", "#8149f2")
@@ -152,7 +152,7 @@ def template(*, dark: bool = False) -> dict[str, Any]:
             "font": {"family": FONT, "color": ink, "size": 12},
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
-            "colorway": [MEASURED, MODEL, INPUT, BESIDE],
+            "colorway": [MEASURED, MODEL, INPUT, SECONDARY],
             "xaxis": axis,
             "yaxis": axis,
             "hoverlabel": {"bgcolor": panel, "bordercolor": grid, "font": {"family": FONT, "color": ink, "size": 12}},
@@ -254,7 +254,7 @@ def _shapes(panel: Panel, axis: str) -> list[dict[str, Any]]:
         for start, stop in panel.shaded
     ]
     if panel.level is not None:
-        line = {"color": BESIDE, "width": 1, "dash": "dot"}
+        line = {"color": SECONDARY, "width": 1, "dash": "dot"}
         shapes.append(
             {
                 "type": "line",

@@ -29,11 +29,11 @@ from rotorid.plot.curves import (
     unwrapped_deg,
 )
 from rotorid.plot.figure import (
-    BESIDE,
     DASHES,
     INPUT,
     MEASURED,
     MODEL,
+    SECONDARY,
     SERIES,
     SYMBOLS,
     Figure,
@@ -228,7 +228,7 @@ def _model(
 
 
 def _thin(view: View, omega: FloatArray, values: FloatArray, name: str, *, legend: bool) -> Trace:
-    style = Style(name=name, color=BESIDE, width=1.2, legend=legend)
+    style = Style(name=name, color=SECONDARY, width=1.2, legend=legend)
     return {**line(view, omega, values, style), "hoverinfo": "skip"}
 
 
@@ -513,7 +513,7 @@ def window_contributions(
         for number, (name, row) in enumerate(zip(names, errors, strict=True))
     ]
     if composite_error is not None:
-        style = Style(name="composite", color=BESIDE, width=3.5, legend=True)
+        style = Style(name="composite", color=SECONDARY, width=3.5, legend=True)
         # Below the single windows, so that the one that carries it stays in sight.
         single.insert(0, line(view, omega_rad_s, _positive(composite_error), style))
     panels = (
@@ -618,7 +618,7 @@ def _band_panel(
     places = list(range(len(names)))[::-1]
     traces: list[Trace] = []
     for name, place, spans in zip(names, places, rows.values(), strict=True):
-        traces += _bars(view, name, place, spans, room) if spans else [_words([low], [_NONE], place, BESIDE)]
+        traces += _bars(view, name, place, spans, room) if spans else [_words([low], [_NONE], place, SECONDARY)]
     axis: dict[str, Any] = {
         "tickvals": places,
         "ticktext": names,
@@ -646,9 +646,9 @@ def _bars(view: View, name: str, place: int, spans: Sequence[tuple[float, float]
         "hovertemplate": f"{name}: %{{x:.3~g}} {view.frequency}<extra></extra>",
         "showlegend": False,
     }
-    told = _legible(ends, room)
-    words = [f"{low:.3g} – {high:.3g}" for low, high in told]
-    return [bars, _words([low for low, _ in told], words, place + _WORDS_ABOVE, None)]
+    labeled = _legible(ends, room)
+    words = [f"{low:.3g} – {high:.3g}" for low, high in labeled]
+    return [bars, _words([low for low, _ in labeled], words, place + _WORDS_ABOVE, None)]
 
 
 def _legible(bands: Sequence[tuple[float, float]], room: float) -> list[tuple[float, float]]:
@@ -659,11 +659,11 @@ def _legible(bands: Sequence[tuple[float, float]], room: float) -> list[tuple[fl
     >>> _legible([(1.0, 1.1), (1.2, 4.0), (8.0, 9.0)], room=0.5)
     [(1.2, 4.0), (8.0, 9.0)]
     """
-    told: list[tuple[float, float]] = []
+    labeled: list[tuple[float, float]] = []
     for ends in sorted(bands, key=lambda ends: ends[0] / ends[1]):
-        if all(abs(math.log(ends[0] / other[0])) >= room for other in told):
-            told.append(ends)
-    return sorted(told)
+        if all(abs(math.log(ends[0] / other[0])) >= room for other in labeled):
+            labeled.append(ends)
+    return sorted(labeled)
 
 
 def _words(across: Sequence[float], words: Sequence[str], height: float, color: str | None) -> Trace:
@@ -756,14 +756,14 @@ def input_spectrum(
     driven = [("input", Density(channel=input, values=density), INPUT, "solid")]
     groups = [driven]
     if instrument is not None:
-        told = ("instrument", instrument, MODEL, "7 3")
+        at_instrument = ("instrument", instrument, MODEL, "7 3")
         one_unit = STANDARD_UNITS.get(instrument.channel) == STANDARD_UNITS.get(input)
-        groups = [[*driven, told]] if one_unit else [[told], driven]
+        groups = [[*driven, at_instrument]] if one_unit else [[at_instrument], driven]
     if output is not None:
         groups.append([("output", output, MEASURED, "solid")])
     if noise is not None and output is not None:
         unexplained = Density(channel=output.channel, values=noise)
-        groups[-1].append(("not explained by the input", unexplained, BESIDE, "2 2"))
+        groups[-1].append(("not explained by the input", unexplained, SECONDARY, "2 2"))
     panels = [_density_panel(view, omega_rad_s, group, excited) for group in groups]
     return stacked(panels, x_axis=view.axis(omega_rad_s))
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rotorid.plot.figure import BESIDE, INPUT, MEASURED, MODEL, Figure, Panel, Trace, quantity, stacked, text
+from rotorid.plot.figure import INPUT, MEASURED, MODEL, SECONDARY, Figure, Panel, Trace, quantity, stacked, text
 from rotorid.plot.time import TIME_AXIS, line
 from rotorid.typing import FloatArray
 
-BAR_COLORS = {"flight": INPUT, "excitation": MODEL, "candidate": BESIDE, "logged": MEASURED}
+BAR_COLORS = {"flight": INPUT, "excitation": MODEL, "candidate": SECONDARY, "logged": MEASURED}
 """Colors of the bars by their group, for a screen and for paper alike."""
 
 _ROW_PX, _BAR_PX = 24.0, 11.0

@@ -22,10 +22,10 @@ from rotorid.plot.curves import (
     reference_deg,
 )
 from rotorid.plot.figure import (
-    BESIDE,
     INPUT,
     MEASURED,
     MODEL,
+    SECONDARY,
     Figure,
     Panel,
     Trace,
@@ -391,7 +391,7 @@ def _damping_lines(reach: float, *, left: float, top: float) -> list[Trace]:
         "mode": "lines",
         "x": numbers(np.where(np.isnan(ends), np.nan, ends.real)),
         "y": numbers(np.where(np.isnan(ends), np.nan, ends.imag)),
-        "line": {"color": translucent(BESIDE, 0.55), "width": 1, "dash": "dot"},
+        "line": {"color": translucent(SECONDARY, 0.55), "width": 1, "dash": "dot"},
         "hoverinfo": "skip",
         "name": "equal damping",
         "legendgroup": "equal damping",
@@ -406,7 +406,7 @@ def _damping_lines(reach: float, *, left: float, top: float) -> list[Trace]:
         "x": numbers(labeled.real),
         "y": numbers(labeled.imag),
         "text": [f"{ratio:g}" for ratio in DAMPING_RATIOS],
-        "textfont": {"size": 10, "color": BESIDE},
+        "textfont": {"size": 10, "color": SECONDARY},
         "hoverinfo": "skip",
         "name": "equal damping",
         "legendgroup": "equal damping",
@@ -429,8 +429,8 @@ def _ellipses(poles: ComplexArray, std: ComplexArray) -> list[Trace]:
             "x": numbers(along[:, 0]),
             "y": numbers(along[:, 1]),
             "fill": "toself",
-            "fillcolor": translucent(BESIDE, 0.35),
-            "line": {"color": BESIDE, "width": 1},
+            "fillcolor": translucent(SECONDARY, 0.35),
+            "line": {"color": SECONDARY, "width": 1},
             "hoverinfo": "skip",
             "name": f"± {SIGMAS:g} σ",
             "showlegend": True,
@@ -460,7 +460,7 @@ def _crosses(poles: ComplexArray, words: Sequence[str], name: str, color: str) -
     }
 
 
-TOLD = 0.5
+LABELED = 0.5
 """From this correlation on its number stands in the cell."""
 
 _CELL_PX, _LEAST_PX = 24.0, 150.0
@@ -502,7 +502,7 @@ def correlation_map(names: Sequence[str], correlation: FloatArray) -> Figure:
         f"{names[row]} and {names[column]}: {_number(value, '.2f')}"
         for row, column, value in zip(rows.tolist(), columns.tolist(), values.tolist(), strict=True)
     ]
-    strong = np.abs(values) >= TOLD
+    strong = np.abs(values) >= LABELED
     traces = [_cells(rows, columns, values, words), _numbers(rows[strong], columns[strong], values[strong])]
     shown = [text(name) for name in names]
     # The first row and the last column of a triangle without its diagonal are empty.
@@ -545,7 +545,7 @@ def _numbers(rows: IntArray, columns: IntArray, values: FloatArray) -> Trace:
 
 def _color(value: float) -> str:
     if not np.isfinite(value):
-        return translucent(BESIDE, _FAINTEST)
+        return translucent(SECONDARY, _FAINTEST)
     strength = max(_STRONGEST * min(abs(value), 1.0) ** 1.5, _FAINTEST)
     return translucent(MEASURED if value >= 0.0 else MODEL, round(strength, 3))
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from rotorid.errors import UsageError
 from rotorid.plot.figure import (
-    BESIDE,
     INPUT,
     MEASURED,
     MODEL,
     MOST_POINTS,
+    SECONDARY,
     Figure,
     Panel,
     Trace,
@@ -106,7 +106,7 @@ def _frame(places: Any, radii: FloatArray, reach: float) -> Trace:
     arrow = [0.0, 1j * tip, np.nan, 1j * (tip - side) - side, 1j * tip, 1j * (tip - side) + side, np.nan]
     ends = places * np.maximum(1.0 - radii / np.maximum(np.abs(places), 1e-9), 0.0)
     points = np.array([point for end in ends.tolist() for point in (0.0, end, np.nan)] + arrow)
-    return _outline(points, {"color": BESIDE, "width": 1.6}, "arms and nose")
+    return _outline(points, {"color": SECONDARY, "width": 1.6}, "arms and nose")
 
 
 def _circles(places: Any, radii: FloatArray, spin: float, words: str, color: str) -> Trace:

@@ -16,10 +16,10 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.plot.curves import SIGMAS, Frequency, Magnitude, View, decibels, reference_deg, runs, unwrapped_deg
 from rotorid.plot.figure import (
-    BESIDE,
     INPUT,
     MEASURED,
     MODEL,
+    SECONDARY,
     envelope,
     frequency_ticks,
     magnitude_label,
@@ -197,7 +197,7 @@ def draw(cells: Sequence[Axes], drawn: Drawn, model: ComplexArray | None) -> Non
         for cell, line in zip(cells, (view.height(decibels(np.abs(model))), unwrapped_deg(omega, model)), strict=False):
             cell.semilogx(across, line, color=MODEL, linewidth=1.6, label="model")
     _dots(cells[2], across, drawn.coherence, used, None)
-    cells[2].axhline(drawn.least_coherence, color=BESIDE, linewidth=0.9, linestyle=":")
+    cells[2].axhline(drawn.least_coherence, color=SECONDARY, linewidth=0.9, linestyle=":")
     cells[2].set_ylim(0.0, 1.05)
     cells[2].set_xlabel(f"frequency [{view.frequency}]")
     _ticks(cells, across, view)
@@ -318,8 +318,8 @@ def _trend(cell: Axes, trend: Trend) -> None:
 _COLUMN_IN, _OVERVIEW_HEIGHT_IN = 4.2, 8.4
 
 
-class Identified(Protocol):
-    """What the picture needs of an identification; ``rotorid.pipeline.results.Identification`` has it."""
+class Fitted(Protocol):
+    """Data that a model was fitted to, as :class:`rotorid.pipeline.results.FittedData` has them."""
 
     @property
     def response(self) -> FrequencyResponse: ...
@@ -328,13 +328,27 @@ class Identified(Protocol):
     def model_response(self) -> ComplexArray: ...
 
     @property
-    def fitted(self) -> BoolArray: ...
-
-    @property
-    def verifications(self) -> Sequence[Verification]: ...
+    def used(self) -> BoolArray: ...
 
     @property
     def least_coherence(self) -> float: ...
+
+
+class Unseen(Protocol):
+    """Unseen maneuvers, as :class:`rotorid.pipeline.results.Verifications` has them."""
+
+    @property
+    def maneuvers(self) -> Sequence[Verification]: ...
+
+
+class Identified(Protocol):
+    """What the picture needs of a model; :class:`rotorid.pipeline.results.IdentifiedModel` has it."""
+
+    @property
+    def data(self) -> Fitted: ...
+
+    @property
+    def verifications(self) -> Unseen: ...
 
 
 def overview_png(identifications: Sequence[Identified], *, dots_per_inch: int = 130) -> bytes:
@@ -373,8 +387,8 @@ def overview_png(identifications: Sequence[Identified], *, dots_per_inch: int = 
 
 
 def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> None:
-    response = identified.response
-    y, u = np.unravel_index(int(identified.fitted.sum(axis=2).argmax()), identified.fitted.shape[:2])
+    response = identified.data.response
+    y, u = np.unravel_index(int(identified.data.used.sum(axis=2).argmax()), identified.data.used.shape[:2])
     output, input = response.outputs[y], response.inputs[u]
     for cell in cells[1:3]:
         cell.sharex(cells[0])
@@ -382,7 +396,7 @@ def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> No
     cells[0].set_title(f"{quantity(output).words}\nover {quantity(input).words}", loc="left")
     for cell in cells[:2]:
         cell.tick_params(labelbottom=False)
-    check = next((check for check in identified.verifications if output in check.output_names), None)
+    check = next((check for check in identified.verifications.maneuvers if output in check.output_names), None)
     if check is None:
         cells[3].set_axis_off()
     else:
@@ -396,7 +410,7 @@ def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> No
 
 
 def _bode(cells: Sequence[Axes], identified: Identified, y: int, u: int) -> None:
-    response, model = identified.response, identified.model_response[y, u]
+    response, model = identified.data.response, identified.data.model_response[y, u]
     drawn = Drawn(
         view=View(),
         measured=measured_curve(
@@ -406,8 +420,8 @@ def _bode(cells: Sequence[Axes], identified: Identified, y: int, u: int) -> None
             lean_deg=unwrapped_deg(response.omega_rad_s, model),
         ),
         coherence=response.coherence[y, u],
-        used=identified.fitted[y, u],
-        least_coherence=identified.least_coherence,
+        used=identified.data.used[y, u],
+        least_coherence=identified.data.least_coherence,
     )
     draw(cells, drawn, model)
 

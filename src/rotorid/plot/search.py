@@ -9,11 +9,11 @@ import numpy as np
 
 from rotorid.errors import UsageError
 from rotorid.plot.figure import (
-    BESIDE,
     DASHES,
     MEASURED,
     MODEL,
     MOST_POINTS,
+    SECONDARY,
     SERIES,
     Figure,
     Panel,
@@ -64,20 +64,20 @@ def convergence(traces: Mapping[str, Sequence[Progress]], *, levels: Mapping[str
     if not traces:
         raise UsageError("no search came", needed="the trace of one search or more")
     falls = [_fall(name, trace, number) for number, (name, trace) in enumerate(traces.items())]
-    last = max((x for one in falls for x in one["x"]), default=1.0)
+    last = max((x for fall in falls for x in fall["x"]), default=1.0)
     drawn = [*falls, *(_level(name, cost, last) for name, cost in (levels or {}).items())]
-    costs = np.array([y for one in drawn for y in one["y"]])
+    costs = np.array([y for trace in drawn for y in trace["y"]])
     panel = Panel(label="Lowest cost so far", traces=drawn, height_px=300, axis=_cost_axis(costs))
     return stacked([panel], x_axis={"title": {"text": "Evaluations of the cost"}})
 
 
 def _fall(name: str, trace: Sequence[Progress], number: int) -> Trace:
-    found = [one for one in trace if np.isfinite(one.best)]
+    found = [progress for progress in trace if np.isfinite(progress.best)]
     return {
         "type": "scatter",
         "mode": "lines+markers" if len(found) <= _MOST_MARKERS else "lines",
-        "x": [float(one.evaluations) for one in found],
-        "y": numbers(np.array([one.best for one in found])),
+        "x": [float(progress.evaluations) for progress in found],
+        "y": numbers(np.array([progress.best for progress in found])),
         "line": {
             "color": SERIES[number % len(SERIES)],
             "width": 1.8,
@@ -97,7 +97,7 @@ def _level(name: str, cost: float, last: float) -> Trace:
         "mode": "lines",
         "x": [0.0, last],
         "y": numbers(np.array([cost, cost])),
-        "line": {"color": BESIDE, "width": 1.4, "dash": "2 3"},
+        "line": {"color": SECONDARY, "width": 1.4, "dash": "2 3"},
         "hovertemplate": "%{y:.5~g}",
         "name": text(name),
         "showlegend": True,

@@ -10,12 +10,12 @@ import numpy as np
 
 from rotorid.data.record import Maneuver, TimeHistory
 from rotorid.plot.figure import (
-    BESIDE,
     DASHES,
     INPUT,
     MEASURED,
     MODEL,
     MOST_POINTS,
+    SECONDARY,
     SERIES,
     Figure,
     Panel,
@@ -228,7 +228,11 @@ def residual_memory(lags_s: FloatArray, correlation: Mapping[str, FloatArray], *
         {"type": "scatter", "mode": "lines", "x": stamps(lags_s[[0, -1]]), "y": [level, level]}
         for level in (-chance, chance)
     ]
-    style = {"line": {"color": BESIDE, "width": 1.0, "dash": "2 2"}, "hoverinfo": "skip", "name": "white noise, ± 2 σ"}
+    style = {
+        "line": {"color": SECONDARY, "width": 1.0, "dash": "2 2"},
+        "hoverinfo": "skip",
+        "name": "white noise, ± 2 σ",
+    }
     bounds = [
         {**bound, **style, "legendgroup": "chance", "showlegend": number == 0} for number, bound in enumerate(edge)
     ]
@@ -340,7 +344,7 @@ def _traces(segments: Sequence[Excited], name: str, *, words: str, color: str, l
 
 _ROW_PX, _LEAST_PX = 34.0, 90.0
 _COMPARED_HEIGHT_PX = 210.0
-_KINDS = ((BESIDE, "circle-open"), (MEASURED, "diamond"), (MODEL, "circle"), (INPUT, "square"))
+_KINDS = ((SECONDARY, "circle-open"), (MEASURED, "diamond"), (MODEL, "circle"), (INPUT, "square"))
 _APART = 0.16
 
 

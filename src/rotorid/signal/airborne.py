@@ -36,9 +36,9 @@ class Airborne:
     intervals
         Start and stop of each flight in seconds on the log's own clock, in order of time.
     seen_in
-        What told: a thrust command, the motors, or the activity of accelerometer and gyro.
+        What showed it: a thrust command, the motors, or the activity of accelerometer and gyro.
     by_thrust
-        Whether thrust or motors told. The activity of sensors only guesses: who rests in the air looks landed.
+        Whether thrust or motors showed it. The activity of sensors only guesses: who rests in the air looks landed.
     findings
         ``airborne`` with start and stop of the longest flight.
     """

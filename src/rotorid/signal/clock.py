@@ -51,21 +51,21 @@ def resample(
     channels: Sequence[str],
     start_s: float,
     stop_s: float,
-    followers: Sequence[str] = (),
+    auxiliary: Sequence[str] = (),
     sample_rate_hz: float | None = None,
 ) -> Conditioned:
     """Bring channels of a record onto one uniform clock.
 
     The slowest of ``channels`` sets the rate, and the clock starts on one of its stamps, so that a log with one clock
     passes unchanged. Channels faster by half and more pass a zero-phase low-pass filter before they are thinned out; in
-    between samples a cubic spline is used. ``followers`` do not take part in setting the rate: an instrument may be
+    between samples a cubic spline is used. ``auxiliary`` do not take part in setting the rate: an instrument may be
     slower than the channels it explains, since the same distortion stands in both spectra of a joint estimate.
 
     Parameters
     ----------
     record
         The log.
-    channels, followers
+    channels, auxiliary
         Names of the vocabulary.
     start_s, stop_s
         Interval on the log's own clock.
@@ -77,7 +77,7 @@ def resample(
     InsufficientDataError
         A channel is not in the log, or not in this interval.
     """
-    sources = {name: source_topic(record, name, start_s, stop_s) for name in (*channels, *followers)}
+    sources = {name: source_topic(record, name, start_s, stop_s) for name in (*channels, *auxiliary)}
     findings: list[Finding] = []
     series = {}
     for name, (topic, row) in sources.items():
@@ -145,7 +145,7 @@ def source_topic(record: FlightRecord, name: str, start_s: float, stop_s: float)
     """The best topic that covers at least half of the interval, or else the one that covers most.
 
     A topic that is good but ends early (ArduPilot's SIDD, beside the filtered RATE) is worth more than a worse one that
-    goes on: the interval is cut to it, and the caller is told.
+    goes on: the interval is cut to it, with a finding.
     """
     within = max(min(stop_s, record.stop_s) - max(start_s, record.start_s), 1e-9)
     covered: list[tuple[float, Topic, int]] = []

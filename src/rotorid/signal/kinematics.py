@@ -614,31 +614,6 @@ def to_heading(history: TimeHistory, *, yaw: str = "psi") -> TimeHistory:
     >>> turned.names, turned["velocity_forward"].round(6).tolist()
     (('velocity_forward', 'velocity_right', 'psi'), [2.0])
     """
-    return _turned(history, EARTH_TO_HEADING, yaw, -1.0, "turned by the heading")
-
-
-def to_earth(history: TimeHistory, *, yaw: str = "psi") -> TimeHistory:
-    """The way back of :func:`to_heading`: forward and right become north and east.
-
-    Parameters
-    ----------
-    history
-        As :func:`to_heading` gives it.
-    yaw
-        Channel of the heading, rad: the same as on the way there.
-
-    Raises
-    ------
-    UsageError
-        The heading, any pair, or the partner of a channel is missing.
-    """
-    pairs = {turned: plain for plain, turned in EARTH_TO_HEADING.items()}
-    return _turned(history, pairs, yaw, 1.0, "turned back to earth")
-
-
-def _turned(
-    history: TimeHistory, pairs: Mapping[tuple[str, str], tuple[str, str]], yaw: str, sense: float, what: str
-) -> TimeHistory:
     names = history.names
     if yaw not in names:
         raise UsageError(
@@ -646,26 +621,26 @@ def _turned(
             needed=f"one of {', '.join(names)}",
             remedy="log the attitude, or name its channel",
         )
-    present = [pair for pair in pairs if set(pair) & set(names)]
+    present = [pair for pair in EARTH_TO_HEADING if set(pair) & set(names)]
     lonely = [name for pair in present for name in pair if name not in names]
     if lonely or not present:
         raise UsageError(
             f"there is no {' and no '.join(lonely) or 'pair of horizontal channels'} in the data",
-            needed="both of " + " or both of ".join(" and ".join(pair) for pair in present or pairs),
+            needed="both of " + " or both of ".join(" and ".join(pair) for pair in present or EARTH_TO_HEADING),
         )
-    cosine, sine = np.cos(history[yaw]), sense * np.sin(history[yaw])
+    cosine, sine = np.cos(history[yaw]), np.sin(history[yaw])
     values, channels = history.values.copy(), list(history.channels)
     for pair in present:
         first, second = (names.index(name) for name in pair)
-        a, b = history.values[first], history.values[second]
-        values[first], values[second] = cosine * a - sine * b, sine * a + cosine * b
-        for row, name in zip((first, second), pairs[pair], strict=True):
+        north, east = history.values[first], history.values[second]
+        values[first], values[second] = cosine * north + sine * east, cosine * east - sine * north
+        for row, name in zip((first, second), EARTH_TO_HEADING[pair], strict=True):
             origin = channels[row].source or channels[row].name
-            channels[row] = replace(channels[row], name=name, source=f"{origin} {what}")
+            channels[row] = replace(channels[row], name=name, source=f"{origin} turned by the heading")
     turned = ", ".join(name for pair in present for name in pair)
     return replace(
         history,
         values=values,
         channels=tuple(channels),
-        processing=(*history.processing, f"{turned} {what} {yaw}"),
+        processing=(*history.processing, f"{turned} turned by the heading {yaw}"),
     )

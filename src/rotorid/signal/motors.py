@@ -176,10 +176,10 @@ def logged_outputs(record: FlightRecord) -> MotorHistory:
     >>> history.kind, history.motors, [finding.kind for finding in history.findings]
     ('output', 2, ['rate_too_low'])
     """
-    time_s, values, source = on_one_clock(record, motor_channels(record, "motor_"))
+    time_s, values, source = on_common_stamps(record, motor_channels(record, "motor_"))
     # What PX4 logs is asked of the motors in thrust; THR_MDL_FAC bends it on its way out.
     kind: Kind = "thrust_demand" if record.source.format.startswith("PX4") else "output"
-    return judged(record, MotorHistory(kind=kind, time_s=time_s, values=values, source=source))
+    return with_remarks(record, MotorHistory(kind=kind, time_s=time_s, values=values, source=source))
 
 
 def logged_speeds(record: FlightRecord) -> MotorHistory:
@@ -190,8 +190,8 @@ def logged_speeds(record: FlightRecord) -> MotorHistory:
     InsufficientDataError
         There are none.
     """
-    time_s, values, source = on_one_clock(record, motor_channels(record, "motor_speed_"))
-    return judged(record, MotorHistory(kind="speed", time_s=time_s, values=values, source=source))
+    time_s, values, source = on_common_stamps(record, motor_channels(record, "motor_speed_"))
+    return with_remarks(record, MotorHistory(kind="speed", time_s=time_s, values=values, source=source))
 
 
 def or_none(read: Callable[[FlightRecord], MotorHistory], record: FlightRecord) -> MotorHistory | None:
@@ -220,7 +220,7 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
     return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])
 
 
-def on_one_clock(record: FlightRecord, names: Sequence[str]) -> tuple[FloatArray, FloatArray, str]:
+def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatArray, FloatArray, str]:
     """Channels on the stamps of the first of them, where all of them last: stamps, values and where they come from.
 
     Channels of one topic pass unchanged; others are interpolated by straight lines.
@@ -256,7 +256,7 @@ def _remedy(record: FlightRecord) -> str:
     return next((text for name, text in _REMEDIES.items() if record.source.format.startswith(name)), "")
 
 
-def judged(record: FlightRecord, history: MotorHistory) -> MotorHistory:
+def with_remarks(record: FlightRecord, history: MotorHistory) -> MotorHistory:
     """The history with its saturation and with remarks on its rate and saturation."""
     share = saturated_share(record, history)
     findings = [*history.findings]
@@ -288,8 +288,8 @@ def saturated_share(record: FlightRecord, history: MotorHistory) -> float:
     """Part of the samples in flight in which a motor stood at a limit; zero for measured speeds."""
     if history.kind == "speed":
         return 0.0
-    flown = in_flight(record, history.time_s)
-    return float(np.mean(at_limit(record, history)[flown])) if flown.any() else 0.0
+    inside = in_flight(record, history.time_s)
+    return float(np.mean(at_limit(record, history)[inside])) if inside.any() else 0.0
 
 
 def at_limit(record: FlightRecord, history: MotorHistory) -> BoolArray:
@@ -339,7 +339,7 @@ def reconstructed_demands(record: FlightRecord, mixer: FloatArray) -> tuple[Moto
     UsageError
         The mixer has another number of motors than the log.
     """
-    time_s, commands, source = on_one_clock(record, COMMANDS)
+    time_s, commands, source = on_common_stamps(record, COMMANDS)
     history = MotorHistory(
         kind="thrust_demand",
         time_s=time_s,
@@ -347,41 +347,11 @@ def reconstructed_demands(record: FlightRecord, mixer: FloatArray) -> tuple[Moto
         source=f"mixer of {source}",
     )
     agreement = agreement_of(record, history, mixer)
-    remarks = (*_told(history, agreement), *_slow_thrust(record))
-    return judged(record, replace(history, findings=remarks)), agreement
+    remarks = (*_reconstruction_findings(history, agreement), *_slow_thrust(record))
+    return with_remarks(record, replace(history, findings=remarks)), agreement
 
 
-def reconstructed_outputs(record: FlightRecord, mixer: FloatArray) -> MotorHistory:
-    """Outputs to the motors at the rate of the commands, through what the autopilot does to its demands.
-
-    The gain that the slow outputs show, and the logged voltage, take the places of the density of the air and of the
-    resting voltage, which logs do not hold.
-
-    Parameters
-    ----------
-    record, mixer
-        As for :func:`reconstructed_demands`.
-
-    Raises
-    ------
-    InsufficientDataError
-        A command or all outputs are missing, or how outputs follow from demands is not known.
-    """
-    demands, agreement = reconstructed_demands(record, mixer)
-    known = linearization_of(record)
-    if known is None or agreement is None:
-        raise InsufficientDataError(
-            f"{record.source.name} does not tell how outputs follow from demands of thrust",
-            needed="motor outputs, and MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX",
-            remedy="use the demands, or log the motors faster",
-        )
-    share = voltage_share(record, known, demands.time_s)
-    values = known.outputs(demands.values, gain=agreement.gain, voltage_share=share)
-    told = tuple(finding for finding in demands.findings if finding.kind not in ("saturation", "rate_too_low"))
-    return judged(record, replace(demands, kind="output", values=values, findings=told))
-
-
-def _told(history: MotorHistory, agreement: Agreement | None) -> Iterator[Finding]:
+def _reconstruction_findings(history: MotorHistory, agreement: Agreement | None) -> Iterator[Finding]:
     if agreement is None:
         yield warn(
             "motor_reconstruction",

@@ -166,11 +166,6 @@ class Autopilot(Immutable):
         layout = vehicle.rotors.layout
         return ardupilot_mixer(layout) if self.kind == "ardupilot" else px4_mixer(layout)
 
-    def outputs_for(self, vehicle: Multirotor, commands: FloatArray, *, voltage_share: float = 1.0) -> FloatArray:
-        """Outputs to the motors that commands ask for, where no limit is reached."""
-        demands = self.mixer_for(vehicle) @ np.asarray(commands)
-        return self.linearization.outputs(demands, voltage_share=voltage_share)
-
     def hover_commands(self, vehicle: Multirotor) -> FloatArray:
         """Commands of roll, pitch, yaw and thrust at which a vehicle hovers, at its rated voltage.
 

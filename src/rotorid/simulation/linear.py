@@ -1,4 +1,4 @@
-"""Time response of a linear model whose sampled inputs arrive late by any fraction of a sample.
+"""Time response of a linear model whose sampled inputs are delayed by any fraction of a sample.
 
 The discretization is exact: the inputs are taken as steps or straight lines between samples, and nothing else is
 assumed.
@@ -61,23 +61,23 @@ class Discretized:
         return total
 
     def delayed(self, u: FloatArray, past: FloatArray) -> FloatArray:
-        """The late inputs at the sample instants, shape ``(u, samples)``."""
-        late: FloatArray = sum(
+        """The delayed inputs at the sample instants, shape ``(u, samples)``."""
+        delayed: FloatArray = sum(
             (self.weights[tap, :, None] * self.shifted(u, past, tap) for tap in range(2)), start=np.zeros_like(u)
         )
-        return late
+        return delayed
 
     def shifted(self, u: FloatArray, past: FloatArray, tap: int) -> FloatArray:
         """The samples of each input that a tap weighs in every step, shape ``(u, samples)``."""
-        late = np.empty_like(u)
-        for row, values, first, lag in zip(late, u, past, self.lags + 1 - tap, strict=True):
+        delayed = np.empty_like(u)
+        for row, values, first, lag in zip(delayed, u, past, self.lags + 1 - tap, strict=True):
             # A lag of -1 is the sample at the end of the step, which a first-order hold goes to.
             kept = values[max(-lag, 0) : max(values.size - lag, 0)]
             ahead = min(max(lag, 0), values.size)
             row[:ahead] = first
             row[ahead : ahead + kept.size] = kept
             row[ahead + kept.size :] = values[-1]
-        return late
+        return delayed
 
 
 def discretize(A: FloatArray, B: FloatArray, *, delays_s: FloatArray, step_s: float, hold: Hold) -> Discretized:
@@ -209,10 +209,10 @@ def simulate_linear(
         system = _with_input(system, _vector(bias, states, "bias"))
         drive, past = np.vstack([drive, np.ones(samples)]), np.append(past, 1.0)
     y = np.empty((system.H0.shape[0], samples))
-    # A late output sees the whole system late: the same as inputs that are later by as much.
+    # A delayed output delays the whole system: the same as inputs that are delayed by as much.
     for delay_s in np.unique(system.output_delays_s):
         rows = system.output_delays_s == delay_s
-        y[rows] = _respond(_late(system, rows, delay_s), drive, past, 1.0 / sample_rate_hz, start, hold)
+        y[rows] = _respond(_delayed(system, rows, delay_s), drive, past, 1.0 / sample_rate_hz, start, hold)
     return y
 
 
@@ -242,7 +242,7 @@ def _dynamic(system: StateSpace, x0: FloatArray) -> FloatArray:
     return start
 
 
-def _late(system: StateSpace, rows: BoolArray, delay_s: float) -> StateSpace:
+def _delayed(system: StateSpace, rows: BoolArray, delay_s: float) -> StateSpace:
     return replace(
         system,
         H0=system.H0[rows],

@@ -268,8 +268,8 @@ def _advance(loop: LinearLoop, excitation: FloatArray, rng: np.random.Generator)
         np.ascontiguousarray(excitation.T),
     )
     exact = C @ states.T + D @ step.delayed(np.vstack([commands.T, gusts]), past)
-    late = [_later(y, delay_s) for y, delay_s in zip(exact, loop.system.output_delays_s, strict=True)]
-    return commands.T, np.stack(late) + noise.T
+    delayed = [_delayed(y, delay_s) for y, delay_s in zip(exact, loop.system.output_delays_s, strict=True)]
+    return commands.T, np.stack(delayed) + noise.T
 
 
 def _discrete(loop: LinearLoop) -> tuple[Discretized, FloatArray, FloatArray]:
@@ -286,13 +286,13 @@ def _gust(loop: LinearLoop, std: float, steps: int, rng: np.random.Generator) ->
     )
 
 
-def _later(values: FloatArray, delay_s: float) -> FloatArray:
+def _delayed(values: FloatArray, delay_s: float) -> FloatArray:
     """A signal that goes linearly between steps, read with a delay."""
     if not delay_s:
         return values
     clock = np.arange(values.size)
-    late: FloatArray = np.interp(clock - delay_s * STEP_RATE_HZ, clock, values)
-    return late
+    delayed: FloatArray = np.interp(clock - delay_s * STEP_RATE_HZ, clock, values)
+    return delayed
 
 
 def _stride(sample_rate_hz: float) -> int:

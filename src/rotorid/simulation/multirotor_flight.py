@@ -181,8 +181,8 @@ def fly_multirotor(
     >>> vehicle = Multirotor(name="demo", mass_kg=1.2, inertia_kg_m2=(0.012, 0.012, 0.02), rotors=rotors)
     >>> gains = RateLoop(proportional=(0.1, 0.1, 0.2), integral=(0.1, 0.1, 0.1))
     >>> autopilot = Autopilot(kind="simple", rate_hz=250.0, rates=gains, angle_1_s=(4.0, 4.0, 2.0))
-    >>> flown = fly_multirotor(Aircraft(vehicle=vehicle, autopilot=autopilot), duration_s=2.0)
-    >>> flown.samples, round(float(flown.truth["az"].mean()), 2)
+    >>> flight = fly_multirotor(Aircraft(vehicle=vehicle, autopilot=autopilot), duration_s=2.0)
+    >>> flight.samples, round(float(flight.truth["az"].mean()), 2)
     (500, -9.81)
     """
     return flight_tables(
@@ -229,7 +229,7 @@ def flight_tables(
     rotors = vehicle.rotors.layout.rotors
     log = desk.table("log", rows, logged.MOTORS + rotors)
     truth = desk.table("truth", rows, STATES + rotors + 3)
-    flown = flight(
+    ticks = flight(
         vehicle.hovering(),
         asked,
         winds,
@@ -242,9 +242,9 @@ def flight_tables(
         truth,
         stride,
     )
-    if flown < rows:
+    if ticks < rows:
         raise LostError(
-            f"{aircraft.name} turned over {_when(flown / rate_hz - settle_s)}",
+            f"{aircraft.name} turned over {_when(ticks / rate_hz - settle_s)}",
             needed="a flight that stays within what the vehicle and its autopilot can do",
             remedy="lower the amplitude of the plan, the wind or the gains",
         )
@@ -582,24 +582,24 @@ def seed_of(seed: int, index: int) -> int:
     return (int(words[0]) << 64) | int(words[1])
 
 
-def whole(flown: SimulatedFlight) -> SimulatedFlight:
+def whole(flight: SimulatedFlight) -> SimulatedFlight:
     """Keep everything. A minute at 400 Hz takes about 13 MB."""
-    return flown
+    return flight
 
 
 @dataclass(frozen=True)
 class Columns(Immutable):
-    """Keeps some channels. :func:`fly_many` makes no more of a flight than these."""
+    """Keeps some channels. :func:`fly_batch` makes no more of a flight than these."""
 
     names: tuple[str, ...]
 
-    def __call__(self, flown: SimulatedFlight | FlightTables) -> Mapping[str, FloatArray]:
-        if missing := [name for name in self.names if name not in flown.columns]:
+    def __call__(self, flight: SimulatedFlight | FlightTables) -> Mapping[str, FloatArray]:
+        if missing := [name for name in self.names if name not in flight.columns]:
             raise UsageError(
                 f"{', '.join(missing)} should be kept of a flight that has none",
-                needed=f"some of {', '.join(flown.columns)}",
+                needed=f"some of {', '.join(flight.columns)}",
             )
-        return {name: read_only(flown.columns[name], np.float64, ndim=1) for name in self.names}
+        return {name: read_only(flight.columns[name], np.float64, ndim=1) for name in self.names}
 
 
 def columns(*names: str) -> Columns:
@@ -618,7 +618,7 @@ def columns(*names: str) -> Columns:
     return Columns(names)
 
 
-def fly_many(
+def fly_batch(
     sorties: Iterable[Sortie],
     keep: Callable[[SimulatedFlight], Kept],
     *,
@@ -647,7 +647,7 @@ def fly_many(
     step_rate_hz, settle_s
         See :func:`~rotorid.simulation.multirotor_flight.fly_multirotor`.
     progress
-        Is told how many flights are done, after each.
+        Called with the number of flights done, after each.
 
     Yields
     ------
@@ -666,7 +666,7 @@ def fly_many(
     >>> heavy = [Multirotor(name="demo", mass_kg=mass, inertia_kg_m2=(0.012, 0.012, 0.02), rotors=rotors)
     ...          for mass in (1.0, 1.2)]
     >>> sorties = (Sortie(aircraft=Aircraft(vehicle=vehicle, autopilot=autopilot), duration_s=0.5) for vehicle in heavy)
-    >>> found = fly_many(sorties, lambda flown: float(flown.columns["thrust_command"].mean()))
+    >>> found = fly_batch(sorties, lambda flight: float(flight.columns["thrust_command"].mean()))
     >>> [round(outcome.result, 3) for outcome in found]
     [0.522, 0.572]
     """
@@ -682,7 +682,7 @@ def fly_many(
     def flight(index: int, sortie: Sortie) -> Outcome[Kept]:
         own = seed_of(seed, index) if sortie.seed is None else sortie.seed
         try:
-            flown = flight_tables(
+            tables = flight_tables(
                 sortie.aircraft,
                 sortie.plan,
                 desk(),
@@ -692,7 +692,7 @@ def fly_many(
                 step_rate_hz=step_rate_hz,
                 settle_s=settle_s,
             )
-            kept = cast("Kept", keep(flown)) if isinstance(keep, Columns) else keep(flown.flight())
+            kept = cast("Kept", keep(tables)) if isinstance(keep, Columns) else keep(tables.flight())
             return Outcome(index=index, seed=own, kept=kept)
         except RotoridError as error:
             return Outcome(index=index, seed=own, error=error)

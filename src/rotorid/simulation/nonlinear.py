@@ -1,8 +1,8 @@
-"""Time response of a nonlinear model whose sampled inputs arrive late by any fraction of a sample.
+"""Time response of a nonlinear model whose sampled inputs are delayed by any fraction of a sample.
 
-The corners of late inputs cut a sample interval into pieces, and no step of an integrator crosses one: so the order of
-a Runge–Kutta method holds across them, and derivatives with respect to delays are exact. SciPy's adaptive integrators
-on the same pieces are slow, and as exact as is asked for.
+The corners of delayed inputs cut a sample interval into pieces, and no step of an integrator crosses one: so the order
+of a Runge–Kutta method holds across them, and derivatives with respect to delays are exact. SciPy's adaptive
+integrators on the same pieces are slow, and as exact as is asked for.
 """
 
 from __future__ import annotations
@@ -165,11 +165,11 @@ def simulate_nonlinear(
 
     .. math:: \dot x = f(x, u(t - \tau), \theta), \qquad y = g(x, u(t - \tau), \theta)
 
-    Steps end at every corner of the late inputs, so the order of the method holds across their jumps, and no delay is
-    rounded to a sample. Between the corners the error falls with the order of the method. A time constant of the model
-    well below a step makes every explicit method unstable: take more substeps, or
-    :func:`rotorid.simulation.nonlinear.simulate_adaptive`. Where a state leaves the region in which the
-    equations have values, the outputs are not numbers from there on; no error is raised, so that a fit can step back.
+    Steps end at every corner of the delayed inputs, so the order of the method holds across their jumps, and no delay
+    is rounded to a sample. Between the corners the error falls with the order of the method. A time constant of the
+    model well below a step makes every explicit method unstable: take more substeps, or :func:`simulate_adaptive`.
+    Where a state leaves the region in which the equations have values, the outputs are not numbers from there on; no
+    error is raised, so that a fit can step back.
     A negative delay, which a fit to filtered outputs may find, is an input that arrives early.
 
     Parameters
@@ -294,7 +294,7 @@ def _respond(
     sample_rate_hz: float,
     scheme: Scheme,
 ) -> NonlinearSensitivities:
-    pieces = late_pieces(structure, values, directions[1], sample_rate_hz)
+    pieces = delayed_pieces(structure, values, directions[1], sample_rate_hz)
     plan = planned(
         pieces, scheme.tableau.c, substeps=scheme.substeps, interval_s=1.0 / sample_rate_hz, hold=scheme.hold
     )
@@ -344,7 +344,7 @@ def _observed(program: Program, moving: FloatArray, still: FloatArray) -> FloatA
 
 
 def observed_plainly(structure: NonlinearStructure, moving: FloatArray, numbers: FloatArray) -> FloatArray:
-    """The outputs ``(y, n)`` at states and late inputs ``(n, x + u, 1)`` and values of the parameters ``(p,)``."""
+    """The outputs ``(y, n)`` at states and delayed inputs ``(n, x + u, 1)`` and values of the parameters ``(p,)``."""
     return np.ascontiguousarray(_observed(structure.plain[1], moving, numbers[:, None])[..., 0].T)
 
 
@@ -423,7 +423,7 @@ def simulate_adaptive(
     inputs = checked_inputs(structure, u)
     past = checked_vector(before, len(inputs), "before")
     count = len(structure.parameters)
-    pieces = late_pieces(structure, values, np.zeros((count, 0)), sample_rate_hz)
+    pieces = delayed_pieces(structure, values, np.zeros((count, 0)), sample_rate_hz)
     held, ramps = pieces.between(inputs, past)
     numbers = np.array([float(values[name]) for name in structure.parameters.names])
     program, order = structure.plain[0], len(structure.states)
@@ -459,14 +459,14 @@ def simulate_adaptive(
                 raise InsufficientDataError(f"the integrator stopped at sample {sample}: {end.message}")
             x = np.asarray(end.y[:, -1], dtype=np.float64)
         states[sample + 1] = x
-    late = pieces.at_samples(inputs, past, hold=hold)
-    return observed_plainly(structure, np.concatenate([states[..., None], late], axis=1), numbers)
+    delayed = pieces.at_samples(inputs, past, hold=hold)
+    return observed_plainly(structure, np.concatenate([states[..., None], delayed], axis=1), numbers)
 
 
-def late_pieces(
+def delayed_pieces(
     structure: NonlinearStructure, values: Mapping[str, float], directions: FloatArray, sample_rate_hz: float
 ) -> Pieces:
-    """The pieces of a sample interval between the corners of the late inputs of a model."""
+    """The pieces of a sample interval between the corners of the delayed inputs of a model."""
     delays_s, slopes = structure.delays_and_jacobian(values)
     return cut(sample_rate_hz * delays_s, sample_rate_hz * (slopes @ directions))
 
@@ -504,7 +504,7 @@ def checked_vector(values: FloatArray | None, size: int, name: str) -> FloatArra
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """The parts of a sample interval on which all late inputs are smooth; the same in every interval.
+    """The parts of a sample interval on which all delayed inputs are smooth; the same in every interval.
 
     Times count in samples. Derivatives have the directions of the delays as last axis.
 
@@ -541,12 +541,12 @@ class Pieces:
         return held, _taken(u, before, samples - self.lags + 1) - held
 
     def at_samples(self, u: FloatArray, before: FloatArray, *, hold: Hold) -> FloatArray:
-        """The late inputs at the samples, just after their jumps, derivatives after the value: ``(n, u, 1 + k)``."""
+        """The delayed inputs at the samples, just after their jumps, derivatives after the value: ``(n, u, 1 + k)``."""
         waiting = (self.fractions > 0.0).astype(np.int64)
         places = np.arange(u.shape[1])[:, None] - self.whole - waiting
-        late = _taken(u, before, places)
-        slopes = (_taken(u, before, places + 1) - late) * float(hold == "first")
-        value = late + (waiting - self.fractions) * slopes
+        delayed = _taken(u, before, places)
+        slopes = (_taken(u, before, places + 1) - delayed) * float(hold == "first")
+        value = delayed + (waiting - self.fractions) * slopes
         return np.concatenate([value[..., None], -slopes[..., None] * self.dfractions], axis=-1)
 
 
@@ -605,7 +605,7 @@ def planned(pieces: Pieces, times: FloatArray, *, substeps: int, interval_s: flo
 
 
 def cut(delays: FloatArray, ddelays: FloatArray) -> Pieces:
-    """Cut a sample interval at the corners of the late inputs.
+    """Cut a sample interval at the corners of the delayed inputs.
 
     A delay of a whole number of samples has its corner at the start of the interval; a piece of no length stands there
     all the same when the delay can move, because its length moves.

@@ -173,7 +173,7 @@ def stepped(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, hold: 
     views = []
     for group in range(int(which.max()) + 1):
         rows = np.flatnonzero(which.ravel() == group)
-        # A late output sees the whole system late: the same as inputs that are later by as much.
+        # A delayed output delays the whole system: the same as inputs that are delayed by as much.
         step, tangent = discretize_tangent(
             proper.A,
             proper.B,
@@ -190,7 +190,7 @@ def stepped(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, hold: 
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Outputs of one delay: the system with its inputs later by as much."""
+    """Outputs of one delay: the system with its inputs delayed by as much."""
 
     rows: IntArray
     system: Proper
@@ -290,7 +290,7 @@ class _Group:
         )
 
     def _direct(self, bias: FloatArray) -> FloatArray:
-        """Derivatives of what states, late inputs and one add to the outputs at once, shape ``(c, rows, p)``."""
+        """Derivatives of what states, delayed inputs and one add to the outputs at once, shape ``(c, rows, p)``."""
         order, inputs, weights = len(self.system.A), len(self.inputs), self.step.weights
         direct = np.zeros((order + 3 * inputs + 1, len(self.rows), len(self.moves.A)))
         direct[:order] = self.moves.C.transpose(2, 1, 0)
@@ -304,16 +304,16 @@ class _Group:
         """Those used of the states, of the inputs that each tap weighs, and of one, shape ``(n, c)``."""
         samples, order = states.shape
         kept, *taps, constant = np.split(used, order + len(self.inputs) * np.arange(4))
-        late = [
+        delayed = [
             self.step.shifted(self.inputs, self.before, tap)[chosen].T
             for tap, chosen in enumerate(taps)
             if chosen.any()
         ]
-        return np.hstack([states[:, kept], *late, np.ones((samples, int(constant.sum())))])
+        return np.hstack([states[:, kept], *delayed, np.ones((samples, int(constant.sum())))])
 
 
 class _View(NamedTuple):
-    """The system as outputs of one delay see it, with its inputs later by as much."""
+    """The system as outputs of one delay see it, with its inputs delayed by as much."""
 
     rows: IntArray
     system: Proper

@@ -282,13 +282,13 @@ def _accelerations(vehicle: Multirotor) -> list[float]:
 
 
 def interface(
-    flown: SimulatedFlight, *, rng: np.random.Generator | None = None, jitter_s: float = 0.002
+    flight: SimulatedFlight, *, rng: np.random.Generator | None = None, jitter_s: float = 0.002
 ) -> SimulatedFlight:
     """What a flight looks like from outside: set-points and answers at 20 Hz, and nothing from inside.
 
     Parameters
     ----------
-    flown
+    flight
         A flight of :func:`aircraft`.
     rng
         Of the stamps; without one they are even.
@@ -308,17 +308,17 @@ def interface(
     >>> outside.samples, outside.time_s[:3].tolist(), "p" in outside.columns
     (40, [0.0, 0.05, 0.1], False)
     """
-    picked = _picked(flown, rng, jitter_s)
-    columns = {name: values[picked] for name, values in flown.columns.items() if name in _OUTSIDE}
-    stick = flown.columns.get("thrust_stick", np.zeros(flown.samples))
+    picked = _picked(flight, rng, jitter_s)
+    columns = {name: values[picked] for name, values in flight.columns.items() if name in _OUTSIDE}
+    stick = flight.columns.get("thrust_stick", np.zeros(flight.samples))
     columns["velocity_down_setpoint"] = 0.0 - stick[picked]
     return replace(
-        flown,
+        flight,
         sample_rate_hz=1.0 / SAMPLE_S,
-        time_s=flown.time_s[picked],
+        time_s=flight.time_s[picked],
         columns=columns,
         raw={},
-        truth={name: values[picked] for name, values in flown.truth.items()},
+        truth={name: values[picked] for name, values in flight.truth.items()},
         parameters={},
     )
 
@@ -328,10 +328,10 @@ _OUTSIDE = frozenset(name for pair in PAIRS for name in pair) | {
 }
 
 
-def _picked(flown: SimulatedFlight, rng: np.random.Generator | None, jitter_s: float) -> IntArray:
+def _picked(flight: SimulatedFlight, rng: np.random.Generator | None, jitter_s: float) -> IntArray:
     """Turns of the control loop at which the interface looks."""
-    stride = SAMPLE_S * flown.sample_rate_hz
-    places = np.arange(int(flown.samples / stride)) * stride
+    stride = SAMPLE_S * flight.sample_rate_hz
+    places = np.arange(int(flight.samples / stride)) * stride
     if rng is not None:
-        places = places + jitter_s * flown.sample_rate_hz * rng.standard_normal(places.size)
-    return np.unique(np.clip(np.rint(places), 0, flown.samples - 1).astype(np.int64))
+        places = places + jitter_s * flight.sample_rate_hz * rng.standard_normal(places.size)
+    return np.unique(np.clip(np.rint(places), 0, flight.samples - 1).astype(np.int64))

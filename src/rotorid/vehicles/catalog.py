@@ -61,7 +61,7 @@ _ENTRIES: tuple[VehicleEntry, ...] = (
         summary="Parrot Bebop 2 of 0.5 kg, behind set-points of attitude and vertical speed",
         source=bebop_flight.SOURCE,
         make=bebop_flight.aircraft,
-        shown=lambda flown, rng: bebop_flight.interface(flown, rng=rng),
+        shown=lambda flight, rng: bebop_flight.interface(flight, rng=rng),
     ),
     VehicleEntry(
         name="crazyflie",

@@ -121,7 +121,7 @@ def x500() -> Aircraft:
         rotors=X500_MOTOR.rotors(X500_LAYOUT, X500_MASS_KG * STANDARD_GRAVITY_M_S2),
         source=X500_SOURCE,
     )
-    return _flown(vehicle, {"MPC_THR_HOVER": 0.6})
+    return _with_px4(vehicle, {"MPC_THR_HOVER": 0.6})
 
 
 def iris() -> Aircraft:
@@ -139,12 +139,12 @@ def iris() -> Aircraft:
         rotors=IRIS_MOTOR.rotors(IRIS_LAYOUT, IRIS_MASS_KG * STANDARD_GRAVITY_M_S2),
         source=IRIS_SOURCE,
     )
-    return _flown(vehicle, {"SYS_AUTOSTART": 10015.0})
+    return _with_px4(vehicle, {"SYS_AUTOSTART": 10015.0})
 
 
-def _flown(vehicle: Multirotor, others: Mapping[str, float]) -> Aircraft:
+def _with_px4(vehicle: Multirotor, others: Mapping[str, float]) -> Aircraft:
     rotors = vehicle.rotors
-    told = rotor_parameters(rotors.layout, torque_per_thrust_m=rotors.torque_per_thrust_m)
-    parameters = {**PX4_PARAMETERS, **told, **others}
+    placed = rotor_parameters(rotors.layout, torque_per_thrust_m=rotors.torque_per_thrust_m)
+    parameters = {**PX4_PARAMETERS, **placed, **others}
     autopilot = px4_autopilot(parameters, guidance=held(parameters), delay_s=(_STEP_S,) * 4)
     return Aircraft(vehicle=vehicle, autopilot=autopilot, sensors=_SENSORS)

@@ -154,7 +154,7 @@ def fly(rng: np.random.Generator, *, noise: float = 1.0) -> HoverFlight:
     >>> flight.motors.shape, round(float(flight.motors.mean()), 3)
     ((4, 6000), 0.22)
     """
-    motors, attitude, exact = _flown()
+    motors, attitude, exact = _motion()
     scatter = noise * _NOISE_STD[:, None] * rng.standard_normal(exact.shape)
     return HoverFlight(
         time_s=np.arange(exact.shape[1]) / SAMPLE_RATE_HZ,
@@ -177,7 +177,7 @@ def excitation() -> FloatArray:
 
 
 @lru_cache(maxsize=1)
-def _flown() -> tuple[FloatArray, FloatArray, FloatArray]:
+def _motion() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Outputs of the motors, attitude and exact accelerations."""
     asked = excitation()
     samples, step_s = asked.shape[1], 1.0 / SAMPLE_RATE_HZ

@@ -111,20 +111,20 @@ def rotor_parameters(layout: RotorLayout, *, torque_per_thrust_m: float = 0.05) 
     Examples
     --------
     >>> from rotorid.models.rotors import library_layout
-    >>> told = rotor_parameters(library_layout("quad.x"))
-    >>> told["CA_ROTOR_COUNT"], told["CA_ROTOR2_KM"], "CA_ROTOR0_AX" in told
+    >>> placed = rotor_parameters(library_layout("quad.x"))
+    >>> placed["CA_ROTOR_COUNT"], placed["CA_ROTOR2_KM"], "CA_ROTOR0_AX" in placed
     (4.0, -0.05, False)
     """
     assert layout.axes is not None
-    told = {"CA_ROTOR_COUNT": float(layout.rotors)}
+    parameters = {"CA_ROTOR_COUNT": float(layout.rotors)}
     for index in range(layout.rotors):
         places = zip("XYZ", layout.positions[index], strict=True)
-        told |= {f"CA_ROTOR{index}_P{letter}": float(place) for letter, place in places}
-        told[f"CA_ROTOR{index}_KM"] = float(layout.spins[index]) * torque_per_thrust_m
+        parameters |= {f"CA_ROTOR{index}_P{letter}": float(place) for letter, place in places}
+        parameters[f"CA_ROTOR{index}_KM"] = float(layout.spins[index]) * torque_per_thrust_m
         if tuple(layout.axes[index]) != UP:
             axes = zip("XYZ", layout.axes[index], strict=True)
-            told |= {f"CA_ROTOR{index}_A{letter}": float(part) for letter, part in axes}
-    return told
+            parameters |= {f"CA_ROTOR{index}_A{letter}": float(part) for letter, part in axes}
+    return parameters
 
 
 def px4_autopilot(

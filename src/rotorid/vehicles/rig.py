@@ -117,9 +117,9 @@ def fly(
     for row, direction in zip((MOTORS.index(name) for name in motors), (1, -1), strict=True):
         test_inputs[row] = _sweep(rng)[::direction]
     system = system or attitude()
-    quiet = _flown(system, test_inputs, np.zeros(3), rng).columns
+    quiet = _flight(system, test_inputs, np.zeros(3), rng).columns
     tilt, heading = max(np.std(quiet["phi"]), np.std(quiet["theta"])), np.std(quiet["psi"])
-    return as_record(_flown(system, test_inputs, noise * np.array([tilt, tilt, heading]), rng))
+    return as_record(_flight(system, test_inputs, noise * np.array([tilt, tilt, heading]), rng))
 
 
 def _sweep(rng: np.random.Generator) -> FloatArray:
@@ -136,7 +136,7 @@ def _sweep(rng: np.random.Generator) -> FloatArray:
     )
 
 
-def _flown(system: StateSpace, test_inputs: FloatArray, noise_rad: FloatArray, rng: np.random.Generator) -> Flight:
+def _flight(system: StateSpace, test_inputs: FloatArray, noise_rad: FloatArray, rng: np.random.Generator) -> Flight:
     loop = LinearLoop(
         name="rig",
         system=system,

@@ -443,7 +443,7 @@ def logged_of(columns: dict[str, Any], parameters: dict[str, float] | None = Non
         time_s=np.arange(count) / LOOP_HZ,
         columns=columns,
     )
-    return Logged(flown=flown, samples=np.arange(count), parameters=parameters or {})
+    return Logged(flight=flown, samples=np.arange(count), parameters=parameters or {})
 
 
 def test_a_closed_loop_flight_is_inspected_like_a_log_of_the_mode(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from rotorid.errors import UsageError
 from rotorid.plot.figure import MEASURED, MODEL, translucent
-from rotorid.plot.loops import TOLD, correlation_map
+from rotorid.plot.loops import LABELED, correlation_map
 
 NAMES = ("M_q", "M_u", "M_pitch", "tau_pitch")
 MATRIX = np.array([[1.0, 0.93, -0.2, 0.1], [0.93, 1.0, -0.6, np.nan], [-0.2, -0.6, 1.0, 0.0], [0.1, np.nan, 0.0, 1.0]])
@@ -35,7 +35,7 @@ def test_every_two_parameters_have_one_cell_that_says_so() -> None:
 def test_strong_ones_carry_their_number() -> None:
     _, words = drawn()["data"]
     assert sorted(zip(words["x"], words["y"], words["text"], strict=True)) == [(0, 1, "93"), (1, 2, "−60")]
-    assert all(abs(float(one.replace("−", "-"))) >= 100.0 * TOLD for one in words["text"])
+    assert all(abs(float(one.replace("−", "-"))) >= 100.0 * LABELED for one in words["text"])
 
 
 def test_color_tells_the_sign_and_its_fill_the_strength() -> None:

@@ -16,7 +16,7 @@ from tests.unit.report.sample import RATE_HZ, doublet, exact, response, sweep
 from rotorid.data.response import FrequencyResponse
 from rotorid.plot.curves import SIGMAS, near_deg, unwrapped_deg
 from rotorid.plot.figure import (
-    BESIDE,
+    SECONDARY,
     SERIES,
     Panel,
     envelope,
@@ -219,7 +219,7 @@ class TestNumbers:
 
 class TestTheme:
     @pytest.mark.parametrize("background", ["#ffffff", "#191d22"])
-    @pytest.mark.parametrize("color", [*SERIES, BESIDE])
+    @pytest.mark.parametrize("color", [*SERIES, SECONDARY])
     def test_lines_stand_out_on_light_and_dark(self, color: str, background: str) -> None:
         """WCAG 2.1, 1.4.11: graphics need a contrast of 3 : 1."""
         assert contrast(color, background) >= 3.0

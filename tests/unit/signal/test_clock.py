@@ -109,7 +109,7 @@ def test_the_slowest_channel_sets_the_rate_and_is_named() -> None:
 def test_a_follower_does_not_set_the_rate() -> None:
     fast, slow = stamps(200.0), stamps(10.0)
     flight = record(topic("fast", fast, p=smooth(fast)), topic("slow", slow, roll_excitation=slow))
-    made = resample(flight, channels=("p",), followers=("roll_excitation",), start_s=100.0, stop_s=119.0)
+    made = resample(flight, channels=("p",), auxiliary=("roll_excitation",), start_s=100.0, stop_s=119.0)
     (history,) = made.histories
     assert history.sample_rate_hz == pytest.approx(200.0)
     np.testing.assert_allclose(history["roll_excitation"], history.time_s, atol=1e-9)

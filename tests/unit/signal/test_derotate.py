@@ -7,7 +7,7 @@ import pytest
 
 from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import UsageError
-from rotorid.signal.kinematics import EARTH_TO_HEADING, to_earth, to_heading
+from rotorid.signal.kinematics import EARTH_TO_HEADING, to_heading
 from rotorid.typing import FloatArray
 
 
@@ -26,10 +26,12 @@ def test_there_and_back_is_nothing() -> None:
     given = history(**{name: rng.standard_normal(50) for name in [*names, "psi", "theta"]})
     turned = to_heading(given)
     assert not set(names) & set(turned.names)
-    back = to_earth(turned)
-    assert back.names == given.names
-    np.testing.assert_allclose(back.values, given.values, atol=1e-14)
-    assert len(back.processing) == 2
+    cosine, sine = np.cos(given["psi"]), np.sin(given["psi"])
+    for (north, east), (forward, right) in EARTH_TO_HEADING.items():
+        np.testing.assert_allclose(cosine * turned[forward] - sine * turned[right], given[north], atol=1e-14)
+        np.testing.assert_allclose(sine * turned[forward] + cosine * turned[right], given[east], atol=1e-14)
+    np.testing.assert_array_equal(turned["theta"], given["theta"])
+    assert len(turned.processing) == 1
 
 
 def test_flight_along_a_drifting_nose_is_forward() -> None:

@@ -11,6 +11,7 @@ from rotorid.models.rotors import RotorLayout, library_layout
 from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
 from rotorid.simulation.multirotor import Multirotor, Rotors
+from rotorid.typing import FloatArray
 
 HOLDING = Guidance(
     velocity_p_1_s=1.0,
@@ -83,6 +84,11 @@ def autopilot(kind: Literal["px4", "ardupilot", "simple"] = "px4", **changes: ob
         "linearization": Linearization(expo=0.65, low=0.1, high=0.95),
     }
     return Autopilot(**(given | changes))  # type: ignore[arg-type]
+
+
+def outputs_for(autopilot: Autopilot, vehicle: Multirotor, commands: FloatArray) -> FloatArray:
+    """Outputs to the motors that commands ask for, where no limit is reached."""
+    return autopilot.linearization.outputs(autopilot.mixer_for(vehicle) @ commands)
 
 
 def idle(**changes: object) -> Autopilot:

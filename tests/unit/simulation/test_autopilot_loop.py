@@ -150,7 +150,7 @@ def test_outputs_follow_the_linearization() -> None:
     autopilot = craft.autopilot("ardupilot")
     commands = np.array([0.1, -0.05, 0.04, 0.5])
     outputs, _ = mixed(autopilot, tuple(commands))
-    np.testing.assert_allclose(outputs, autopilot.outputs_for(craft.vehicle(), commands), atol=1e-14)
+    np.testing.assert_allclose(outputs, craft.outputs_for(autopilot, craft.vehicle(), commands), atol=1e-14)
 
 
 def test_a_saturated_axis_winds_nothing_up() -> None:

@@ -96,7 +96,7 @@ def test_slopes_are_those_of_finite_perturbations() -> None:
                 point[column] += side
             else:
                 asked[column - size] += side
-            rates = body_rates(vehicle, point, autopilot.outputs_for(vehicle, asked))
+            rates = body_rates(vehicle, point, craft.outputs_for(autopilot, vehicle, asked))
             rates[-3:] += np.cross(rates[3:6], PLACE)
             ends.append(rates)
         found[:, column] = (ends[0] - ends[1]) / (2.0 * step)

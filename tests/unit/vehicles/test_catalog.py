@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.simulation.craft import outputs_for
 
 from rotorid.errors import ModelError
 from rotorid.io.ardupilot.writer import write_ardupilot
@@ -73,7 +74,7 @@ def test_hover_commands_turn_nothing(name: str) -> None:
     one = aircraft(name)
     commands = one.autopilot.hover_commands(one.vehicle)
     np.testing.assert_allclose(commands[:3], 0.0, atol=1e-9)
-    outputs = one.autopilot.outputs_for(one.vehicle, commands)
+    outputs = outputs_for(one.autopilot, one.vehicle, commands)
     np.testing.assert_allclose(outputs, one.vehicle.hover_shares, atol=1e-9)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.simulation.craft import outputs_for
 
 from rotorid.data.record import AXES
 from rotorid.io.registry import read
@@ -52,7 +53,7 @@ def derivatives(one: Aircraft) -> Mapping[str, float]:
     for row, axis in enumerate(AXES):
         rates = []
         for sign in (1.0, -1.0):
-            outputs = one.autopilot.outputs_for(one.vehicle, commands + sign * STEP * np.eye(4)[row])
+            outputs = outputs_for(one.autopilot, one.vehicle, commands + sign * STEP * np.eye(4)[row])
             rates.append(rate_of(one, np.concatenate([hover[:STATES], outputs]), outputs))
         slope = (rates[0] - rates[1]) / (2.0 * STEP)
         found |= {f"{force}_{axis}": slope[row] for force, row in ACCELERATIONS.items()}
@@ -161,7 +162,8 @@ def test_hummingbird_yaws_against_the_acceleration_of_its_rotors() -> None:
     """N_spin of the yaw model: rad/s of yaw rate per step of a command that the rotors have followed."""
     one = aircraft("hummingbird")
     hover = one.vehicle.hovering()
-    outputs = one.autopilot.outputs_for(one.vehicle, one.autopilot.hover_commands(one.vehicle) + STEP * np.eye(4)[2])
+    asked = one.autopilot.hover_commands(one.vehicle) + STEP * np.eye(4)[2]
+    outputs = outputs_for(one.autopilot, one.vehicle, asked)
     # Lag times angular acceleration, before the rotors have moved at all.
     kick = rate_of(one, hover, outputs)[12] * one.vehicle.rotors.lag_up_s / STEP
     assert kick == pytest.approx(0.5541 * 3.94 / 42.21 * hummingbird_flight.STEPS, rel=1e-6)

@@ -304,8 +304,8 @@ def _merged(blocks: Sequence[AnyArray], stamps: Sequence[IntArray]) -> AnyArray:
 
 def _described(layouts: Sequence[Layout], begin_us: int) -> list[AnyArray]:
     """Definitions of all messages, their units, and what the letters of the units mean."""
-    told = (UNIT, MULT, FMTU, *layouts)
-    formats = (FMT, *(layout.format for layout in told))
+    described = (UNIT, MULT, FMTU, *layouts)
+    formats = (FMT, *(layout.format for layout in described))
     return [
         packed(
             Messages(
@@ -325,10 +325,10 @@ def _described(layouts: Sequence[Layout], begin_us: int) -> list[AnyArray]:
             Messages(
                 layout=FMTU,
                 values={
-                    CLOCK: np.full(len(told), begin_us),
-                    "FmtType": np.array([layout.number for layout in told]),
-                    "UnitIds": [layout.units for layout in told],
-                    "MultIds": [layout.multipliers for layout in told],
+                    CLOCK: np.full(len(described), begin_us),
+                    "FmtType": np.array([layout.number for layout in described]),
+                    "UnitIds": [layout.units for layout in described],
+                    "MultIds": [layout.multipliers for layout in described],
                 },
             )
         ),

@@ -175,8 +175,12 @@ def read(path: Path, source: Source) -> FlightRecord:
     tables, parameters = log.tables, _parameters(log.tables)
     runs = system_id_runs(tables, parameters)
     sticks = stick_topic(tables, parameters)
-    flown = (*system_id_topics(tables, runs), *common_topics(tables), *motor_topics(tables, parameters))
-    topics = flown if sticks is None else (*flown, sticks)
+    topics = (
+        *system_id_topics(tables, runs),
+        *common_topics(tables),
+        *motor_topics(tables, parameters),
+        *(() if sticks is None else (sticks,)),
+    )
     return FlightRecord(
         source=replace(source, firmware=_firmware(tables)),
         topics=topics,
@@ -456,13 +460,13 @@ def system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float])
                 stop_s=stop_s,
                 entry=entry,
                 planned_rad_s=planned,
-                band_rad_s=_flown(data, messages, planned),
+                band_rad_s=_swept_band(data, messages, planned),
             )
         )
     return tuple(runs)
 
 
-def _flown(data: Table, messages: slice, planned: tuple[float, float] | None) -> tuple[float, float] | None:
+def _swept_band(data: Table, messages: slice, planned: tuple[float, float] | None) -> tuple[float, float] | None:
     """The band that was really flown: a pilot may leave the mode early, and a log may be cut."""
     if not data.holds_numbers("F"):
         return planned

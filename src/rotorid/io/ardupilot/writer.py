@@ -101,26 +101,26 @@ LAYOUTS: Mapping[str, Layout] = MappingProxyType({layout.name: layout for layout
 
 
 def write_ardupilot(
-    path: Path, flown: SimulatedFlight, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 60.0
+    path: Path, flight: SimulatedFlight, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 60.0
 ) -> None:
     """Write a flight as an ArduPilot log: definitions, parameters, then what the autopilot knew.
 
-    ``RATE`` and ``IMU`` hold the filtered rates and accelerations of ``flown.columns``, ``SIDD`` the unfiltered ones of
-    ``flown.raw`` (or the filtered ones, when the flight has no others), and only while a sweep was injected. Samples
-    are picked, not averaged, as the logger does. A message is left out when the flight lacks what it is for; a field
-    that a flight cannot know (set-points that it did not have, temperatures, currents) is zero. Of test inputs, the log
-    declares sweeps alone, see :mod:`rotorid.io.ardupilot.writer`.
+    ``RATE`` and ``IMU`` hold the filtered rates and accelerations of ``flight.columns``, ``SIDD`` the unfiltered ones
+    of ``flight.raw`` (or the filtered ones, when the flight has no others), and only while a sweep was injected.
+    Samples are picked, not averaged, as the logger does. A message is left out when the flight lacks what it is for; a
+    field that a flight cannot know (set-points that it did not have, temperatures, currents) is zero. Of test inputs,
+    the log declares sweeps alone, see the module.
 
     A real SYSTEMID mode waits a second before the waveform begins; here the run begins with the maneuver, so that the
     times of the log are those of the plan. The mode logs rates and accelerations that are means over one turn of the
-    loop, and a reader who knows that takes half a turn off the delay: ``flown.raw`` must hold such means, or delays
+    loop, and a reader who knows that takes half a turn off the delay: ``flight.raw`` must hold such means, or delays
     seem shorter by that half.
 
     Parameters
     ----------
     path
         File to write or replace, whole or not at all.
-    flown
+    flight
         The flight; its mixer commands include what was injected, as ArduPilot's do.
     rates_hz
         Message to its rate, where it is not the usual one: ``{"RATE": 200.0}``.
@@ -144,54 +144,54 @@ def write_ardupilot(
     ...     [topic.values.round(1).tolist() for topic in read(Path(folder, "still.bin")).topics]
     [[[12.6, 12.5]]]
     """
-    if not flown.samples:
+    if not flight.samples:
         raise UsageError("a flight without samples came", needed="at least one")
-    _check_finite(flown)
-    rates = _checked_rates(rates_hz or {}, flown.sample_rate_hz)
-    runs = injections(flown)
-    parameters = logged_parameters(flown, runs)
-    stamps_us = np.rint((start_s + flown.time_s) * 1e6).astype(np.int64)
+    _check_finite(flight)
+    rates = _checked_rates(rates_hz or {}, flight.sample_rate_hz)
+    runs = injections(flight)
+    parameters = logged_parameters(flight, runs)
+    stamps_us = np.rint((start_s + flight.time_s) * 1e6).astype(np.int64)
     tables = (
-        *_events(flown, runs, parameters, stamps_us),
-        *_system_id(flown, runs, stamps_us, _picked(flown, rates["SIDD"])),
-        *_signal_messages(flown, parameters, stamps_us, rates),
+        *_events(flight, runs, parameters, stamps_us),
+        *_system_id(flight, runs, stamps_us, _picked(flight, rates["SIDD"])),
+        *_signal_messages(flight, parameters, stamps_us, rates),
     )
     order = list(LAYOUTS)
     write_dataflash(path, sorted(tables, key=lambda table: order.index(table.layout.name)))
 
 
-def logged_parameters(flown: SimulatedFlight, runs: tuple[Injection, ...]) -> Mapping[str, float]:
+def logged_parameters(flight: SimulatedFlight, runs: tuple[Injection, ...]) -> Mapping[str, float]:
     """Parameters of the log: those of the flight, and those without which a log does not explain itself.
 
     Added where the flight does not give them: rate of the loop, ``LOG_BITMASK``, pulse widths and channels of the
     motors, and the settings of the last run of SYSTEMID mode.
     """
-    motors = sum(f"motor_{number}" in flown.columns for number in range(1, MOTORS + 1))
+    motors = sum(f"motor_{number}" in flight.columns for number in range(1, MOTORS + 1))
     functions = {motor: function for function, motor in MOTOR_FUNCTIONS.items()}
     if motors > len(functions):
         raise UsageError(f"{motors} motors came", needed=f"at most {len(functions)}, which ArduPilot can number")
     added = {
-        "SCHED_LOOP_RATE": flown.sample_rate_hz,
+        "SCHED_LOOP_RATE": flight.sample_rate_hz,
         "LOG_BITMASK": float(LOG_BITMASK),
         "MOT_PWM_MIN": 1000.0,
         "MOT_PWM_MAX": 2000.0,
     }
-    if not motor_channels({}, flown.parameters):
+    if not motor_channels({}, flight.parameters):
         added |= {f"SERVO{motor}_FUNCTION": float(functions[motor]) for motor in range(1, motors + 1)}
     if runs:
         added["SID_AXIS"] = float(runs[-1].entry)
         added |= {name: runs[-1].settings[column] for column, name in _SETTINGS.items()}
-    return MappingProxyType(added | dict(flown.parameters))
+    return MappingProxyType(added | dict(flight.parameters))
 
 
-def _check_finite(flown: SimulatedFlight) -> None:
-    for where, signals in (("columns", flown.columns), ("raw", flown.raw)):
+def _check_finite(flight: SimulatedFlight) -> None:
+    for where, signals in (("columns", flight.columns), ("raw", flight.raw)):
         for name, values in signals.items():
             finite = np.isfinite(values)
             if not finite.all():
                 raise UsageError(
                     f"{name} of the flight's {where} is not finite in {np.count_nonzero(~finite)} samples, the first "
-                    f"at {flown.time_s[np.argmin(finite)]:g} s",
+                    f"at {flight.time_s[np.argmin(finite)]:g} s",
                     needed="finite samples",
                     remedy="find out why the simulation diverged, or end the flight before it does",
                 )
@@ -217,7 +217,7 @@ def _checked_rates(asked_hz: Mapping[str, float], loop_hz: float) -> Mapping[str
 
 
 def _events(
-    flown: SimulatedFlight, runs: tuple[Injection, ...], parameters: Mapping[str, float], stamps_us: IntArray
+    flight: SimulatedFlight, runs: tuple[Injection, ...], parameters: Mapping[str, float], stamps_us: IntArray
 ) -> Iterator[Messages]:
     begin = stamps_us[:1]
     values = np.array(list(parameters.values()))
@@ -225,12 +225,12 @@ def _events(
         "PARM", begin.repeat(len(parameters)), {"Name": list(parameters), "Value": values, "Default": math.nan}
     )
     entered = np.array([stamps_us[run.samples[0]] for run in runs], dtype=np.int64)
-    texts = [FIRMWARE, _cut(f"Simulated flight of {flown.vehicle}")]
+    texts = [FIRMWARE, _cut(f"Simulated flight of {flight.vehicle}")]
     texts += [f"SystemID Starting: axis={run.entry}" for run in runs]
     yield _table("MSG", np.append(begin.repeat(2), entered), {"Message": texts})
     yield _table("ARM", begin, {"ArmState": 1.0, "ArmChecks": parameters.get("ARMING_CHECK", 1.0)})
     yield _table("EV", begin.repeat(2), {"Id": np.array([_ARMED, _NOT_LANDED])})
-    yield _modes(flown, runs, stamps_us)
+    yield _modes(flight, runs, stamps_us)
 
 
 def _cut(text: str) -> str:
@@ -238,21 +238,21 @@ def _cut(text: str) -> str:
     return text.encode("utf-8")[:_TEXT_BYTES].decode("utf-8", errors="ignore")
 
 
-def _modes(flown: SimulatedFlight, runs: tuple[Injection, ...], stamps_us: IntArray) -> Messages:
+def _modes(flight: SimulatedFlight, runs: tuple[Injection, ...], stamps_us: IntArray) -> Messages:
     """The pilot's mode, SYSTEMID from the first to the last sample of each run, and the pilot's mode again."""
-    usual = STABILIZE if "thrust_stick" in flown.columns else ALT_HOLD
+    usual = STABILIZE if "thrust_stick" in flight.columns else ALT_HOLD
     changes = [(0, usual, _BY_COMMAND)]
     for run in runs:
         changes.append((int(run.samples[0]), SYSTEM_ID, _BY_SWITCH))
         changes.append((int(run.samples[-1]) + 1, usual, _BY_SWITCH))
-    last = {at: (mode, reason) for at, mode, reason in changes if at < flown.samples}
+    last = {at: (mode, reason) for at, mode, reason in changes if at < flight.samples}
     modes = np.array([mode for mode, _ in last.values()])
     reasons = np.array([reason for _, reason in last.values()])
     return _table("MODE", stamps_us[list(last)], {"Mode": modes, "ModeNum": modes, "Rsn": reasons})
 
 
 def _system_id(
-    flown: SimulatedFlight, runs: tuple[Injection, ...], stamps_us: IntArray, picked: IntArray
+    flight: SimulatedFlight, runs: tuple[Injection, ...], stamps_us: IntArray, picked: IntArray
 ) -> Iterator[Messages]:
     """Settings and samples of all runs, the samples at the stamps of ``RATE``."""
     if not runs:
@@ -262,7 +262,7 @@ def _system_id(
     yield _table("SIDS", entered, {"Ax": np.array([run.entry for run in runs]), **settings})
     samples = np.concatenate([run.samples for run in runs])
     kept = np.isin(samples, picked)
-    measured = {**flown.columns, **flown.raw}
+    measured = {**flight.columns, **flight.raw}
     values: dict[str, AnyArray] = {
         "Time": np.concatenate([run.elapsed_s for run in runs])[kept],
         "Targ": np.concatenate([run.target for run in runs])[kept],
@@ -274,24 +274,24 @@ def _system_id(
 
 
 def _signal_messages(
-    flown: SimulatedFlight, parameters: Mapping[str, float], stamps_us: IntArray, rates: Mapping[str, float]
+    flight: SimulatedFlight, parameters: Mapping[str, float], stamps_us: IntArray, rates: Mapping[str, float]
 ) -> Iterator[Messages]:
     """Messages at fixed rates, those for which the flight has columns."""
     for name, signal in SIGNALS.items():
-        if set(signal.needed) <= flown.columns.keys():
-            samples = _picked(flown, rates[name])
+        if set(signal.needed) <= flight.columns.keys():
+            samples = _picked(flight, rates[name])
             yield _table(
-                name, stamps_us[samples], signal.values(Logged(flown=flown, samples=samples, parameters=parameters))
+                name, stamps_us[samples], signal.values(Logged(flight=flight, samples=samples, parameters=parameters))
             )
 
 
-def _picked(flown: SimulatedFlight, rate_hz: float) -> IntArray:
+def _picked(flight: SimulatedFlight, rate_hz: float) -> IntArray:
     """Samples that a logger of this rate picks: the first at or after each of its instants."""
-    stride = flown.sample_rate_hz / rate_hz
+    stride = flight.sample_rate_hz / rate_hz
     # A hair less, so that whole numbers do not depend on their rounding.
-    instants = np.arange(math.ceil(flown.samples / stride)) * stride
+    instants = np.arange(math.ceil(flight.samples / stride)) * stride
     picked: IntArray = np.ceil(instants - 1e-9).astype(np.int64)
-    return picked[picked < flown.samples]
+    return picked[picked < flight.samples]
 
 
 def _table(name: str, stamps_us: IntArray, values: Mapping[str, AnyArray | list[str] | float]) -> Messages:
@@ -317,7 +317,7 @@ class Logged:
 
     Parameters
     ----------
-    flown
+    flight
         The flight.
     samples
         Their indices.
@@ -325,13 +325,13 @@ class Logged:
         Parameters of the log.
     """
 
-    flown: SimulatedFlight
+    flight: SimulatedFlight
     samples: IntArray
     parameters: Mapping[str, float]
 
     def __getitem__(self, name: str) -> FloatArray:
         """A column at those samples; zeros when the flight does not know it."""
-        column = self.flown.columns.get(name)
+        column = self.flight.columns.get(name)
         return np.zeros(self.samples.size) if column is None else column[self.samples]
 
     def degrees(self, **columns: str) -> dict[str, FloatArray]:
@@ -355,7 +355,7 @@ def rate_values(logged: Logged) -> Values:
 
 
 def _climbing_acceleration_cm_s2(logged: Logged) -> FloatArray:
-    if "az" not in logged.flown.columns:
+    if "az" not in logged.flight.columns:
         return np.zeros(logged.samples.size)
     phi, theta = logged["phi"], logged["theta"]
     # Third row of the rotation from body to earth.
@@ -376,14 +376,14 @@ def _heading(angle: FloatArray) -> FloatArray:
 
 def angle_values(logged: Logged) -> Values:
     """``ANG``: the attitude of every turn of the loop."""
-    return {**attitude_values(logged), "Dt": 1.0 / logged.flown.sample_rate_hz}
+    return {**attitude_values(logged), "Dt": 1.0 / logged.flight.sample_rate_hz}
 
 
 def imu_values(logged: Logged) -> Values:
     """``IMU``: rates and accelerations after the autopilot's filters."""
     gyro = {"GyrX": logged["p"], "GyrY": logged["q"], "GyrZ": logged["r"]}
     accelerometer = {"AccX": logged["ax"], "AccY": logged["ay"], "AccZ": logged["az"]}
-    rate_hz = logged.flown.sample_rate_hz
+    rate_hz = logged.flight.sample_rate_hz
     return {**gyro, **accelerometer, "GH": 1.0, "AH": 1.0, "GHz": rate_hz, "AHz": rate_hz}
 
 
@@ -411,7 +411,7 @@ def battery_values(logged: Logged) -> Values:
 
 def throttle_values(logged: Logged) -> Values:
     """``CTUN``: throttle, altitude and climb."""
-    pilot = "thrust_stick" if "thrust_stick" in logged.flown.columns else "thrust_command"
+    pilot = "thrust_stick" if "thrust_stick" in logged.flight.columns else "thrust_command"
     height = -logged["down"]
     return {
         "ThI": logged[pilot],
@@ -428,7 +428,7 @@ def lift_values(logged: Logged) -> Values:
     """``MOTB``: what the voltage leaves of the lift, as ArduPilot's compensation of the battery reckons it."""
     full, empty = logged.parameter("MOT_BAT_VOLT_MAX"), logged.parameter("MOT_BAT_VOLT_MIN")
     expo = logged.parameter("MOT_THST_EXPO", _THRUST_EXPO)
-    known = "battery_voltage" in logged.flown.columns and 0.0 < empty < full
+    known = "battery_voltage" in logged.flight.columns and 0.0 < empty < full
     part = np.clip(logged["battery_voltage"], empty, full) / full if known else np.ones(logged.samples.size)
     throttle = logged["thrust_command"]
     return {
@@ -454,7 +454,7 @@ def output_values(logged: Logged) -> Values:
     channels = {motor: channel for channel, motor in motor_channels({}, logged.parameters).items()}
     values = {}
     for number in range(1, MOTORS + 1):
-        if f"motor_{number}" in logged.flown.columns:
+        if f"motor_{number}" in logged.flight.columns:
             if channels.get(number, CHANNELS + 1) > CHANNELS:
                 raise UsageError(
                     f"motor {number} stands on no channel of RCOU",
@@ -468,7 +468,7 @@ def stick_values(logged: Logged) -> Values:
     """``RCIN``: pulse widths of the sticks, with the calibration and direction of the parameters; others centered."""
     values: dict[str, AnyArray | float] = {f"C{channel}": 1500.0 for channel in range(1, CHANNELS + 1)}
     for axis, (name, usual) in STICKS.items():
-        if f"{axis}_stick" in logged.flown.columns:
+        if f"{axis}_stick" in logged.flight.columns:
             channel = int(logged.parameter(name, usual))
             values[f"C{channel}"] = _pulse_widths(logged, axis, f"RC{channel}")
     return values
@@ -562,8 +562,8 @@ class Injection:
     settings: Mapping[str, float]
 
 
-def injections(flown: SimulatedFlight) -> tuple[Injection, ...]:
-    """Runs in the order flown: the sweeps whose signal is an excitation that the flight holds.
+def injections(flight: SimulatedFlight) -> tuple[Injection, ...]:
+    """Runs in the order of their beginnings: the sweeps whose signal is an excitation that the flight holds.
 
     The axis of a run is the mixer's, unless ``SID_AXIS`` among the parameters of the flight names another entry of the
     same axis.
@@ -573,7 +573,9 @@ def injections(flown: SimulatedFlight) -> tuple[Injection, ...]:
     UsageError
         Two sweeps overlap.
     """
-    swept = sorted((sweep for sweep in flown.maneuvers if _is_injected(sweep, flown)), key=lambda sweep: sweep.start_s)
+    swept = sorted(
+        (sweep for sweep in flight.maneuvers if _is_injected(sweep, flight)), key=lambda sweep: sweep.start_s
+    )
     for sweep, other in pairwise(swept):
         if other.start_s < sweep.stop_s:
             raise UsageError(
@@ -582,28 +584,28 @@ def injections(flown: SimulatedFlight) -> tuple[Injection, ...]:
                 needed="one sweep at a time, which is what ArduPilot's SYSTEMID mode can inject",
                 remedy="fly them one after the other, or write another format",
             )
-    return tuple(_injections(flown, swept))
+    return tuple(_injections(flight, swept))
 
 
-def _is_injected(maneuver: Maneuver, flown: SimulatedFlight) -> bool:
-    return maneuver.kind == "sweep" and maneuver.signal.endswith("_excitation") and maneuver.signal in flown.columns
+def _is_injected(maneuver: Maneuver, flight: SimulatedFlight) -> bool:
+    return maneuver.kind == "sweep" and maneuver.signal.endswith("_excitation") and maneuver.signal in flight.columns
 
 
-def _injections(flown: SimulatedFlight, swept: list[Maneuver]) -> Iterator[Injection]:
-    slack = 0.5 / flown.sample_rate_hz
+def _injections(flight: SimulatedFlight, swept: list[Maneuver]) -> Iterator[Injection]:
+    slack = 0.5 / flight.sample_rate_hz
     for sweep, following in zip_longest(swept, swept[1:]):
         # The last sample is the one at which the sweep is over, unless the next one begins there.
         last_s = sweep.stop_s + slack if following is None else min(sweep.stop_s + slack, following.start_s - slack)
-        samples = np.flatnonzero((flown.time_s > sweep.start_s - slack) & (flown.time_s < last_s))
+        samples = np.flatnonzero((flight.time_s > sweep.start_s - slack) & (flight.time_s < last_s))
         if samples.size:
-            yield _injection(flown, sweep, samples)
+            yield _injection(flight, sweep, samples)
 
 
-def _injection(flown: SimulatedFlight, maneuver: Maneuver, samples: IntArray) -> Injection:
-    entry = _entry(maneuver, flown.parameters)
-    period_s = 1.0 / flown.sample_rate_hz
-    target = flown.columns[maneuver.signal][samples] / parse_unit(ENTRIES[entry][1]).factor
-    elapsed_s = flown.time_s[samples] - flown.time_s[samples[0]]
+def _injection(flight: SimulatedFlight, maneuver: Maneuver, samples: IntArray) -> Injection:
+    entry = _entry(maneuver, flight.parameters)
+    period_s = 1.0 / flight.sample_rate_hz
+    target = flight.columns[maneuver.signal][samples] / parse_unit(ENTRIES[entry][1]).factor
+    elapsed_s = flight.time_s[samples] - flight.time_s[samples[0]]
     low, high = (value / (2.0 * math.pi) for value in maneuver.band_rad_s or (0.0, 0.0))
     magnitude, fade_in_s, constant_s, fade_out_s = waveform_settings(target, elapsed_s, low)
     settings = {

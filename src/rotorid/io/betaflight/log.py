@@ -66,35 +66,35 @@ def read(path: Path, source: Source) -> FlightRecord:
         data = path.read_bytes()
     except OSError as error:
         raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
-    flown, unread = _sorted(data)
-    if not flown:
+    readable, unread = _sorted(data)
+    if not readable:
         raise unread[0][1] if unread else _empty(source.name)
-    longest = flown[0]
-    topics = tuple(main_topic(flight, chirp_rows(flight)) for flight in flown)
+    longest = readable[0]
+    topics = tuple(main_topic(flight, chirp_rows(flight)) for flight in readable)
     if not topics[0].channels:
         raise _empty(source.name)
     return FlightRecord(
         source=replace(source, firmware=longest.header.values.get("Firmware revision", "")),
         topics=topics,
         parameters=parameters_of(longest.header),
-        declared=tuple(maneuver for flight in flown for maneuver in chirp_maneuvers(flight)),
+        declared=tuple(maneuver for flight in readable for maneuver in chirp_maneuvers(flight)),
         instruments=_instruments(topics),
-        findings=findings_of(flown, unread, topics),
+        findings=findings_of(readable, unread, topics),
     )
 
 
 def _sorted(data: bytes) -> tuple[list[Flight], list[tuple[int, LogError]]]:
     """The flights that hold frames, longest first, and the others with the reason."""
-    flown: list[Flight] = []
+    readable: list[Flight] = []
     unread: list[tuple[int, LogError]] = []
     for number, outcome in flights(data):
         if isinstance(outcome, LogError):
             unread.append((number, outcome))
         elif outcome.time_s.size:
-            flown.append(outcome)
+            readable.append(outcome)
         else:
             unread.append((number, _empty(f"flight {number}")))
-    return sorted(flown, key=lambda flight: -flight.duration_s), unread
+    return sorted(readable, key=lambda flight: -flight.duration_s), unread
 
 
 def _instruments(topics: tuple[Topic, ...]) -> dict[str, tuple[str, ...]]:

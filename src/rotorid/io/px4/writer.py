@@ -173,7 +173,7 @@ _MOTORS = 12
 
 
 def write_px4(
-    path: Path, flown: SimulatedFlight, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 30.0
+    path: Path, flight: SimulatedFlight, *, rates_hz: Mapping[str, float] | None = None, start_s: float = 30.0
 ) -> None:
     r"""Write a simulated flight as a ULog file, as PX4 with ``SDLOG_PROFILE = 57`` would have logged it.
 
@@ -191,7 +191,7 @@ def write_px4(
     ----------
     path
         File to write or replace.
-    flown
+    flight
         A flight of PX4's controller, or of a simple one.
     rates_hz
         Topic to messages in a second, for those that are to differ from `rotorid.io.px4.writer.LAYOUTS`; above the
@@ -210,30 +210,30 @@ def write_px4(
     --------
     >>> import tempfile
     >>> from rotorid.io.registry import read
-    >>> flown = SimulatedFlight(vehicle="demo", autopilot="px4", sample_rate_hz=4.0, time_s=[0.0, 0.25],
+    >>> flight = SimulatedFlight(vehicle="demo", autopilot="px4", sample_rate_hz=4.0, time_s=[0.0, 0.25],
     ...                         columns={"p": [0, 0.5]})
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_px4(Path(folder) / "flight.ulg", flown)
+    ...     write_px4(Path(folder) / "flight.ulg", flight)
     ...     record = read(Path(folder) / "flight.ulg")
     >>> record.source.firmware, record.topics[0].name, record.topics[0].time_s.tolist()
     ('PX4 1.17.0 (development)', 'vehicle_angular_velocity', [30.0, 30.25])
     """
-    if flown.autopilot == "ardupilot" or f"motor_{_MOTORS + 1}" in flown.columns:
+    if flight.autopilot == "ardupilot" or f"motor_{_MOTORS + 1}" in flight.columns:
         raise UsageError(
-            f"a flight of {flown.vehicle} with {flown.autopilot} came, which PX4 cannot have logged",
+            f"a flight of {flight.vehicle} with {flight.autopilot} came, which PX4 cannot have logged",
             needed=f"PX4's controller or a simple one, and at most {_MOTORS} motors",
             remedy="write a DataFlash log or a CSV",
         )
     rates = _rates(rates_hz or {})
-    stamps = _stamps(flown, start_s)
-    topics = [topic for layout in LAYOUTS for topic in _logged(flown, layout, stamps, rates[layout.topic])]
+    stamps = _stamps(flight, start_s)
+    topics = [topic for layout in LAYOUTS for topic in _logged(flight, layout, stamps, rates[layout.topic])]
     if not topics:
         raise UsageError(
-            f"the flight of {flown.vehicle} holds no channel that PX4 logs",
+            f"the flight of {flight.vehicle} holds no channel that PX4 logs",
             needed="commands, rates, attitude or position",
         )
     debug = any(topic.name.startswith("debug_") for topic in topics)
-    parameters = {"SDLOG_PROFILE": float(PROFILE + DEBUG_PROFILE * debug), **flown.parameters}
+    parameters = {"SDLOG_PROFILE": float(PROFILE + DEBUG_PROFILE * debug), **flight.parameters}
     write_ulog(
         path,
         topics,
@@ -258,21 +258,21 @@ def _rates(asked: Mapping[str, float]) -> dict[str, float | None]:
     return rates
 
 
-def _stamps(flown: SimulatedFlight, start_s: float) -> IntArray:
+def _stamps(flight: SimulatedFlight, start_s: float) -> IntArray:
     """Microseconds since boot."""
-    stamps = np.rint((flown.time_s + start_s) * 1e6)
+    stamps = np.rint((flight.time_s + start_s) * 1e6)
     if not (stamps.size and np.isfinite(stamps).all() and stamps[0] >= 0.0 and np.all(np.diff(stamps) > 0.0)):
         raise UsageError(
-            f"the flight of {flown.vehicle} has {flown.samples} stamps that cannot be those of a log",
+            f"the flight of {flight.vehicle} has {flight.samples} stamps that cannot be those of a log",
             needed="finite ones from zero up, at least a microsecond apart",
-            remedy="" if flown.samples else "simulate at least one turn of the control loop",
+            remedy="" if flight.samples else "simulate at least one turn of the control loop",
         )
     return stamps.astype(np.int64)
 
 
-def _logged(flown: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: float | None) -> Iterator[LoggedTopic]:
+def _logged(flight: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: float | None) -> Iterator[LoggedTopic]:
     """The topic, when the flight has channels of it."""
-    held = flown.raw if layout.raw else flown.columns
+    held = flight.raw if layout.raw else flight.columns
     dtype = message_dtype(layout.fields)
     own = [rule for rule in ALL_RULES if rule.topic == layout.topic and _fits(rule, dtype)]
     rules = [rule for rule in own if _is_held(rule, held)]
@@ -281,8 +281,8 @@ def _logged(flown: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: f
     if rules[0].named:
         # A topic holds one message a turn: what is added behind the controllers goes first.
         rules = rules[:1]
-    turns = _turns(flown, rate_hz)
-    samples = _blank(layout, dtype, turns.size, 1e6 / flown.sample_rate_hz)
+    turns = _turns(flight, rate_hz)
+    samples = _blank(layout, dtype, turns.size, 1e6 / flight.sample_rate_hz)
     for clock in {"timestamp", "timestamp_sample"} & set(dtype.names or ()):
         samples[clock] = stamps[turns]
     if rules[0].named:
@@ -291,7 +291,7 @@ def _logged(flown: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: f
     for flag, channel in layout.flags.items():
         samples[flag] = channel in held
     for rule in (*rules, *([_THRUST] if _fits(_THRUST, dtype) else [])):
-        for field, values in _values(rule, _picked(rule, held, turns, flown)):
+        for field, values in _values(rule, _picked(rule, held, turns, flight)):
             _column(samples, field)[:] = values
     yield LoggedTopic(name=layout.topic, layout=layout.fields, samples=samples)
 
@@ -309,12 +309,12 @@ def _is_attitude(rule: Rule) -> bool:
     return len(rule.channels) < len(rule.fields)
 
 
-def _turns(flown: SimulatedFlight, rate_hz: float | None) -> IntArray:
+def _turns(flight: SimulatedFlight, rate_hz: float | None) -> IntArray:
     """Turns of the control loop that are logged."""
-    every = 1.0 if rate_hz is None else max(flown.sample_rate_hz / rate_hz, 1.0)
+    every = 1.0 if rate_hz is None else max(flight.sample_rate_hz / rate_hz, 1.0)
     # A step that is whole but for rounding must not be rounded up to the next turn.
-    turns: IntArray = np.ceil(np.arange(int(flown.samples / every) + 1) * every - 1e-6).astype(np.int64)
-    return turns[turns < flown.samples]
+    turns: IntArray = np.ceil(np.arange(int(flight.samples / every) + 1) * every - 1e-6).astype(np.int64)
+    return turns[turns < flight.samples]
 
 
 def _blank(layout: Layout, dtype: np.dtype[np.void], rows: int, period_us: float) -> AnyArray:
@@ -338,7 +338,7 @@ def _column(samples: AnyArray, field: str) -> AnyArray:
 
 
 def _picked(
-    rule: Rule, held: Mapping[str, FloatArray], turns: IntArray, flown: SimulatedFlight
+    rule: Rule, held: Mapping[str, FloatArray], turns: IntArray, flight: SimulatedFlight
 ) -> dict[str, FloatArray]:
     """Channels of a rule that the flight has, at the turns that are logged; a number that is none is refused."""
     picked: dict[str, FloatArray] = {}
@@ -348,7 +348,7 @@ def _picked(
             if wrong.size:
                 first = wrong[0]
                 raise UsageError(
-                    f"{name} of the flight of {flown.vehicle} is {held[name][first]:g} at {flown.time_s[first]:g} s",
+                    f"{name} of the flight of {flight.vehicle} is {held[name][first]:g} at {flight.time_s[first]:g} s",
                     needed="numbers that single precision can hold",
                     remedy="look at what diverged in the simulation",
                 )
