@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.docs.findings_table import PAGE, findings_table, refilled
+
 from rotorid.data.findings import KINDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,9 +35,10 @@ def test_every_kind_that_the_package_says_is_registered() -> None:
     assert said <= set(KINDS), f"register {sorted(said - set(KINDS))} in rotorid.data.findings"
 
 
-def test_every_kind_of_finding_stands_in_the_docs() -> None:
-    documented = set(re.findall(r"`([a-z_]+)`", (ROOT / "docs" / "results.md").read_text(encoding="utf-8")))
-    assert set(KINDS) <= documented, f"name {sorted(set(KINDS) - documented)} in docs/results.md"
+def test_the_table_in_the_docs_is_that_of_the_registry() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert findings_table() in page
+    assert refilled(page) == page, "renew it with `python tests/docs/findings_table.py`"
 
 
 def test_kinds_have_a_heading_and_a_meaning() -> None:

@@ -171,7 +171,10 @@ KINDS: Mapping[str, Kind] = {
         "A parameter that a planned flight will miss by more than two standard deviations.",
     ),
     "bootstrap_disagrees": Kind(
-        "warning", "Bootstrap disagrees", "The spread of refits to noise drawn anew is not what the bounds say."
+        "warning",
+        "Bootstrap disagrees",
+        "The spread of refits to noise drawn anew is not what the bounds say: 25 % wider or narrower, or moved by "
+        "half a deviation, and no chance.",
     ),
     "bootstrap_incomplete": Kind(
         "warning", "Bootstrap incomplete", "More than 5 % of the refits of a bootstrap had no answer."
@@ -190,7 +193,8 @@ KINDS: Mapping[str, Kind] = {
     "closed_loop_bias": Kind(
         "warning",
         "Feedback in this response",
-        "Feedback pulls the response toward the inverse of the controller, as far as is known.",
+        "Feedback pulls the response toward the inverse of the controller: how far direct and joint estimate lie "
+        "apart, or that no instrument is logged.",
     ),
     "colored_residuals": Kind(
         "info",
@@ -300,7 +304,7 @@ KINDS: Mapping[str, Kind] = {
     "other_minimum": Kind(
         "warning",
         "Other minimum",
-        "Another minimum, of nearly the same cost and with clearly other parameters.",
+        "Another minimum: its cost is at most 10 % higher, its parameters lie more than 3 σ and a tenth away.",
     ),
     "other_source": Kind(
         "warning",

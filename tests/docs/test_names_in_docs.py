@@ -1,0 +1,88 @@
+"""What the pages name is there: modules, functions, files; and their examples take public faces only."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import importlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"])
+DOTTED = re.compile(r"(?<![/\w.-])rotorid((?:\.[A-Za-z_]\w*+)++)(?!/\d|-\d)")
+PATH = re.compile(r"(?:src/rotorid|tests|benchmarks|docs)/[\w./-]+\w")
+BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
+"""Modules that are their own face."""
+
+EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
+"""Paths that stand for any."""
+
+
+def name_of(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def exists(dotted: str) -> bool:
+    """Whether the longest importable beginning of a name has the rest as attributes."""
+    parts = dotted.split(".")
+    for known in range(len(parts), 0, -1):
+        try:
+            found: object = importlib.import_module(".".join(parts[:known]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[known:]:
+            if not hasattr(found, part):
+                return False
+            found = getattr(found, part)
+        return True
+    return False
+
+
+def is_face(module: str, name: str) -> bool:
+    """Whether a page may take ``name`` from ``module``: it is on the face of a package, or a module like a vehicle."""
+    if module in ALONE:
+        return True
+    found = importlib.import_module(module)
+    return hasattr(found, "__path__") and name in getattr(found, "__all__", ())
+
+
+def imports(source: str) -> Iterator[tuple[str, str]]:
+    """``(module, name)`` of every import of the package; the name is empty for ``import rotorid``."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] == "rotorid":
+            yield from ((str(node.module), name.name) for name in node.names)
+        if isinstance(node, ast.Import):
+            yield from ((name.name, "") for name in node.names if name.name.partition(".")[0] == "rotorid")
+
+
+def code_of(block: str) -> str:
+    """The statements of a block, whether it is written as a session or as a script."""
+    examples = doctest.DocTestParser().get_examples(block)
+    return "".join(example.source for example in examples) if examples else block
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_dotted_name_exists(page: Path) -> None:
+    named = {f"rotorid{match[1]}" for match in DOTTED.finditer(page.read_text("utf-8"))}
+    assert not sorted(name for name in named if not exists(name))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_path_exists(page: Path) -> None:
+    named = {match[0] for match in PATH.finditer(page.read_text("utf-8"))}
+    there = (ROOT, page.parent)
+    assert not sorted(
+        path for path in named if not EXAMPLES.search(path) and not any((root / path).exists() for root in there)
+    )
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(page.read_text("utf-8"))], ids=name_of)
+def test_every_block_imports_faces_only(page: Path) -> None:
+    blocks = [code_of(block[1]) for block in BLOCK.finditer(page.read_text("utf-8"))]
+    deep = [(module, name) for block in blocks for module, name in imports(block) if not is_face(module, name)]
+    assert not [taken for taken in deep if taken != ("rotorid", "")]
