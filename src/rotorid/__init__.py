@@ -20,6 +20,7 @@ attach(
     {
         "FlightRecord": "rotorid.plot.accessors:RecordPictures",
         "FrequencyResponse": "rotorid.plot.accessors:ResponsePictures",
+        "IdentifiedModel": "rotorid.plot.accessors:ModelPictures",
         "TimeHistory": "rotorid.plot.accessors:HistoryPictures",
         "Track": "rotorid.plot.accessors:TrackPictures",
     }

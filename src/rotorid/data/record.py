@@ -403,7 +403,7 @@ class FlightRecord(Immutable):
         return lines_of(self._head, self._rows)
 
     def _repr_html_(self) -> str:
-        said = self.findings._repr_html_() if self.findings else ""
+        said = Findings(self.findings)._repr_html_() if self.findings else ""
         return html_table(self._head, ["topic", "rate", "samples", "channels"], self._rows) + said
 
     @property

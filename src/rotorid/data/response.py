@@ -196,7 +196,7 @@ class FrequencyResponse(Immutable):
         return lines_of(self._head, self._rows)
 
     def _repr_html_(self) -> str:
-        said = self.findings._repr_html_() if self.findings else ""
+        said = Findings(self.findings)._repr_html_() if self.findings else ""
         return html_table(self._head, ["response", "coherence", "random error"], self._rows) + said
 
     @property
@@ -208,7 +208,7 @@ class FrequencyResponse(Immutable):
 
     @property
     def _rows(self) -> list[tuple[str, ...]]:
-        rows = []
+        rows: list[tuple[str, ...]] = []
         for y, output in enumerate(self.outputs):
             for u, input in enumerate(self.inputs):
                 known = np.isfinite(self.values[y, u])

@@ -7,15 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
 
 from rotorid.data.record import FlightRecord, TimeHistory, Track
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.plot.figure import INPUT, MEASURED, Figure, Panel, quantity, stacked
 from rotorid.plot.frequency import bode
-from rotorid.plot.time import TIME_AXIS, line
-from rotorid.typing import FloatArray
+from rotorid.plot.loops import s_plane
+from rotorid.plot.time import TIME_AXIS, line, verification
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
+from rotorid.verification.verification import Verification
 
 USUAL = ("command", "p", "q", "r", "ax", "ay", "az")
 """Channels that are drawn unasked, where there are any: commands, rates and specific forces."""
@@ -136,6 +140,136 @@ class ResponsePictures:
         y = _known(output or self.response.outputs[0], self.response.outputs, "output")
         u = _known(input or self.response.inputs[0], self.response.inputs, "input")
         return bode(self.response, output=y, input=u, **how)
+
+
+class Fitted(Protocol):
+    """Data of a model: what was measured, what the model makes of it, what was fitted."""
+
+    @property
+    def response(self) -> FrequencyResponse: ...
+
+    @property
+    def direct(self) -> FrequencyResponse | None: ...
+
+    @property
+    def model_response(self) -> ComplexArray: ...
+
+    @property
+    def used(self) -> BoolArray: ...
+
+    @property
+    def least_coherence(self) -> float: ...
+
+
+class Checks(Protocol):
+    """Flights that a model had not seen."""
+
+    @property
+    def maneuvers(self) -> Sequence[Verification]: ...
+
+
+class Pole(Protocol):
+    """A pole with the covariance of its real and imaginary part."""
+
+    @property
+    def value(self) -> complex: ...
+
+    @property
+    def covariance(self) -> FloatArray | None: ...
+
+
+class Model(Protocol):
+    """An identified model, of which ``rotorid.identify`` makes one."""
+
+    @property
+    def data(self) -> Fitted: ...
+
+    @property
+    def verifications(self) -> Checks: ...
+
+    @property
+    def poles(self) -> Sequence[Pole]: ...
+
+
+@dataclass(frozen=True)
+class ModelPictures:
+    """Pictures of an identified model: called, it draws the Bode plot of the pair with most fitted points.
+
+    Parameters
+    ----------
+    model
+        The model.
+    """
+
+    model: Model
+
+    def __call__(self) -> Figure:
+        """The same as :meth:`bode` without a pair."""
+        return self.bode()
+
+    def bode(self, output: str | None = None, input: str | None = None, **how: Any) -> Figure:
+        """Measured response of one pair with its errors, and the model over it.
+
+        Parameters
+        ----------
+        output, input
+            Which of the fitted pairs; by default the one with most fitted points.
+        **how
+            What :func:`rotorid.bode` takes beside: ``frequency="Hz"``, ``magnitude="linear"``.
+
+        Raises
+        ------
+        UsageError
+            The pair was not measured.
+        """
+        data = self.model.data
+        if not data.response.omega_rad_s.size:
+            raise UsageError(
+                "this model has no measured response", needed="a model of which one was fitted or measured"
+            )
+        y, u = np.unravel_index(int(data.used.sum(axis=2).argmax()), data.used.shape[:2])
+        return bode(
+            data.response,
+            output=_known(output or data.response.outputs[y], data.response.outputs, "output"),
+            input=_known(input or data.response.inputs[u], data.response.inputs, "input"),
+            model=data.model_response,
+            beside=data.direct,
+            fitted=data.used,
+            least_coherence=data.least_coherence,
+            **how,
+        )
+
+    def poles(self) -> Figure:
+        """Poles of the model with ellipses of two standard deviations."""
+        poles = {complex(value): pole for pole in self.model.poles for value in (pole.value, np.conj(pole.value))}
+        return s_plane(np.array(list(poles)), std=np.array([_std(pole.covariance) for pole in poles.values()]))
+
+    def unseen(self, number: int = 0) -> Figure:
+        """Measured and predicted outputs of an unseen maneuver.
+
+        Parameters
+        ----------
+        number
+            Which one, from zero.
+
+        Raises
+        ------
+        UsageError
+            There is no such maneuver: none was flown, or the model was loaded from a file, which does not hold signals.
+        """
+        checks = self.model.verifications.maneuvers
+        if not 0 <= number < len(checks):
+            raise UsageError(
+                f"the unseen maneuver {number} came", needed=f"one of {len(checks)} that the model was judged on"
+            )
+        return verification(checks[number])
+
+
+def _std(covariance: FloatArray | None) -> complex:
+    if covariance is None:
+        return complex(np.nan, np.nan)
+    real, imag = np.sqrt(np.diag(covariance)).tolist()
+    return complex(real, imag)
 
 
 def _chosen(asked: Sequence[str], there: Sequence[str], where: str) -> list[str]:
