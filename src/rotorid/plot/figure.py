@@ -7,11 +7,16 @@ carry channel names in a reader's words, and the units of paper: degrees instead
 
 from __future__ import annotations
 
+import base64
+import gzip
 import html
 import itertools
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -26,24 +31,64 @@ MOST_POINTS = 4000
 
 PLOTLY_JSON = "application/vnd.plotly.v1+json"
 
+_PAGE = """<!DOCTYPE html><meta charset="utf-8"><body style="margin:0;background:#fff"><div id="picture"></div><script>
+(async () => {
+  const packed = Uint8Array.from(atob("%s"), (letter) => letter.charCodeAt(0));
+  const script = document.createElement("script");
+  const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  script.textContent = await new Response(unpacked).text();
+  document.head.append(script);
+  const { data, layout } = %s;
+  Plotly.newPlot("picture", data, layout, { responsive: true, displaylogo: false });
+})();
+</script></body>"""
+_FRAME = '<iframe srcdoc="%s" style="width:100%%;height:%dpx;border:0"></iframe>'
+
 
 class Figure(dict[str, Any]):
     """A plotly figure as plain JSON: ``data`` and ``layout``.
 
-    A notebook shows it where the front end draws plotly's JSON: VS Code and nteract do so by themselves, JupyterLab
-    does with plotly's extension. Everywhere else ``plotly.graph_objects.Figure(figure)`` shows it.
+    A notebook shows it as a picture, without a network and without plotly being installed: front ends that draw
+    plotly's JSON by themselves take that, all others a page of its own.
+    ``Path("roll.html").write_text(figure.to_html())`` keeps it, and ``plotly.graph_objects.Figure(figure)`` takes it
+    for more.
 
     Examples
     --------
     >>> figure = Figure(data=[{"type": "scatter", "y": [1.0, 2.0]}], layout={})
     >>> sorted(figure._repr_mimebundle_())
-    ['application/vnd.plotly.v1+json', 'text/plain']
+    ['application/vnd.plotly.v1+json', 'text/html', 'text/plain']
+    >>> figure
+    Figure of 1 trace
     """
 
+    def to_html(self) -> str:
+        """A page that draws it, in one file that asks the network for nothing."""
+        # A name in a label must not end the script.
+        return _PAGE % (_packed_plotly(), json.dumps(self).replace("<", "\\u003c"))
+
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, Any]:  # noqa: ARG002
-        """What a notebook asks for; it chooses from the two itself."""
-        said = f"Figure of {len(self['data'])} traces: plotly.graph_objects.Figure(figure) draws it."
-        return {PLOTLY_JSON: dict(self), "text/plain": said}
+        """What a notebook asks for; it chooses from the three itself."""
+        height = self.get("layout", {}).get("height", 450) + 16
+        return {
+            PLOTLY_JSON: dict(self),
+            "text/html": _FRAME % (html.escape(self.to_html()), height),
+            "text/plain": repr(self),
+        }
+
+    def __repr__(self) -> str:
+        count = len(self.get("data", ()))
+        return f"Figure of {count} trace{'s' * (count != 1)}"
+
+
+def plotly_script() -> str:
+    """The plotly that ships with the package, for pages that draw figures without a network."""
+    return files("rotorid.plot").joinpath("vendor/plotly-basic.min.js").read_text(encoding="utf-8")
+
+
+@cache
+def _packed_plotly() -> str:
+    return base64.b64encode(gzip.compress(plotly_script().encode(), mtime=0)).decode()
 
 
 def numbers(values: FloatArray, *, digits: int = 5) -> list[float | None]:

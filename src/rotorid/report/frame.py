@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Protocol, get_args
 
 from rotorid import __version__
 from rotorid.plot.curves import Frequency, Magnitude
-from rotorid.plot.figure import Figure, template
+from rotorid.plot.figure import Figure, plotly_script, template
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -132,7 +132,7 @@ def render(name: str, *, pictures: Iterable[Picture], **values: Any) -> str:
     import jinja2
     from markupsafe import Markup
 
-    library, script = asset("vendor/plotly-basic.min.js"), asset("page.js")
+    library, script = plotly_script(), asset("page.js")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda wanted: asset(f"templates/{wanted}")),
         autoescape=True,
