@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Kind, Maneuver
+from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Kind, Maneuver, Maneuvers
 from rotorid.typing import Axis, BoolArray, FloatArray
 
 OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
@@ -60,7 +60,7 @@ def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
 
 
-def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     """Excitations of one axis: those that the log declares, and those that its signals show beside them.
 
     The first signal of :func:`excitation_signals` that shows any is taken. An interval is active while the signal
@@ -77,17 +77,17 @@ def find_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
 
     Returns
     -------
-    tuple of Maneuver
+    Maneuvers
         In order of time; empty where nothing was excited.
     """
     found = _from_outside(record, axis)
     if found:
-        return found
+        return Maneuvers(found)
     # A controller answers an excitation of one axis on the others too: that is no excitation of theirs.
     elsewhere = [m for other in AXES if other != axis for m in _from_outside(record, other)]  # type: ignore[arg-type]
     # Nor are the short answers to gusts that a command shows while everything outside of the loop is seen to rest.
     watched = _free_signals(record, axis) != (f"{axis}_command",)
-    return tuple(
+    return Maneuvers(
         m
         for m in _purposeful(record, axis, [f"{axis}_command"])
         if not any(_mostly_inside(m, e) for e in elsewhere) and not (watched and m.kind in _SHORT_KINDS)
