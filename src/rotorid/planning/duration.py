@@ -19,7 +19,7 @@ from rotorid.planning.loop import LoopModel
 from rotorid.planning.prediction import Prediction, predict
 from rotorid.typing import FloatArray
 
-_MISFIT = 1.5
+_LARGEST_INFLATION = 1.5
 """Bounds inflated by more than that are those of a structure that does not fit."""
 
 _TOLERANCE = 0.02
@@ -73,7 +73,7 @@ class Shortest(Immutable):
     words: str
 
     def __post_init__(self) -> None:
-        self._set(tried=tuple(sorted(self.tried, key=lambda one: one.duration_s)))
+        self._set(tried=tuple(sorted(self.tried, key=lambda attempt: attempt.duration_s)))
 
 
 def shortest(
@@ -132,13 +132,13 @@ def shortest(
             prediction = predict(structure, values, loop, plan_of_duration(duration_s), choices=choices)
         except InsufficientDataError:
             return Attempt(duration_s, math.inf, "", None)
-        known = {one.name: one.percent for one in prediction.parameters}
+        known = {parameter.name: parameter.percent for parameter in prediction.parameters}
         excess = {name: known.get(name, math.inf) / percent for name, percent in wanted.items()}
         limiting = max(excess, key=lambda name: excess[name])
         return Attempt(duration_s, excess[limiting], limiting, prediction)
 
     tried = [attempt(longest_s)]
-    while tried[-1].excess > 1.0 and _misfits(tried[-1]) and 0.5 * tried[-1].duration_s > shortest_s:
+    while tried[-1].excess > 1.0 and _inflated(tried[-1]) and 0.5 * tried[-1].duration_s > shortest_s:
         tried.append(attempt(0.5 * tried[-1].duration_s))
     high = tried[-1]
     if high.excess > 1.0:
@@ -160,13 +160,13 @@ def shortest(
     )
 
 
-def _misfits(one: Attempt) -> bool:
+def _inflated(attempt: Attempt) -> bool:
     """Whether bounds are inflated by a structure that does not fit."""
-    return one.prediction is not None and one.prediction.inflation > _MISFIT
+    return attempt.prediction is not None and attempt.prediction.inflation > _LARGEST_INFLATION
 
 
 def _unreached(tried: Sequence[Attempt], wanted: Mapping[str, float]) -> Shortest:
-    best = min(tried, key=lambda one: one.excess)
+    best = min(tried, key=lambda attempt: attempt.excess)
     prediction, name = best.prediction, best.limiting
     if prediction is None:
         words = f"No flight up to {best.duration_s:.0f} s could support the model."
@@ -175,7 +175,7 @@ def _unreached(tried: Sequence[Attempt], wanted: Mapping[str, float]) -> Shortes
     else:
         reached = best.excess * wanted[name]
         words = f"{best.duration_s:.0f} s bring {name} to {reached:.2g} %, and {wanted[name]:g} % are wanted."
-        if _misfits(tried[0]):
+        if _inflated(tried[0]):
             words += " The structure does not fit what will fly, and more time does not help against that."
     return Shortest(duration_s=None, limiting=name, prediction=prediction, tried=tuple(tried), words=words)
 
@@ -303,8 +303,8 @@ def compare_plans(
     free = structure.parameters.free
     percent = np.full((len(plans), len(free)), np.inf)
     for row, prediction in zip(percent, predictions, strict=True):
-        for one in prediction.parameters if prediction is not None else ():
-            row[free.index(one.name)] = one.percent
+        for parameter in prediction.parameters if prediction is not None else ():
+            row[free.index(parameter.name)] = parameter.percent
     return Comparison(
         plans=names,
         duration_s=np.array([plan.duration_s for plan in plans]),

@@ -20,14 +20,14 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
-from rotorid.data.record import Channel, Maneuver, TimeHistory
+from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import fit, refine, without_structural_zeros
 from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
 from rotorid.fitting.least_squares import Solution
 from rotorid.planning.loop import LoopModel
-from rotorid.planning.remarks import as_seen
+from rotorid.signal.excitations import find_excitations
 from rotorid.spectral.conditioning import line_variance
 from rotorid.spectral.estimate import response_from
 from rotorid.spectral.spectra import SpectralMatrix, record_spectra
@@ -88,15 +88,16 @@ class Planned(Immutable):
         """The band to look at where none was asked for: that of the sweeps, or what the log carries."""
         nyquist_rad_s = np.pi * self.flight.sample_rate_hz
         carried = min(0.25 * nyquist_rad_s, _HIGHEST_RAD_S)
-        bands = [one.band_rad_s for one in self.fitted if one.band_rad_s is not None]
-        sweeps = all(one.kind == "sweep" and one.band_rad_s is not None for one in self.fitted)
+        bands = [maneuver.band_rad_s for maneuver in self.fitted if maneuver.band_rad_s is not None]
+        sweeps = len(bands) == len(self.fitted) and all(maneuver.kind == "sweep" for maneuver in self.fitted)
         low = min((band[0] for band in bands), default=0.5)
         return low, min(max(band[1] for band in bands) if sweeps else carried, 0.8 * nyquist_rad_s)
 
     def excited_to_rad_s(self, axis: Axis) -> float:
         """How far up sweeps and multisines of an axis go; infinite where others leave that to the coherence."""
-        own = [one for one in self.fitted if one.axis == axis]
-        tops = [one.band_rad_s[1] for one in own if one.kind in _ENDING_KINDS and one.band_rad_s is not None]
+        own = [maneuver for maneuver in self.fitted if maneuver.axis == axis]
+        bands = [maneuver.band_rad_s for maneuver in own if maneuver.kind in _ENDING_KINDS]
+        tops = [band[1] for band in bands if band is not None]
         return max(tops) if tops and len(tops) == len(own) else np.inf
 
 
@@ -139,9 +140,9 @@ def as_planned(
     UsageError
         Test inputs of one axis enter at several places.
     """
-    own = [one for one in plan.inputs if one.axis in axes]
-    fitted = tuple(one for one in own if one.maneuver.kind not in _SHORT_KINDS) or tuple(own)
-    if silent := [axis for axis in axes if axis not in {one.axis for one in fitted}]:
+    own = tuple(entered for entered in plan.inputs if entered.axis in axes)
+    fitted = tuple(entered for entered in own if entered.maneuver.kind not in _SHORT_KINDS) or own
+    if silent := [axis for axis in axes if axis not in {entered.axis for entered in fitted}]:
         raise InsufficientDataError(
             f"the plan {plan.name} without test inputs on {', '.join(silent)} came", needed="test inputs on every axis"
         )
@@ -153,37 +154,37 @@ def as_planned(
         spans=tuple((round(start_s * sample_rate_hz), round(stop_s * sample_rate_hz)) for start_s, stop_s in spans),
         axes=sources,
         entries=tuple(_entry(plan, axis) for axis in sources),
-        fitted=as_seen(fitted, flight, declared=declared),
+        fitted=as_logged(fitted, flight, declared=declared),
     )
 
 
 def _spans(plan: FlightPlan, fitted: Sequence[PlannedInput], alone: Sequence[Entry]) -> list[tuple[float, float]]:
     """Start and stop of each record; no quiet time goes with what enters at one of ``alone``."""
-    widest_s = min(0.5 * max(one.maneuver.duration_s for one in fitted), _LONGEST_MARGIN_S)
-    barriers = [one for one in plan.inputs if not any(_overlap(one, mine) for mine in fitted)]
+    widest_s = min(0.5 * max(entered.maneuver.duration_s for entered in fitted), _LONGEST_MARGIN_S)
+    barriers = [
+        other
+        for other in plan.inputs
+        if not any(other.start_s < own.stop_s and own.start_s < other.stop_s for own in fitted)
+    ]
     spans: list[tuple[float, float]] = []
-    for one in sorted(fitted, key=lambda mine: mine.start_s):
-        earliest = max([0.0, *(other.stop_s for other in barriers if other.stop_s <= one.start_s)])
-        latest = min([plan.duration_s, *(other.start_s for other in barriers if other.start_s >= one.stop_s)])
-        margin_s = 0.0 if one.entry in alone else widest_s
-        start_s, stop_s = max(one.start_s - margin_s, earliest), min(one.stop_s + margin_s, latest)
+    for entered in sorted(fitted, key=lambda own: own.start_s):
+        earliest = max([0.0, *(other.stop_s for other in barriers if other.stop_s <= entered.start_s)])
+        latest = min([plan.duration_s, *(other.start_s for other in barriers if other.start_s >= entered.stop_s)])
+        margin_s = 0.0 if entered.entry in alone else widest_s
+        start_s, stop_s = max(entered.start_s - margin_s, earliest), min(entered.stop_s + margin_s, latest)
         if spans and start_s < spans[-1][1]:
             start_s, stop_s = spans[-1][0], max(spans.pop()[1], stop_s)
         spans.append((start_s, stop_s))
     return spans
 
 
-def _overlap(a: PlannedInput, b: PlannedInput) -> bool:
-    return a.start_s < b.stop_s and b.start_s < a.stop_s
-
-
 def _moves(plan: FlightPlan, axis: Axis, spans: Sequence[tuple[float, float]]) -> bool:
-    own = [one for one in plan.inputs if one.axis == axis]
-    return any(one.start_s < stop_s and start_s < one.stop_s for one in own for start_s, stop_s in spans)
+    own = [entered for entered in plan.inputs if entered.axis == axis]
+    return any(entered.start_s < stop_s and start_s < entered.stop_s for entered in own for start_s, stop_s in spans)
 
 
 def _entry(plan: FlightPlan, axis: Axis) -> Entry:
-    entries = list(dict.fromkeys(one.entry for one in plan.inputs if one.axis == axis))
+    entries = list(dict.fromkeys(entered.entry for entered in plan.inputs if entered.axis == axis))
     if len(entries) > 1:
         raise UsageError(f"test inputs of {axis} at {' and '.join(entries)} came", needed="one place for each axis")
     return entries[0]
@@ -192,7 +193,8 @@ def _entry(plan: FlightPlan, axis: Axis) -> Entry:
 def _flight(plan: FlightPlan, axes: Sequence[Axis], sample_rate_hz: float) -> TimeHistory:
     time_s = np.arange(round(plan.duration_s * sample_rate_hz)) / sample_rate_hz
     rows = [
-        sum((one.at(time_s) for one in plan.inputs if one.axis == axis), start=np.zeros_like(time_s)) for axis in axes
+        sum((entered.at(time_s) for entered in plan.inputs if entered.axis == axis), start=np.zeros_like(time_s))
+        for axis in axes
     ]
     return TimeHistory(
         values=np.stack(rows),
@@ -200,6 +202,66 @@ def _flight(plan: FlightPlan, axes: Sequence[Axis], sample_rate_hz: float) -> Ti
         sample_rate_hz=sample_rate_hz,
         start_s=0.0,
     )
+
+
+_TOLD_BY_SHAPE = ("sweep", "random_binary", "multisine")
+
+
+def as_logged(
+    inputs: Sequence[PlannedInput], flight: TimeHistory, *, declared: Sequence[Entry] = ()
+) -> tuple[Maneuver, ...]:
+    """Kind and band of each test input as an identification takes them.
+
+    An autopilot that makes a sweep itself logs its band. What comes from outside is found in the signals, with the band
+    of its half waves: a sweep that goes through its lowest frequencies in less than a period begins higher than it was
+    planned to. What is not recognized is taken for what was planned.
+
+    Parameters
+    ----------
+    inputs
+        What to look for.
+    flight
+        The test inputs of the whole flight as they are logged, one channel ``AXIS_excitation`` for each axis.
+    declared
+        Where test inputs enter that the log declares with their band.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rotorid.data.record import Channel
+    >>> from rotorid.excitation.plan import planned
+    >>> sweep = planned("roll", "pilot_sweep", start_s=3.0, amplitude=0.2, duration_s=40.0, sample_rate_hz=100.0,
+    ...                 band_rad_s=(1.0, 40.0), entry="attitude_setpoint")
+    >>> flight = TimeHistory(values=[sweep.at(np.arange(4600) / 100.0)], sample_rate_hz=100.0, start_s=0.0,
+    ...                      channels=(Channel(name="roll_excitation", unit="1"),))
+    >>> [round(edge, 1) for edge in as_logged([sweep], flight)[0].band_rad_s]
+    [1.4, 37.6]
+    """
+    record = FlightRecord(
+        source=Source(name="plan", format="plan", sha256=""),
+        topics=(Topic(name="plan", time_s=flight.time_s, channels=flight.channels, values=flight.values),),
+    )
+    found = [
+        maneuver
+        for axis in dict.fromkeys(entered.axis for entered in inputs)
+        for maneuver in find_excitations(record, axis)
+        if maneuver.kind in _TOLD_BY_SHAPE
+    ]
+    return tuple(
+        entered.maneuver if entered.entry in declared else _as_found(entered.maneuver, found) for entered in inputs
+    )
+
+
+def _as_found(planned: Maneuver, found: Sequence[Maneuver]) -> Maneuver:
+    """A test input as the maneuver of its axis that has most of it in common."""
+
+    def shared_s(other: Maneuver) -> float:
+        return min(planned.stop_s, other.stop_s) - max(planned.start_s, other.start_s)
+
+    best = max((other for other in found if other.axis == planned.axis), key=shared_s, default=None)
+    if best is None or shared_s(best) <= 0.5 * planned.duration_s:
+        return planned
+    return replace(planned, kind=best.kind, band_rad_s=best.band_rad_s, origin="found")
 
 
 _SETTLING_S = 60.0

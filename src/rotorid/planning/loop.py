@@ -191,7 +191,7 @@ class LoopModel(Immutable):
             plant=plant,
             excited=excited,
             disturbed=np.einsum("ijf,jyf->iyf", excited, feedback),
-            density=_summed([one for one in self.noises if not one.logged_only], omega_rad_s, outputs),
+            density=_summed([noise for noise in self.noises if not noise.logged_only], omega_rad_s, outputs),
         )
 
     def excitation(self, omega_rad_s: FloatArray, entry: Entry) -> ComplexArray:
@@ -225,7 +225,7 @@ class LoopModel(Immutable):
             # Of a real signal the spectrum at a negative frequency is the conjugate one.
             total[..., inside] += np.where(moved[inside] < 0.0, density.conj(), density)
         outputs = slice(len(self.inputs), None)
-        apart = [one for one in self.noises if one.logged_only]
+        apart = [noise for noise in self.noises if noise.logged_only]
         total[outputs, outputs] += _summed(apart, omega_rad_s, len(self.outputs))
         return total
 

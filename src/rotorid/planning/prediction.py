@@ -145,7 +145,7 @@ def expected_inflation(
     else:
         errors = problem.errors_about(solution.theta)
         residual, jacobian = (errors.whitened(values) for values in problem.residuals(solution.theta))
-        stated, scattered = (_whitened(errors, one.covariance) for one in (errors, scattering))
+        stated, scattered = (_whitened(errors, either.covariance) for either in (errors, scattering))
         squared = float(np.trace(stated))
     basis, _ = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))
     expected, left = float(np.trace(_left(stated, basis))), _left(scattered, basis)
@@ -312,7 +312,7 @@ class Prediction(Immutable):
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
-        raise KeyError(f"no parameter {name!r}; there are {', '.join(one.name for one in self.parameters)}")
+        raise KeyError(f"no parameter {name!r}; there are {', '.join(parameter.name for parameter in self.parameters)}")
 
     @property
     def correlation(self) -> FloatArray:

@@ -25,7 +25,7 @@ AIRCRAFT = px4_quad.aircraft()
 @pytest.mark.parametrize(
     ("entry", "amplitude"), [("command", 0.02), ("rate_setpoint", 0.1), ("attitude_setpoint", 0.02)]
 )
-def test_a_quiet_flight_is_foreseen_from_every_entry(entry: Entry, amplitude: float) -> None:
+def test_a_quiet_flight_is_predicted_from_every_entry(entry: Entry, amplitude: float) -> None:
     plan = sweeps({"roll": amplitude}, 20.0)
     plan = FlightPlan(name=entry, inputs=tuple(replace(one, entry=entry) for one in plan.inputs), trim_s=5.0)
     loop = aircraft_loop(AIRCRAFT)

@@ -51,7 +51,7 @@ def test_the_mean_over_drawn_flights(wrong: float) -> None:
     ended, scattering = fitted(wrong)
     problem, solution, weights, _ = ended
     assert weights == "cifer"
-    foreseen = expected_inflation(problem, solution, weights, scattering)
+    predicted = expected_inflation(problem, solution, weights, scattering)
     rng, flights = np.random.default_rng(0), 4000
     basis, _ = np.linalg.qr(solution.jacobian)
     stated = problem.errors.covariance
@@ -62,11 +62,11 @@ def test_the_mean_over_drawn_flights(wrong: float) -> None:
     found = np.einsum("fn,fn->f", residuals, residuals)
     factors = np.where(found > limit, np.sqrt(found / expected), 1.0)
     # Sums of squares are a little skew, which the normal distribution that is taken for them is not.
-    assert foreseen == pytest.approx(factors.mean(), rel=0.03)
-    assert (foreseen > 1.1) == (wrong > 0.15)
+    assert predicted == pytest.approx(factors.mean(), rel=0.03)
+    assert (predicted > 1.1) == (wrong > 0.15)
 
 
-def test_leakage_alone_is_no_misfit() -> None:
+def test_leakage_alone_inflates_nothing() -> None:
     """Without noise all that is left is leakage, which is stated as an error: nothing is to be added for it."""
     ended, scattering = fitted(noise=1e-6)
     assert float(np.trace(scattering.covariance)) < 1e-6 * float(np.trace(ended.problem.errors.covariance))
