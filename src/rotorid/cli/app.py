@@ -18,6 +18,7 @@ from rotorid.cli.design import design_command
 from rotorid.cli.identify import identify_command
 from rotorid.cli.inspect import inspect_command
 from rotorid.cli.models import models_command
+from rotorid.cli.options import with_options
 from rotorid.cli.response import response_command
 from rotorid.cli.simulate import simulate_command
 from rotorid.cli.vehicles import vehicles_command
@@ -39,17 +40,20 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.command("demo")(demo_command)
-app.command("inspect")(inspect_command)
-app.command("response")(response_command)
-app.command("identify")(identify_command)
-app.command("verify")(verify_command)
-app.command("compare")(compare_command)
-app.command("delay")(delay_command)
-app.command("design")(design_command)
-app.command("simulate")(simulate_command)
-app.command("models")(models_command)
-app.command("vehicles")(vehicles_command)
+for _name, _command in (
+    ("demo", demo_command),
+    ("inspect", inspect_command),
+    ("response", response_command),
+    ("identify", identify_command),
+    ("verify", verify_command),
+    ("compare", compare_command),
+    ("delay", delay_command),
+    ("design", design_command),
+    ("simulate", simulate_command),
+    ("models", models_command),
+    ("vehicles", vehicles_command),
+):
+    app.command(_name)(with_options(_command))
 
 
 def _version(asked: bool) -> None:

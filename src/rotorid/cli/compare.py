@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import progress, say_refused
-from rotorid.cli.options import Hold, Json, Map, Out, Quiet, Segments, Shifts
+from rotorid.cli.command import carry_out
+from rotorid.cli.options import Map, Only, Output
+from rotorid.pipeline.settings import IdentifySettings
 
 if TYPE_CHECKING:
-    from rotorid.data.record import FlightRecord
     from rotorid.documents.compare import CompareDocument
 
 DEFAULT_FOLDER = Path("rotorid-out") / "compare"
@@ -20,52 +19,30 @@ DEFAULT_FOLDER = Path("rotorid-out") / "compare"
 
 def compare_command(
     results: Annotated[list[Path], typer.Argument(help="Folders that identify wrote, or their result.json.")],
+    *,
     log: Annotated[
         list[Path] | None, typer.Option("--log", help="A log to score every model on, best an unseen one. Repeatable.")
     ] = None,
-    segment: Segments = None,
-    shift: Shifts = None,
-    hold: Hold = "auto",
+    settings: Annotated[IdentifySettings, Only("segments", "shifts", "hold")],
     map: Map = None,
-    out: Out = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    output: Output,
 ) -> None:
     """Put models and methods side by side, on the same data with --log."""
-    from rotorid.errors import InsufficientDataError
-    from rotorid.io.registry import read
     from rotorid.pipeline.comparison import compare, read_results, refused_comparison
-    from rotorid.pipeline.settings import IdentifySettings, parse_segment, parse_shifts
     from rotorid.report.compare import JSON, write_comparison
-    from rotorid.report.files import to_json
 
-    settings = IdentifySettings(
-        segments=tuple(parse_segment(text) for text in segment or ()),
-        shifts=parse_shifts(tuple(shift or ())),
-        hold=hold,  # type: ignore[arg-type]
-    )
     entries = read_results(results)
-    folder = out or DEFAULT_FOLDER
-    command = ["rotorid", *sys.argv[1:]]
-    records: list[FlightRecord] = []
-    try:
-        with progress(quiet=quiet) as tell:
-            for path in log or ():
-                tell(f"reading {path.name}")
-                records.append(read(path, mapping=map))
-            compared = compare(entries, records, settings=settings, command=command)
-            tell("drawing the report")
-            write_comparison(folder, compared, title=f"{len(entries)} models side by side")
-    except InsufficientDataError as error:
-        document = refused_comparison(error, entries, records, settings=settings, command=command)
-        if json:
-            sys.stdout.write(to_json(document))
-        say_refused(error, document.findings, folder / JSON, quiet=quiet)
-        raise typer.Exit(1) from None
-    if json:
-        sys.stdout.write(to_json(compared.document))
-    elif not quiet:
-        _print(compared.document, folder)
+    carry_out(
+        log or (),
+        mapping=map,
+        output=output,
+        folder=DEFAULT_FOLDER,
+        file=JSON,
+        compute=lambda records: compare(entries, records, settings=settings),
+        write=lambda folder, compared: write_comparison(folder, compared, title=f"{len(entries)} models side by side"),
+        refused=lambda error, records: refused_comparison(error, entries, records, settings=settings),
+        show=_print,
+    )
 
 
 def _print(document: CompareDocument, folder: Path) -> None:

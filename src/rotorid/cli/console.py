@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rotorid.documents.result import FindingDocument
+    from rotorid.data.findings import Finding
+    from rotorid.documents.base import FindingDocument
     from rotorid.errors import RotoridError
 
 
@@ -58,6 +59,10 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+_PROGRESS = logging.getLogger("rotorid.progress")
+tell = _PROGRESS.info
+"""Say what is being done: seen where :func:`progress` shows it."""
+
 _PIPE_WIDTH = 240
 
 
@@ -81,7 +86,9 @@ def say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-def say_refused(error: RotoridError, findings: Sequence[FindingDocument], results: Path, *, quiet: bool) -> None:
+def say_refused(
+    error: RotoridError, findings: Sequence[Finding | FindingDocument], results: Path, *, quiet: bool
+) -> None:
     """Why there is no result, to standard error; results of an earlier run are not mistaken for those of this one."""
     say(f"rotorid: {error}")
     for finding in findings:
@@ -91,7 +98,7 @@ def say_refused(error: RotoridError, findings: Sequence[FindingDocument], result
         say(f"rotorid: the results in {results.parent} are those of an earlier run")
 
 
-def print_findings(findings: Sequence[FindingDocument]) -> None:
+def print_findings(findings: Sequence[Finding | FindingDocument]) -> None:
     """Warnings and errors to standard output, what several places have in common once; remarks stand in the files."""
     console = output_console()
     said = dict.fromkeys((one.severity, one.kind, one.message) for one in findings if one.severity != "info")
@@ -127,7 +134,7 @@ class _Status(logging.Handler):
 def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
     """A line on a terminal that says what is being done; nothing in a pipe."""
     console = error_console()
-    logger = logging.getLogger("rotorid.progress")
+    logger = _PROGRESS
     with contextlib.ExitStack() as stack:
         if quiet or not console.is_terminal:
             handler = _Status(lambda _: None)

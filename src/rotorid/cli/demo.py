@@ -3,31 +3,39 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from rotorid.cli.console import progress, say
-from rotorid.cli.options import Json, Out, Quiet, Seed
+import typer
+
+from rotorid.cli.command import with_command
+from rotorid.cli.console import progress, say, tell
+from rotorid.cli.options import Output
 
 if TYPE_CHECKING:
     from rotorid.pipeline.demo import Demonstration
 
 
-def demo_command(out: Out = None, seed: Seed = 0, json: Json = False, quiet: Quiet = False) -> None:
+def demo_command(
+    *,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")] = 0,
+    output: Output,
+) -> None:
     """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
     from rotorid.io.files import write_atomically
     from rotorid.io.registry import read
     from rotorid.pipeline.demo import LOG_NAME, fly_demo, identify_demo
     from rotorid.report.files import write_overview_report, write_results
 
-    folder = out or Path("rotorid-out") / "demo"
+    folder = output.out or Path("rotorid-out") / "demo"
     log = folder / LOG_NAME
-    with progress(quiet=quiet) as tell:
+    with progress(quiet=output.quiet):
         tell("flying the S500 in gusts")
         fly_demo(log, seed=seed)
-        record = read(log)
-        demo = identify_demo(record, seed=seed, command=("rotorid", *sys.argv[1:]))
+        demo = identify_demo(read(log), seed=seed)
+        demo = replace(demo, identifications=tuple(with_command(result) for result in demo.identifications))
         tell("writing the report")
         title = "S500 in hover: a simulated flight, identified"
         for result in demo.identifications:
@@ -37,10 +45,10 @@ def demo_command(out: Out = None, seed: Seed = 0, json: Json = False, quiet: Qui
             from rotorid.plot.paper import overview_png
 
             write_atomically(folder / "overview.png", overview_png(demo.identifications))
-    if json:
+    if output.json:
         documents = ",\n".join(result.document.model_dump_json(by_alias=True) for result in demo.identifications)
         sys.stdout.write(f"[{documents}]\n")
-    elif not quiet:
+    elif not output.quiet:
         _print(demo, folder)
 
 

@@ -9,28 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rotorid.cli.console import print_findings, progress
-from rotorid.cli.options import (
-    Changes,
-    Height,
-    Json,
-    LimitOptions,
-    Out,
-    Quiet,
-    Seed,
-    Turbulence,
-    WindOption,
-    axes_of,
-    limits_of,
-    named_numbers,
-    shape_of,
-    wind_of,
-)
+from rotorid.cli.command import command_line
+from rotorid.cli.console import print_findings, progress, tell
+from rotorid.cli.options import Air, Output
+from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices, parse_shape
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Shape
     from rotorid.documents.design import DesignDocument, PlanSummaryDocument, PredictionDocument
-    from rotorid.pipeline.designs import DesignChoices, PlanChoices
 
 
 def design_command(
@@ -41,98 +27,39 @@ def design_command(
             help="sweep, log_sweep, multisine, binary, doublet, 2-1-1 or 3-2-1-1. Several are compared.",
         ),
     ],
-    vehicle: Annotated[str, typer.Option("--vehicle", help="A vehicle of the library: see rotorid vehicles.")],
-    axis: Annotated[str, typer.Option("--axis", help="roll, pitch, yaw, thrust, several by commas, or all.")] = "roll",
-    band: Annotated[str, typer.Option("--band", help="LO:HI in rad/s.")] = "0.6:50",
-    duration: Annotated[
-        float | None,
-        typer.Option("--duration", help="Seconds of each test input. [default: 60, of steps 0.3 for each unit]"),
-    ] = None,
-    repeats: Annotated[int, typer.Option("--repeats", help="How often each is flown.")] = 1,
-    amplitude: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--amplitude", metavar="AXIS=VALUE", help="Instead of the largest one within the limits. Repeatable."
-        ),
-    ] = None,
-    entry: Annotated[
-        str | None,
-        typer.Option(
-            "--entry",
-            help="command, rate_setpoint, attitude_setpoint or stick: where it is added. [default: what the autopilot "
-            "can fly]",
-        ),
-    ] = None,
-    doublets: Annotated[
-        bool, typer.Option("--doublets", help="Two doublets of each axis at the end, to verify the model on.")
-    ] = False,
-    limit: LimitOptions = None,
-    wind: WindOption = None,
-    turbulence: Turbulence = 0.0,
-    height: Height = 10.0,
-    set: Changes = None,
-    model: Annotated[
-        list[str] | None,
-        typer.Option("--model", help="What will be identified. [default: the rate model of each axis] Repeatable."),
-    ] = None,
-    prior: Annotated[
-        Path | None, typer.Option("--prior", help="result.json of an earlier flight, or its folder: what is expected.")
-    ] = None,
+    *,
+    design: Annotated[dict[str, Any], DesignChoices],
     gains: Annotated[
         Path | None, typer.Option("--gains", help="A log of your own autopilot, whose gains will fly.")
     ] = None,
-    reach: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--reach", metavar="NAME=PERCENT", help="Find the shortest test input that reaches it. Repeatable."
-        ),
-    ] = None,
-    for_: Annotated[
+    autopilot: Annotated[
         str | None, typer.Option("--for", help="px4, ardupilot or betaflight: whose files. [default: the vehicle's]")
     ] = None,
-    seed: Seed = 0,
-    out: Out = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    plan: Annotated[dict[str, Any], PlanChoices],
+    air: Air,
+    output: Output,
 ) -> None:
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
     from rotorid.io.registry import read
-    from rotorid.pipeline.designs import DesignChoices, design, read_prior
+    from rotorid.pipeline.designs import design as plan_flights
     from rotorid.report.files import require_autopilot, to_json, write_design
 
-    require_autopilot(for_)
-    shapes = tuple(_shape(kind, vehicle) for kind in kinds)
+    require_autopilot(autopilot)
     choices = DesignChoices(
-        vehicle=vehicle,
-        kinds=shapes,
-        plan=_plan_choices(
-            axes=axes_of(axis),
-            band_rad_s=_band(band),
-            duration_s=duration,
-            repeats=repeats,
-            amplitudes=named_numbers(amplitude, "--amplitude"),
-            entry=entry,
-            doublets=doublets,
-            limits=limits_of(limit),
-            wind=wind_of(wind, turbulence, height),
-            seed=seed,
-        ),
-        models=tuple(model or ()),
-        reach=named_numbers(reach, "--reach"),
-        changes=named_numbers(set, "--set"),
-        prior=None if prior is None else read_prior(prior),
-        gains={} if gains is None else dict(read(gains).parameters),
+        kinds=tuple(_shape(kind, design["vehicle"]) for kind in kinds),
+        plan=PlanChoices(wind=air.wind, **plan),
+        gains={} if gains is None else read(gains).parameters,
         gains_source="" if gains is None else gains.name,
+        **design,
     )
-    folder = out or Path("rotorid-out") / f"{vehicle}-design"
-    with progress(quiet=quiet) as tell:
-        designed = design(choices)
+    folder = output.out or Path("rotorid-out") / f"{choices.vehicle}-design"
+    with progress(quiet=output.quiet):
+        designed = plan_flights(choices)
         tell("writing the files")
-        command = ["rotorid", *sys.argv[1:]]
-        document = write_design(folder, choices, designed, autopilot=for_, command=command)
-    if json:
+        document = write_design(folder, choices, designed, autopilot=autopilot, command=command_line())
+    if output.json:
         sys.stdout.write(to_json(document))
-    elif not quiet:
+    elif not output.quiet:
         _print(document, choices, folder)
 
 
@@ -141,25 +68,7 @@ def _shape(kind: str, vehicle: str) -> Shape:
     from rotorid.pipeline.designs import sweep_of
     from rotorid.vehicles.catalog import aircraft
 
-    return sweep_of(aircraft(vehicle)) if kind == "sweep" else shape_of(kind)
-
-
-def _plan_choices(*, duration_s: float | None, entry: str | None, **given: Any) -> PlanChoices:
-    from typing import get_args
-
-    from rotorid.data.flight_plan import Entry
-    from rotorid.models.parameter import no_such
-    from rotorid.pipeline.designs import PlanChoices
-
-    if entry is not None and entry not in get_args(Entry):
-        raise no_such("entry of a test input", entry, get_args(Entry))
-    return PlanChoices(duration_s=duration_s, entry=entry, **given)  # type: ignore[arg-type]
-
-
-def _band(text: str) -> tuple[float, float]:
-    from rotorid.pipeline.settings import parse_band
-
-    return parse_band(text)
+    return sweep_of(aircraft(vehicle)) if kind == "sweep" else parse_shape(kind)
 
 
 def _print(document: DesignDocument, choices: DesignChoices, folder: Path) -> None:

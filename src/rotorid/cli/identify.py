@@ -1,63 +1,100 @@
-"""``rotorid identify``: logs in, a model with bounds, verified, out.
-
-The work behind ``rotorid identify``, once its options are read.
-
-A result of ``rotorid identify`` for a person.
-"""
+"""``rotorid identify``: logs in, a model with bounds out, and how it does on unseen data."""
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import default_folder, output_console, print_findings, progress, say_refused
-from rotorid.cli.options import (
-    Arm,
-    Band,
-    Bootstrap,
-    Coherence,
-    CrossValidate,
-    Curve,
-    Decoupled,
-    Estimate,
-    Evaluations,
-    Hold,
-    Instrument,
-    Json,
-    Layout,
-    Logs,
-    Map,
-    Method,
-    Out,
-    Pieces,
-    Quiet,
-    RotorDiameter,
-    Search,
-    Seed,
-    Segments,
-    Shifts,
-    Starts,
-    Windows,
-    channel_names,
-    measure_choices,
-    motor_choices,
-)
+from rotorid.cli.command import carry_out, read_logs
+from rotorid.cli.console import default_folder, output_console, print_findings
+from rotorid.cli.options import Logs, Map, Output
+from rotorid.pipeline.settings import IdentifySettings, motor_choices, parse_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
     from rich.table import Table
 
     from rotorid.data.record import FlightRecord
     from rotorid.documents.result import ParameterDocument, ResultDocument
     from rotorid.models.structure import LinearStructure
     from rotorid.pipeline.results import Identification
-    from rotorid.pipeline.settings import IdentifySettings, MotorChoices
-    from rotorid.verification.fixed_parameters import Kind
+
+
+def identify_command(
+    logs: Logs,
+    model: Annotated[
+        str, typer.Option("--model", help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml.")
+    ],
+    *,
+    verify: Annotated[
+        list[Path] | None, typer.Option("--verify", help="A log kept unseen, to judge the model on. Repeatable.")
+    ] = None,
+    inputs: Annotated[
+        str | None, typer.Option("--inputs", help="CHANNEL,... of response.*, transfer:m/n and black_box:N.")
+    ] = None,
+    decoupled: Annotated[
+        bool, typer.Option("--decoupled", help="A black box for each input and its output, side by side.")
+    ] = False,
+    cross_validate: Annotated[
+        str | None,
+        typer.Option(
+            "--cross-validate",
+            help="each: identify on each log alone, score on all others. leave_one_out: on all but one, score on that "
+            "one.",
+        ),
+    ] = None,
+    settings: IdentifySettings,
+    map: Map = None,
+    output: Output,
+) -> None:
+    """Identify a model from flight logs: responses, bounds, verification, report."""
+    from rotorid.pipeline.cross_validation import cross_validated, parse_kind
+    from rotorid.pipeline.identification import identify, refused
+    from rotorid.pipeline.motor_identification import identify_motors
+    from rotorid.report.files import write_results
+
+    kind = parse_kind(cross_validate)
+    motors = motor_choices(model, settings, beside={"cross validate": cross_validate, "inputs": inputs})
+    wanted = model if motors else _wanted(model, settings, inputs=inputs, decoupled=decoupled)
+    name = wanted if isinstance(wanted, str) else wanted.name
+
+    def compute(records: Sequence[FlightRecord]) -> Identification:
+        unseen = list(read_logs(verify or (), map))
+        if motors is not None:
+            return identify_motors(records, motors, verify=unseen)
+        result = identify(records, wanted, settings=settings, verify=unseen)
+        if kind is None:
+            return result
+        # Folds are scored, and need no spread.
+        return cross_validated(result, records, wanted, kind=kind, settings=replace(settings, bootstrap=None))
+
+    title = f"{name} from {', '.join(log.name for log in logs)}"
+    carry_out(
+        logs,
+        mapping=map,
+        output=output,
+        folder=default_folder(logs[0], name),
+        file="result.json",
+        compute=compute,
+        write=lambda folder, result: write_results(folder, result, title=title),
+        refused=lambda error, records: refused(error, records, wanted, settings=settings),
+        show=print_result,
+    )
+
+
+def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:
+    """The structure, or the name of one that takes its channels from the logs."""
+    from rotorid.pipeline.resolve import finds_its_channels, require_known, resolve_model
+
+    drivers = parse_names(inputs) if inputs else ()
+    if finds_its_channels(model, drivers):
+        return model
+    structure = resolve_model(model, inputs=drivers, outputs=settings.outputs, decoupled=decoupled)
+    require_known(structure, settings)
+    return structure
 
 
 def print_result(document: ResultDocument, folder: Path) -> None:
@@ -162,249 +199,3 @@ def _verified(document: ResultDocument) -> Iterator[str]:
         yield f"cross-validated on unseen records{ahead}: {crossed.mean_percent:.1f}{spread} %"
         if crossed.best is not None:
             yield f"best record to identify on: {crossed.best.record}, {crossed.best.mean_percent:.1f} % (optimistic)"
-
-
-class Job(NamedTuple):
-    """What is to be identified, from what, and where the answer goes.
-
-    Parameters
-    ----------
-    logs, unseen
-        Files to identify on, and to judge the model on.
-    mapping
-        What names the channels of other sources.
-    model
-        A structure, or the name of one that finds its channels in the logs.
-    settings
-        Choices of the run.
-    motors
-        Those of ``physical.motors``, ``None`` for another model.
-    kind
-        Of a cross-validation, ``None`` for none.
-    folder
-        For the files.
-    json, quiet
-        What to say.
-    """
-
-    logs: list[Path]
-    unseen: list[Path]
-    mapping: Path | None
-    model: str | LinearStructure
-    settings: IdentifySettings
-    motors: MotorChoices | None
-    kind: Kind | None
-    folder: Path
-    json: bool
-    quiet: bool
-
-    @property
-    def name(self) -> str:
-        """Of the model."""
-        return self.model if isinstance(self.model, str) else self.model.name
-
-
-def run_identify(job: Job) -> None:
-    """Identify, write the files and say what was found.
-
-    Raises
-    ------
-    typer.Exit
-        With code 1: the data cannot support the model.
-    """
-    from rotorid.errors import InsufficientDataError
-    from rotorid.pipeline.identification import refused
-    from rotorid.report.files import to_json, write_results
-
-    records: list[FlightRecord] = []
-    try:
-        with progress(quiet=job.quiet) as tell:
-            result = _identified(job, records, tell)
-            tell("writing the report")
-            title = f"{job.name} from {', '.join(log.name for log in job.logs)}"
-            write_results(job.folder, result, title=title)
-    except InsufficientDataError as error:
-        document = refused(error, records, job.model, settings=job.settings, command=_command())
-        if job.json:
-            sys.stdout.write(to_json(document))
-        say_refused(error, document.findings, job.folder / "result.json", quiet=job.quiet)
-        raise typer.Exit(1) from None
-    if job.json:
-        sys.stdout.write(to_json(result.document))
-    elif not job.quiet:
-        print_result(result.document, job.folder)
-
-
-def _identified(job: Job, records: list[FlightRecord], tell: Callable[[str], None]) -> Identification:
-    """The result; ``records`` fill up as they are read, so that a refusal can tell of them."""
-    from rotorid.io.registry import read
-    from rotorid.pipeline.cross_validation import cross_validated
-    from rotorid.pipeline.identification import identify
-
-    for log in job.logs:
-        tell(f"reading {log.name}")
-        records.append(read(log, mapping=job.mapping))
-    unseen = [read(log, mapping=job.mapping) for log in job.unseen]
-    if job.motors is not None:
-        from rotorid.pipeline.motor_identification import identify_motors
-
-        return identify_motors(records, job.motors, verify=unseen, command=_command())
-    result = identify(records, job.model, settings=job.settings, verify=unseen, command=_command())
-    if job.kind is None:
-        return result
-    # Folds are scored, and need no spread.
-    once = replace(job.settings, bootstrap=None)
-    return cross_validated(result, records, job.model, kind=job.kind, settings=once)
-
-
-def _command() -> list[str]:
-    return ["rotorid", *sys.argv[1:]]
-
-
-def identify_command(
-    logs: Logs,
-    model: Annotated[
-        str, typer.Option("--model", help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml.")
-    ],
-    method: Method = "auto",
-    band: Band = None,
-    windows: Windows = None,
-    coherence: Coherence = None,
-    estimate: Estimate = "auto",
-    instrument: Instrument = None,
-    fix: Annotated[list[str] | None, typer.Option("--fix", help="NAME=VALUE to hold. Repeatable.")] = None,
-    tie: Annotated[
-        list[str] | None, typer.Option("--tie", help="NAME=EXPRESSION, a parameter that follows others. Repeatable.")
-    ] = None,
-    free: Annotated[
-        list[str] | None, typer.Option("--free", help="NAME of a parameter that the model holds. Repeatable.")
-    ] = None,
-    constant: Annotated[
-        list[str] | None, typer.Option("--constant", help="NAME=VALUE of a constant, such as the trim. Repeatable.")
-    ] = None,
-    outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... to fit. [default: sensors]")] = None,
-    inputs: Annotated[
-        str | None, typer.Option("--inputs", help="CHANNEL,... of response.*, transfer:m/n and black_box:N.")
-    ] = None,
-    decoupled: Decoupled = False,
-    pair: Annotated[
-        list[str] | None, typer.Option("--pair", help="OUTPUT/INPUT[:LO:HI] to fit, and no others. Repeatable.")
-    ] = None,
-    weight: Annotated[
-        list[str] | None, typer.Option("--weight", help="OUTPUT/INPUT=FACTOR on its cost. Repeatable.")
-    ] = None,
-    weights: Annotated[
-        str, typer.Option("--weights", help="cifer, covariance (of all errors), or auto: by the number of outputs.")
-    ] = "auto",
-    reduce: Annotated[bool, typer.Option("--reduce", help="Drop step by step what the data do not show.")] = False,
-    speed_damping: Annotated[
-        str, typer.Option("--speed-damping", help="joint, or two_step: X_u and Y_v before all else.")
-    ] = "joint",
-    hold: Hold = "auto",
-    starts: Starts = "default",
-    search: Search = None,
-    evaluations: Evaluations = None,
-    bootstrap: Bootstrap = None,
-    pieces: Pieces = None,
-    cross_validate: CrossValidate = None,
-    layout: Layout = None,
-    arm: Arm = None,
-    curve: Curve = "auto",
-    rotor_diameter: RotorDiameter = None,
-    segment: Segments = None,
-    shift: Shifts = None,
-    verify: Annotated[
-        list[Path] | None, typer.Option("--verify", help="A log kept unseen, to judge the model on. Repeatable.")
-    ] = None,
-    map: Map = None,
-    seed: Seed = 0,
-    out: Out = None,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Identify a model from flight logs: responses, bounds, verification, report."""
-    from rotorid.pipeline.cross_validation import parse_kind
-    from rotorid.pipeline.settings import IdentifySettings
-
-    settings = IdentifySettings(
-        **measure_choices(
-            band=band,
-            windows=windows,
-            coherence=coherence,
-            estimate=estimate,
-            instrument=instrument,
-            segment=segment,
-            shift=shift,
-            seed=seed,
-        ),
-        **_written(fix=fix, tie=tie, constant=constant, pair=pair, weight=weight),
-        free=tuple(free or ()),
-        outputs=channel_names(outputs),
-        weights=weights,  # type: ignore[arg-type]
-        reduce=reduce,
-        speed_damping=speed_damping,  # type: ignore[arg-type]
-        method=method,  # type: ignore[arg-type]
-        hold=hold,  # type: ignore[arg-type]
-        starts=starts,
-        search=search,
-        evaluations=evaluations,
-        bootstrap=bootstrap,
-        pieces_s=pieces,
-    )
-    motors = motor_choices(
-        model,
-        settings,
-        layout=layout,
-        arm=arm,
-        curve=curve,
-        rotor_diameter=rotor_diameter,
-        also={"cross validate": cross_validate, "inputs": inputs},
-    )
-    channels = channel_names(inputs), channel_names(outputs)
-    wanted = model if motors else _wanted(model, *channels, settings, decoupled=decoupled)
-    job = Job(
-        logs=logs,
-        unseen=verify or [],
-        mapping=map,
-        model=wanted,
-        settings=settings,
-        motors=motors,
-        kind=parse_kind(cross_validate),
-        folder=out or default_folder(logs[0], wanted if isinstance(wanted, str) else wanted.name),
-        json=json,
-        quiet=quiet,
-    )
-    run_identify(job)
-
-
-def _written(
-    *,
-    fix: list[str] | None,
-    tie: list[str] | None,
-    constant: list[str] | None,
-    pair: list[str] | None,
-    weight: list[str] | None,
-) -> dict[str, Any]:
-    """Choices that are written as text, as fields of the settings."""
-    from rotorid.pipeline.settings import parse_fix, parse_pairs, parse_ties
-
-    return {
-        "fix": parse_fix(tuple(fix or ())),
-        "ties": parse_ties(tuple(tie or ())),
-        "constants": parse_fix(tuple(constant or ())),
-        "pairs": parse_pairs(tuple(pair or ())),
-        "pair_weights": parse_fix(tuple(weight or ())),
-    }
-
-
-def _wanted(
-    model: str, inputs: tuple[str, ...], outputs: tuple[str, ...], settings: IdentifySettings, *, decoupled: bool
-) -> str | LinearStructure:
-    """The structure, or the name of one that takes its channels from the logs."""
-    from rotorid.pipeline.resolve import finds_its_channels, require_known, resolve_model
-
-    if finds_its_channels(model, inputs):
-        return model
-    structure = resolve_model(model, inputs=inputs, outputs=outputs, decoupled=decoupled)
-    require_known(structure, settings)
-    return structure

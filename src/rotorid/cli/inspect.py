@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from rotorid.cli.options import Json, Log, Map, Quiet
+from rotorid.cli.options import Log, Map, Only, Output
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rotorid.documents.result import FindingDocument, ManeuverDocument
-    from rotorid.pipeline.inspection import ChannelDocument, InspectDocument, SkewDocument
+    from rotorid.data.findings import Finding
+    from rotorid.data.record import Maneuver
+    from rotorid.pipeline.consistency import ChannelSkew
+    from rotorid.pipeline.inspection import Inspection, LoggedChannel
 
 Plot: TypeAlias = Annotated[
     Path | None, typer.Option("--plot", help="Write a picture of the log: FILE.html or FILE.png.")
@@ -29,8 +31,11 @@ _TOLD_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematic
 """What stands in lines of its own; only warnings of these are said again."""
 
 
-def inspect_command(log: Log, map: Map = None, plot: Plot = None, json: Json = False, quiet: Quiet = False) -> None:
+def inspect_command(
+    log: Log, *, map: Map = None, plot: Plot = None, output: Annotated[Output, Only("json", "quiet")]
+) -> None:
     """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
+    from rotorid.documents.inspection import inspect_document
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
     from rotorid.report.files import to_json
@@ -39,16 +44,16 @@ def inspect_command(log: Log, map: Map = None, plot: Plot = None, json: Json = F
     if plot is not None:
         require_suffix(plot)
     record = read(log, mapping=map)
-    document = inspect(record)
+    inspection = inspect(record)
     if plot is not None:
-        write_inspection(plot, record, document)
-    if json:
-        sys.stdout.write(to_json(document))
-    elif not quiet:
-        _print(document, plot)
+        write_inspection(plot, record, inspection)
+    if output.json:
+        sys.stdout.write(to_json(inspect_document(inspection)))
+    elif not output.quiet:
+        _print(inspection, plot)
 
 
-def _print(document: InspectDocument, plot: Path | None) -> None:
+def _print(inspection: Inspection, plot: Path | None) -> None:
     """One screen: the log, its topics, what was flown, whether it agrees with itself, what it supports, remarks."""
     from rotorid.cli.console import output_console
 
@@ -61,48 +66,51 @@ def _print(document: InspectDocument, plot: Path | None) -> None:
             # Names come from the log: brackets in them are no markup.
             console.print(line, markup=False, soft_wrap=True)
 
-    say(_head(document))
+    say(_head(inspection))
     console.print()
-    console.print(_topics(document))
-    say([f"  {_maneuver(m)} {m.origin} in {m.signal}" for m in document.excitations] or ["  none found"], "excitations")
-    if document.candidates:
-        lines = [f"  {_maneuver(item)} in {item.signal}: --segment {item.segment}" for item in document.candidates]
+    console.print(_topics(inspection))
+    say(
+        [f"  {_maneuver(m)} {m.origin} in {m.signal}" for m in inspection.excitations] or ["  none found"],
+        "excitations",
+    )
+    if inspection.candidates:
+        lines = [f"  {_maneuver(item)} in {item.signal}: --segment {item.segment}" for item in inspection.candidates]
         say(lines, "candidates: if they were meant, name them")
-    if document.kinematics or document.skews:
-        say([*_kinematics(document), *_skews(document.skews)], "do sensors and clocks agree")
-    say(_supports(document), "what it can support")
-    findings = [f for f in document.findings if f.severity != "info" or f.kind not in _TOLD_ELSEWHERE]
+    if inspection.kinematics or inspection.skews:
+        say([*_kinematics(inspection), *_skews(inspection.skews)], "do sensors and clocks agree")
+    say(_supports(inspection), "what it can support")
+    findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _TOLD_ELSEWHERE]
     if findings:
         say(_findings(findings), "findings")
     if plot is not None:
         say([f"\npicture: {plot}"])
 
 
-def _head(document: InspectDocument) -> Iterator[str]:
-    firmware = f", {document.firmware}" if document.firmware else ""
-    yield f"{document.name}  {document.format}{firmware}"
-    battery = document.battery
+def _head(inspection: Inspection) -> Iterator[str]:
+    firmware = f", {inspection.firmware}" if inspection.firmware else ""
+    yield f"{inspection.name}  {inspection.format}{firmware}"
+    battery = inspection.battery
     volts = f", battery {battery.start_v:.2f} to {battery.stop_v:.2f} V" if battery else ""
     lowest = f" (lowest {battery.lowest_v:.2f} V)" if battery else ""
     yield (
-        f"{document.start_s:.2f} to {document.stop_s:.2f} s on the log's clock, {document.parameters} parameters"
+        f"{inspection.start_s:.2f} to {inspection.stop_s:.2f} s on the log's clock, {inspection.parameters} parameters"
         f"{volts}{lowest}"
     )
-    if document.flights:
-        spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in document.flights)
-        yield f"in the air {spans}, as {document.flights[0].seen_in} tells"
-    if document.settings:
-        yield "  ".join(f"{name}={value:.6g}" for name, value in document.settings.items())
+    if inspection.flights:
+        spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in inspection.flights)
+        yield f"in the air {spans}, as {inspection.flights[0].seen_in} tells"
+    if inspection.settings:
+        yield "  ".join(f"{name}={value:.6g}" for name, value in inspection.settings.items())
 
 
-def _topics(document: InspectDocument) -> Table:
+def _topics(inspection: Inspection) -> Table:
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=None, pad_edge=False)
     for name in ("topic", "rate", "from", "to", "gaps", "channels"):
         table.add_column(name, justify="right" if name in ("rate", "from", "to", "gaps") else "left")
-    for topic, rows in groupby(document.channels, key=lambda channel: channel.topic):
+    for topic, rows in groupby(inspection.channels, key=lambda channel: channel.topic):
         channels = list(rows)
         first = channels[0]
         cells = (
@@ -117,7 +125,7 @@ def _topics(document: InspectDocument) -> Table:
     return table
 
 
-def _names(channels: Sequence[ChannelDocument]) -> str:
+def _names(channels: Sequence[LoggedChannel]) -> str:
     """Names of channels in a row; numbered ones, such as the motors, as the first and the last."""
     shown = []
     for _, group in groupby((channel.name for channel in channels), key=lambda name: re.sub(r"\d+$", "#", name)):
@@ -126,25 +134,25 @@ def _names(channels: Sequence[ChannelDocument]) -> str:
     return " ".join(shown)
 
 
-def _maneuver(item: ManeuverDocument) -> str:
+def _maneuver(item: Maneuver) -> str:
     band = f"{item.band_rad_s[0]:.2g} to {item.band_rad_s[1]:.3g} rad/s" if item.band_rad_s else ""
     return f"{item.axis:<7}{item.kind:<14}{item.start_s:9.2f} to {item.stop_s:9.2f} s  {band:<20}"
 
 
-def _kinematics(document: InspectDocument) -> Iterator[str]:
+def _kinematics(inspection: Inspection) -> Iterator[str]:
     """A line for each sensor; those that could not be checked share one."""
-    for row in document.kinematics:
+    for row in inspection.kinematics:
         yield (
             f"  {row.channel:<3} {row.scale:6.3f} ± {row.scale_std:.3f} of what {row.against} gives, "
             f"{1e3 * row.lag_s:6.1f} ± {1e3 * row.lag_std_s:.1f} ms after it: {row.verdict}"
         )
-    checked = [row.channel for row in document.kinematics]
-    unchecked = [f.where for f in document.findings if f.kind == "kinematics_unchecked" and f.where not in checked]
+    checked = [row.channel for row in inspection.kinematics]
+    unchecked = [f.where for f in inspection.findings if f.kind == "kinematics_unchecked" and f.where not in checked]
     if unchecked:
         yield f"  not checked: {', '.join(unchecked)}"
 
 
-def _skews(skews: Sequence[SkewDocument]) -> Iterator[str]:
+def _skews(skews: Sequence[ChannelSkew]) -> Iterator[str]:
     """A line for each pair of topics, and for each output against its command; what needs a remedy comes first."""
     pairs = {(row.reference, row.delayed): row for row in (*skews[::-1], *(row for row in skews if row.remedy))}
     rows = sorted(pairs.values(), key=lambda row: (not row.remedy, row.nature, row.start_s))
@@ -160,13 +168,13 @@ def _skews(skews: Sequence[SkewDocument]) -> Iterator[str]:
         yield f"  and {len(rows) - _MOST_SKEWS} more pairs, which --json shows"
 
 
-def _supports(document: InspectDocument) -> Iterator[str]:
-    for model, support in document.supports.items():
+def _supports(inspection: Inspection) -> Iterator[str]:
+    for model, support in inspection.supports.items():
         remedy = f"; {support.remedy}" if support.remedy else ""
         yield f"  {model:<14} {'yes' if support.possible else 'no '}  {support.because}{remedy}"
 
 
-def _findings(findings: Sequence[FindingDocument]) -> Iterator[str]:
+def _findings(findings: Sequence[Finding]) -> Iterator[str]:
     for finding in findings[:_MOST_FINDINGS]:
         yield f"  {finding.severity} {finding.kind} ({finding.where}): {finding.message}"
     if len(findings) > _MOST_FINDINGS:

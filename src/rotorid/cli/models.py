@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from rotorid.cli.options import MODEL, channel_names
+from rotorid.cli.options import Json
+from rotorid.pipeline.settings import MODEL, parse_names
 
 if TYPE_CHECKING:
     from rotorid.models.structure import LinearStructure
@@ -60,17 +61,17 @@ def models_command(
     ] = None,
     inputs: Annotated[str | None, typer.Option("--inputs", help="CHANNEL,... of a model without its own.")] = None,
     outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... of a model without its own.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")] = False,
+    json: Json = False,
 ) -> None:
     """List the models of the library, or print one to begin a model of your own with."""
     if name is None:
         models = _library()
         if json:
-            _write({"schema": SCHEMA, "models": [one.as_json() for one in models]})
+            _write({"schema": SCHEMA, "models": [model.as_json() for model in models]})
         else:
             _print_list(models)
         return
-    text, about, structure = _text(name, channel_names(inputs), channel_names(outputs))
+    text, about, structure = _text(name, *(parse_names(text) if text else () for text in (inputs, outputs)))
     if json:
         _write({"schema": SCHEMA, "models": [{**_Listed(name, about, structure).as_json(), "toml": text}]})
     else:
@@ -144,10 +145,10 @@ def _print_list(models: list[_Listed]) -> None:
         table.add_column(column, overflow="fold")
     table.add_column("parameters", justify="right")
     table.add_column("what it is", overflow="fold")
-    for one in [*(one for one in models if not one.name.startswith("response.")), _RESPONSES]:
-        structure = one.structure
+    for model in [*(model for model in models if not model.name.startswith("response.")), _RESPONSES]:
+        structure = model.structure
         channels = "" if structure is None else f"{' '.join(structure.inputs)} -> {' '.join(structure.outputs)}"
-        table.add_row(one.name, channels, "" if structure is None else str(len(structure.parameters)), one.about)
+        table.add_row(model.name, channels, "" if structure is None else str(len(structure.parameters)), model.about)
     console = output_console()
     console.print(table)
     console.print("rotorid models NAME prints a model as TOML text, the beginning of one of your own.", soft_wrap=True)

@@ -1,29 +1,23 @@
-"""Options that several commands share.
+"""Options of commands: those of settings, made from their fields, and the few that several commands share.
 
-Options that all commands share which measure responses, as the choices of a run.
-
-Options of ``physical.motors``, the one model that is no linear structure.
-
-Options of the commands that fly in simulation: wind, numbers of the vehicle, limits, shapes of test inputs.
+A command is a function. Where one of its arguments is a class of settings, :func:`with_options` puts an option for
+every field with an :class:`~rotorid.pipeline.settings.Option` in its place, and hands the command the settings.
 """
 
-from __future__ import annotations
-
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import fields
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get_origin
 
 import typer
 
-if TYPE_CHECKING:
-    from rotorid.data.flight_plan import Shape
-    from rotorid.pipeline.settings import IdentifySettings, MotorChoices
-    from rotorid.planning.amplitude import Limits
-    from rotorid.simulation.wind import Wind
-    from rotorid.typing import Axis
+from rotorid.pipeline.flight_settings import parse_wind
+from rotorid.pipeline.settings import Option
 
+if TYPE_CHECKING:
+    from rotorid.simulation.wind import Wind
 
 Logs: TypeAlias = Annotated[
     list[Path],
@@ -37,309 +31,148 @@ Log: TypeAlias = Annotated[
 Map: TypeAlias = Annotated[
     Path | None, typer.Option("--map", help="TOML file that names the channels of any other source.")
 ]
-Out: TypeAlias = Annotated[
-    Path | None, typer.Option("--out", help="Folder for the results. [default: rotorid-out/NAME]")
-]
-Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
 Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
-Seed: TypeAlias = Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")]
-Band: TypeAlias = Annotated[str | None, typer.Option("--band", help="LO:HI in rad/s. [default: what was excited]")]
-Windows: TypeAlias = Annotated[str | None, typer.Option("--windows", help="S,S,... window lengths in seconds.")]
-Coherence: TypeAlias = Annotated[
-    float | None, typer.Option("--coherence", help="Least coherence of a point. [default: 0.6 direct, 0.2 joint]")
-]
-Estimate: TypeAlias = Annotated[str, typer.Option("--estimate", help="auto, direct or joint.")]
-Instrument: TypeAlias = Annotated[
-    str | None, typer.Option("--instrument", help="CHANNEL,... to use as instruments, one for each input.")
-]
-Segments: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option("--segment", help="AXIS:START:STOP to use instead of what is found, in log seconds. Repeatable."),
-]
-Shifts: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option("--shift", help="CHANNEL:SECONDS to delay it by, where inspect finds its stamps wrong. Repeatable."),
-]
-Method: TypeAlias = Annotated[
-    str,
-    typer.Option(
-        "--method",
-        help="frequency, output_error, prediction_error, equation_error, or auto: output_error for response.* and "
-        "black_box:N, frequency for others.",
-    ),
-]
-Hold: TypeAlias = Annotated[
-    str, typer.Option("--hold", help="zero or first order between samples, in time; auto: zero for logged commands.")
-]
-Starts: TypeAlias = Annotated[
-    str, typer.Option("--starts", help="Where searches in time begin: default, central, sobol:N or random:N.")
-]
-Search: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--search",
-        metavar="NAME[:OPTIONS]",
-        help="A global search before the fit: evolution[:POPULATION] (when in doubt), cma[:POPULATION], "
-        "genetic[:POPULATIONxGENERATIONS], kmeans[:CANDIDATES], sobol[:STARTS], random[:STARTS] or central. "
-        "[default: none, the starts of the model]",
-    ),
-]
-Evaluations: TypeAlias = Annotated[
-    int | None, typer.Option("--evaluations", help="Costs that --search may compute. [default: 2000]")
-]
-Bootstrap: TypeAlias = Annotated[
-    int | None,
-    typer.Option("--bootstrap", help="Refits to noise drawn anew, for spreads and intervals: 200 and more."),
-]
-Pieces: TypeAlias = Annotated[
-    float | None,
-    typer.Option("--pieces", help="Seconds after which a fit in time begins anew. [default: as growing modes need]"),
-]
-Decoupled: TypeAlias = Annotated[
-    bool, typer.Option("--decoupled", help="A black box for each input and its output, side by side.")
-]
-CrossValidate: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--cross-validate",
-        help="each: identify on each log alone, score on all others. leave_one_out: on all but one, score on that one.",
-    ),
-]
+Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")]
 
 
-def channel_names(text: str | None) -> tuple[str, ...]:
-    """``CHANNEL,...`` as names."""
-    return tuple(name.strip() for name in text.split(",")) if text else ()
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """Where the results of a command go, and what it says.
 
-
-def measure_choices(
-    *,
-    band: str | None,
-    windows: str | None,
-    coherence: float | None,
-    estimate: str,
-    instrument: str | None,
-    segment: Sequence[str] | None,
-    shift: Sequence[str] | None,
-    seed: int = 0,
-) -> dict[str, Any]:
-    """Fields of :class:`rotorid.pipeline.settings.MeasureSettings` from the texts of the command line.
-
-    Raises
-    ------
-    UsageError
-        A text cannot be read.
+    Parameters
+    ----------
+    out
+        Folder for the files.
+    json, quiet
+        Print the result as JSON; print nothing.
     """
-    from rotorid.pipeline.settings import parse_band, parse_numbers, parse_segment, parse_shifts
 
-    return {
-        "band_rad_s": parse_band(band) if band else None,
-        "windows_s": parse_numbers(windows) if windows else (),
-        "coherence": coherence,
-        "estimate": estimate,
-        "instruments": channel_names(instrument),
-        "segments": tuple(parse_segment(text) for text in segment or ()),
-        "shifts": parse_shifts(tuple(shift or ())),
-        "seed": seed,
-    }
+    out: Annotated[Path | None, Option("--out", help="Folder for the results. [default: rotorid-out/NAME]")] = None
+    json: Annotated[bool, Option("--json", help="Print the result as JSON and nothing else.")] = False
+    quiet: Annotated[bool, Option("--quiet", help="Say nothing but errors.")] = False
 
 
-MODEL = "physical.motors"
+@dataclass(frozen=True, kw_only=True)
+class Air:
+    """The wind of a flight in simulation.
 
-Layout: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--layout", help="Of physical.motors: quad.x, hexa.plus, ... or FILE.toml of rotors. [default: as the log says]"
-    ),
-]
-Arm: TypeAlias = Annotated[
-    float | None,
-    typer.Option("--arm", help="Of physical.motors: meters from the center of gravity to the farthest rotor."),
-]
-Curve: TypeAlias = Annotated[
-    str, typer.Option("--curve", help="Of physical.motors, thrust by output: linear, quadratic, affine or polynomial.")
-]
-
-RotorDiameter: TypeAlias = Annotated[
-    float | None,
-    typer.Option("--rotor-diameter", help="Of physical.motors, meters: judges rotors whose speed was measured."),
-]
-
-_USED = ("fix", "segments", "seed", "method")
-
-
-def motor_choices(
-    model: str,
-    settings: IdentifySettings,
-    *,
-    layout: str | None,
-    arm: float | None,
-    curve: str,
-    rotor_diameter: float | None,
-    also: Mapping[str, str | None],
-) -> MotorChoices | None:
-    """What was chosen for ``physical.motors``; ``None`` for another model.
-
-    ``also`` are options beside the settings that it does not have either.
-
-    Raises
-    ------
-    UsageError
-        An option was given that the model does not have.
+    Parameters
+    ----------
+    mean_m_s
+        Where the air moves, to north and to east.
+    turbulence_m_s
+        Standard deviation of horizontal gusts.
+    height_m
+        Above ground, for the size of the gusts.
     """
-    from rotorid.errors import UsageError
 
-    if model != MODEL:
-        if layout is not None or arm is not None or rotor_diameter is not None or curve != "auto":
-            raise UsageError(f"--layout, --arm or --curve came with {model}", needed=f"them with {MODEL} alone")
-        return None
-    from rotorid.pipeline.settings import MotorChoices
+    mean_m_s: Annotated[
+        tuple[float, float],
+        Option("--wind", help="NORTH,EAST in m/s, where the air moves; one number blows north.", parse=parse_wind),
+    ] = (0.0, 0.0)
+    turbulence_m_s: Annotated[float, Option("--turbulence", help="Standard deviation of horizontal gusts in m/s.")] = (
+        0.0
+    )
+    height_m: Annotated[float, Option("--height", help="Meters above ground, for the size of the gusts.")] = 10.0
 
-    usual = type(settings)()
-    given = [
-        one.name
-        for one in fields(settings)
-        if one.name not in _USED and getattr(settings, one.name) != getattr(usual, one.name)
-    ]
-    if settings.method not in ("auto", "prediction_error"):
-        given.append("method")
-    given += [name for name, value in also.items() if value]
-    if given:
-        raise UsageError(
-            f"{', '.join(name.replace('_', ' ') for name in given)} came with {MODEL}, which has no such choice",
-            needed="--fix, --layout, --arm, --curve, --segment, --verify",
-            remedy="leave it out, or choose another model",
-        )
-    return MotorChoices(
-        known=settings.fix,
-        layout=layout,
-        arm_m=arm,
-        curve=curve,  # type: ignore[arg-type]
-        rotor_diameter_m=rotor_diameter,
-        segments=settings.segments,
-        seed=settings.seed,
+    @property
+    def wind(self) -> "Wind":
+        """The wind of the simulation."""
+        from rotorid.simulation.wind import Wind
+
+        north_m_s, east_m_s = self.mean_m_s
+        return Wind(north_m_s=north_m_s, east_m_s=east_m_s, turbulence_m_s=self.turbulence_m_s, height_m=self.height_m)
+
+
+class Only:
+    """Beside a class of settings in ``Annotated``: the fields of it that a command has."""
+
+    def __init__(self, *names: str) -> None:
+        self.names = names
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose arguments that are settings are options on the command line.
+
+    ``argument: Settings`` is given an instance; ``argument: Annotated[dict[str, Any], Settings]`` the fields that make
+    one, for a class that needs more than options say. An option that was not given is left to the default of its field.
+
+    Parameters
+    ----------
+    command
+        The function behind a command.
+    """
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, tuple[Callable[..., Any], Mapping[str, Option]]] = {}
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        kind, whole, only = _settings(parameter.annotation)
+        if kind is None:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+            continue
+        options = {item.name: option for item in fields(kind) if (option := _option(item)) is not None}
+        if only:
+            options = {name: options[name] for name in only}
+        parameters += [_parameter(item, options[item.name]) for item in fields(kind) if item.name in options]
+        groups[parameter.name] = kind if whole else dict, options
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        for name, (make, options) in groups.items():
+            read = {field: given.pop(field) for field in options}
+            given[name] = make(**_parsed(read, options))
+        command(**given)
+
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run
+
+
+def _settings(annotation: Any) -> tuple[type[Any] | None, bool, tuple[str, ...]]:
+    """The class of settings that an annotation names, whether an instance is wanted, and the only fields wanted."""
+    parts = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
+    kind = next((part for part in parts if inspect.isclass(part) and is_dataclass(part)), None)
+    only = next((part.names for part in parts if isinstance(part, Only)), ())
+    return kind, kind is parts[0], only
+
+
+def _option(item: "Field[Any]") -> Option | None:
+    """The option of a field, where it has one."""
+    return next((part for part in getattr(item.type, "__metadata__", ()) if isinstance(part, Option)), None)
+
+
+def _parameter(item: "Field[Any]", option: Option) -> inspect.Parameter:
+    """What the command line reads for a field."""
+    required = item.default is MISSING and item.default_factory is MISSING
+    default = item.default if item.default is not MISSING and option.parse is None else None
+    if option.parse is not None:
+        default = option.default or (item.default if isinstance(item.default, str) else None)
+    return inspect.Parameter(
+        item.name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=inspect.Parameter.empty if required else default,
+        annotation=Annotated[
+            _read_as(item, option), typer.Option(option.name, help=option.help, metavar=option.metavar)
+        ],
     )
 
 
-WindOption: TypeAlias = Annotated[
-    str | None, typer.Option("--wind", help="NORTH,EAST in m/s, where the air moves; one number blows north.")
-]
-Turbulence: TypeAlias = Annotated[
-    float, typer.Option("--turbulence", help="Standard deviation of horizontal gusts in m/s.")
-]
-Height: TypeAlias = Annotated[float, typer.Option("--height", help="Meters above ground, for the size of the gusts.")]
-Changes: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=VALUE",
-        help="A number of the vehicle: m, I_xx, I_yy, I_zz, T_motor, T_motor_up, T_motor_down, kappa, tau in SI units; "
-        "thrust and drag as factors. Repeatable.",
-    ),
-]
-LimitOptions: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--limit",
-        metavar="NAME=VALUE",
-        help="What a flight may reach: tilt (deg), rate (deg/s), position (m), height (m), motor_low, motor_high. "
-        "[default: tilt=25, rate=180, position=10, height=5, motor_low=0.05, motor_high=0.95] Repeatable.",
-    ),
-]
-
-_DEGREES = ("tilt", "rate")
-_LIMITS = {
-    "tilt": "tilt_rad",
-    "rate": "rate_rad_s",
-    "position": "position_m",
-    "height": "height_m",
-    "motor_low": "motor_low",
-    "motor_high": "motor_high",
-}
-_SHAPES = {
-    "sweep": "pilot_sweep",
-    "log_sweep": "logarithmic_sweep",
-    "multisine": "multisine",
-    "binary": "random_binary",
-    "doublet": "doublet",
-    "2-1-1": "two_one_one",
-    "3-2-1-1": "three_two_one_one",
-}
+def _read_as(item: "Field[Any]", option: Option) -> Any:
+    """The type by which the command line reads a text; one of a few words is text, which the settings check."""
+    if option.repeats:
+        return list[str] | None
+    kind = get_args(item.type)[0]
+    if option.parse is None and get_origin(kind) is not Literal and not isinstance(kind, ForwardRef):
+        return kind
+    return str | None
 
 
-def named_numbers(texts: Sequence[str] | None, option: str) -> dict[str, float]:
-    """Pairs ``NAME=VALUE`` of an option that may be repeated.
-
-    Examples
-    --------
-    >>> named_numbers(["m=1.5", "tau=0.01"], "--set")
-    {'m': 1.5, 'tau': 0.01}
-    """
-    from rotorid.errors import UsageError
-
-    numbers: dict[str, float] = {}
-    for text in texts or ():
-        name, sign, value = text.partition("=")
-        try:
-            numbers[name.strip()] = float(value)
-        except ValueError:
-            sign = ""
-        if not sign or not math.isfinite(numbers[name.strip()]):
-            raise UsageError(f"{option} {text} came", needed=f"{option} NAME=VALUE with a finite number")
-    return numbers
-
-
-def wind_of(text: str | None, turbulence_m_s: float, height_m: float) -> Wind:
-    """The wind that options describe."""
-    from rotorid.errors import UsageError
-    from rotorid.simulation.wind import Wind
-
-    parts = (text or "0").split(",")
-    try:
-        north, east = float(parts[0]), float(parts[1]) if len(parts) > 1 else 0.0
-    except ValueError:
-        parts = []
-        north = east = 0.0
-    if len(parts) not in (1, 2):
-        raise UsageError(f"--wind {text} came", needed="--wind NORTH or --wind NORTH,EAST in m/s")
-    return Wind(north_m_s=north, east_m_s=east, turbulence_m_s=turbulence_m_s, height_m=height_m)
-
-
-def limits_of(texts: Sequence[str] | None) -> Limits:
-    """The limits that options describe."""
-    from rotorid.models.parameter import no_such
-    from rotorid.planning.amplitude import Limits
-
-    given = named_numbers(texts, "--limit")
-    if wrong := [name for name in given if name not in _LIMITS]:
-        raise no_such("limit", wrong[0], tuple(_LIMITS))
-    return Limits(
-        **{_LIMITS[name]: math.radians(value) if name in _DEGREES else value for name, value in given.items()}
-    )
-
-
-def shape_of(kind: str) -> Shape:
-    """The shape behind the name that a user types.
-
-    Examples
-    --------
-    >>> shape_of("3-2-1-1")
-    'three_two_one_one'
-    """
-    from rotorid.models.parameter import no_such
-
-    known = {**_SHAPES, **{shape: shape for shape in _SHAPES.values()}}
-    if kind not in known:
-        raise no_such("kind of test input", kind, tuple(_SHAPES))
-    return known[kind]  # type: ignore[return-value]
-
-
-def axes_of(text: str) -> tuple[Axis, ...]:
-    """Axes, separated by commas; ``all`` is all four."""
-    from rotorid.data.record import AXES
-    from rotorid.models.parameter import no_such
-
-    names = AXES if text == "all" else tuple(part.strip() for part in text.split(","))
-    if wrong := [name for name in names if name not in AXES]:
-        raise no_such("axis", wrong[0], AXES)
-    return names  # type: ignore[return-value]
+def _parsed(read: Mapping[str, Any], options: Mapping[str, Option]) -> dict[str, Any]:
+    """Fields by what the command line read; what was not given is left to the default of its field."""
+    values = {}
+    for name, value in read.items():
+        parse = options[name].parse
+        if parse is None:
+            values[name] = value
+        elif value:
+            values[name] = parse(value)
+    return values

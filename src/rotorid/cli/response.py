@@ -2,86 +2,46 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import default_folder, progress, say_refused
-from rotorid.cli.options import (
-    Band,
-    Coherence,
-    Estimate,
-    Instrument,
-    Json,
-    Logs,
-    Map,
-    Out,
-    Quiet,
-    Seed,
-    Segments,
-    Shifts,
-    Windows,
-    measure_choices,
-)
+from rotorid.cli.command import carry_out
+from rotorid.cli.console import default_folder
+from rotorid.cli.options import Logs, Map, Output
+from rotorid.pipeline.settings import ResponseSettings
 
 if TYPE_CHECKING:
-    from rotorid.data.record import FlightRecord
     from rotorid.documents.response import LoopDocument, ResponseDocument
-    from rotorid.pipeline.settings import ResponseSettings
 
 
 def response_command(
     logs: Logs,
     inputs: Annotated[str, typer.Option("--inputs", help="CHANNEL,... that drive, such as roll_command.")],
     outputs: Annotated[str, typer.Option("--outputs", help="CHANNEL,... that answer, such as p,ay.")],
-    band: Band = None,
-    windows: Windows = None,
-    coherence: Coherence = None,
-    estimate: Estimate = "auto",
-    instrument: Instrument = None,
-    correct_filters: Annotated[
-        bool, typer.Option("--correct-filters", help="Take known filters of the autopilot off the outputs.")
-    ] = False,
-    segment: Segments = None,
-    shift: Shifts = None,
+    *,
+    settings: ResponseSettings,
     map: Map = None,
-    seed: Seed = 0,
-    out: Out = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    output: Output,
 ) -> None:
     """Estimate frequency responses with coherence and random error, and the margins of the loop."""
-    from rotorid.errors import InsufficientDataError
-    from rotorid.io.registry import read
     from rotorid.pipeline.responses import refused_response, response
-    from rotorid.report.files import to_json, write_responses
+    from rotorid.report.files import write_responses
 
-    settings = _settings(band, windows, coherence, estimate, instrument, correct_filters, segment, shift, seed)
-    drivers, answers = _channels(inputs, "--inputs"), _channels(outputs, "--outputs")
-    folder = out or default_folder(logs[0], "response")
-    command = ["rotorid", *sys.argv[1:]]
-    records: list[FlightRecord] = []
-    try:
-        with progress(quiet=quiet) as tell:
-            for log in logs:
-                tell(f"reading {log.name}")
-                records.append(read(log, mapping=map))
-            result = response(records, inputs=drivers, outputs=answers, settings=settings, command=command)
-            tell("writing the report")
-            write_responses(folder, result, title=f"Responses from {', '.join(log.name for log in logs)}")
-    except InsufficientDataError as error:
-        document = refused_response(error, records, inputs=drivers, outputs=answers, settings=settings, command=command)
-        if json:
-            sys.stdout.write(to_json(document))
-        say_refused(error, document.findings, folder / "response.json", quiet=quiet)
-        raise typer.Exit(1) from None
-    if json:
-        sys.stdout.write(to_json(result.document))
-    elif not quiet:
-        _print(result.document, folder)
+    channels = {"inputs": _channels(inputs, "--inputs"), "outputs": _channels(outputs, "--outputs")}
+    title = f"Responses from {', '.join(log.name for log in logs)}"
+    carry_out(
+        logs,
+        mapping=map,
+        output=output,
+        folder=default_folder(logs[0], "response"),
+        file="response.json",
+        compute=lambda records: response(records, **channels, settings=settings),
+        write=lambda folder, result: write_responses(folder, result, title=title),
+        refused=lambda error, records: refused_response(error, records, **channels, settings=settings),
+        show=_print,
+    )
 
 
 def _channels(text: str, option: str) -> tuple[str, ...]:
@@ -93,34 +53,6 @@ def _channels(text: str, option: str) -> tuple[str, ...]:
             f"{option} {text!r} came", needed="channel names, each once, with commas between them: roll_command,p"
         )
     return names
-
-
-def _settings(
-    band: str | None,
-    windows: str | None,
-    coherence: float | None,
-    estimate: str,
-    instrument: str | None,
-    correct_filters: bool,
-    segment: Sequence[str] | None,
-    shift: Sequence[str] | None,
-    seed: int,
-) -> ResponseSettings:
-    from rotorid.pipeline.settings import ResponseSettings
-
-    return ResponseSettings(
-        correct_filters=correct_filters,
-        **measure_choices(
-            band=band,
-            windows=windows,
-            coherence=coherence,
-            estimate=estimate,
-            instrument=instrument,
-            segment=segment,
-            shift=shift,
-            seed=seed,
-        ),
-    )
 
 
 def _print(document: ResponseDocument, folder: Path) -> None:

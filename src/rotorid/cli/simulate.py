@@ -5,27 +5,29 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress
-from rotorid.cli.options import Changes, Height, Json, Out, Quiet, Seed, Turbulence, WindOption, named_numbers, wind_of
+from rotorid.cli.options import Air, Output
+from rotorid.pipeline.flight_settings import SimulateChoices
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from rotorid.data.flight_plan import Entry, FlightPlan
     from rotorid.documents.design import SimulationDocument
     from rotorid.simulation.multirotor_flight import Aircraft
     from rotorid.simulation.wind import Wind
 
 _NO_PLAN = "none"
+_HOVER_S = 60.0
 RIG = "rig"
 
 
 def simulate_command(
     vehicle: Annotated[str, typer.Argument(help="A vehicle of the library: see rotorid vehicles.")],
+    *,
     plan: Annotated[
         str | None,
         typer.Option(
@@ -33,88 +35,58 @@ def simulate_command(
             help="plan.json of rotorid design, or none for a hover. [default: a sweep and two doublets on every axis]",
         ),
     ] = None,
-    duration: Annotated[
-        float | None, typer.Option("--duration", help="Seconds to fly. [default: as long as the plan]")
-    ] = None,
-    wind: WindOption = None,
-    turbulence: Turbulence = 0.0,
-    height: Height = 10.0,
-    set: Changes = None,
-    runs: Annotated[int, typer.Option("--runs", help="Flights, each with its own wind, noise and draws.")] = 1,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option("--vary", metavar="NAME=PERCENT", help="Draw a number of --set anew for every run. Repeatable."),
-    ] = None,
-    format: Annotated[
-        str | None, typer.Option("--format", help="ulg, bin or csv. [default: that of the vehicle's autopilot]")
-    ] = None,
-    seed: Seed = 0,
-    out: Out = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    flight: Annotated[dict[str, Any], SimulateChoices],
+    air: Air,
+    output: Output,
 ) -> None:
     """Fly a vehicle of the library in simulation, and write its log as its autopilot would have."""
-    from rotorid.pipeline.simulation import SimulateChoices
-    from rotorid.report.files import write_simulation
-    from rotorid.simulation.multirotor_flight import changed, piloted
-    from rotorid.vehicles.catalog import aircraft
+    from rotorid.report.files import to_json, write_rig_simulation, write_simulation
 
-    command = ["rotorid", *sys.argv[1:]]
+    folder = output.out or Path("rotorid-out") / vehicle
     if vehicle == RIG:
-        asked = {
-            "--plan": plan,
-            "--duration": duration,
-            "--wind": wind,
-            "--turbulence": turbulence or None,
-            "--runs": runs if runs != 1 else None,
-            "--set": set,
-            "--vary": vary,
-            "--format": format,
-        }
-        document = _rig(asked, out or Path("rotorid-out") / vehicle, seed=seed, command=command)
-        _tell(document, out or Path("rotorid-out") / vehicle, json=json, quiet=quiet)
-        return
-    air = wind_of(wind, turbulence, height)
-    changes = named_numbers(set, "--set")
-    craft = piloted(changed(aircraft(vehicle), changes))
-    folder = out or Path("rotorid-out") / vehicle
-    # Checked before the plan is made, which takes a while.
-    choices = SimulateChoices(
-        vehicle=vehicle,
-        duration_s=duration if duration is not None or plan != _NO_PLAN else 60.0,
-        wind=air,
-        changes=changes,
-        vary=named_numbers(vary, "--vary"),
-        runs=runs,
-        format=format,  # type: ignore[arg-type]
-        seed=seed,
-    )
-    with progress(quiet=quiet):
-        choices = replace(choices, plan=_plan(plan, craft, air, seed))
-        document = write_simulation(folder, choices, command=command)
-    _tell(document, folder, json=json, quiet=quiet)
-
-
-def _tell(document: SimulationDocument, folder: Path, *, json: bool, quiet: bool) -> None:
-    from rotorid.report.files import to_json
-
-    if json:
+        _refuse_of_the_rig(plan, air, flight)
+        document = write_rig_simulation(folder, seed=flight["seed"], command=command_line())
+    else:
+        if plan == _NO_PLAN and flight["duration_s"] is None:
+            flight["duration_s"] = _HOVER_S
+        # Checked before the plan is made, which takes a while.
+        choices = SimulateChoices(vehicle=vehicle, wind=air.wind, **flight)
+        craft = choices.aircraft
+        with progress(quiet=output.quiet):
+            choices = replace(choices, plan=_plan(plan, craft, choices.wind, choices.seed))
+            document = write_simulation(folder, choices, command=command_line())
+    if output.json:
         sys.stdout.write(to_json(document))
-    elif not quiet:
+    elif not output.quiet:
         _print(document, folder)
 
 
-def _rig(asked: Mapping[str, object], folder: Path, *, seed: int, command: list[str]) -> SimulationDocument:
-    """The rig has one experiment of its own."""
-    from rotorid.errors import UsageError
-    from rotorid.report.files import write_rig_simulation
+def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> None:
+    """The rig has one experiment of its own.
 
-    if given := [name for name, value in asked.items() if value is not None]:
+    Raises
+    ------
+    UsageError
+        An option of flights was given.
+    """
+    from rotorid.errors import UsageError
+
+    usual = SimulateChoices(vehicle=RIG)
+    asked = {
+        "--plan": plan is not None,
+        "--duration": flight["duration_s"] is not None,
+        "--wind": air.mean_m_s != Air().mean_m_s,
+        "--turbulence": air.turbulence_m_s != Air().turbulence_m_s,
+        "--runs": flight["runs"] != usual.runs,
+        "--set": "changes" in flight,
+        "--vary": "vary" in flight,
+        "--format": flight["format"] is not None,
+    }
+    if given := [name for name, value in asked.items() if value]:
         raise UsageError(
             f"{', '.join(given)} came for the rig, which does not fly",
             needed="no more than --seed and --out: two motors are swept for 120 s, and the log is CSV",
         )
-    return write_rig_simulation(folder, seed=seed, command=command)
 
 
 def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int) -> FlightPlan | None:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from typing import Annotated
 
-import typer
+from rotorid.cli.options import Json
 
 SCHEMA = "rotorid.vehicles/1"
 
 
-def vehicles_command(
-    json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")] = False,
-) -> None:
+def vehicles_command(json: Json = False) -> None:
     """List the vehicles of the library: what they are, and where their numbers come from."""
     from rich.table import Table
 
@@ -22,8 +19,8 @@ def vehicles_command(
 
     if json:
         listed = [
-            {"name": one.name, "about": one.summary, "source": one.source, "flies": one.make is not None}
-            for one in VEHICLES.values()
+            {"name": entry.name, "about": entry.summary, "source": entry.source, "flies": entry.make is not None}
+            for entry in VEHICLES.values()
         ]
         sys.stdout.write(json_text.dumps({"schema": SCHEMA, "vehicles": listed}, indent=2) + "\n")
         return
@@ -32,9 +29,9 @@ def vehicles_command(
         table.add_column(name, overflow="fold")
     for name in ("mass in kg", "loop in Hz"):
         table.add_column(name, justify="right")
-    for one in VEHICLES.values():
-        craft = None if one.make is None else aircraft(one.name)
+    for entry in VEHICLES.values():
+        craft = None if entry.make is None else aircraft(entry.name)
         mass = "" if craft is None else f"{craft.vehicle.mass_kg:g}"
         rate = "" if craft is None else f"{craft.autopilot.rate_hz:g}"
-        table.add_row(one.name, one.summary, one.source, mass, rate)
+        table.add_row(entry.name, entry.summary, entry.source, mass, rate)
     output_console().print(table)

@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.console import default_folder, progress, say_refused
-from rotorid.cli.options import (
-    Band,
-    Coherence,
-    Estimate,
-    Instrument,
-    Json,
-    Logs,
-    Map,
-    Out,
-    Quiet,
-    Segments,
-    Shifts,
-    Windows,
-    measure_choices,
-)
+from rotorid.cli.command import carry_out
+from rotorid.cli.console import default_folder
+from rotorid.cli.options import Logs, Map, Output
+from rotorid.pipeline.settings import VerifySettings
 
 if TYPE_CHECKING:
-    from rotorid.data.record import FlightRecord
-    from rotorid.pipeline.settings import VerifySettings
+    from rotorid.pipeline.verification import Verified
     from rotorid.pipeline.verify_document import VerifyDocument
-    from rotorid.verification.sampled import LowPass
 
 FILE, REPORT = "verification.json", "report.html"
 
@@ -38,109 +22,44 @@ FILE, REPORT = "verification.json", "report.html"
 def verify_command(
     result: Annotated[Path, typer.Argument(help="What identify wrote: its folder, result.json or model.toml.")],
     logs: Logs,
-    band: Band = None,
-    windows: Windows = None,
-    coherence: Coherence = None,
-    estimate: Estimate = "auto",
-    instrument: Instrument = None,
-    segment: Segments = None,
-    shift: Shifts = None,
-    low_pass: Annotated[
-        str, typer.Option("--low-pass", help="First-order low-pass on both sides in rad/s, auto or none.")
-    ] = "auto",
-    scale: Annotated[
-        float | None, typer.Option("--scale", help="Full-scale rotor diameter over the size of the vehicle.")
-    ] = None,
-    controller: Annotated[
-        Path | None, typer.Option("--controller", help="TOML file with the gains of each axis, to fly in closed loop.")
-    ] = None,
+    *,
+    settings: VerifySettings,
     map: Map = None,
-    out: Out = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    output: Output,
 ) -> None:
     """Judge an identified model on data that it has not seen."""
-    from rotorid.errors import InsufficientDataError
-    from rotorid.io.files import write_atomically
-    from rotorid.io.registry import read
     from rotorid.pipeline.candidate import read_candidate
     from rotorid.pipeline.verification import refused_verification, verify
-    from rotorid.report.files import to_json, write_together
-    from rotorid.report.verification import render_verification
 
-    settings = _settings(band, windows, coherence, estimate, instrument, segment, shift, low_pass, scale, controller)
     candidate = read_candidate(result)
-    folder = out or default_folder(logs[0], f"verify-{candidate.structure.name}")
-    command = ["rotorid", *sys.argv[1:]]
-    records: list[FlightRecord] = []
-    try:
-        with progress(quiet=quiet) as tell:
-            for log in logs:
-                tell(f"reading {log.name}")
-                records.append(read(log, mapping=map))
-            verified = verify(candidate, records, settings=settings, command=command)
-            text = to_json(verified.document)
-            tell("drawing the report")
-            page = render_verification(verified, title=f"{candidate.structure.name} on unseen flight")
-            write_together(
-                folder,
-                {
-                    FILE: lambda path: write_atomically(path, text),
-                    REPORT: lambda path: write_atomically(path, page),
-                },
-            )
-    except InsufficientDataError as error:
-        document = refused_verification(error, records, candidate, settings=settings, command=command)
-        if json:
-            sys.stdout.write(to_json(document))
-        say_refused(error, document.findings, folder / FILE, quiet=quiet)
-        raise typer.Exit(1) from None
-    if json:
-        sys.stdout.write(text)
-    elif not quiet:
-        _print(verified.document, folder)
-
-
-def _settings(
-    band: str | None,
-    windows: str | None,
-    coherence: float | None,
-    estimate: str,
-    instrument: str | None,
-    segment: Sequence[str] | None,
-    shift: Sequence[str] | None,
-    low_pass: str,
-    scale: float | None,
-    controller: Path | None,
-) -> VerifySettings:
-    from rotorid.pipeline.candidate import read_controllers
-    from rotorid.pipeline.settings import VerifySettings
-
-    return VerifySettings(
-        **measure_choices(
-            band=band,
-            windows=windows,
-            coherence=coherence,
-            estimate=estimate,
-            instrument=instrument,
-            segment=segment,
-            shift=shift,
-        ),
-        scale=scale,
-        vibration_filter=_low_pass(low_pass),
-        controllers=read_controllers(controller) if controller else {},
+    name = candidate.structure.name
+    carry_out(
+        logs,
+        mapping=map,
+        output=output,
+        folder=default_folder(logs[0], f"verify-{name}"),
+        file=FILE,
+        compute=lambda records: verify(candidate, records, settings=settings),
+        write=lambda folder, verified: _write(folder, verified, title=f"{name} on unseen flight"),
+        refused=lambda error, records: refused_verification(error, records, candidate, settings=settings),
+        show=_print,
     )
 
 
-def _low_pass(text: str) -> LowPass:
-    from rotorid.errors import UsageError
+def _write(folder: Path, verified: Verified, *, title: str) -> None:
+    from rotorid.io.files import write_atomically
+    from rotorid.report.files import to_json, write_together
+    from rotorid.report.verification import render_verification
 
-    if text in ("auto", "none"):
-        return None if text == "none" else "auto"
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"the low-pass {text!r} came", needed="a cutoff in rad/s, auto or none") from None
+    text = to_json(verified.document)
+    page = render_verification(verified, title=title)
+    write_together(
+        folder,
+        {
+            FILE: lambda path: write_atomically(path, text),
+            REPORT: lambda path: write_atomically(path, page),
+        },
+    )
 
 
 def _print(document: VerifyDocument, folder: Path) -> None:

@@ -6,19 +6,22 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 from types import MappingProxyType
-from typing import Any, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rotorid.data.display import dataclass_text
 from rotorid.errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Value = TypeVar("Value")
 
 
 def read_only(values: Any, dtype: type[Any], *, ndim: int) -> NDArray[Any]:
     """A private, read-only copy of ``values`` with the given type and number of dimensions."""
+    # Settings are values too, and the command line reads them for its help: it has no use for NumPy.
+    import numpy as np
+
     array = np.array(values, dtype=dtype, copy=True)
     if array.ndim != ndim:
         raise ValueError(f"an array of {ndim} dimension(s) was needed and one of shape {array.shape} came")

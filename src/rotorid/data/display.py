@@ -8,8 +8,6 @@ from collections.abc import Set as AbstractSet
 from dataclasses import fields
 from typing import Any
 
-import numpy as np
-
 MOST_LINES = 20
 """No value shows more of itself than this."""
 
@@ -54,6 +52,7 @@ def dataclass_text(value: Any) -> str:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from dataclasses import dataclass
     >>> @dataclass
     ... class Fit:
@@ -78,9 +77,12 @@ def brief(value: Any) -> str:
 
     Examples
     --------
+    >>> import numpy as np
     >>> brief(np.zeros((2, 900))), brief("roll"), brief({"a": 1.0}), brief(tuple(range(100)))
     ('<2 x 900 float64>', "'roll'", "{'a': 1.0}", '<100 int>')
     """
+    import numpy as np
+
     if isinstance(value, np.ndarray):
         few = value.size <= _FEW and value.ndim == 1
         return repr(value.tolist()) if few else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"

@@ -82,12 +82,12 @@ def fly_demo(path: Path, *, seed: int) -> None:
     write_log(path, flown, format="ulg")
 
 
-def identify_demo(record: FlightRecord, *, seed: int, command: tuple[str, ...]) -> Demonstration:
+def identify_demo(record: FlightRecord, *, seed: int) -> Demonstration:
     """Identify a rate model of each axis from the log of the demonstration."""
     results = []
     for model, band in BANDS_RAD_S.items():
         settings = IdentifySettings(band_rad_s=band, seed=seed)
-        results.append(identify([record], model, settings=settings, command=command))
+        results.append(identify([record], model, settings=settings))
     names = {name for result in results for name in result.document.parameters}
     truth = {name: one.value for name, one in truth_of(library_aircraft(VEHICLE)).items() if name in names}
     return Demonstration(identifications=tuple(results), truth=truth)

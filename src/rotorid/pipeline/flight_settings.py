@@ -343,7 +343,7 @@ class DesignChoices(Immutable):
         "Prior | None",
         Option(
             "--prior",
-            metavar="PATH",
+            metavar="<path>",
             help="result.json of an earlier flight, or its folder: what is expected.",
             parse=_read_prior,
         ),

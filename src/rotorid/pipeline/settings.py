@@ -523,7 +523,7 @@ class VerifySettings(MeasureSettings):
             "--controller",
             help="TOML file with the gains of each axis, to fly in closed loop.",
             parse=_read_controllers,
-            metavar="PATH",
+            metavar="<path>",
         ),
     ] = field(default_factory=dict)
 

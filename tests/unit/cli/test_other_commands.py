@@ -9,6 +9,7 @@ import pytest
 from tests.unit.cli.commands import rotorid
 
 from rotorid import __version__
+from rotorid.documents.inspection import inspect_document
 from rotorid.io.registry import read
 from rotorid.pipeline.inspection import inspect
 
@@ -35,7 +36,7 @@ def test_identify_takes_the_options_of_the_contract() -> None:
 def test_inspect_json_is_the_document_of_the_api(flight: Path) -> None:
     ran = rotorid("inspect", flight, "--json")
     assert (ran.code, ran.err) == (0, "")
-    assert json.loads(ran.out) == json.loads(inspect(read(flight)).model_dump_json(by_alias=True))
+    assert json.loads(ran.out) == json.loads(inspect_document(inspect(read(flight))).model_dump_json(by_alias=True))
 
 
 def test_inspect_shows_channels_excitations_and_what_they_support(flight: Path) -> None:

@@ -1,0 +1,117 @@
+"""The way of a command: read the logs, compute, write the files; or say why the data do not support it."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from operator import attrgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import typer
+
+from rotorid.cli.console import progress, say_refused, tell
+
+if TYPE_CHECKING:
+    from rotorid.cli.options import Output
+    from rotorid.data.record import FlightRecord
+    from rotorid.errors import InsufficientDataError
+
+Value = TypeVar("Value")
+
+
+def carry_out(
+    logs: Sequence[Path],
+    *,
+    output: Output,
+    folder: Path,
+    file: str,
+    compute: Callable[[Sequence[FlightRecord]], Any],
+    write: Callable[[Path, Any], None],
+    refused: Callable[[InsufficientDataError, Sequence[FlightRecord]], Any],
+    show: Callable[[Any, Path], None],
+    document: Callable[[Any], Any] = attrgetter("document"),
+    mapping: Path | None = None,
+) -> None:
+    """Read logs, compute a result of them, write its files, and print it as JSON or for a person.
+
+    Parameters
+    ----------
+    logs
+        Files to read.
+    output
+        What the user wants to be written and said.
+    folder
+        For the files, unless the user names another.
+    file
+        Name of the JSON file there.
+    compute
+        The verb: records in, result out.
+    write
+        Writes all files of a result into a folder.
+    refused
+        The document that says why there is no result.
+    show
+        Prints the document of a result for a person.
+    document
+        That of a result.
+    mapping
+        File that names the channels of other sources.
+
+    Raises
+    ------
+    typer.Exit
+        With code 1: the data cannot support a result.
+    """
+    from rotorid.errors import InsufficientDataError
+    from rotorid.report.files import to_json
+
+    folder = output.out or folder
+    records: list[FlightRecord] = []
+    try:
+        with progress(quiet=output.quiet):
+            for record in read_logs(logs, mapping):
+                records.append(record)  # noqa: PERF402 - a refusal tells of those that were read
+            result = with_command(compute(records))
+            tell("writing the report")
+            write(folder, result)
+    except InsufficientDataError as error:
+        why = with_command(refused(error, records))
+        if output.json:
+            sys.stdout.write(to_json(why))
+        say_refused(error, why.findings, folder / file, quiet=output.quiet)
+        raise typer.Exit(1) from None
+    if output.json:
+        sys.stdout.write(to_json(document(result)))
+    elif not output.quiet:
+        show(document(result), folder)
+
+
+def read_logs(logs: Iterable[Path], mapping: Path | None) -> Iterator[FlightRecord]:
+    """Records of the logs, one after the other."""
+    from rotorid.io.registry import read
+
+    for log in logs:
+        tell(f"reading {log.name}")
+        yield read(log, mapping=mapping)
+
+
+def with_command(result: Value) -> Value:
+    """A result, or its document, with the words of the command line in its provenance."""
+    if hasattr(result, "document"):
+        return _changed(result, document=with_command(result.document))
+    provenance = result.provenance  # type: ignore[attr-defined]
+    return _changed(result, provenance=_changed(provenance, command=command_line()))
+
+
+def command_line() -> list[str]:
+    """The words that were typed."""
+    return ["rotorid", *sys.argv[1:]]
+
+
+def _changed(value: Value, **fields: Any) -> Value:
+    """A copy of a value or a document with other fields."""
+    if dataclasses.is_dataclass(value):
+        return dataclasses.replace(value, **fields)  # type: ignore[return-value]
+    return value.model_copy(update=fields)  # type: ignore[attr-defined, no-any-return]
