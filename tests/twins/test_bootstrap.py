@@ -18,7 +18,7 @@ from rotorid.fitting.time.output_error import OutputErrorFit, TimeData, TimeProb
 from rotorid.models.library import rate_model, response_model
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import BoolArray, FloatArray
-from rotorid.uncertainty.bootstrap import bootstrap_outputs, bootstrap_records, bootstrap_responses
+from rotorid.uncertainty.bootstrapping import bootstrap, bootstrap_records
 from rotorid.uncertainty.colored import BlockNoise
 from rotorid.uncertainty.resampling import SpreadTable, resample_records
 
@@ -57,7 +57,7 @@ def rate_problem(seed: int) -> FrequencyProblem:
 def rate_table(seed: int, runs: int) -> SpreadTable:
     problem = rate_problem(seed)
     solution = fit(problem, starts=[np.array([50.0, -2.0, 0.04, 0.02])])
-    return bootstrap_responses(problem, solution, runs=runs, seed=seed)
+    return bootstrap(problem, solution, runs=runs, seed=seed)
 
 
 def yaw_fit(seed: int, *, samples: int = 500) -> OutputErrorFit:
@@ -110,7 +110,7 @@ def test_intervals_in_time_hold_the_truth_under_colored_noise(source: str) -> No
     def table(seed: int) -> SpreadTable:
         found = yaw_fit(seed)
         noise = BlockNoise.of(found.problem.parts(found.solution.theta)) if source == "blocks" else None
-        return bootstrap_outputs(found.problem, found.solution, runs=100, seed=seed, noise=noise)
+        return bootstrap(found.problem, found.solution, runs=100, seed=seed, noise=noise)
 
     share = covered((table(seed) for seed in range(flights)), truth)
     print(source, share)
@@ -146,13 +146,13 @@ def test_workers_in_other_processes_draw_the_same() -> None:
     solution = fit(problem, starts=[np.array([50.0, -2.0, 0.04, 0.02])])
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as executor:
         shared = (
-            bootstrap_responses(problem, solution, runs=300, seed=1, executor=executor),
-            bootstrap_outputs(found.problem, found.solution, runs=12, seed=1, executor=executor),
+            bootstrap(problem, solution, runs=300, seed=1, executor=executor),
+            bootstrap(found.problem, found.solution, runs=12, seed=1, executor=executor),
             bootstrap_records(cut.problem, cut.solution, runs=12, seed=1, executor=executor),
         )
     alone = (
-        bootstrap_responses(problem, solution, runs=300, seed=1),
-        bootstrap_outputs(found.problem, found.solution, runs=12, seed=1),
+        bootstrap(problem, solution, runs=300, seed=1),
+        bootstrap(found.problem, found.solution, runs=12, seed=1),
         bootstrap_records(cut.problem, cut.solution, runs=12, seed=1),
     )
     for one, other in zip(shared, alone, strict=True):

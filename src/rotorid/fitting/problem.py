@@ -22,7 +22,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import ModelError, UsageError
-from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.typing import BoolArray, FloatArray
 
@@ -376,6 +376,11 @@ class Problem(Immutable, ABC):
         residual, jacobian = self.residuals(theta)
         return [Part(residual[:, None], jacobian[:, None], np.zeros((residual.size, 1, 0)))]
 
+    def determined(self, solution: Solution) -> BoolArray:
+        """Which free parameters have an uncertainty at the end of a fit, shape ``(p,)``; all by default."""
+        del solution
+        return np.ones(len(self.parameters.free), dtype=np.bool_)
+
     def noiseless(self, theta: FloatArray) -> Self:
         """The same problem with data that are what the model at ``theta`` says they are.
 
@@ -391,3 +396,30 @@ class Problem(Immutable, ABC):
         """The same problem with errors added to its data: one array ``(n, y)`` for each part, in its units."""
         del errors
         raise UsageError(f"data drawn anew were asked for of {self.name}", needed="a problem that knows how to draw it")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit(Immutable):
+    """End of a fit.
+
+    Parameters
+    ----------
+    problem
+        What was fitted, with the noise as it was estimated.
+    solution
+        End of the last search.
+    """
+
+    problem: Problem
+    solution: Solution
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """The identified values."""
+        free = self.problem.parameters.free
+        return self.problem.parameters.unpack(self.solution.theta[: len(free)])
+
+    @property
+    def others(self) -> tuple[Minimum, ...]:
+        """Other minima that the search met, best first."""
+        return self.solution.others

@@ -64,16 +64,16 @@ def bootstrap(fitted: Fitted | TimeFitted, settings: IdentifySettings) -> Bootst
     if runs is None:
         return None
     if isinstance(fitted, Fitted):
-        from rotorid.uncertainty.bootstrap import bootstrap_responses
+        from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
 
-        table = bootstrap_responses(
+        table = drawn_anew(
             fitted.problem, fitted.final, runs=runs, seed=settings.seed, weights=fitted.weights, progress=_say
         )
         return _judged("responses", table, fitted.bounds)
     require_bootstrap(settings, fitted.method)
-    from rotorid.uncertainty.bootstrap import bootstrap_outputs
+    from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
 
-    table = bootstrap_outputs(fitted.problem, fitted.solution, runs=runs, seed=settings.seed, progress=_say)
+    table = drawn_anew(fitted.problem, fitted.solution, runs=runs, seed=settings.seed, progress=_say)
     return _judged("outputs", table, fitted.bounds)
 
 
@@ -99,6 +99,6 @@ def _say(done: int, runs: int) -> None:
 
 @np.errstate(divide="ignore", invalid="ignore")  # a parameter on its bound may not scatter at all
 def _judged(source: Source, table: SpreadTable, bounds: Bounds) -> Bootstrapped:
-    from rotorid.uncertainty.bootstrap import judge_spread
+    from rotorid.uncertainty.bootstrapping import judge_spread
 
     return Bootstrapped(source=source, table=table, findings=judge_spread(table, bounds.std))

@@ -104,7 +104,7 @@ def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
         covariance=colored.corrected,
         inflation=math.exp(0.5 * float(np.mean(ratio))),
     )
-    return bounds, colored.memory
+    return bounds, colored.ar_order
 
 
 def with_systematic_errors(

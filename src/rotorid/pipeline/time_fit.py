@@ -94,7 +94,7 @@ def time_bounds(parts: Sequence[Part], parameters: ParameterSet) -> tuple[Bounds
         covariance=corrected,
         inflation=math.exp(0.5 * float(np.mean(ratio))),
     )
-    return bounds, colored.memory
+    return bounds, colored.ar_order
 
 
 def equation_bounds(fit: EquationErrorFit) -> Bounds:

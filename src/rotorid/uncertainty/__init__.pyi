@@ -1,6 +1,5 @@
-from rotorid.uncertainty.bootstrap import bootstrap_outputs as bootstrap_outputs
-from rotorid.uncertainty.bootstrap import bootstrap_records as bootstrap_records
-from rotorid.uncertainty.bootstrap import bootstrap_responses as bootstrap_responses
+from rotorid.uncertainty.bootstrapping import bootstrap as bootstrap
+from rotorid.uncertainty.bootstrapping import bootstrap_records as bootstrap_records
 from rotorid.uncertainty.colored import ColoredCovariance as ColoredCovariance
 from rotorid.uncertainty.colored import colored_covariance as colored_covariance
 from rotorid.uncertainty.cramer_rao import Bounds as Bounds

@@ -1,6 +1,8 @@
-"""The covariance of parameters when the residuals are colored, as they are in every real flight.
+"""Colored residuals: covariance of parameters when errors have memory, as in every real flight, and draws of them.
 
-Noise at the outputs like that which a fit in time has left: what a bootstrap draws.
+The residuals of a fit in time are described by a vector autoregression. With it the textbook covariance, which holds
+for white errors and is several times too small in flight, is corrected; and from it, or from blocks of the residuals
+themselves, a bootstrap draws new errors.
 """
 
 from __future__ import annotations
@@ -31,13 +33,13 @@ class ColoredCovariance(NamedTuple):
         For the color of the residuals.
     white
         As it would be, were the residuals white: what textbooks print, and several times too small in flight.
-    memory
+    ar_order
         Order of the autoregression that describes the color.
     """
 
     corrected: FloatArray
     white: FloatArray
-    memory: int
+    ar_order: int
 
 
 def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
@@ -75,11 +77,11 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     Morelli and Klein, *Accuracy of Aerodynamic Model Parameters Estimated from Flight Test Data*, Journal of Guidance,
     Control, and Dynamics 20(1), 1997, for the sum.
     """
-    D, freedom = _inverse_information(parts)
+    D, residual_dof = _inverse_information(parts)
     process = residual_process(parts)
     middle = sum((_middle(part.slopes, process) for part in parts), start=np.zeros_like(D))
-    white = D * float(sum(np.sum(part.residual**2) for part in parts)) / freedom
-    return ColoredCovariance(corrected=D @ middle @ D, white=white, memory=len(process.coefficients))
+    white = D * float(sum(np.sum(part.residual**2) for part in parts)) / residual_dof
+    return ColoredCovariance(corrected=D @ middle @ D, white=white, ar_order=len(process.coefficients))
 
 
 def residual_process(parts: Sequence[Part]) -> Process:
@@ -111,10 +113,10 @@ def _inverse_information(parts: Sequence[Part]) -> tuple[FloatArray, int]:
     parameters = parts[0].slopes.shape[2]
     flat = np.concatenate([part.slopes.reshape(-1, parameters) for part in parts])
     size = np.linalg.norm(flat, axis=0)
-    freedom = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
-    if not (size > 0.0).all() or freedom <= 0:
+    residual_dof = flat.shape[0] - sum(part.unknown.shape[2] for part in parts) - parameters
+    if not (size > 0.0).all() or residual_dof <= 0:
         raise InsufficientDataError("a parameter has no effect on the records", remedy="fix it or drop it")
-    return np.linalg.inv((flat / size).T @ (flat / size)) / np.outer(size, size), freedom
+    return np.linalg.inv((flat / size).T @ (flat / size)) / np.outer(size, size), residual_dof
 
 
 def colored_apart(parts: Sequence[Part]) -> ColoredCovariance:
@@ -128,15 +130,15 @@ def colored_apart(parts: Sequence[Part]) -> ColoredCovariance:
     InsufficientDataError
         The data do not determine all parameters.
     """
-    D, freedom = _inverse_information(parts)
+    D, residual_dof = _inverse_information(parts)
     processes = [_alone(part.residual) for part in parts]
     middle = sum(
         (_middle(part.slopes, process) for part, process in zip(parts, processes, strict=True)),
         start=np.zeros_like(D),
     )
-    white = D * float(sum(np.sum(part.residual**2) for part in parts)) / freedom
-    memory = max(len(process.coefficients) for process in processes)
-    return ColoredCovariance(corrected=D @ middle @ D, white=white, memory=memory)
+    white = D * float(sum(np.sum(part.residual**2) for part in parts)) / residual_dof
+    ar_order = max(len(process.coefficients) for process in processes)
+    return ColoredCovariance(corrected=D @ middle @ D, white=white, ar_order=ar_order)
 
 
 def _alone(residual: FloatArray) -> Process:
@@ -356,6 +358,28 @@ class ColoredNoise:
         polynomial = np.concatenate([np.eye(len(self.process.noise))[None], -self.process.coefficients])
         root = np.linalg.cholesky(self.process.noise)
         return np.asarray(np.linalg.solve(rfft(polynomial, n=length, axis=0), root.astype(np.complex128)))
+
+
+@dataclass(frozen=True, eq=False)
+class ColoredApart:
+    """Draws of a process of its own for each part: equations of different kind, fitted together.
+
+    Parameters
+    ----------
+    sources
+        One for each part.
+    """
+
+    sources: tuple[ColoredNoise, ...]
+
+    @classmethod
+    def of(cls, parts: Sequence[Part]) -> ColoredApart:
+        """The processes of what a fit has left; what it took from the residuals is not given back."""
+        return cls(tuple(ColoredNoise(_alone(part.residual), (len(part.residual),)) for part in parts))
+
+    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, ...]:
+        """One draw of all parts, shape ``(n, 1)`` each."""
+        return tuple(drawn for source in self.sources for drawn in source.draw(rng))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,22 +13,28 @@ The standard deviation carries the measured errors of the response through the f
 with the full covariance between frequencies and outputs: neighboring points share data, and one gust moves several
 outputs. For weights made of that covariance the same holds with whitened residuals. Where the residuals are larger than
 these errors explain, because the structure does not fit, the covariance is scaled up to them.
+
+Records in time state no errors. There Fisher's matrix :math:`F = \sum_i S_i^T S_i` of whitened residuals takes the
+place of half the curvature, and the covariance is corrected for the color that the residuals show
+(:mod:`rotorid.uncertainty.colored`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.findings import refusal
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import Solution
-from rotorid.fitting.problem import ResidualErrors
+from rotorid.fitting.problem import Part, Problem, ResidualErrors
 from rotorid.typing import FloatArray
+from rotorid.uncertainty.colored import colored_apart, colored_covariance
 
 CRAMER_RAO_GUIDELINE_PERCENT = 20.0
 INSENSITIVITY_GUIDELINE_PERCENT = 10.0
@@ -53,7 +59,10 @@ class Bounds(Immutable):
     covariance
         Honest covariance, shape ``(p, p)``.
     inflation
-        Factor on the standard deviations because the residuals were larger than the errors of the data; at least one.
+        Factor on the standard deviations: because the residuals were larger than the errors that the data state, at
+        least one; or, where they state none, because the residuals are colored, in the geometric mean.
+    ar_order
+        Order of the autoregression that describes this color; zero where none does, or none was asked.
     """
 
     names: tuple[str, ...]
@@ -61,6 +70,7 @@ class Bounds(Immutable):
     insensitivity: FloatArray
     covariance: FloatArray
     inflation: float
+    ar_order: int = 0
 
     def __post_init__(self) -> None:
         self._set(
@@ -80,11 +90,12 @@ class Bounds(Immutable):
         return np.asarray(self.covariance / np.outer(self.std, self.std))
 
 
-def bounds(problem: FrequencyProblem, solution: Solution, *, weights: Weights = "cifer") -> Bounds:
+def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer") -> Bounds:
     """Uncertainty of a solution.
 
-    Assumes that the structure holds and that the errors of the response are those it states. A direct estimate in
-    closed loop is biased, and no bound here shows that.
+    Assumes that the structure holds. Where the data state their errors, as responses do, these are believed; a direct
+    estimate in closed loop is biased, and no bound here shows that. Otherwise the residuals tell, see
+    :func:`bounds_of_parts`.
 
     A direction in which the cost is flat has no bound at all. It is given one by the rounding of the Jacobian, some
     :math:`10^8` of what its parameters would have alone, so that it shows as what it is.
@@ -92,23 +103,32 @@ def bounds(problem: FrequencyProblem, solution: Solution, *, weights: Weights = 
     Parameters
     ----------
     problem
-        What was fitted.
+        What was fitted; in time with the covariance of the output errors that the fit ended with.
     solution
         Its solution.
     weights
-        ``cifer`` for a solution of :func:`rotorid.fitting.frequency.fit.fit`, ``covariance`` for one of
+        Of responses: ``cifer`` for a solution of :func:`rotorid.fitting.frequency.fit.fit`, ``covariance`` for one of
         :func:`rotorid.fitting.frequency.fit.refine`.
 
     Raises
     ------
     InsufficientDataError
-        A parameter has no effect on the cost at all.
+        A parameter has no effect on the cost at all, or several cannot be told apart at all.
     """
+    errors = problem.stated_errors(solution.theta, weights=weights)
+    if errors is None:
+        known = problem.determined(solution)
+        names = tuple(name for name, kept in zip(problem.parameters.free, known, strict=True) if kept)
+        parts = problem.parts(solution.theta)
+        # Numbers beyond the parameters are those of a noise: on a bound it has no effect any more.
+        beyond = ~np.array(solution.at_bound, dtype=np.bool_)[known.size : parts[0].slopes.shape[2]]
+        columns = np.concatenate([known, beyond])
+        parts = [part._replace(slopes=part.slopes[:, :, columns]) for part in parts]
+        return bounds_of_parts(parts, names, alike=problem.alike)
     if weights == "cifer":
-        errors, residual, jacobian = problem.errors, solution.residual, solution.jacobian
+        residual, jacobian = solution.residual, solution.jacobian
         of_cost = jacobian
     else:
-        errors = problem.errors_about(solution.theta)
         residual, of_cost = problem.residuals(solution.theta)
         residual, jacobian = errors.whitened(residual), errors.whitened(of_cost)
     length, _, inverse_root = _inverse_root(problem, of_cost)
@@ -129,6 +149,62 @@ def bounds(problem: FrequencyProblem, solution: Solution, *, weights: Weights = 
         insensitivity=1.0 / (np.sqrt(2.0) * length),
         covariance=spread.covariance * inflation**2,
         inflation=inflation,
+    )
+
+
+def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: bool = True) -> Bounds:
+    r"""Uncertainty from what a fit has left, where the data state no errors.
+
+    Cramér–Rao and insensitivity are CIFER's, :math:`2 \sqrt{(F^{-1})_{ii}}` and :math:`1 / \sqrt{F_{ii}}`, so that the
+    same guidelines apply. The covariance is corrected for the color of the residuals; ``inflation`` is how much larger
+    than for white ones the standard deviations are, in the geometric mean.
+
+    Parameters
+    ----------
+    parts
+        Whitened residuals of each record at the solution. Columns of the slopes beyond the names are those of a noise
+        model, which is estimated with them.
+    names
+        Parameters.
+    alike
+        Whether the errors of all parts are draws of one process.
+
+    Raises
+    ------
+    InsufficientDataError
+        A parameter has no effect, or several cannot be told apart at all.
+    """
+    count = len(names)
+    slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
+    fisher = slopes.T @ slopes
+    silent = [name for name, size in zip(names, fisher.diagonal()[:count], strict=True) if size == 0.0]
+    if silent:
+        raise _not_determined(silent)
+    try:
+        colored = colored_covariance(parts) if alike else colored_apart(parts)
+    except np.linalg.LinAlgError as error:
+        raise _not_determined(names) from error
+    length = np.sqrt(fisher.diagonal())
+    inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / fisher.diagonal()
+    corrected, white = colored.corrected[:count, :count], colored.white[:count, :count]
+    ratio = np.log(corrected.diagonal() / white.diagonal())
+    return Bounds(
+        names=names,
+        cramer_rao=2.0 * np.sqrt(inverse[:count]),
+        insensitivity=1.0 / length[:count],
+        covariance=corrected,
+        inflation=math.exp(0.5 * float(np.mean(ratio))),
+        ar_order=colored.ar_order,
+    )
+
+
+def _not_determined(names: Sequence[str]) -> InsufficientDataError:
+    message = f"The records do not determine {', '.join(names)}."
+    return InsufficientDataError(
+        message,
+        needed="parameters that the data can see",
+        remedy="fix some with --fix NAME=VALUE, or take a smaller model",
+        findings=[refusal("not_identifiable", name, message) for name in names],
     )
 
 
@@ -169,7 +245,7 @@ class _Spread(NamedTuple):
         return cls(back.T @ errors.covariance @ back, shared, errors.whitened_trace, errors.whitened_trace)
 
 
-def _inverse_root(problem: FrequencyProblem, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _inverse_root(problem: Problem, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     r"""Column lengths, left singular vectors and a root :math:`R` of :math:`(J^T J)^{-1} = R R^T`.
 
     Columns of unit length make parameters of any unit comparable; :math:`J = U S V^T` then gives every inverse.

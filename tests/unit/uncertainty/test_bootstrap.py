@@ -18,7 +18,7 @@ from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.bootstrap import bootstrap_responses, judge_spread
+from rotorid.uncertainty.bootstrapping import bootstrap, judge_spread
 from rotorid.uncertainty.cramer_rao import bounds
 from rotorid.uncertainty.resampling import SpreadTable, generator, resample, resample_records
 
@@ -63,7 +63,7 @@ def test_small_errors_give_the_stated_bounds(weights: Literal["cifer", "covarian
     """Errors so small that the model is straight over them: only the number of runs makes a difference."""
     problem = posed(response(level=0.005))
     solution = solved(problem) if weights == "cifer" else refine(problem, solved(problem))
-    table = bootstrap_responses(problem, solution, runs=RUNS, seed=3, weights=weights)
+    table = bootstrap(problem, solution, runs=RUNS, seed=3, weights=weights)
     stated = bounds(problem, solution, weights=weights)
     # Four deviations of a standard deviation, and of a mean, from so many normal runs.
     np.testing.assert_allclose(table.std, stated.std, rtol=4.0 / np.sqrt(2.0 * RUNS))
@@ -78,7 +78,7 @@ def test_small_errors_give_the_stated_bounds(weights: Literal["cifer", "covarian
 def test_a_run_is_the_fit_to_the_model_with_that_error() -> None:
     problem = posed(response(level=0.1))
     solution = solved(problem)
-    table = bootstrap_responses(problem, solution, runs=5, seed=8)
+    table = bootstrap(problem, solution, runs=5, seed=8)
     limits = bounds(problem, solution)
     stated, root = limits.std, limits.inflation * np.linalg.cholesky(problem.errors.covariance)
     model = STRUCTURE.response(problem.parameters.unpack(solution.theta).values, OMEGA)
@@ -95,13 +95,13 @@ def test_the_seed_decides_and_not_the_workers() -> None:
     problem = posed(response())
     solution = solved(problem)
     told: list[tuple[int, int]] = []
-    alone = bootstrap_responses(problem, solution, runs=300, seed=1, progress=lambda done, of: told.append((done, of)))
+    alone = bootstrap(problem, solution, runs=300, seed=1, progress=lambda done, of: told.append((done, of)))
     with ThreadPoolExecutor(2) as executor:
-        shared = bootstrap_responses(problem, solution, runs=300, seed=1, executor=executor)
+        shared = bootstrap(problem, solution, runs=300, seed=1, executor=executor)
     np.testing.assert_array_equal(alone.draws, shared.draws)
-    longer = bootstrap_responses(problem, solution, runs=375, seed=1)
+    longer = bootstrap(problem, solution, runs=375, seed=1)
     np.testing.assert_array_equal(longer.draws[:250], alone.draws[:250])
-    assert not np.array_equal(bootstrap_responses(problem, solution, runs=300, seed=2).draws, alone.draws)
+    assert not np.array_equal(bootstrap(problem, solution, runs=300, seed=2).draws, alone.draws)
     assert [of for _, of in told] == [300] * len(told)
     assert told[-1] == (300, 300)
     assert len(told) > 1
@@ -115,7 +115,7 @@ def test_a_bound_holds_in_every_run_and_the_disagreement_is_said() -> None:
     )
     problem = posed(replace(response(), values=STRUCTURE.response(TRUTH, OMEGA)), limited)
     solution = solved(problem)
-    table = bootstrap_responses(problem, solution, runs=RUNS, seed=0)
+    table = bootstrap(problem, solution, runs=RUNS, seed=0)
     place = table.names.index("T_motor")
     lag = table.draws[:, place]
     assert lag.min() == TRUTH["T_motor"]

@@ -10,12 +10,16 @@ import pytest
 from scipy.signal import lfilter
 
 from rotorid.errors import UsageError
+from rotorid.fitting.motors.fit import MotorProblem, fit_motors
+from rotorid.fitting.problem import Problem
 from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import OutputErrorFit, TimeData, TimeProblem, fit_output_error
+from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
 from rotorid.models.library import nonlinear_model, response_model
+from rotorid.models.motors import motor_parameters
 from rotorid.simulation.linear import simulate_linear
 from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
-from rotorid.uncertainty.bootstrap import bootstrap_outputs, bootstrap_records
+from rotorid.uncertainty.bootstrapping import bootstrap, bootstrap_records
 from rotorid.uncertainty.colored import (
     BlockNoise,
     ColoredNoise,
@@ -24,6 +28,8 @@ from rotorid.uncertainty.colored import (
     block_length,
     colored_covariance,
 )
+from rotorid.uncertainty.cramer_rao import bounds
+from rotorid.vehicles.motor_flight import TRUTH, Air, flights, levers
 
 STRUCTURE = response_model("response.first_order", [("r_setpoint", "r")])
 RATE_HZ = 25.0
@@ -48,7 +54,7 @@ def flown(records: int, samples: int, *, noise: float, memory: float = 0.0, seed
 @pytest.mark.parametrize("memory", [0.0, 0.7])
 def test_small_noise_gives_the_stated_errors(memory: float) -> None:
     fit, runs = flown(1, 1000, noise=0.02, memory=memory), 200
-    table = bootstrap_outputs(fit.problem, fit.solution, runs=runs, seed=1)
+    table = bootstrap(fit.problem, fit.solution, runs=runs, seed=1)
     stated = np.sqrt(colored_covariance(fit.problem.parts(fit.solution.theta)).corrected.diagonal())
     # Four deviations of a standard deviation of so many runs; a fit of four numbers takes four of a thousand residuals.
     np.testing.assert_allclose(table.std, stated, rtol=4.0 / np.sqrt(2.0 * runs) + 0.01)
@@ -59,7 +65,7 @@ def test_small_noise_gives_the_stated_errors(memory: float) -> None:
 def test_a_run_is_the_fit_to_the_prediction_with_that_noise() -> None:
     fit = flown(2, 300, noise=0.1)
     noise = ColoredNoise.of(fit.problem.parts(fit.solution.theta))
-    table = bootstrap_outputs(fit.problem, fit.solution, runs=3, seed=6, noise=noise)
+    table = bootstrap(fit.problem, fit.solution, runs=3, seed=6, noise=noise)
     for run, theta in enumerate(table.draws):
         rng = np.random.default_rng(np.random.SeedSequence(6).spawn(3)[run])
         records = [
@@ -74,7 +80,7 @@ def test_a_run_is_the_fit_to_the_prediction_with_that_noise() -> None:
 def test_the_seed_decides_and_not_the_workers() -> None:
     fit = flown(5, 100, noise=0.1)
     with ThreadPoolExecutor(2) as executor:
-        for verb in (bootstrap_outputs, bootstrap_records):
+        for verb in (bootstrap, bootstrap_records):
             alone = verb(fit.problem, fit.solution, runs=20, seed=1)
             shared = verb(fit.problem, fit.solution, runs=20, seed=1, executor=executor)
             np.testing.assert_array_equal(alone.draws, shared.draws)
@@ -123,12 +129,12 @@ def test_blocks_are_long_where_residuals_remember() -> None:
 def test_blocks_carry_the_color() -> None:
     fit, runs = flown(1, 1500, noise=0.05, memory=0.7), 100
     parts = fit.problem.parts(fit.solution.theta)
-    table = bootstrap_outputs(fit.problem, fit.solution, runs=runs, seed=2, noise=BlockNoise.of(parts))
+    table = bootstrap(fit.problem, fit.solution, runs=runs, seed=2, noise=BlockNoise.of(parts))
     colored = colored_covariance(parts)
     stated, white = (np.sqrt(one.diagonal()) for one in (colored.corrected, colored.white))
     # Beside chance, blocks lose what spans their ends: a part of about memory over length, here a tenth.
     np.testing.assert_allclose(table.std, stated, rtol=4.0 / np.sqrt(2.0 * runs) + 0.1)
-    single = bootstrap_outputs(fit.problem, fit.solution, runs=runs, seed=2, noise=BlockNoise.of(parts, length=1))
+    single = bootstrap(fit.problem, fit.solution, runs=runs, seed=2, noise=BlockNoise.of(parts, length=1))
     np.testing.assert_allclose(single.std, white, rtol=4.0 / np.sqrt(2.0 * runs))
 
 
@@ -167,7 +173,46 @@ def test_parameters_of_a_nonlinear_model_have_a_spread_too() -> None:
     record = TimeData(name="twin", inputs=u, outputs=noisy, sample_rate_hz=20.0)
     fit = fit_nonlinear(NonlinearProblem(structure=model, parameters=truth, records=(record,), scheme=scheme))
     runs = 60
-    table = bootstrap_outputs(fit.problem, fit.solution, runs=runs, seed=0)
+    table = bootstrap(fit.problem, fit.solution, runs=runs, seed=0)
     assert table.names == truth.free
     stated = np.sqrt(fit.covariance.diagonal())[: len(truth.free)]
     np.testing.assert_allclose(table.std, stated, rtol=4.0 / np.sqrt(2.0 * runs))
+
+
+def test_motors_scatter_as_their_bounds_say() -> None:
+    """Equations with regressors as flown, and errors drawn anew by the color that each has."""
+    record = flights(1, seed=7, duration_s=8.0, air=Air(gyro=1e-4, gust=0.01, accelerometer=0.01))[0]
+    parameters = motor_parameters(known={"m": TRUTH["m"]})
+    fit = fit_motors(MotorProblem(records=(record,), levers=levers(), parameters=parameters))
+    stated = bounds(fit.problem, fit.solution)
+    assert stated.names == fit.moving
+    table = bootstrap(fit.problem, fit.solution, runs=100, seed=3)
+    assert table.names == fit.problem.parameters.free
+    rows = [table.names.index(name) for name in stated.names]
+    np.testing.assert_allclose(table.std[rows], stated.std, rtol=0.25)
+    assert np.all(np.abs(table.bias[rows]) <= 0.5 * stated.std)
+
+
+def test_a_problem_that_cannot_be_drawn_anew_says_so() -> None:
+    fit = flown(1, 300, noise=0.1)
+    problem = InnovationsProblem(structure=STRUCTURE, parameters=fit.parameters, records=fit.problem.records)
+    with pytest.raises(UsageError, match=f"drawn anew were asked for of {STRUCTURE.name}"):
+        bootstrap(problem, fit_prediction_error(problem).solution, runs=2, seed=0)
+
+
+@pytest.mark.parametrize("method", ["output_error", "prediction_error"])
+def test_bounds_of_any_problem_are_those_of_its_residuals(method: str) -> None:
+    fit = flown(1, 500, noise=0.05, memory=0.5)
+    problem: Problem = fit.problem
+    solution = fit.solution
+    if method == "prediction_error":
+        problem = InnovationsProblem(structure=STRUCTURE, parameters=fit.parameters, records=fit.problem.records)
+        solution = fit_prediction_error(problem).solution
+    stated = bounds(problem, solution)
+    assert stated.names == STRUCTURE.parameters.free
+    # A noise on its bound has no effect any more, and none on what is known of the model.
+    inside = ~np.array(solution.at_bound)
+    parts = [part._replace(slopes=part.slopes[:, :, inside]) for part in problem.parts(solution.theta)]
+    colored, count = colored_covariance(parts), len(stated.names)
+    np.testing.assert_array_equal(stated.covariance, colored.corrected[:count, :count])
+    assert stated.ar_order == colored.ar_order

@@ -39,16 +39,16 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import read_only
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.problem import Part, Problem
+from rotorid.fitting.problem import Fit, Part, Problem
 from rotorid.models.motors import RATES
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import BoolArray, FloatArray
@@ -208,6 +208,8 @@ class MotorProblem(Problem):
     filters
         For each record, axis to filter; an axis without one does not count there. By default all count, and their
         errors are taken as they are.
+    left
+        Of every equation what counts as its whitened error at the truth, for data drawn anew; by default nothing.
 
     Raises
     ------
@@ -222,6 +224,7 @@ class MotorProblem(Problem):
     levers: FloatArray
     axes: tuple[str, ...] = ("az", "weight", "p", "q", "r")
     filters: tuple[Mapping[str, Filter], ...] = ()
+    left: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
         levers = read_only(self.levers, np.float64, ndim=2)
@@ -258,13 +261,41 @@ class MotorProblem(Problem):
             found.append(Part(error[:, None], slopes.T[:, None], unknown))
         return found
 
+    def determined(self, solution: Solution) -> BoolArray:
+        """Which free parameters have an uncertainty, shape ``(p,)``: those that did not end on a bound.
+
+        A lag far shorter than the samples is not told from a delay, and has none.
+        """
+        fastest_hz = max(record.sample_rate_hz for record in self.records)
+        values = zip(self.parameters.free, solution.theta, strict=True)
+        short = [name == "T_motor" and value * fastest_hz < _SHORT for name, value in values]
+        return ~(np.array(solution.at_bound, dtype=np.bool_) | np.array(short, dtype=np.bool_))
+
+    def noiseless(self, theta: FloatArray) -> Self:
+        """The same problem without what it has left at ``theta``.
+
+        Motors and measured rates on the right-hand side stay as flown. Under feedback the motors would have answered to
+        other errors; as they depend on the past alone, the scatter of the values is the same to first order.
+        """
+        plain = replace(self, left=())
+        return replace(self, left=tuple(error for _, _, error, _ in plain.whitened(theta)))
+
+    def disturbed(self, errors: Sequence[FloatArray]) -> Self:
+        """The same problem with other errors of every equation, ``(n, 1)`` each, whitened as it whitens them."""
+        left = tuple(known - error[:, 0] for known, error in zip(self.left, errors, strict=True))
+        return replace(self, left=left)
+
     def whitened(self, theta: FloatArray) -> Iterator[tuple[int, str, FloatArray, FloatArray]]:
         """Of every equation that counts: place of its record, axis, whitened error, and slopes ``(p, n)``."""
         parameters = self.parameters.unpack(theta)
         values, directions = parameters.values, parameters.directions
+        left = iter(self.left)
         for place, (record, filters) in enumerate(zip(self.records, self.filters, strict=True)):
             for axis in self._axes(record, values, filters):
-                yield place, axis.name, *_whitened_axis(axis, directions, filters[axis.name])
+                error, slopes = _whitened_axis(axis, directions, filters[axis.name])
+                if self.left:
+                    error = _centered(error - next(left), axis.name)
+                yield place, axis.name, error, slopes
 
     def equations(self, theta: FloatArray) -> list[list[Axis]]:
         """For every record its equations at some parameters."""
@@ -577,7 +608,7 @@ _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotorFit(Immutable):
+class MotorFit(Fit):
     """End of a fit of the motor chain.
 
     Parameters
@@ -596,38 +627,20 @@ class MotorFit(Immutable):
     """
 
     problem: MotorProblem
-    solution: Solution
     excitations: tuple[Mapping[str, Excitation], ...]
     rounds: int
     settled: bool
 
     @property
-    def parameters(self) -> ParameterSet:
-        """The identified values."""
-        return self.problem.parameters.unpack(self.solution.theta)
-
-    @property
     def moving(self) -> tuple[str, ...]:
-        """Free parameters that did not end on a bound, and have an uncertainty.
-
-        A lag far shorter than the samples is not told from a delay, and has none.
-        """
-        free = self.problem.parameters.free
-        return tuple(name for name, kept in zip(free, self._kept, strict=True) if kept)
-
-    @property
-    def _kept(self) -> BoolArray:
-        fastest_hz = max(record.sample_rate_hz for record in self.problem.records)
-        names = self.problem.parameters.free
-        short = [
-            name == "T_motor" and value * fastest_hz < _SHORT
-            for name, value in zip(names, self.solution.theta, strict=True)
-        ]
-        return ~(np.array(self.solution.at_bound, dtype=np.bool_) | np.array(short, dtype=np.bool_))
+        """Free parameters that have an uncertainty, see :meth:`MotorProblem.determined`."""
+        kept = self.problem.determined(self.solution)
+        return tuple(name for name, known in zip(self.problem.parameters.free, kept, strict=True) if known)
 
     def parts(self) -> list[Part]:
         """Whitened errors of each equation, with derivatives by what is :attr:`moving`."""
-        return [part._replace(slopes=part.slopes[..., self._kept]) for part in self.problem.parts(self.solution.theta)]
+        kept = self.problem.determined(self.solution)
+        return [part._replace(slopes=part.slopes[..., kept]) for part in self.problem.parts(self.solution.theta)]
 
 
 def excited_axes(found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:

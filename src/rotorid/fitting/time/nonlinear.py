@@ -12,10 +12,9 @@ from typing import ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from rotorid.data.base import Immutable
 from rotorid.errors import ModelError, UsageError
-from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.problem import Part, StartBox, search_box
+from rotorid.fitting.least_squares import LevenbergMarquardt
+from rotorid.fitting.problem import Fit, Part, StartBox, search_box
 from rotorid.fitting.time.output_error import Fitted, OutputErrorProblem, TimeData
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
@@ -263,7 +262,7 @@ _RELATIVE_FLOOR = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NonlinearFit(Immutable):
+class NonlinearFit(Fit):
     """A fitted nonlinear model.
 
     Parameters
@@ -281,7 +280,6 @@ class NonlinearFit(Immutable):
     """
 
     problem: NonlinearProblem
-    solution: Solution
     estimate: Estimate
     rounds: int
     settled: bool

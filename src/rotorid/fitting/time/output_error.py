@@ -22,9 +22,8 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import TimeHistory
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Solution, best_of
-from rotorid.fitting.problem import Part, Problem
+from rotorid.fitting.problem import Fit, Part, Problem
 from rotorid.models.nonlinear import NonlinearStructure
-from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.simulation.linear import Hold
 from rotorid.simulation.sensitivity import Motion, Slopes, Stepped, stepped
@@ -511,7 +510,7 @@ _LEAST_NOISE = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OutputErrorFit(Immutable):
+class OutputErrorFit(Fit):
     r"""End of an output-error fit.
 
     Parameters
@@ -525,23 +524,12 @@ class OutputErrorFit(Immutable):
     """
 
     problem: TimeProblem
-    solution: Solution
     log_likelihood: float
-
-    @property
-    def parameters(self) -> ParameterSet:
-        """The identified values."""
-        return self.problem.parameters.unpack(self.solution.theta)
 
     @property
     def noise(self) -> FloatArray:
         """Covariance of the output errors, shape ``(y, y)``."""
         return self.problem.noise
-
-    @property
-    def others(self) -> tuple[Minimum, ...]:
-        """Other minima that the search met, best first."""
-        return self.solution.others
 
 
 def fit_output_error(

@@ -24,10 +24,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import read_only
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Outcome, Solution, best_of
-from rotorid.fitting.problem import Part
+from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Solution, best_of
+from rotorid.fitting.problem import Fit, Part
 from rotorid.fitting.time.noise_model import (
     NoiseLevels,
     NoiseModel,
@@ -37,7 +37,6 @@ from rotorid.fitting.time.noise_model import (
     steady_predictor,
 )
 from rotorid.fitting.time.output_error import InitialCondition, RecordsProblem, TimeData
-from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.simulation.linear import Hold
@@ -569,7 +568,7 @@ class NoiseFound(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PredictionErrorFit(Immutable):
+class PredictionErrorFit(Fit):
     r"""End of a prediction-error fit.
 
     Parameters
@@ -596,7 +595,6 @@ class PredictionErrorFit(Immutable):
     """
 
     problem: InnovationsProblem
-    solution: Solution
     gain: FloatArray
     noise_covariance: FloatArray
     predictor_poles: ComplexArray
@@ -613,11 +611,6 @@ class PredictionErrorFit(Immutable):
             information=read_only(self.information, np.float64, ndim=2),
             whiteness=self.whiteness,
         )
-
-    @property
-    def parameters(self) -> ParameterSet:
-        """The identified values of the model."""
-        return self.problem.parameters.unpack(self.problem.split(self.solution.theta)[0])
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -640,11 +633,6 @@ class PredictionErrorFit(Immutable):
     def std(self) -> Mapping[str, float]:
         """One standard deviation of each free parameter, in its unit."""
         return dict(zip(self.problem.parameters.free, np.sqrt(self.covariance.diagonal()).tolist(), strict=True))
-
-    @property
-    def others(self) -> tuple[Minimum, ...]:
-        """Other minima that the search met, best first."""
-        return self.solution.others
 
 
 def answer(problem: InnovationsProblem, solution: Solution) -> PredictionErrorFit:

@@ -1,19 +1,16 @@
-r"""Bootstrap of fits to frequency responses: errors drawn anew, and all runs fitted at once.
+r"""Bootstrap: the spread of a fit over data that are drawn anew, and remarks where it contradicts the stated errors.
 
 A new flight of the identified vehicle would show :math:`\log T_b = \log \hat T + e_b`. With logarithmic residuals the
 refit to it is the same problem beside an offset,
 
 .. math:: r_b(\theta) = r(\theta) - r(\hat\theta) - S e_b
 
-so that no response is estimated again, and all runs take their steps together.
+so that no response is estimated again, and all runs take their steps together. Records in time are what the model
+predicts with new noise, or other records of the same flights.
 
-Bootstrap of fits to time histories: new noise at the outputs, or other records, and a refit.
-
-Over what noise does to it a model is nearly straight. A refit to noise therefore begins where Gauss and Newton's step
-from the solution ends, :math:`\hat\theta - (J^T J)^{-1} J^T r_b`, whose matrix all runs share, and is mostly at rest
-after one or two simulations.
-
-Remarks where a bootstrap and the stated errors do not agree.
+Over what noise does to it a model is nearly straight. A refit therefore begins where Gauss and Newton's step from the
+solution ends, :math:`\hat\theta - (J^T J)^{-1} J^T r_b`, whose matrix all runs share, and is mostly at rest after one
+or two evaluations.
 """
 
 from __future__ import annotations
@@ -21,19 +18,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import TypedDict
 
 import numpy as np
 
 from rotorid.data.findings import Finding, warn
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import Minima, minimize_many
-from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Residuals, Solution
-from rotorid.fitting.time.nonlinear import NonlinearProblem
-from rotorid.fitting.time.output_error import TimeData, TimeProblem
+from rotorid.fitting.problem import Problem
+from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.typing import FloatArray, IntArray
-from rotorid.uncertainty.colored import ColoredNoise, OutputNoise
+from rotorid.uncertainty.colored import ColoredApart, ColoredNoise, OutputNoise
 from rotorid.uncertainty.cramer_rao import Weights, bounds
 from rotorid.uncertainty.resampling import (
     LeftOut,
@@ -53,30 +49,37 @@ _JITTER = 1e-10
 _FLAT = 1e-8
 
 
-def bootstrap_responses(
-    problem: FrequencyProblem,
+def bootstrap(
+    problem: Problem,
     solution: Solution,
     *,
     runs: int,
     seed: int,
     weights: Weights = "cifer",
+    noise: OutputNoise | None = None,
     executor: Executor | None = None,
     progress: RunProgress | None = None,
 ) -> SpreadTable:
-    """Spread of a fit over the errors that its responses state.
+    """Spread of a fit over errors of its data that are drawn anew.
 
-    It believes the same errors as :func:`rotorid.uncertainty.cramer_rao.bounds`, inflated as there where the structure
-    does not fit, and differs in what it does with them: no straight line is put in the place of the model, bounds of
-    parameters hold, a run may end in another minimum, and intervals may lie unevenly about the value. What those errors
-    leave out, the bias by feedback above all, it leaves out too; records drawn anew show that
-    (:func:`rotorid.uncertainty.resampling.resample_records`).
+    Errors that the data state, as responses do, are drawn as :func:`rotorid.uncertainty.cramer_rao.bounds` believes
+    them, inflated as there where the structure does not fit. What they leave out, the bias by feedback above all, is
+    left out here too; records drawn anew show that (:func:`bootstrap_records`,
+    :func:`rotorid.uncertainty.resampling.resample_records`).
+
+    Where the data state none, new data are what the model predicts with errors like those that the fit has left,
+    colored as they are. The weights stay those of the problem. Inputs stay as they were flown: under feedback the noise
+    would have moved them, which no draw here shows.
+
+    Against the stated bounds no straight line is put in the place of the model, bounds of parameters hold, a run may
+    end in another minimum, and intervals may lie unevenly about the value.
 
     Parameters
     ----------
     problem
-        What was fitted.
+        What was fitted; in time with the covariance of the output errors that the fit ended with.
     solution
-        Its solution; all runs start there.
+        Its solution; all runs start there. Of a vector with initial states only the parameters are in the table.
     runs
         How many; two hundred give a standard deviation, a thousand the ends of an interval.
     seed
@@ -84,20 +87,37 @@ def bootstrap_responses(
     weights
         Those with which the solution was found, as in :func:`rotorid.uncertainty.cramer_rao.bounds`. Weights of the
         covariance stay those about the solution.
+    noise
+        What is drawn where the data state no errors; by default the autoregression of the residuals,
+        :class:`rotorid.uncertainty.colored.ColoredNoise`. Where none fits, its ``BlockNoise``.
     executor, progress
         As in :func:`rotorid.uncertainty.resampling.resample`.
 
     Raises
     ------
     InsufficientDataError
-        A parameter has no effect on the cost, or fewer than two runs came to rest.
+        Parameters cannot be told apart, or fewer than two runs came to rest.
+    UsageError
+        The problem has no data that could be drawn anew: an innovation of a prediction-error fit under feedback moves
+        all later inputs, so that flights of its own would be needed.
     """
-    parameters = problem.parameters
-    return resample_together(
-        _ResponseRefit.of(problem, solution, weights),
-        names=parameters.free,
-        units=[parameters[name].unit for name in parameters.free],
-        estimate=solution.theta,
+    if problem.stated_errors(solution.theta, weights=weights) is not None:
+        return resample_together(
+            _StatedRefit.of(problem, solution, weights),
+            **_table(problem, solution),
+            runs=runs,
+            seed=seed,
+            executor=executor,
+            progress=progress,
+        )
+    clean = problem.noiseless(solution.theta)
+    if noise is None:
+        parts = problem.parts(solution.theta)
+        noise = ColoredNoise.of(parts) if problem.alike else ColoredApart.of(parts)
+    gain = gauss_newton(problem.residuals(solution.theta)[1])
+    return resample(
+        _Refit(clean, solution.theta, noise, gain),
+        **_table(problem, solution),
         runs=runs,
         seed=seed,
         executor=executor,
@@ -105,8 +125,23 @@ def bootstrap_responses(
     )
 
 
+class _Table(TypedDict):
+    names: tuple[str, ...]
+    units: list[str]
+    estimate: FloatArray
+
+
+def _table(problem: Problem, solution: Solution) -> _Table:
+    names = problem.parameters.free
+    return {
+        "names": names,
+        "units": [problem.parameters[name].unit for name in names],
+        "estimate": solution.theta[: len(names)],
+    }
+
+
 @dataclass(frozen=True, eq=False)
-class _ResponseRefit:
+class _StatedRefit:
     """Some runs in one sweep.
 
     ``root`` makes errors of white noise, ``offset`` is the residual of the solution, shapes ``(2 n, 2 n)`` and
@@ -114,7 +149,7 @@ class _ResponseRefit:
     all of them, and what is minimized, are in units of the errors.
     """
 
-    problem: FrequencyProblem
+    problem: Problem
     theta: FloatArray
     offset: FloatArray
     root: FloatArray
@@ -122,9 +157,10 @@ class _ResponseRefit:
     whitening: FloatArray | None
 
     @classmethod
-    def of(cls, problem: FrequencyProblem, solution: Solution, weights: Weights) -> _ResponseRefit:
+    def of(cls, problem: Problem, solution: Solution, weights: Weights) -> _StatedRefit:
         inflation = bounds(problem, solution, weights=weights).inflation
-        errors = problem.errors if weights == "cifer" else problem.errors_about(solution.theta)
+        errors = problem.stated_errors(solution.theta, weights=weights)
+        assert errors is not None
         (offset, jacobian), root = problem.residuals(solution.theta), inflation * _root(errors.covariance)
         if weights == "cifer":
             return cls(problem, solution.theta, offset, root, gauss_newton(jacobian), None)
@@ -183,64 +219,6 @@ def _root(covariance: FloatArray) -> FloatArray:
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-OutputProblem: TypeAlias = TimeProblem | NonlinearProblem
-"""A problem whose residuals are errors of outputs."""
-
-
-def bootstrap_outputs(
-    problem: OutputProblem,
-    solution: Solution,
-    *,
-    runs: int,
-    seed: int,
-    noise: OutputNoise | None = None,
-    executor: Executor | None = None,
-    progress: RunProgress | None = None,
-) -> SpreadTable:
-    """Spread of an output-error fit over noise like that which it left.
-
-    New outputs are the predicted ones with noise drawn anew, colored as the residuals are. The weights of the outputs
-    stay those of the problem. The inputs stay as they were flown: under feedback the noise would have moved them, which
-    no draw here shows.
-
-    Parameters
-    ----------
-    problem
-        With the covariance of the output errors that the fit ended with.
-    solution
-        Its solution; of a vector with initial states only the parameters are in the table.
-    runs
-        How many.
-    seed
-        The same seed gives the same table on any number of workers.
-    noise
-        What is drawn; by default the autoregression of the residuals,
-        :class:`rotorid.uncertainty.colored.ColoredNoise`. Where none fits, its ``BlockNoise``.
-    executor, progress
-        As in :func:`rotorid.uncertainty.resampling.resample`.
-
-    Raises
-    ------
-    InsufficientDataError
-        Parameters cannot be told apart, or fewer than two runs came to rest.
-    """
-    noise = noise or ColoredNoise.of(problem.parts(solution.theta))
-    gain = gauss_newton(problem.residuals(solution.theta)[1])
-    outputs = tuple(one.predicted for one in problem.predicted(solution.theta))
-    refit = _OutputRefit(problem, solution.theta, outputs, noise, gain)
-    names = problem.parameters.free
-    return resample(
-        refit,
-        names=names,
-        units=[problem.parameters[name].unit for name in names],
-        estimate=solution.theta[: len(names)],
-        runs=runs,
-        seed=seed,
-        executor=executor,
-        progress=progress,
-    )
-
-
 def bootstrap_records(
     problem: TimeProblem,
     solution: Solution,
@@ -262,7 +240,7 @@ def bootstrap_records(
     solution
         Its solution.
     runs, seed, executor, progress
-        As in :func:`bootstrap_outputs`.
+        As in :func:`bootstrap`.
 
     Raises
     ------
@@ -271,13 +249,10 @@ def bootstrap_records(
     InsufficientDataError
         Fewer than two runs came to rest.
     """
-    names = problem.parameters.free
     return resample_records(
         _RecordRefit(problem, solution.theta),
         len(problem.records),
-        names=names,
-        units=[problem.parameters[name].unit for name in names],
-        estimate=solution.theta,
+        **_table(problem, solution),
         runs=runs,
         seed=seed,
         executor=executor,
@@ -286,23 +261,17 @@ def bootstrap_records(
 
 
 @dataclass(frozen=True, eq=False)
-class _OutputRefit:
-    """One run: ``predicted`` outputs ``(y, n)`` with drawn noise; ``gain`` goes from residuals to the first step."""
+class _Refit:
+    """One run: data as the model has them, with drawn errors; ``gain`` goes from these to a first step."""
 
-    problem: OutputProblem
+    clean: Problem
     theta: FloatArray
-    predicted: tuple[FloatArray, ...]
     noise: OutputNoise
     gain: FloatArray
 
     def __call__(self, rng: np.random.Generator) -> FloatArray:
         drawn = self.noise.draw(rng)
-        color = np.linalg.inv(self.problem.whitening)
-        records: tuple[TimeData, ...] = tuple(
-            replace(record, outputs=predicted + color @ errors.T)
-            for record, predicted, errors in zip(self.problem.records, self.predicted, drawn, strict=True)
-        )
-        problem = replace(self.problem, records=records)
+        problem = self.clean.disturbed(drawn)
         start = self.theta - self.gain @ np.concatenate([errors.ravel() for errors in drawn])
         solver = patience(self.gain.shape[1])
         return _settled(solver, problem.residuals, (start, self.theta), problem.box)[: len(problem.parameters.free)]
