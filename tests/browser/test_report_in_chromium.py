@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 from tests.browser.chromium import dump
 from tests.unit.report.hover_sample import hover_identification
-from tests.unit.report.sample import HOSTILE, doublet, identification
+from tests.unit.report.sample import HOSTILE, doublet, identification, shown_with
 
-from rotorid.report.identification import render_report
+from rotorid.report.identification import render_sections
 
 
 def test_pictures_are_drawn_and_hostile_text_stays_text(chromium: str, tmp_path: Path) -> None:
-    hostile = dataclasses.replace(identification(record=HOSTILE), verifications=(doublet(record=HOSTILE),))
-    html = render_report([identification(), hostile], title="<img src=x onerror=document.title='run'>")
+    hostile = shown_with(identification(record=HOSTILE), verifications=(doublet(record=HOSTILE),))
+    html = render_sections([identification(), hostile], title="<img src=x onerror=document.title='run'>")
     elements, console = dump(chromium, html, tmp_path)
     assert console == []
     assert 'data-pictures="drawn"' in elements
@@ -27,7 +26,7 @@ def test_pictures_are_drawn_and_hostile_text_stays_text(chromium: str, tmp_path:
 
 def test_injected_script_would_be_refused(chromium: str, tmp_path: Path) -> None:
     """The policy holds even if escaping failed somewhere."""
-    html = render_report([identification()], title="t")
+    html = render_sections([identification()], title="t")
     injected = html.replace("<main>", "<main><script>document.title = 'run'</script>", 1)
     assert injected != html
     elements, console = dump(chromium, injected, tmp_path)
@@ -36,7 +35,7 @@ def test_injected_script_would_be_refused(chromium: str, tmp_path: Path) -> None
 
 
 def test_a_hover_model_is_drawn_and_fits_the_window(chromium: str, tmp_path: Path) -> None:
-    html = render_report([hover_identification()], title="Pitch and heave")
+    html = render_sections([hover_identification()], title="Pitch and heave")
     # Folded pictures are drawn when their part is opened: here all of them are open from the start.
     elements, console = dump(chromium, html.replace("<details>", "<details open>"), tmp_path)
     assert console == []

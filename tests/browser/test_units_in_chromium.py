@@ -13,9 +13,9 @@ import pytest
 from tests.browser.chromium import dump
 from tests.unit.report.sample import identification
 
-from rotorid.pipeline.results import Identification
 from rotorid.report.frame import policy
-from rotorid.report.identification import render_report, section
+from rotorid.report.identification import render_sections, section
+from rotorid.report.parts import Shown
 
 PROBE = """
 document.documentElement.dataset.probe = "waiting";
@@ -41,9 +41,9 @@ setTimeout(async () => {
 """
 
 
-def probed(chromium: str, folder: Path, identified: Identification, action: str) -> dict[str, Any]:
+def probed(chromium: str, folder: Path, identified: Shown, action: str) -> dict[str, Any]:
     """What the page holds after an action, with the policy widened for the probe alone."""
-    html, script = render_report([identified], title="t"), PROBE % action
+    html, script = render_sections([identified], title="t"), PROBE % action
     digest = r"sha256-[A-Za-z0-9+/=]+"
     (added,) = re.findall(digest, policy(script))
     *_, last = re.findall(digest, html.partition("</head>")[0])
@@ -105,5 +105,5 @@ def test_the_switches_are_seen_and_reached_by_keyboard(chromium: str, tmp_path: 
 
 
 def test_without_scripts_no_dead_switch_is_shown() -> None:
-    html = render_report([identification()], title="t")
+    html = render_sections([identification()], title="t")
     assert html.count('<div class="choices" hidden>') == 2

@@ -12,7 +12,7 @@ from tests.unit.report.sample import HOSTILE
 from tests.unit.report.verification_sample import verified
 
 from rotorid.report.frame import policy
-from rotorid.report.verification import render_verification
+from rotorid.report.verification import render_checks
 
 PROBE = """
 document.documentElement.dataset.probe = "waiting";
@@ -30,7 +30,7 @@ setTimeout(async () => {
 
 
 def test_all_pictures_are_drawn_in_their_width(chromium: str, tmp_path: Path) -> None:
-    html = render_verification(verified(), title="t")
+    html = render_checks(*verified(), title="t")
     digest = r"sha256-[A-Za-z0-9+/=]+"
     (added,) = re.findall(digest, policy(PROBE))
     *_, last = re.findall(digest, html.partition("</head>")[0])
@@ -44,5 +44,5 @@ def test_all_pictures_are_drawn_in_their_width(chromium: str, tmp_path: Path) ->
 
 
 def test_a_hostile_log_cannot_act(chromium: str, tmp_path: Path) -> None:
-    _, said = dump(chromium, render_verification(verified(record=HOSTILE), title=HOSTILE), tmp_path)
+    _, said = dump(chromium, render_checks(*verified(record=HOSTILE), title=HOSTILE), tmp_path)
     assert said == []

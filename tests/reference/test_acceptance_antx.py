@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import rotorid
+from rotorid.documents.result import result_document
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 
@@ -41,7 +42,7 @@ def sweep(shared_data: Path) -> rotorid.FlightRecord:
 def test_random_binary_signal_gives_gain_and_total_delay(
     settings: IdentifySettings, prbs: rotorid.FlightRecord
 ) -> None:
-    document = rotorid.identify([prbs], "rate.pitch", settings=settings).document
+    document = result_document(rotorid.identify([prbs], "rate.pitch", settings=settings))
     parameters = document.parameters
     assert parameters["M_pitch"].value == pytest.approx(285.0, rel=0.03)
     assert parameters["tau_pitch"].value + parameters["T_motor"].value == pytest.approx(27.8e-3, abs=1.5e-3)

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import pytest
 
 import rotorid
-from rotorid.pipeline.results import Identification
+from rotorid.documents.result import result_document
+from rotorid.pipeline.results import IdentifiedModel
 
 TAU_S = 2.45e-3
 """Middle of the 2.4 to 2.5 ms that the simulator shows."""
@@ -92,43 +93,43 @@ def record(unpacked: Callable[[str], Path]) -> Callable[[str], rotorid.FlightRec
 @pytest.fixture(scope="module", params=PROMISES, ids=lambda p: f"{p.log.split('.')[0]}-{p.model}")
 def kept(
     request: pytest.FixtureRequest, record: Callable[[str], rotorid.FlightRecord]
-) -> tuple[Promise, Identification]:
+) -> tuple[Promise, IdentifiedModel]:
     """A promise and what came of it, with nothing chosen by hand."""
     promise: Promise = request.param
     return promise, rotorid.identify([record(promise.log)], promise.model)
 
 
-def test_control_derivative_is_the_simulators(kept: tuple[Promise, Identification]) -> None:
+def test_control_derivative_is_the_simulators(kept: tuple[Promise, IdentifiedModel]) -> None:
     promise, found = kept
-    assert found.document.parameters[promise.gain].value == pytest.approx(promise.truth, rel=promise.share)
+    assert result_document(found).parameters[promise.gain].value == pytest.approx(promise.truth, rel=promise.share)
 
 
-def test_delay_is_within_a_millisecond_and_there_is_no_motor_lag(kept: tuple[Promise, Identification]) -> None:
+def test_delay_is_within_a_millisecond_and_there_is_no_motor_lag(kept: tuple[Promise, IdentifiedModel]) -> None:
     promise, found = kept
-    assert found.document.parameters[promise.delay].value == pytest.approx(TAU_S, abs=1e-3)
-    assert found.document.parameters["T_motor"].status == "dropped"
+    assert result_document(found).parameters[promise.delay].value == pytest.approx(TAU_S, abs=1e-3)
+    assert result_document(found).parameters["T_motor"].status == "dropped"
 
 
-def test_cost_is_below_ten(kept: tuple[Promise, Identification]) -> None:
+def test_cost_is_below_ten(kept: tuple[Promise, IdentifiedModel]) -> None:
     _, found = kept
-    assert found.document.cost is not None
-    assert found.document.cost.average < 10.0
-    assert all(pair.value < 10.0 for pair in found.document.cost.pairs.values())
+    assert result_document(found).cost is not None
+    assert result_document(found).cost.average < 10.0
+    assert all(pair.value < 10.0 for pair in result_document(found).cost.pairs.values())
 
 
 def test_injection_is_the_instrument_and_the_direct_estimate_stands_beside(
-    kept: tuple[Promise, Identification],
+    kept: tuple[Promise, IdentifiedModel],
 ) -> None:
     promise, found = kept
-    assert found.document.provenance.estimate == "joint"
-    assert found.document.provenance.instruments == [promise.instrument]
-    assert found.beside is not None
-    assert found.beside.estimate == "direct"
+    assert result_document(found).provenance.estimate == "joint"
+    assert result_document(found).provenance.instruments == [promise.instrument]
+    assert found.data.direct is not None
+    assert found.data.direct.estimate == "direct"
 
 
-def test_chirps_are_found_where_the_log_declares_them(kept: tuple[Promise, Identification]) -> None:
+def test_chirps_are_found_where_the_log_declares_them(kept: tuple[Promise, IdentifiedModel]) -> None:
     promise, found = kept
-    maneuvers = found.document.provenance.maneuvers
+    maneuvers = result_document(found).provenance.maneuvers
     assert {(m.kind, m.origin) for m in maneuvers} == {("sweep", "declared")}
     for maneuver, (start_s, stop_s) in zip(maneuvers, promise.intervals_s, strict=True):
         assert maneuver.start_s == pytest.approx(start_s, abs=0.1)
@@ -140,8 +141,8 @@ def test_roll_model_predicts_stick_doublets_of_another_flight(
 ) -> None:
     # The other flight logs only the filtered gyro, 10 ms later: the reference shift has to absorb that.
     found = rotorid.identify([record("x_calm_roll.BIN")], "rate.roll", verify=[record("x_calm_verify.BIN.xz")])
-    scores = [outputs["p"] for outputs in found.document.verification.records.values()]
-    starts = sorted(check.maneuver.start_s for check in found.verifications)
+    scores = [outputs["p"] for outputs in result_document(found).verification.records.values()]
+    starts = sorted(check.maneuver.start_s for check in found.verifications.maneuvers)
     assert starts == pytest.approx([95.8, 102.8, 110.8, 191.8], abs=0.15)
     assert len(scores) == 4
     assert max(score.tic for score in scores) < 0.15

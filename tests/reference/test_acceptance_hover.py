@@ -13,13 +13,14 @@ import pytest
 
 import rotorid
 from rotorid.data.record import Channel, FlightRecord
-from rotorid.documents.result import ParameterDocument, ResultDocument
+from rotorid.documents.result import ResultDocument, result_document
 from rotorid.fitting.frequency.problem import pair_costs
 from rotorid.models.library import library_model, rate_model, speed_damping
 from rotorid.pipeline.frequency_fit import first_step
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.pipeline.summary import ParameterEstimate
 from rotorid.pipeline.unseen import check_sweeps
 from rotorid.typing import Axis
 from rotorid.verification.verification import Verification
@@ -45,7 +46,7 @@ def read(unpacked: Callable[[str], Path]) -> Read:
 
 
 def errors(
-    parameters: Mapping[str, ParameterDocument], truth: Mapping[str, float], names: Sequence[str]
+    parameters: Mapping[str, ParameterEstimate], truth: Mapping[str, float], names: Sequence[str]
 ) -> dict[str, float]:
     """Relative error of each parameter."""
     return {name: abs(parameters[name].value / truth[name] - 1.0) for name in names}
@@ -95,7 +96,7 @@ OTHERS_WITHIN = 0.08
 class Flight(NamedTuple):
     motion: Motion
     truth: Mapping[str, float]
-    found: Identification
+    found: IdentifiedModel
 
 
 @pytest.fixture(
@@ -117,7 +118,7 @@ def s500(request: pytest.FixtureRequest, read: Read) -> Flight:
 
 
 def test_s500_derivatives_are_those_of_the_simulator(s500: Flight) -> None:
-    parameters, bars = s500.found.document.parameters, s500.motion.within
+    parameters, bars = result_document(s500.found).parameters, s500.motion.within
     off = errors(parameters, s500.truth, list(bars))
     assert {name: error for name, error in off.items() if error > bars[name]} == {}
     others = [name for name in s500.truth if name not in bars and not name.startswith("tau_")]
@@ -131,27 +132,27 @@ def test_s500_derivatives_are_those_of_the_simulator(s500: Flight) -> None:
 def test_s500_delays_are_within_a_millisecond(s500: Flight) -> None:
     # Not within three deviations: the accelerations of these data are 0.5 ms earlier than the states, the model's not.
     for name in (f"tau_{axis}" for axis in s500.motion.axes):
-        assert s500.found.document.parameters[name].value == pytest.approx(s500.truth[name], abs=1e-3)
+        assert result_document(s500.found).parameters[name].value == pytest.approx(s500.truth[name], abs=1e-3)
 
 
 def test_s500_has_no_derivatives_that_the_simulator_does_not_have(s500: Flight) -> None:
-    extra = {name: p for name, p in s500.found.document.parameters.items() if name not in s500.truth}
+    extra = {name: p for name, p in result_document(s500.found).parameters.items() if name not in s500.truth}
     for parameter in extra.values():
         # Reduced, they are gone; kept, they are zero as far as their deviation tells.
         assert parameter.status == "dropped" or abs(parameter.value) < 3.0 * (parameter.std or 0.0)
 
 
 def test_s500_cost_is_that_of_a_model_hardly_to_be_told_from_the_flight(s500: Flight) -> None:
-    assert s500.found.document.cost is not None
-    assert s500.found.document.cost.average < 50.0
-    assert s500.found.document.provenance.instruments == s500.motion.instruments
+    assert result_document(s500.found).cost is not None
+    assert result_document(s500.found).cost.average < 50.0
+    assert result_document(s500.found).provenance.instruments == s500.motion.instruments
 
 
 def test_s500_doublets_are_predicted(s500: Flight) -> None:
-    checks = s500.found.verifications
+    checks = s500.found.verifications.maneuvers
     assert len(checks) == 8
     assert max(scores.tic for check in checks for scores in check.scores.values()) < GOOD_TIC
-    assert "poor_verification" not in kinds(s500.found.document)
+    assert "poor_verification" not in kinds(result_document(s500.found))
 
 
 @pytest.mark.parametrize(
@@ -242,7 +243,7 @@ def test_two_steps_hold_what_the_first_one_found(read: Read) -> None:
     case = TWO_STEPS[2]
     records = [with_acceleration(read(f"s500/{axis}_sweeps.csv"), *case.made_of) for axis in case.motion.axes]
     settings = IdentifySettings(speed_damping="two_step")
-    document = rotorid.identify(records, case.motion.model, settings=settings).document
+    document = result_document(rotorid.identify(records, case.motion.model, settings=settings))
     (finding,) = (finding for finding in document.findings if finding.kind == "speed_damping_biased")
     assert document.parameters["Y_v"].status == "fixed"
     assert document.parameters["Y_v"].value == pytest.approx(finding.numbers["value"])
@@ -288,18 +289,18 @@ def test_ardupilot_axis_is_the_simulators_and_predicts_stick_doublets(promise: P
         promise.model,
         verify=[read("ardupilot_sitl/x_calm_verify.BIN.xz")],
     )
-    parameters = found.document.parameters
+    parameters = result_document(found).parameters
     assert parameters[promise.gain].value == pytest.approx(promise.truth, rel=promise.within)
     assert parameters[promise.delay].value == pytest.approx(ARDUPILOT_DELAY_S, abs=1.5e-3)
     assert parameters["T_motor"].status == "dropped"
     if promise.damping:
         assert parameters[promise.damping].value == pytest.approx(ARDUPILOT_DAMPING_1_S, rel=0.10)
-    scores = along(found.verifications, promise.outputs)
+    scores = along(found.verifications.maneuvers, promise.outputs)
     assert scores
     assert max(scores.values()) < GOOD_TIC
     # The other flight logs the gyro behind its filter, which is known and taken into account.
-    assert "known_filter" in kinds(found.document)
-    assert "poor_verification" not in kinds(found.document)
+    assert "known_filter" in kinds(result_document(found))
+    assert "poor_verification" not in kinds(result_document(found))
 
 
 def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(read: Read) -> None:
@@ -308,7 +309,7 @@ def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(read: Read) -> N
     # to be had from it; two deviations are.
     record = read("ardupilot_sitl/x_calm_thrust.BIN.xz")
     settings = IdentifySettings(band_rad_s=(0.6, 60.0))
-    heave = rotorid.identify([record], "axis.vertical", settings=settings).document.parameters["Z_w"]
+    heave = result_document(rotorid.identify([record], "axis.vertical", settings=settings)).parameters["Z_w"]
     assert heave.std is not None
     assert heave.std < 0.10 * abs(ARDUPILOT_Z_W_1_S)
     assert abs(heave.value - ARDUPILOT_Z_W_1_S) < 2.0 * heave.std
@@ -316,7 +317,7 @@ def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(read: Read) -> N
 
 def test_ardupilot_all_axes_together(read: Read) -> None:
     logs = [read(f"ardupilot_sitl/x_wind_{axes}.BIN.xz") for axes in ("rollpitch", "yawthrust")]
-    document = rotorid.identify(logs, "hover.full").document
+    document = result_document(rotorid.identify(logs, "hover.full"))
     truth = {"L_roll": 437.2, "M_pitch": 437.2, "N_yaw": 14.18, "Z_thrust": -27.05}
     assert max(errors(document.parameters, truth, list(truth)).values()) < WIND
     for axis in ("roll", "pitch", "yaw", "thrust"):
@@ -348,12 +349,12 @@ PX4_SETTINGS = {
 
 
 @pytest.fixture(scope="module")
-def px4(read: Read) -> Callable[[str], Identification]:
+def px4(read: Read) -> Callable[[str], IdentifiedModel]:
     """All axes of PX4's simulator together, verified on stick doublets once."""
-    known: dict[str, Identification] = {}
+    known: dict[str, IdentifiedModel] = {}
     logs = [f"px4_sitl/{name}" for name in ("roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz")]
 
-    def of(name: str) -> Identification:
+    def of(name: str) -> IdentifiedModel:
         if name not in known:
             known[name] = rotorid.identify(
                 [read(log) for log in logs],
@@ -367,8 +368,8 @@ def px4(read: Read) -> Callable[[str], Identification]:
 
 
 @pytest.mark.parametrize("name", PX4_SETTINGS)
-def test_px4_derivatives_lag_and_delays_are_the_simulators(name: str, px4: Callable[[str], Identification]) -> None:
-    parameters = px4(name).document.parameters
+def test_px4_derivatives_lag_and_delays_are_the_simulators(name: str, px4: Callable[[str], IdentifiedModel]) -> None:
+    parameters = result_document(px4(name)).parameters
     assert max(errors(parameters, PX4, ["L_roll", "M_pitch", "N_yaw", "Z_thrust"]).values()) < 0.03
     assert max(errors(parameters, PX4, ["L_p", "M_q", "N_r", "Z_w", "T_motor"]).values()) < 0.10
     for delay, truth_s in PX4_DELAYS_S.items():
@@ -376,16 +377,16 @@ def test_px4_derivatives_lag_and_delays_are_the_simulators(name: str, px4: Calla
 
 
 def test_px4_stick_doublets_are_predicted_and_nothing_else_is_taken_for_one(
-    px4: Callable[[str], Identification],
+    px4: Callable[[str], IdentifiedModel],
 ) -> None:
     found = px4("shared lag")
     # Of the specific force along and across, 0.4 m/s^2 is noise, as large as the motion.
-    scores = along(found.verifications, {"roll": ("p",), "pitch": ("q",), "yaw": ("r",), "thrust": ("az",)})
+    scores = along(found.verifications.maneuvers, {"roll": ("p",), "pitch": ("q",), "yaw": ("r",), "thrust": ("az",)})
     assert len(scores) == 7
     assert max(scores.values()) < GOOD_TIC
     # After its sweep the yaw flight returns and lands by itself: its set-points move, and no stick does.
-    assert {check.record for check in found.verifications} == {"verify.ulg"}
-    assert "poor_verification" not in kinds(found.document)
+    assert {check.record for check in found.verifications.maneuvers} == {"verify.ulg"}
+    assert "poor_verification" not in kinds(result_document(found))
 
 
 BENCH_PRBS = parse_segment("pitch:50:76")
@@ -398,7 +399,7 @@ def prbs(shared_data: Path) -> FlightRecord:
 
 def test_bench_tells_lag_and_delay_apart_over_a_wide_band(prbs: FlightRecord) -> None:
     settings = IdentifySettings(segments=(BENCH_PRBS,), band_rad_s=(8.0, 80.0))
-    document = rotorid.identify([prbs], "rate.pitch", settings=settings).document
+    document = result_document(rotorid.identify([prbs], "rate.pitch", settings=settings))
     (finding,) = (f for f in document.findings if f.kind in ("lag_plus_delay", "not_identifiable"))
     assert finding.kind == "lag_plus_delay"
     assert finding.numbers["correlation"] == pytest.approx(-0.83, abs=0.05)
@@ -409,7 +410,7 @@ def test_bench_gives_their_sum_over_a_narrow_band(prbs: FlightRecord) -> None:
     # Up to 25 rad/s a lag of 18 ms turns the phase as a delay does, up to its cube: 1 degree.
     settings = IdentifySettings(segments=(BENCH_PRBS,), band_rad_s=(8.0, 25.0))
     with_lag = replace(rate_model("rate.pitch"), optional=())
-    document = rotorid.identify([prbs], with_lag, settings=settings).document
+    document = result_document(rotorid.identify([prbs], with_lag, settings=settings))
     (finding,) = (f for f in document.findings if f.kind in ("lag_plus_delay", "not_identifiable"))
     assert (finding.kind, finding.severity) == ("not_identifiable", "warning")
     assert abs(finding.numbers["correlation"]) > 0.95
@@ -418,7 +419,7 @@ def test_bench_gives_their_sum_over_a_narrow_band(prbs: FlightRecord) -> None:
 
 def test_bench_drops_a_lag_that_may_be_dropped_over_a_narrow_band(prbs: FlightRecord) -> None:
     settings = IdentifySettings(segments=(BENCH_PRBS,), band_rad_s=(8.0, 25.0))
-    document = rotorid.identify([prbs], "rate.pitch", settings=settings).document
+    document = result_document(rotorid.identify([prbs], "rate.pitch", settings=settings))
     assert document.parameters["T_motor"].status == "dropped"
     (finding,) = (f for f in document.findings if f.kind == "dropped_parameter")
     assert "its effect is part of the delay" in finding.message

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from rotorid.data.record import Maneuver
-from rotorid.documents.result import ResultDocument
+from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError
 from rotorid.io.registry import read
-from rotorid.pipeline.motor_identification import identify_motors
+from rotorid.pipeline.identification import identify_motors
 from rotorid.pipeline.settings import MotorChoices
 
 INERTIA, LAG, THRUST = 0.05, 0.15, 0.03
@@ -19,7 +19,7 @@ INERTIA, LAG, THRUST = 0.05, 0.15, 0.03
 
 
 def identified(paths: list[Path], choices: MotorChoices, mapping: Path | None = None) -> ResultDocument:
-    return identify_motors([read(path, mapping=mapping) for path in paths], choices).document
+    return result_document(identify_motors([read(path, mapping=mapping) for path in paths], choices))
 
 
 def value(document: ResultDocument, name: str) -> float:

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import pytest
 
 import rotorid
-from rotorid.pipeline.results import Identification
+from rotorid.documents.result import result_document
+from rotorid.pipeline.results import IdentifiedModel
 
 LAG_S = 48e-3
 """Motor lag of the simulator at its 4 ms steps."""
@@ -33,11 +34,11 @@ PROMISES = {
 
 
 @pytest.fixture(scope="module")
-def found(unpacked: Callable[[str], Path]) -> Callable[[str], Identification]:
+def found(unpacked: Callable[[str], Path]) -> Callable[[str], IdentifiedModel]:
     """The model of an axis, identified once, with nothing chosen by hand."""
-    known: dict[str, Identification] = {}
+    known: dict[str, IdentifiedModel] = {}
 
-    def of(axis: str) -> Identification:
+    def of(axis: str) -> IdentifiedModel:
         if axis not in known:
             promise = PROMISES[axis]
             known[axis] = rotorid.identify([rotorid.read(unpacked(f"px4_sitl/{promise.log}"))], promise.model)
@@ -47,26 +48,26 @@ def found(unpacked: Callable[[str], Path]) -> Callable[[str], Identification]:
 
 
 @pytest.mark.parametrize("axis", PROMISES)
-def test_gain_is_the_simulators(axis: str, found: Callable[[str], Identification]) -> None:
+def test_gain_is_the_simulators(axis: str, found: Callable[[str], IdentifiedModel]) -> None:
     promise = PROMISES[axis]
-    assert found(axis).document.parameters[promise.gain].value == pytest.approx(promise.truth, rel=0.03)
+    assert result_document(found(axis)).parameters[promise.gain].value == pytest.approx(promise.truth, rel=0.03)
 
 
 @pytest.mark.parametrize("axis", ["roll", "pitch"])
-def test_lag_and_delay_of_roll_and_pitch_are_told_apart(axis: str, found: Callable[[str], Identification]) -> None:
-    parameters = found(axis).document.parameters
+def test_lag_and_delay_of_roll_and_pitch_are_told_apart(axis: str, found: Callable[[str], IdentifiedModel]) -> None:
+    parameters = result_document(found(axis)).parameters
     assert parameters["T_motor"].value == pytest.approx(LAG_S, rel=0.10)
     assert parameters[f"tau_{axis}"].value == pytest.approx(5.3e-3, abs=1.5e-3)
 
 
-def test_lag_plus_delay_of_thrust(found: Callable[[str], Identification]) -> None:
-    parameters = found("thrust").document.parameters
+def test_lag_plus_delay_of_thrust(found: Callable[[str], IdentifiedModel]) -> None:
+    parameters = result_document(found("thrust")).parameters
     assert parameters["T_motor"].value + parameters["tau_thrust"].value == pytest.approx(55e-3, abs=4e-3)
 
 
 @pytest.mark.parametrize("axis", PROMISES)
-def test_stick_sweep_is_found_and_is_the_instrument(axis: str, found: Callable[[str], Identification]) -> None:
-    document = found(axis).document
+def test_stick_sweep_is_found_and_is_the_instrument(axis: str, found: Callable[[str], IdentifiedModel]) -> None:
+    document = result_document(found(axis))
     (maneuver,) = document.provenance.maneuvers
     start_s, stop_s = PROMISES[axis].swept_s
     assert (maneuver.kind, maneuver.origin) == ("sweep", "found")
@@ -78,19 +79,19 @@ def test_stick_sweep_is_found_and_is_the_instrument(axis: str, found: Callable[[
 
 
 @pytest.mark.parametrize("axis", PROMISES)
-def test_model_is_hardly_to_be_told_from_the_flight(axis: str, found: Callable[[str], Identification]) -> None:
-    cost = found(axis).document.cost
+def test_model_is_hardly_to_be_told_from_the_flight(axis: str, found: Callable[[str], IdentifiedModel]) -> None:
+    cost = result_document(found(axis)).cost
     assert cost is not None
     assert cost.average < 10.0
 
 
 def test_direct_estimate_leans_toward_the_inverse_of_the_controller(
-    unpacked: Callable[[str], Path], found: Callable[[str], Identification]
+    unpacked: Callable[[str], Path], found: Callable[[str], IdentifiedModel]
 ) -> None:
     # Feedback turns noise into command: without the instrument gain and lag come out too low, which it cures.
     record = rotorid.read(unpacked("px4_sitl/roll.ulg"))
     direct = rotorid.identify([record], "rate.roll", settings=rotorid.IdentifySettings(estimate="direct"))
-    assert (direct.document.provenance.estimate, direct.beside) == ("direct", None)
-    joint = found("roll").document.parameters
-    assert direct.document.parameters["L_roll"].value < joint["L_roll"].value
-    assert direct.document.parameters["T_motor"].value < joint["T_motor"].value
+    assert (result_document(direct).provenance.estimate, direct.beside) == ("direct", None)
+    joint = result_document(found("roll")).parameters
+    assert result_document(direct).parameters["L_roll"].value < joint["L_roll"].value
+    assert result_document(direct).parameters["T_motor"].value < joint["T_motor"].value

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import pytest
 
 import rotorid
+from rotorid.documents.result import result_document
 
 
 class Case(NamedTuple):
@@ -25,12 +26,12 @@ CASES = (Case("roll", "lateral", "L_roll"), Case("pitch", "longitudinal", "M_pit
 def test_gain_and_delay_above_the_speed_modes(case: Case, band: tuple[float, float], shared_data: Path) -> None:
     folder = shared_data / "s500"
     truth = json.loads((folder / "truth.json").read_text())[case.motion]
-    document = rotorid.identify(
+    document = result_document(rotorid.identify(
         [rotorid.read(folder / f"{case.axis}_sweeps.csv")],
         f"rate.{case.axis}",
         settings=rotorid.IdentifySettings(band_rad_s=band),
         verify=[rotorid.read(folder / f"{case.axis}_doublets.csv")],
-    ).document
+    ))
     tau = f"tau_{case.axis}"
     assert document.parameters[case.gain].value == pytest.approx(truth[case.gain], rel=0.03)
     assert document.parameters[tau].value == pytest.approx(truth[tau], abs=3e-3)
@@ -42,5 +43,5 @@ def test_gain_and_delay_above_the_speed_modes(case: Case, band: tuple[float, flo
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.axis)
 def test_without_a_band_the_speed_modes_spoil_the_fit_and_it_is_said(case: Case, shared_data: Path) -> None:
     record = rotorid.read(shared_data / "s500" / f"{case.axis}_sweeps.csv")
-    document = rotorid.identify([record], f"rate.{case.axis}").document
+    document = result_document(rotorid.identify([record], f"rate.{case.axis}"))
     assert ("poor_fit", "warning") in {(finding.kind, finding.severity) for finding in document.findings}

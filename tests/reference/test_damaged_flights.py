@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rotorid
+from rotorid.documents.result import result_document
 from rotorid.errors import InsufficientDataError
 
 
@@ -28,7 +29,7 @@ def test_a_sweep_that_never_got_fast_is_refused(shared_data: Path, tmp_path: Pat
 
 def test_a_sweep_that_ended_early_is_fitted_as_far_as_it_went(shared_data: Path, tmp_path: Path) -> None:
     record = cut(shared_data / "ardupilot_sitl" / "x_calm_roll.BIN", 0.45, tmp_path)
-    document = rotorid.identify([record], "rate.roll").document
+    document = result_document(rotorid.identify([record], "rate.roll"))
     gain = document.parameters["L_roll"]
     assert gain.std is not None
     assert abs(gain.value - 437.2) <= 3.0 * gain.std
@@ -45,7 +46,7 @@ def test_one_hole_near_the_end_of_a_sweep_changes_little(shared_data: Path, tmp_
     path.write_text("".join([lines[0], *kept]))
     settings = rotorid.IdentifySettings(band_rad_s=(8.0, 40.0))
     whole, holed = (
-        rotorid.identify([rotorid.read(log)], "rate.roll", settings=settings).document for log in (source, path)
+        result_document(rotorid.identify([rotorid.read(log)], "rate.roll", settings=settings)) for log in (source, path)
     )
     assert {finding.kind for finding in holed.findings} >= {"gap"}
     std = whole.parameters["L_roll"].std

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.flight_plan import Shape
+from rotorid.documents.result import result_document
 from rotorid.io.registry import read
 from rotorid.pipeline.designs import Designed, design
 from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices, SimulateChoices
@@ -52,7 +53,7 @@ def flown(case: Case, told: Designed, folder: Path, runs: int) -> dict[str, tupl
     for number in range(runs):
         log = folder / choices.file_names[number]
         write_run(log, fly_run(choices, number), choices)
-        found.append(identify([read(log)], case.model).document.parameters)
+        found.append(result_document(identify([read(log)], case.model)).parameters)
         log.unlink()
     kept = [name for name, one in found[0].items() if all(f[name].status == "free" for f in found) and one.std]
     return {

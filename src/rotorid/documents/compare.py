@@ -1,20 +1,23 @@
-"""What ``compare.json`` holds, schema ``rotorid.compare/1``."""
+"""What ``compare.json`` holds, schema ``rotorid.compare/1``, and the results that it compares."""
 
 from __future__ import annotations
 
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.documents.base import Document
-from rotorid.documents.result import (
-    DelayDocument,
-    FindingDocument,
-    FrozenScoreDocument,
-    PoleDocument,
-    ProvenanceDocument,
-    Status,
-)
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.documents.result import MODEL, RESULT, identified_model, read_result, read_text
+from rotorid.errors import UsageError
+from rotorid.models.parameter import Status
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, scored_outputs
+from rotorid.pipeline.cross_validation import signal_scores
+from rotorid.pipeline.summary import DelayBudget, ParameterEstimate, PoleEstimate, SignalScore, finite
 from rotorid.verification.fixed_parameters import Kind
 
 
@@ -26,18 +29,6 @@ class CrossValidatedDocument(Document):
     spread_percent: float | None
     best_percent: float | None = None
     horizon_s: float | None = None
-
-
-class OnLogsDocument(Document):
-    """Mean fit on the maneuvers that count, and its standard deviation over them; the same ones for all models.
-
-    ``seen`` says whether any model was identified on one of them; then the comparison flatters that model.
-    """
-
-    mean_percent: float
-    spread_percent: float | None
-    maneuvers: int
-    seen: bool
 
 
 class ComparedModelDocument(Document):
@@ -52,12 +43,12 @@ class ComparedModelDocument(Document):
     free_parameters: int
     fit_percent: dict[str, float] | None = None
     cross_validation: CrossValidatedDocument | None = None
-    on_logs: OnLogsDocument | None = None
+    on_logs: OnLogsSummary | None = None
     cost: float | None = None
     aic: float | None = None
     bic: float | None = None
-    poles: list[PoleDocument] = Field(default_factory=list)
-    delays: dict[str, DelayDocument] = Field(default_factory=dict)
+    poles: list[PoleEstimate] = Field(default_factory=list)
+    delays: dict[str, DelayBudget] = Field(default_factory=dict)
 
 
 class ComparedValueDocument(Document):
@@ -85,7 +76,7 @@ class ComparedScoreDocument(Document):
 
     seen: bool
     mean_percent: float | None
-    scores: dict[str, FrozenScoreDocument]
+    scores: dict[str, SignalScore]
 
 
 class ComparedManeuverDocument(Document):
@@ -118,3 +109,163 @@ class CompareDocument(Document):
     band_rad_s: tuple[float, float] | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+
+def compare_document(found: Comparison) -> CompareDocument:
+    """A comparison as ``compare.json`` holds it."""
+    return CompareDocument(
+        models=[_model(entry, found.on_logs.get(entry.label)) for entry in found.entries],
+        parameters=_parameters(found.entries),
+        maneuvers=[_maneuver(each, found.common_outputs) for each in found.maneuvers],
+        common_outputs=list(found.common_outputs),
+        horizon_s=finite(found.horizon_s),
+        band_rad_s=found.band_rad_s,
+        findings=[FindingDocument.model_validate(finding) for finding in found.findings],
+        provenance=ProvenanceDocument.model_validate(found.provenance),
+    )
+
+
+def _model(entry: Entry, summary: OnLogsSummary | None) -> ComparedModelDocument:
+    model = entry.model
+    fit, validated = model.fit, model.cross_validation
+    return ComparedModelDocument(
+        label=entry.label,
+        model=model.name,
+        method=fit.method,
+        inputs=list(model.structure.inputs),
+        outputs=list(fit.outputs),
+        order=len(model.structure.states),
+        free_parameters=sum(parameter.status == "free" for parameter in model.parameters.values()),
+        fit_percent=None if fit.fit_percent is None else dict(fit.fit_percent),
+        cross_validation=None
+        if validated is None
+        else CrossValidatedDocument(
+            kind=validated.kind,
+            mean_percent=validated.mean_percent,
+            spread_percent=validated.spread_percent,
+            best_percent=validated.best.mean_percent if validated.best else None,
+            horizon_s=validated.horizon_s,
+        ),
+        on_logs=summary,
+        cost=fit.cost.average if fit.cost else None,
+        aic=fit.information.aic if fit.information else None,
+        bic=fit.information.bic if fit.information else None,
+        poles=list(model.pole_estimates),
+        delays=dict(model.delays),
+    )
+
+
+def _parameters(entries: Sequence[Entry]) -> dict[str, ComparedParameterDocument]:
+    """Every parameter by its name; where units differ it is another one, and is called so."""
+    logs = {entry.label: entry.fitted_logs for entry in entries}
+    found: dict[str, tuple[str, dict[str, ParameterEstimate]]] = {}
+    for entry in entries:
+        for name, parameter in entry.model.parameters.items():
+            unit, _ = found.setdefault(name, (parameter.unit, {}))
+            own = name if unit == parameter.unit else f"{name} [{parameter.unit}]"
+            found.setdefault(own, (parameter.unit, {}))[1][entry.label] = parameter
+    return {
+        name: ComparedParameterDocument(unit=unit, values=_values(values, logs))
+        for name, (unit, values) in found.items()
+    }
+
+
+def _values(
+    values: Mapping[str, ParameterEstimate], logs: Mapping[str, frozenset[str]]
+) -> dict[str, ComparedValueDocument]:
+    """Values with their distance from the first, where no log stands behind both."""
+    first = next((label for label, one in values.items() if one.std is not None), None)
+    return {
+        label: ComparedValueDocument(
+            value=one.value,
+            std=one.std,
+            status=one.status,
+            z=None if first is None or logs[label] & logs[first] else z_score(one, values[first]),
+        )
+        for label, one in values.items()
+    }
+
+
+def z_score(one: ParameterEstimate, other: ParameterEstimate | None) -> float | None:
+    """Difference of two independent estimates over its standard deviation; ``None`` for one and the same.
+
+    Examples
+    --------
+    >>> a, b = (ParameterEstimate(value=x, unit="1/s", std=s, status="free") for x, s in ((-2.0, 0.3), (-3.0, 0.4)))
+    >>> z_score(b, a)
+    -2.0
+    """
+    if other is None or one is other or one.std is None or other.std is None:
+        return None
+    std = math.hypot(one.std, other.std)
+    return (one.value - other.value) / std if std > 0.0 else None
+
+
+def _maneuver(each: ComparedManeuver, shared: Sequence[str]) -> ComparedManeuverDocument:
+    return ComparedManeuverDocument(
+        record=each.record,
+        axis=each.maneuver.axis,
+        kind=each.maneuver.kind,
+        start_s=each.maneuver.start_s,
+        stop_s=each.maneuver.stop_s,
+        models={
+            label: ComparedScoreDocument(
+                seen=label in each.seen,
+                mean_percent=finite(each.mean_percent(label, shared or scored_outputs(group))),
+                scores=signal_scores(group),
+            )
+            for label, group in each.scores.items()
+        },
+    )
+
+
+def read_results(paths: Sequence[Path]) -> tuple[Entry, ...]:
+    """Read what ``identify`` wrote.
+
+    Parameters
+    ----------
+    paths
+        Folders, or ``result.json`` files; at least two different ones. The ``model.toml`` beside gives the model.
+
+    Raises
+    ------
+    UsageError
+        A path leads to no result, one came twice, or fewer than two came.
+    ModelError
+        A ``model.toml`` is wrong.
+    """
+    files = [path / RESULT if path.is_dir() else path for path in paths]
+    if len(files) < 2:
+        raise UsageError(f"{len(files)} result came to compare", needed="at least two", remedy="give another folder")
+    for number, file in enumerate(files):
+        if file.resolve() in [other.resolve() for other in files[:number]]:
+            raise UsageError(f"{file} came twice", needed="each result once")
+    return tuple(_read(file, label) for file, label in zip(files, _labels(files), strict=True))
+
+
+def _labels(files: Sequence[Path]) -> list[str]:
+    """Names of the folders, with as many of those above as it takes to tell them apart."""
+    folders = [file.resolve().parent.parts for file in files]
+    count = 1
+    while len({parts[-count:] for parts in folders}) < len(folders) and count < max(map(len, folders)):
+        count += 1
+    labels = ["/".join(parts[-count:]) for parts in folders]
+    # Two results in one folder differ by the names of their files.
+    return [
+        f"{label}/{file.name}" if labels.count(label) > 1 else label for label, file in zip(labels, files, strict=True)
+    ]
+
+
+def _read(file: Path, label: str) -> Entry:
+    text = read_text(file)
+    document = read_result(file, text)
+    model = file.parent / MODEL
+    structure = from_toml(read_text(model), where=str(model)) if model.exists() else None
+    if structure is not None and structure.name != document.model:
+        raise UsageError(f"{model} holds {structure.name} and {file} {document.model}", needed="files of one result")
+    return Entry(
+        label=label,
+        model=identified_model(document, structure),
+        sha256=hashlib.sha256(text.encode()).hexdigest(),
+        scored=structure is not None,
+    )

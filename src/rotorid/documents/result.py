@@ -1,332 +1,57 @@
-"""The documents that commands write: typed, so that their JSON schemas come from the code.
-
-Parts of documents that say how well a model does on data, and what the data were.
-
-What ``result.json`` says of motors beside parameters.
-
-The part of ``result.json`` that says how a cross-validation went.
-"""
+"""``result.json``, schema ``rotorid.result/1``: an identified model as a document, and back."""
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Literal
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
-from rotorid.documents.base import Document
-from rotorid.documents.base import FindingDocument as FindingDocument
-from rotorid.documents.base import ManeuverDocument as ManeuverDocument
-from rotorid.documents.base import ProvenanceDocument as ProvenanceDocument
-from rotorid.verification.fixed_parameters import CrossValidation, FixedParameterScores, Kind, Model, fit_percent
-from rotorid.verification.verification import Verdict
-
-
-class PairCost(Document):
-    """Cost of one response."""
-
-    value: float
-    band_rad_s: tuple[float, float]
-    points: int
-
-
-class ScoreDocument(Document):
-    """How one output of the model predicts one unseen record."""
-
-    nrmse_fit_percent: float
-    tic: float
-    rms: float
-    bias: float
-    reference_shift: float
-
-
-class RangeDocument(Document):
-    """What the fitted data covered of a quantity."""
-
-    unit: str
-    lowest: float
-    highest: float
-    rms: float
-
-
-class TrimDocument(Document):
-    """State about which a maneuver moves, SI units; in hover the speeds count as zero."""
-
-    values: dict[str, float]
-    hover: bool
-
-
-class AheadScoreDocument(Document):
-    """How one output is predicted over one horizon; a skill of 0 is that of "stays as it is"."""
-
-    nrmse_fit_percent: float | None
-    tic: float
-    rms: float
-    skill: float
-    over_quiet: float | None = None
-
-
-class AheadDocument(Document):
-    """Predictions over one horizon, restarted at every sample from the state that the time before shows."""
-
-    horizon_s: float
-    outputs: dict[str, AheadScoreDocument]
-
-
-class LoopScoreDocument(Document):
-    """How one output or command is predicted in closed loop."""
-
-    nrmse_fit_percent: float | None
-    tic: float
-    rms: float
-
-
-class ClosedLoopDocument(Document):
-    """The model under the controller that flew.
-
-    ``setpoints`` names the channel that drove the controller of each command, ``controller_tic`` says how well that
-    controller alone makes the measured command of the measured rate. Rates flatter the model, because the controller
-    makes them; commands and accelerations tell more.
-    """
-
-    setpoints: dict[str, str]
-    controller_tic: dict[str, float]
-    scores: dict[str, LoopScoreDocument]
-
-
-class ManeuverVerificationDocument(Document):
-    """One unseen maneuver: open loop, prediction ahead, closed loop, and what follows."""
-
-    record: str
-    axis: str
-    kind: str
-    start_s: float
-    stop_s: float
-    verdict: Verdict
-    scores: dict[str, ScoreDocument]
-    j_rms: float
-    biases: dict[str, float]
-    growth_1_s: float
-    low_pass_rad_s: float | None = None
-    moved: list[str]
-    ahead: list[AheadDocument] = Field(default_factory=list)
-    holds_s: dict[str, float] = Field(default_factory=dict)
-    closed_loop: ClosedLoopDocument | None = None
-    trim: TrimDocument | None = None
-
-
-class SweepVerificationDocument(Document):
-    """Cost of the model against each response of sweeps that were not fitted."""
-
-    records: list[str]
-    pairs: dict[str, PairCost]
-
-
-class DerivedDocument(Document):
-    """A quantity that follows from the parameters."""
-
-    value: float
-    std: float
-    unit: str
-
-
-class ExcitationDocument(Document):
-    """How far the motors explain the slow motion of a stretch: a correlation up to 5 Hz, and the axes that counted."""
-
-    record: str
-    start_s: float
-    stop_s: float
-    sample_rate_hz: float
-    correlation: dict[str, float]
-    counted: list[str]
-
-
-class BothWaysDocument(Document):
-    """An inertia by acceleration on torque and by torque on acceleration: plain, and without the bias of noise."""
-
-    axis: str
-    parameter: str
-    unit: str
-    plain: tuple[float, float]
-    corrected: tuple[float, float]
-    std: tuple[float, float]
-    agrees: bool
-
-
-class MotorsDocument(Document):
-    """Motors, rotors and thrust of a fit of ``physical.motors``.
-
-    ``outputs`` says what the motors are known by (``output``, ``thrust_demand`` or ``speed``), ``source`` where from.
-    ``rotors`` are positions forward, right and down, in meters where ``arm_m`` is known and else in units of the arm,
-    with the direction of their torque (+1 turns the nose right). ``derived`` holds thrust of a rotor at the mean output
-    of the flights (``thrust_hover``), its slope there, thrust at full output and that over weight; ``flown_outputs`` is
-    the range of the outputs but for one percent at each end, beyond which thrust is extrapolated. ``scale`` names what
-    fixed the scale of mass, thrust and inertia, or is ``null``: then all three are per kilogram.
-    """
-
-    layout: str
-    arm_m: float | None
-    rotors: list[list[float]]
-    spins: list[float]
-    outputs: str
-    source: str
-    outputs_rate_hz: float
-    curve: str
-    curve_assumed: bool = False
-    reference_v: float | None = None
-    hover_output: float
-    flown_outputs: tuple[float, float]
-    scale: str | None
-    derived: dict[str, DerivedDocument] = Field(default_factory=dict)
-    both_ways: list[BothWaysDocument] = Field(default_factory=list)
-    excitation: list[ExcitationDocument] = Field(default_factory=list)
-
-
-class FrozenScoreDocument(Document):
-    """How one output was predicted with frozen parameters; a fit is ``null`` where the output did not move."""
-
-    nrmse_fit_percent: float | None
-    tic: float
-    rms: float
-
-
-class FoldParameterDocument(Document):
-    """A parameter as one fold has it."""
-
-    value: float
-    std: float | None = None
-
-
-class FoldDocument(Document):
-    """One identification: on which records, and its scores by record and output, seen records included.
-
-    ``mean_percent`` and ``spread_percent``, a standard deviation over records, are those of unseen records only.
-    """
-
-    identified: list[str]
-    unseen: list[str]
-    scores: dict[str, dict[str, FrozenScoreDocument]]
-    mean_percent: float | None = None
-    spread_percent: float | None = None
-    parameters: dict[str, FoldParameterDocument] = Field(default_factory=dict)
-    cause: str = ""
-
-
-class BestFoldDocument(Document):
-    """The record that is best to identify on, chosen by the very scores that stand here: optimistic."""
-
-    record: str
-    mean_percent: float
-    spread_percent: float | None = None
-
-
-class CrossValidationDocument(Document):
-    """A cross-validation: ``each`` record alone or ``leave_one_out``, scored on records that were not identified on.
-
-    ``mean_percent`` is over all unseen scores, ``spread_percent`` their standard deviation. ``horizon_s`` is ``null``
-    where records were simulated whole; else the models are unstable and were predicted so far ahead, again and again.
-    ``band_rad_s`` is what was looked at, ``null`` for everything.
-    """
-
-    kind: Kind
-    records: list[str]
-    outputs: list[str]
-    horizon_s: float | None = None
-    band_rad_s: tuple[float, float] | None = None
-    folds: list[FoldDocument]
-    mean_percent: float | None = None
-    spread_percent: float | None = None
-    best: BestFoldDocument | None = None
-
-
-def frozen_scores(group: tuple[FixedParameterScores, ...]) -> dict[str, FrozenScoreDocument]:
-    """Scores of a group of records by output, as means over its records."""
-    names = dict.fromkeys(name for one in group for name in one.scores)
-    return {name: _mean_score(group, name) for name in names}
-
-
-def _mean_score(group: tuple[FixedParameterScores, ...], name: str) -> FrozenScoreDocument:
-    every = [one.scores[name] for one in group if name in one.scores]
-    return FrozenScoreDocument(
-        nrmse_fit_percent=finite(fit_percent(group, name)),
-        tic=sum(score.tic for score in every) / len(every),
-        rms=sum(score.rms for score in every) / len(every),
-    )
-
-
-def finite(value: float) -> float | None:
-    """A number, or ``None`` where it is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
-def cross_validation_document(
-    found: CrossValidation[Model],
-    parameters: tuple[dict[str, FoldParameterDocument], ...],
-    band_rad_s: tuple[float, float] | None = None,
-) -> CrossValidationDocument:
-    """A cross-validation as a document.
-
-    Parameters
-    ----------
-    found
-        What was found.
-    parameters
-        Those of the model of each fold.
-    band_rad_s
-        What was looked at.
-    """
-    means, spreads = found.fold_means, found.fold_spreads
-    best = found.best
-    horizons_s = found.horizons_s
-    return CrossValidationDocument(
-        kind=found.kind,
-        records=list(found.records),
-        outputs=list(found.outputs),
-        horizon_s=finite(horizons_s[0]) if horizons_s else None,
-        band_rad_s=band_rad_s,
-        folds=[
-            FoldDocument(
-                identified=list(fold.identified),
-                unseen=[name for name in found.records if name not in fold.identified],
-                scores={
-                    name: frozen_scores(group) for name, group in zip(found.records, fold.scores, strict=True) if group
-                },
-                mean_percent=finite(means[row]),
-                spread_percent=finite(spreads[row]),
-                parameters=parameters[row],
-                cause=fold.cause,
-            )
-            for row, fold in enumerate(found.folds)
-        ],
-        mean_percent=finite(found.mean),
-        spread_percent=finite(found.spread),
-        best=None
-        if best is None
-        else BestFoldDocument(
-            record=found.records[best], mean_percent=float(means[best]), spread_percent=finite(spreads[best])
-        ),
-    )
-
-
-Status = Literal["free", "fixed", "tied", "dropped"]
-
-
-class ParameterDocument(Document):
-    """One parameter with its uncertainty; percents are CIFER's, ``std`` covers random errors, not a wrong structure."""
-
-    value: float
-    unit: str
-    std: float | None = None
-    cramer_rao_percent: float | None = None
-    insensitivity_percent: float | None = None
-    status: Status
-
-
-class CostDocument(Document):
-    """Frequency-domain cost: the average, and each response on its own."""
-
-    average: float
-    pairs: dict[str, PairCost]
+from rotorid.data.findings import Finding
+from rotorid.data.response import FrequencyResponse
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.errors import UsageError
+from rotorid.io.files import write_atomically, write_npz
+from rotorid.models.expression import Expression
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.state_space import StateSpace
+from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
+from rotorid.pipeline.provenance import LoggedManeuver, Provenance
+from rotorid.pipeline.results import FittedData, IdentifiedModel, Refused, SimulatedRecord, no_response
+from rotorid.pipeline.summary import (
+    BootstrapSummary,
+    Checks,
+    Compared,
+    Correlation,
+    Cost,
+    CrossValidationSummary,
+    DelayBudget,
+    EquationFit,
+    Fit,
+    FitEnd,
+    Information,
+    MethodName,
+    Minimum,
+    MotorPhysics,
+    ParameterEstimate,
+    PoleEstimate,
+    Range,
+    RecordFit,
+    ReductionStep,
+    Residuals,
+    SearchSummary,
+    UnseenCombination,
+)
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.cramer_rao import Bounds
+
+RESULT, MODEL, RESPONSES, SCHEMA = "result.json", "model.toml", "responses.npz", "rotorid.result/1"
+
+_WANTED = f"a folder that rotorid identify wrote, or its {RESULT}"
 
 
 class DelaysDocument(Document):
@@ -347,203 +72,6 @@ class MatricesDocument(Document):
     delays_s: DelaysDocument
 
 
-class PoleDocument(Document):
-    """An eigenvalue of the model; standard deviations are ``null`` where it is (nearly) a multiple one."""
-
-    real: float
-    imag: float
-    damping: float
-    frequency_rad_s: float
-    real_std: float | None = None
-    imag_std: float | None = None
-    damping_std: float | None = None
-    frequency_std_rad_s: float | None = None
-
-
-class VerificationDocument(Document):
-    """Scores per unseen record and output, and costs of responses on unseen sweeps.
-
-    ``records`` and ``frequency`` are the short form; ``maneuvers`` and ``sweeps`` say everything.
-    """
-
-    records: dict[str, dict[str, ScoreDocument]] = Field(default_factory=dict)
-    frequency: dict[str, float] = Field(default_factory=dict)
-    maneuvers: list[ManeuverVerificationDocument] = Field(default_factory=list)
-    sweeps: list[SweepVerificationDocument] = Field(default_factory=list)
-
-
-class CombinationDocument(Document):
-    """Parameters that the data cannot tell apart, in words and as a vector over parameter names."""
-
-    words: str
-    vector: dict[str, float]
-
-
-class StepDocument(Document):
-    """One step of the reduction: a parameter that was looked at, what became of it, and why."""
-
-    parameter: str
-    action: Literal["dropped", "kept", "protected"]
-    reason: str
-    value_before: float
-    insensitivity_percent: float | None
-    cramer_rao_percent: float | None
-    mean_cost_before: float
-    mean_cost_after: float | None
-
-
-class CorrelationDocument(Document):
-    """Correlation of the free parameters, in the order of the names."""
-
-    names: list[str]
-    matrix: list[list[float]]
-
-
-class FitDocument(Document):
-    """How the fit went.
-
-    ``weights`` says what was minimized last: CIFER's cost, errors weighed by their measured covariance, or in time the
-    errors of the outputs, or of the equations, by the covariance that they have (``likelihood``). ``trace`` is CIFER's
-    cost, summed over the responses, or the sum of squares in time, after each accepted step. ``inflation`` is the
-    factor on standard deviations because residuals were larger than the errors of the data, or in time because they
-    are not white.
-    """
-
-    weights: Literal["cifer", "covariance", "likelihood"]
-    outcome: str
-    evaluations: int
-    trace: list[float]
-    inflation: float
-
-
-class RecordFitDocument(Document):
-    """A stretch of a record that was fitted in time: share of each output's motion that the model explains."""
-
-    record: str
-    start_s: float
-    stop_s: float
-    samples: int
-    sample_rate_hz: float
-    pieces: int = 1
-    fit_percent: dict[str, float]
-
-
-class ComparedDocument(Document):
-    """A parameter as the fit in the frequency domain has it.
-
-    ``hold_s`` is the part of a delay that the response contains and a simulation with held inputs has apart.
-    """
-
-    value: float
-    std: float | None = None
-    hold_s: float = 0.0
-
-
-class MinimumDocument(Document):
-    """Another place where a search came to rest: its sum of squares, outputs weighed by size, and its parameters."""
-
-    cost: float
-    parameters: dict[str, float]
-
-
-class BasinDocument(Document):
-    """A minimum of a search: its cost, its parameters, and the share of the local searches that ended there."""
-
-    cost: float
-    share: float
-    parameters: dict[str, float]
-
-
-class SearchDocument(Document):
-    """A global search before the fit.
-
-    ``name`` is the search with its options, ``objective`` what it minimized: CIFER's cost, summed over the responses,
-    or the squared output errors, weighed by the size of the outputs. ``evaluations`` of the cost are its own,
-    ``polishing`` those of its ``local_searches``. ``minima`` begin with the one that the fit went on from, then lowest
-    first. ``trace`` is the lowest cost so far after so many evaluations.
-    """
-
-    name: str
-    objective: Literal["frequency", "output_error"]
-    evaluations: int
-    polishing: int
-    local_searches: int
-    minima: list[BasinDocument]
-    trace: list[tuple[int, float]]
-
-
-class SpreadDocument(Document):
-    """A parameter over the runs of a bootstrap; ``low``, ``median`` and ``high`` are percentiles 2.5, 50 and 97.5."""
-
-    mean: float
-    std: float
-    relative_percent: float | None
-    low: float
-    median: float
-    high: float
-
-
-class BootstrapDocument(Document):
-    """Refits to noise drawn anew: errors of the ``responses``, or noise of the ``outputs``.
-
-    ``left_out`` says why runs do not count, and how many. ``correlation`` is that of the runs.
-    """
-
-    source: Literal["responses", "outputs"]
-    runs: int
-    seed: int
-    left_out: dict[str, int]
-    parameters: dict[str, SpreadDocument]
-    correlation: CorrelationDocument
-
-
-class EquationDocument(Document):
-    """How well an equation of motion holds: ``q'`` for the derivative of a state, an output by its name.
-
-    ``r_squared`` is the share of its left side that is explained, ``misfit`` the rms of its residual over that of its
-    left side, ``press`` the squared error of predicting each of its rows by all others.
-    """
-
-    name: str
-    r_squared: float
-    press: float
-    misfit: float
-
-
-class InformationDocument(Document):
-    """Information criteria; ``numbers`` counts parameters, initial states, trims and the noise covariance."""
-
-    aic: float
-    bic: float
-    numbers: int
-
-
-class ResidualsDocument(Document):
-    """Residuals of a fit in time.
-
-    ``memory`` is the order of the autoregression that describes their color, ``inflation`` the factor that it puts on
-    standard deviations. ``autocorrelation`` of each output is at lags of ``step_s``, from zero on; that of white
-    residuals would stay within ``chance``, two standard deviations.
-    """
-
-    memory: int
-    inflation: float
-    step_s: float
-    chance: float
-    autocorrelation: dict[str, list[float]]
-
-
-class DelayDocument(Document):
-    """Delays on the way from an input to an output, in seconds: a motor lag counts as a delay of its time constant."""
-
-    input_delay_s: float
-    motor_lag_s: float
-    output_delay_s: float
-    total_s: float
-    total_std_s: float | None
-    known_filters_s: float | None = None
-
-
 class ResultDocument(Document):
     """``result.json``: everything that an identification answers."""
 
@@ -552,33 +80,417 @@ class ResultDocument(Document):
     inputs: list[str]
     outputs: list[str]
     states: list[str]
-    parameters: dict[str, ParameterDocument] = Field(default_factory=dict)
-    cost: CostDocument | None = None
+    parameters: dict[str, ParameterEstimate] = Field(default_factory=dict)
+    cost: Cost | None = None
     fit_percent: dict[str, float] | None = None
-    fit: FitDocument | None = None
-    method: Literal["frequency", "output_error", "prediction_error", "equation_error"] = "frequency"
+    fit: FitEnd | None = None
+    method: MethodName = "frequency"
     hold: Literal["zero", "first"] | None = None
     pieces_s: float | None = None
-    records: list[RecordFitDocument] = Field(default_factory=list)
+    records: list[RecordFit] = Field(default_factory=list)
     noise: dict[str, float] | None = None
     log_likelihood: float | None = None
-    information: InformationDocument | None = None
-    residuals: ResidualsDocument | None = None
-    minima: list[MinimumDocument] = Field(default_factory=list)
-    search: SearchDocument | None = None
-    bootstrap: BootstrapDocument | None = None
-    equations: list[EquationDocument] = Field(default_factory=list)
-    frequency_fit: dict[str, ComparedDocument] | None = None
-    reduction: list[StepDocument] = Field(default_factory=list)
-    correlation: CorrelationDocument | None = None
+    information: Information | None = None
+    residuals: Residuals | None = None
+    minima: list[Minimum] = Field(default_factory=list)
+    search: SearchSummary | None = None
+    bootstrap: BootstrapSummary | None = None
+    equations: list[EquationFit] = Field(default_factory=list)
+    frequency_fit: dict[str, Compared] | None = None
+    reduction: list[ReductionStep] = Field(default_factory=list)
+    correlation: Correlation | None = None
     constants: dict[str, float] = Field(default_factory=dict)
     matrices: MatricesDocument | None = None
-    poles: list[PoleDocument] = Field(default_factory=list)
-    delays: dict[str, DelayDocument] = Field(default_factory=dict)
-    covered: dict[str, RangeDocument] = Field(default_factory=dict)
-    verification: VerificationDocument = Field(default_factory=VerificationDocument)
-    cross_validation: CrossValidationDocument | None = None
-    identifiability: list[CombinationDocument] = Field(default_factory=list)
-    motors: MotorsDocument | None = None
+    poles: list[PoleEstimate] = Field(default_factory=list)
+    delays: dict[str, DelayBudget] = Field(default_factory=dict)
+    covered: dict[str, Range] = Field(default_factory=dict)
+    verification: Checks = Field(default_factory=Checks)
+    cross_validation: CrossValidationSummary | None = None
+    identifiability: list[UnseenCombination] = Field(default_factory=list)
+    motors: MotorPhysics | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+
+def result_document(model: IdentifiedModel) -> ResultDocument:
+    """An identified model as ``result.json`` holds it."""
+    fit, structure = model.fit, model.structure
+    return ResultDocument(
+        model=structure.name,
+        inputs=list(structure.inputs),
+        outputs=list(fit.outputs),
+        states=list(structure.states),
+        parameters=dict(model.parameters),
+        cost=fit.cost,
+        fit_percent=_plain(fit.fit_percent),
+        fit=fit.end,
+        method=fit.method,
+        hold=fit.hold,
+        pieces_s=fit.pieces_s,
+        records=list(fit.records),
+        noise=_plain(fit.noise),
+        log_likelihood=fit.log_likelihood,
+        information=fit.information,
+        residuals=fit.residuals,
+        minima=list(fit.minima),
+        search=fit.search,
+        bootstrap=fit.bootstrap,
+        equations=list(fit.equations),
+        frequency_fit=_plain(fit.frequency_fit),
+        reduction=list(fit.reduction),
+        correlation=Correlation(names=model.bounds.names, matrix=_rows(model.bounds.correlation)),
+        constants=dict(structure.constants),
+        matrices=matrices_document(model.system),
+        poles=list(model.pole_estimates),
+        delays=dict(model.delays),
+        covered=dict(model.covered),
+        verification=model.verification,
+        cross_validation=model.cross_validation,
+        identifiability=list(model.combinations),
+        motors=model.motors,
+        findings=[FindingDocument.model_validate(finding) for finding in model.findings],
+        provenance=ProvenanceDocument.model_validate(model.provenance),
+    )
+
+
+def refused_document(refused: Refused) -> ResultDocument:
+    """The document of data that cannot support a model: its findings say why, and no number is given."""
+    structure = refused.structure
+    return ResultDocument(
+        model=refused.name,
+        inputs=list(structure.inputs if structure else ()),
+        outputs=list(structure.outputs if structure else ()),
+        states=list(structure.states if structure else ()),
+        findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
+        provenance=ProvenanceDocument.model_validate(refused.provenance),
+    )
+
+
+def _plain(values: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    return None if values is None else dict(values)
+
+
+def _rows(matrix: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def matrices_document(system: StateSpace) -> MatricesDocument:
+    """The matrices as lists."""
+    return MatricesDocument(
+        M=system.M.tolist(),
+        F=system.F.tolist(),
+        G=system.G.tolist(),
+        H0=system.H0.tolist(),
+        H1=system.H1.tolist(),
+        delays_s=DelaysDocument(inputs=system.input_delays_s.tolist(), outputs=system.output_delays_s.tolist()),
+    )
+
+
+def to_json(document: Document) -> str:
+    """A document as JSON text, with the names of its schema."""
+    return document.model_dump_json(by_alias=True, indent=2) + "\n"
+
+
+def save(model: IdentifiedModel, folder: str | Path) -> None:
+    """Write ``result.json``, ``model.toml`` and ``responses.npz``, from which :func:`load` makes the model again.
+
+    Parameters
+    ----------
+    model
+        What to write.
+    folder
+        Where it goes; made when missing. Files of the same names are replaced.
+    """
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    write_npz(place / RESPONSES, response_arrays(model.data))
+    write_atomically(place / MODEL, model.to_toml())
+    write_atomically(place / RESULT, to_json(result_document(model)))
+
+
+def load(path: str | Path) -> IdentifiedModel:
+    """Read a model that ``identify`` wrote or :func:`save` saved.
+
+    It answers as the model that was saved: values, standard deviations, covariance, poles, response and simulation.
+    Signals of verifications and maneuvers are not in the files, so that ``verifications`` and ``data.segments`` are
+    empty; what they said is in ``verification``.
+
+    Parameters
+    ----------
+    path
+        The folder, or its ``result.json``.
+
+    Raises
+    ------
+    UsageError
+        The path leads to no result.
+    ModelError
+        The ``model.toml`` is wrong.
+    """
+    file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
+    document = read_result(file, read_text(file))
+    structure = from_toml(read_text(file.parent / MODEL), where=MODEL)
+    if structure.name != document.model:
+        raise UsageError(f"{MODEL} holds {structure.name} and {file} {document.model}", needed="files of one result")
+    responses = file.parent / RESPONSES
+    arrays = dict(np.load(responses)) if responses.exists() else None
+    return identified_model(document, structure, arrays)
+
+
+def identified_model(
+    document: ResultDocument, structure: LinearStructure | None, arrays: Mapping[str, np.ndarray] | None = None
+) -> IdentifiedModel:
+    """The model behind a document.
+
+    Parameters
+    ----------
+    document
+        A result with parameters.
+    structure
+        Its ``model.toml``; without it the model has names and no equations.
+    arrays
+        Its ``responses.npz``, where that is known.
+    """
+    structure = structure or _nameless(document)
+    end = document.fit or FitEnd(weights="cifer", outcome="", evaluations=0, trace=(), inflation=1.0)
+    return IdentifiedModel(
+        structure=structure,
+        parameters=document.parameters,
+        bounds=_bounds(document, end.inflation),
+        fit=Fit(
+            method=document.method,
+            outputs=tuple(document.outputs),
+            end=end,
+            cost=document.cost,
+            fit_percent=document.fit_percent,
+            hold=document.hold,
+            pieces_s=document.pieces_s,
+            records=tuple(document.records),
+            noise=document.noise,
+            log_likelihood=document.log_likelihood,
+            information=document.information,
+            residuals=document.residuals,
+            minima=tuple(document.minima),
+            search=document.search,
+            bootstrap=document.bootstrap,
+            equations=tuple(document.equations),
+            frequency_fit=document.frequency_fit,
+            reduction=tuple(document.reduction),
+        ),
+        data=_data(document, structure, arrays),
+        verification=document.verification,
+        pole_estimates=tuple(document.poles),
+        delays=document.delays,
+        covered=document.covered,
+        combinations=tuple(document.identifiability),
+        motors=document.motors,
+        cross_validation=document.cross_validation,
+        findings=tuple(Finding(**finding.model_dump()) for finding in document.findings),
+        provenance=_provenance(document.provenance),
+    )
+
+
+def _nameless(document: ResultDocument) -> LinearStructure:
+    """A structure of the right names that says nothing."""
+
+    def zeros(rows: int, columns: int) -> tuple[tuple[Expression, ...], ...]:
+        return ((Expression.parse("0"),) * columns,) * rows
+
+    x, u, y = len(document.states), len(document.inputs), len(document.outputs)
+    return LinearStructure(
+        name=document.model,
+        inputs=tuple(document.inputs),
+        states=tuple(document.states),
+        outputs=tuple(document.outputs),
+        M=tuple(tuple(Expression.parse(str(int(i == j))) for j in range(x)) for i in range(x)),
+        F=zeros(x, x),
+        G=zeros(x, u),
+        H0=zeros(y, x),
+        H1=zeros(y, x),
+        input_delays=(Expression.parse("0"),) * u,
+        output_delays=(Expression.parse("0"),) * y,
+        parameters=ParameterSet(()),
+    )
+
+
+def _bounds(document: ResultDocument, inflation: float) -> Bounds:
+    """Covariance from correlation and standard deviations, bounds from their percents."""
+    known = document.correlation or Correlation(names=(), matrix=())
+    parameters = [document.parameters[name] for name in known.names]
+    std = np.array([one.std or 0.0 for one in parameters])
+    size = np.array([0.01 * abs(one.value) for one in parameters])
+    count = len(parameters)
+    return Bounds(
+        names=tuple(known.names),
+        cramer_rao=np.array([one.cramer_rao_percent or 0.0 for one in parameters]) * size,
+        insensitivity=np.array([one.insensitivity_percent or 0.0 for one in parameters]) * size,
+        covariance=np.array(known.matrix, dtype=np.float64).reshape(count, count) * np.outer(std, std),
+        inflation=inflation,
+    )
+
+
+def _provenance(document: ProvenanceDocument) -> Provenance:
+    told = document.model_dump(exclude={"maneuvers", "command", "instruments"})
+    return Provenance(
+        **told,
+        command=tuple(document.command),
+        instruments=tuple(document.instruments),
+        maneuvers=tuple(LoggedManeuver(**one.model_dump()) for one in document.maneuvers),
+    )
+
+
+def response_arrays(data: FittedData) -> dict[str, np.ndarray]:
+    """Arrays of ``responses.npz``, without pickles; of a fit in time also its records, as ``record_0_time_s`` ..."""
+    arrays = measured_arrays(data.response, data.direct)
+    for number, record in enumerate(data.simulated):
+        parts = {
+            "time_s": record.time_s,
+            "inputs": record.inputs,
+            "measured": record.measured,
+            "simulated": record.simulated,
+        }
+        arrays |= {f"record_{number}_{name}": values for name, values in parts.items()}
+    return arrays | {"model": data.model_response, "fitted": data.used}
+
+
+def measured_arrays(response: FrequencyResponse, direct: FrequencyResponse | None) -> dict[str, np.ndarray]:
+    """Arrays of measured responses, and of the direct estimate beside joint ones."""
+    arrays = {
+        "omega_rad_s": response.omega_rad_s,
+        "values": response.values,
+        "coherence": response.coherence,
+        "random_error": response.random_error,
+        "covariance": response.covariance,
+        "inputs": np.array(response.inputs),
+        "outputs": np.array(response.outputs),
+        "instruments": np.array(response.instruments, dtype=np.str_),
+        "estimate": np.array(response.estimate),
+        "windows_s": np.array(response.windows_s),
+        "processing": np.array(response.processing, dtype=np.str_),
+    }
+    if direct is not None:
+        arrays |= {
+            "direct_values": direct.values,
+            "direct_coherence": direct.coherence,
+            "direct_random_error": direct.random_error,
+        }
+    return arrays
+
+
+def _data(document: ResultDocument, structure: LinearStructure, arrays: Mapping[str, np.ndarray] | None) -> FittedData:
+    if arrays is None:
+        nothing = no_response(structure)
+        return FittedData(
+            response=nothing, direct=None, model_response=nothing.values, used=np.zeros(nothing.values.shape, np.bool_)
+        )
+    response = _response(arrays)
+    direct = None
+    if "direct_values" in arrays:
+        direct = FrequencyResponse(
+            omega_rad_s=response.omega_rad_s,
+            values=arrays["direct_values"],
+            coherence=arrays["direct_coherence"],
+            random_error=arrays["direct_random_error"],
+            covariance=np.zeros(response.covariance.shape, dtype=np.complex128),
+            inputs=response.inputs,
+            outputs=response.outputs,
+            estimate="direct",
+            windows_s=response.windows_s,
+        )
+    limit = document.provenance.settings.get("coherence")
+    usual = 0.2 if response.estimate == "joint" else 0.6
+    return FittedData(
+        response=response,
+        direct=direct,
+        model_response=arrays["model"],
+        used=arrays["fitted"],
+        least_coherence=float(limit) if isinstance(limit, int | float) else usual,
+        simulated=tuple(_record(document, arrays, number) for number in range(len(document.records))),
+    )
+
+
+def _response(arrays: Mapping[str, np.ndarray]) -> FrequencyResponse:
+    def names(key: str) -> tuple[str, ...]:
+        return tuple(str(name) for name in arrays[key])
+
+    return FrequencyResponse(
+        omega_rad_s=arrays["omega_rad_s"],
+        values=arrays["values"],
+        coherence=arrays["coherence"],
+        random_error=arrays["random_error"],
+        covariance=arrays["covariance"],
+        inputs=names("inputs"),
+        outputs=names("outputs"),
+        estimate="joint" if str(arrays["estimate"]) == "joint" else "direct",
+        instruments=names("instruments"),
+        windows_s=tuple(map(float, arrays["windows_s"])),
+        processing=names("processing"),
+    )
+
+
+def _record(document: ResultDocument, arrays: Mapping[str, np.ndarray], number: int) -> SimulatedRecord:
+    told = document.records[number]
+    flown = [one for one in document.provenance.maneuvers if one.record == told.record]
+    return SimulatedRecord(
+        record=told.record,
+        maneuver=LoggedManeuver(**flown[min(number, len(flown) - 1)].model_dump()),
+        time_s=arrays[f"record_{number}_time_s"],
+        inputs=arrays[f"record_{number}_inputs"],
+        measured=arrays[f"record_{number}_measured"],
+        simulated=arrays[f"record_{number}_simulated"],
+    )
+
+
+def read_text(path: Path) -> str:
+    """The text of one file of a result.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise UsageError(f"{path} cannot be read: {reason}", needed=_WANTED) from error
+
+
+def read_result(file: Path, text: str) -> ResultDocument:
+    """The document in a text, which must be a result with parameters.
+
+    Parameters
+    ----------
+    file
+        Where the text stood, for messages.
+    text
+        JSON.
+
+    Raises
+    ------
+    UsageError
+        It is no result, or one without a model.
+    """
+    from pydantic import ValidationError
+
+    try:
+        table = json.loads(text)
+    except ValueError as error:
+        raise UsageError(f"{file} is no JSON: {error}", needed=_WANTED) from error
+    schema = table.get("schema") if isinstance(table, dict) else None
+    if schema != SCHEMA:
+        came = f"has the schema {schema}" if isinstance(schema, str) else "names no schema"
+        raise UsageError(f"{file} {came}", needed=f"a {RESULT} with the schema {SCHEMA}")
+    try:
+        document = ResultDocument.model_validate(table)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise UsageError(
+            f"{file} does not fit its schema at {where}: {first['msg']}",
+            needed=f"a {RESULT} of this version",
+            remedy="identify anew",
+        ) from error
+    if not document.parameters:
+        raise UsageError(f"{file} holds no model: its data did not support one", needed="results with parameters")
+    return document

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -11,9 +12,8 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
 from rotorid.errors import UsageError
-from rotorid.pipeline.frequency_fit import Fitted
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.time_fit import TimeFitted
+from rotorid.pipeline.summary import BootstrapSummary, Correlation, Spread, finite
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.resampling import SpreadTable
 
@@ -24,7 +24,7 @@ Source: TypeAlias = Literal["responses", "outputs"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bootstrapped(Immutable):
+class Bootstrap(Immutable):
     """Spread of refits to noise that was drawn anew.
 
     Parameters
@@ -42,39 +42,67 @@ class Bootstrapped(Immutable):
     table: SpreadTable
     findings: tuple[Finding, ...]
 
+    @property
+    def summary(self) -> BootstrapSummary:
+        """Its table and the correlation of its runs."""
+        table = self.table
+        return BootstrapSummary(
+            source=self.source,
+            runs=table.runs,
+            seed=table.seed,
+            left_out=dict(table.left_out),
+            parameters={
+                row.name: Spread(
+                    mean=row.mean,
+                    std=row.std,
+                    relative_percent=finite(row.relative_percent),
+                    low=row.low,
+                    median=row.median,
+                    high=row.high,
+                )
+                for row in table.rows()
+            },
+            correlation=Correlation(names=tuple(table.names), matrix=_correlation(table)),
+        )
 
-def bootstrap(fitted: Fitted | TimeFitted, settings: IdentifySettings) -> Bootstrapped | None:
+
+def _correlation(table: SpreadTable) -> tuple[tuple[float, ...], ...]:
+    """Correlation of the runs; zero beside what did not scatter."""
+    scale = np.where(table.std > 0.0, table.std, np.inf)
+    matrix = table.covariance / np.outer(scale, scale)
+    np.fill_diagonal(matrix, 1.0)
+    return tuple(tuple(float(value) for value in row) for row in matrix)
+
+
+def bootstrap(
+    refit: Callable[..., SpreadTable], bounds: Bounds, settings: IdentifySettings, *, source: Source
+) -> Bootstrap | None:
     """Refit noise drawn anew as often as the settings ask; nothing where they ask for none.
 
     Parameters
     ----------
-    fitted
-        In the frequency domain, or in time by output error.
+    refit
+        Draws and fits; takes ``runs``, ``seed`` and ``progress``, see :mod:`rotorid.uncertainty.bootstrapping`.
+    bounds
+        The stated standard deviations.
     settings
         ``bootstrap`` runs from ``seed``.
+    source
+        Where the noise is drawn.
 
     Raises
     ------
     InsufficientDataError
         Parameters cannot be told apart, or fewer than two runs came to rest.
-    UsageError
-        The method has no bootstrap.
     """
-    runs = settings.bootstrap
-    if runs is None:
+    if settings.bootstrap is None:
         return None
-    if isinstance(fitted, Fitted):
-        from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
+    from rotorid.uncertainty.bootstrapping import judge_spread
 
-        table = drawn_anew(
-            fitted.problem, fitted.final, runs=runs, seed=settings.seed, weights=fitted.weights, progress=_say
-        )
-        return _judged("responses", table, fitted.bounds)
-    require_bootstrap(settings, fitted.method)
-    from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
-
-    table = drawn_anew(fitted.problem, fitted.solution, runs=runs, seed=settings.seed, progress=_say)
-    return _judged("outputs", table, fitted.bounds)
+    table = refit(runs=settings.bootstrap, seed=settings.seed, progress=_say)
+    # A parameter on its bound may not scatter at all.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Bootstrap(source=source, table=table, findings=judge_spread(table, bounds.std))
 
 
 def require_bootstrap(settings: IdentifySettings, method: str) -> None:
@@ -95,10 +123,3 @@ def require_bootstrap(settings: IdentifySettings, method: str) -> None:
 
 def _say(done: int, runs: int) -> None:
     _PROGRESS.info(f"bootstrap: {done} of {runs} runs", extra={"done": done, "total": runs})
-
-
-@np.errstate(divide="ignore", invalid="ignore")  # a parameter on its bound may not scatter at all
-def _judged(source: Source, table: SpreadTable, bounds: Bounds) -> Bootstrapped:
-    from rotorid.uncertainty.bootstrapping import judge_spread
-
-    return Bootstrapped(source=source, table=table, findings=judge_spread(table, bounds.std))

@@ -18,7 +18,6 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, TimeHistory
-from rotorid.documents.result import ProvenanceDocument
 from rotorid.errors import ModelError, UsageError
 from rotorid.models.controller import Driven, RateController, rate_controller
 from rotorid.models.parameter import ParameterSet
@@ -26,8 +25,10 @@ from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.models.toml_source import Source
-from rotorid.pipeline.frequency_fit import Fitted
+from rotorid.pipeline.frequency_fit import FrequencyFit
 from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.provenance import LoggedManeuver, Provenance
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.segments import source_of
 from rotorid.pipeline.settings import MODEL as MOTORS
 from rotorid.typing import Axis
@@ -281,7 +282,7 @@ class Candidate(Immutable):
     band_rad_s: tuple[float, float] | None = None
     sources: Mapping[str, str] | None = None
     controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
-    provenance: ProvenanceDocument | None = None
+    provenance: Provenance | None = None
 
     @property
     def system(self) -> StateSpace:
@@ -295,13 +296,32 @@ class Candidate(Immutable):
         return replace(whole, H0=whole.H0[rows], H1=whole.H1[rows], output_delays_s=whole.output_delays_s[rows])
 
 
-def candidate_of(fitted: Fitted, measured: Measured) -> Candidate:
+def candidate_of(fitted: FrequencyFit, measured: Measured) -> Candidate:
     """A model that has just been fitted."""
     return Candidate(
         structure=fitted.structure,
         parameters=fitted.structure.parameters,
         band_rad_s=fitted.band_rad_s,
         sources=output_sources(measured),
+    )
+
+
+def candidate_model(model: IdentifiedModel) -> Candidate:
+    """An identified model, to be judged on further logs.
+
+    Raises
+    ------
+    UsageError
+        It is one of ``physical.motors``.
+    """
+    if model.motors is not None:
+        raise motors_refused(model.name)
+    return Candidate(
+        structure=model.structure,
+        parameters=model.structure.parameters,
+        band_rad_s=model.band_rad_s,
+        sources=model.provenance.sources or None,
+        provenance=model.provenance,
     )
 
 
@@ -376,13 +396,16 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
     )
 
 
-def _provenance(table: Mapping[str, Any]) -> ProvenanceDocument | None:
+def _provenance(table: Mapping[str, Any]) -> Provenance | None:
     """Where a result came from; of one that was shortened by hand nothing is known."""
-    from pydantic import ValidationError
-
     try:
-        return ProvenanceDocument.model_validate(table.get("provenance"))
-    except ValidationError:
+        told = dict(table["provenance"])
+        maneuvers = tuple(
+            LoggedManeuver(**{**one, "band_rad_s": one["band_rad_s"] and tuple(one["band_rad_s"])})
+            for one in told.pop("maneuvers")
+        )
+        return Provenance(**told, maneuvers=maneuvers)
+    except (KeyError, TypeError, ValueError):
         return None
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from rotorid.data.base import Immutable
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.summary import Range, Trim
 from rotorid.typing import FloatArray
 
 HOVER_M_S = 0.5
@@ -29,45 +28,6 @@ COVERED = (
 """Channels whose ranges say where a model was identified; of the commands, that of thrust is the throttle."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Range:
-    """How far a channel went, in its unit.
-
-    Parameters
-    ----------
-    low, high
-        Smallest and largest value.
-    rms
-        Root mean square about zero.
-    unit
-        SI unit.
-    """
-
-    low: float
-    high: float
-    rms: float
-    unit: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trim(Immutable):
-    """The state about which a record moves.
-
-    Parameters
-    ----------
-    values
-        ``u v w`` in m/s and ``theta phi`` in rad, as far as they are logged; the speeds are zero in hover.
-    hover
-        Whether the vehicle hovered: whether no component of its speed reached 0.5 m/s, or none is logged.
-    """
-
-    values: Mapping[str, float]
-    hover: bool
-
-    def __post_init__(self) -> None:
-        self._set(values=self.values)
-
-
 def covered(histories: Sequence[TimeHistory]) -> dict[str, Range]:
     """Ranges of what describes a flight condition, over all records together.
 
@@ -82,7 +42,7 @@ def covered(histories: Sequence[TimeHistory]) -> dict[str, Range]:
     >>> u = (Channel(name="u", unit="m/s"),)
     >>> history = TimeHistory(values=np.array([[-1.0, 2.0, 2.0]]), channels=u, sample_rate_hz=1.0, start_s=0.0)
     >>> covered([history])["u"]
-    Range(low=-1.0, high=2.0, rms=1.7320508075688772, unit='m/s')
+    Range(unit='m/s', lowest=-1.0, highest=2.0, rms=1.7320508075688772)
     """
     samples = [(h[name], h.channels[h.names.index(name)].unit, name) for h in histories for name in _in(h.names)]
     return _ranges(samples)
@@ -127,7 +87,7 @@ def _ranges(samples: Sequence[tuple[FloatArray, str, str]]) -> dict[str, Range]:
             values = np.concatenate(parts)
             unit = next(unit for _, unit, of in samples if of == name)
             size = float(np.sqrt(np.mean(values**2)))
-            ranges[name] = Range(low=float(values.min()), high=float(values.max()), rms=size, unit=unit)
+            ranges[name] = Range(unit=unit, lowest=float(values.min()), highest=float(values.max()), rms=size)
     return ranges
 
 

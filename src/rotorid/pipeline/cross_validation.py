@@ -16,31 +16,30 @@ from pathlib import Path
 from typing import get_args
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, warn
+from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.documents.result import (
-    CrossValidationDocument,
-    FoldParameterDocument,
-    ParameterDocument,
-    ResultDocument,
-    cross_validation_document,
-)
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
-from rotorid.pipeline.assemble import finding_documents
 from rotorid.pipeline.identification import identify, logged_by_all
 from rotorid.pipeline.instruments import Flown, is_command
 from rotorid.pipeline.resolve import resolve_model
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.segments import require_channels, time_records
 from rotorid.pipeline.selection import each_once, select_records
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.summary import BestFold, CrossValidationSummary, FoldParameter, FoldSummary, SignalScore, finite
 from rotorid.pipeline.time_fit import nothing_unseen, unknowns_of
 from rotorid.pipeline.unseen import nothing_left
 from rotorid.verification import fixed_parameters as engine
-from rotorid.verification.fixed_parameters import CrossValidation, FixedParameterScores, Fold, Kind, score_frozen
+from rotorid.verification.fixed_parameters import (
+    CrossValidation,
+    FixedParameterScores,
+    Fold,
+    Kind,
+    fit_percent,
+    score_frozen,
+)
 from rotorid.verification.sampled import band_pass
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -112,7 +111,7 @@ def _within(band_rad_s: tuple[float, float], data: TimeData) -> TimeData:
     return replace(data, inputs=inputs, outputs=filtered(data.outputs), before=inputs[:, 0])
 
 
-def fitted_band(documents: Sequence[ResultDocument]) -> tuple[float, float] | None:
+def fitted_band(models: Sequence[IdentifiedModel]) -> tuple[float, float] | None:
     """The band that all models of frequency responses were fitted in; ``None`` without such, or without a common one.
 
     Examples
@@ -120,13 +119,9 @@ def fitted_band(documents: Sequence[ResultDocument]) -> tuple[float, float] | No
     >>> fitted_band(()) is None
     True
     """
-    bands = [
-        [pair.band_rad_s for pair in one.cost.pairs.values()]
-        for one in documents
-        if one.method == "frequency" and one.cost and one.cost.pairs
-    ]
-    low = max((min(low for low, _ in pairs) for pairs in bands), default=0.0)
-    high = min((max(high for _, high in pairs) for pairs in bands), default=0.0)
+    bands = [model.band_rad_s for model in models if model.fit.method == "frequency"]
+    low = max((band[0] for band in bands if band), default=0.0)
+    high = min((band[1] for band in bands if band), default=0.0)
     return (low, high) if 0.0 < low < high else None
 
 
@@ -168,7 +163,7 @@ def common_horizon_s(scores: Sequence[FixedParameterScores]) -> float | None:
     return min(horizons_s, default=math.inf) if len(horizons_s) > 1 else None
 
 
-Identify = Callable[[Sequence[FlightRecord], IdentifySettings], Identification]
+Identify = Callable[[Sequence[FlightRecord], IdentifySettings], IdentifiedModel]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,16 +172,16 @@ class CrossValidated(Immutable):
 
     Parameters
     ----------
-    document
-        The part ``cross_validation`` of ``result.json``.
+    summary
+        Its scores in numbers.
     found
         Scores with measured and predicted outputs, and the identification behind each fold.
     findings
         Remarks: records that could not be used.
     """
 
-    document: CrossValidationDocument
-    found: CrossValidation[Identification]
+    summary: CrossValidationSummary
+    found: CrossValidation[IdentifiedModel]
     findings: tuple[Finding, ...] = ()
 
 
@@ -239,7 +234,7 @@ def cross_validate(
     every_axis = {maneuver.axis for group in groups for _, maneuver in group.flown}
     commands = all(is_command(name) for name in structure.inputs)
 
-    def fit(training: tuple[_Group, ...]) -> Identification:
+    def fit(training: tuple[_Group, ...]) -> IdentifiedModel:
         flown = [item for group in training for item in group.flown]
         missing = sorted(every_axis - {maneuver.axis for _, maneuver in flown})
         if missing and commands:
@@ -249,29 +244,89 @@ def cross_validate(
         chosen = replace(settings, segments=tuple(m for _, m in flown)) if len(records) == 1 else settings
         return identify(kept, chosen)
 
-    def score(model: Identification, group: _Group) -> tuple[FixedParameterScores, ...]:
-        return score_flown(_structure(model), group.flown, settings)
+    def score(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
+        return score_flown(model.structure, group.flown, settings)
 
     found = engine.cross_validate(
         groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=_PROGRESS.info
     )
     horizon_s = common_horizon_s([one for fold in found.folds for scores in fold.scores for one in scores])
-    band_rad_s = fitted_band([fold.model.document for fold in found.folds if fold.model])
+    band_rad_s = fitted_band([fold.model for fold in found.folds if fold.model])
     if horizon_s is not None or band_rad_s is not None:
         # Known only when all models are: what they have in common.
-        def alike(model: Identification, group: _Group) -> tuple[FixedParameterScores, ...]:
-            return score_flown(_structure(model), group.flown, settings, horizon_s=horizon_s, band_rad_s=band_rad_s)
+        def alike(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
+            return score_flown(model.structure, group.flown, settings, horizon_s=horizon_s, band_rad_s=band_rad_s)
 
         found = engine.rescored(found, groups, alike)
     return CrossValidated(
-        document=cross_validation_document(found, tuple(_parameters(fold.model) for fold in found.folds), band_rad_s),
+        summary=summary_of(found, tuple(_parameters(fold.model) for fold in found.folds), band_rad_s),
         found=found,
         findings=(*findings, *_empty_folds(found)),
     )
 
 
-def _structure(model: Identification) -> LinearStructure:
-    return from_toml(model.model_toml, where=model.document.model)
+def signal_scores(group: tuple[FixedParameterScores, ...]) -> dict[str, SignalScore]:
+    """Scores of a group of records by output, as means over its records."""
+    names = dict.fromkeys(name for one in group for name in one.scores)
+    return {name: _mean_score(group, name) for name in names}
+
+
+def _mean_score(group: tuple[FixedParameterScores, ...], name: str) -> SignalScore:
+    every = [one.scores[name] for one in group if name in one.scores]
+    return SignalScore(
+        nrmse_fit_percent=finite(fit_percent(group, name)),
+        tic=sum(score.tic for score in every) / len(every),
+        rms=sum(score.rms for score in every) / len(every),
+    )
+
+
+def summary_of(
+    found: CrossValidation[IdentifiedModel],
+    parameters: tuple[dict[str, FoldParameter], ...],
+    band_rad_s: tuple[float, float] | None = None,
+) -> CrossValidationSummary:
+    """A cross-validation in numbers.
+
+    Parameters
+    ----------
+    found
+        What was found.
+    parameters
+        Those of the model of each fold.
+    band_rad_s
+        What was looked at.
+    """
+    means, spreads = found.fold_means, found.fold_spreads
+    best = found.best
+    horizons_s = found.horizons_s
+    return CrossValidationSummary(
+        kind=found.kind,
+        records=tuple(found.records),
+        outputs=tuple(found.outputs),
+        horizon_s=finite(horizons_s[0]) if horizons_s else None,
+        band_rad_s=band_rad_s,
+        folds=tuple(
+            FoldSummary(
+                identified=tuple(fold.identified),
+                unseen=tuple(name for name in found.records if name not in fold.identified),
+                scores={
+                    name: signal_scores(group) for name, group in zip(found.records, fold.scores, strict=True) if group
+                },
+                mean_percent=finite(means[row]),
+                spread_percent=finite(spreads[row]),
+                parameters=parameters[row],
+                cause=fold.cause,
+            )
+            for row, fold in enumerate(found.folds)
+        ),
+        mean_percent=finite(found.mean),
+        spread_percent=finite(found.spread),
+        best=None
+        if best is None
+        else BestFold(
+            record=found.records[best], mean_percent=float(means[best]), spread_percent=finite(spreads[best])
+        ),
+    )
 
 
 def _groups(
@@ -321,14 +376,12 @@ def _names(records: Sequence[FlightRecord]) -> list[str]:
     return names
 
 
-def _parameters(model: Identification | None) -> dict[str, FoldParameterDocument]:
-    def short(parameter: ParameterDocument) -> FoldParameterDocument:
-        return FoldParameterDocument(value=parameter.value, std=parameter.std)
-
-    return {name: short(one) for name, one in model.document.parameters.items()} if model else {}
+def _parameters(model: IdentifiedModel | None) -> dict[str, FoldParameter]:
+    parameters = model.parameters if model else {}
+    return {name: FoldParameter(value=one.value, std=one.std) for name, one in parameters.items()}
 
 
-def _empty_folds(found: CrossValidation[Identification]) -> list[Finding]:
+def _empty_folds(found: CrossValidation[IdentifiedModel]) -> list[Finding]:
     return [
         _left_out(name, f"The fold of {name} in the cross-validation {_lacks(fold)}: {fold.cause}")
         for name, fold in zip(found.records, found.folds, strict=True)
@@ -336,7 +389,7 @@ def _empty_folds(found: CrossValidation[Identification]) -> list[Finding]:
     ]
 
 
-def _lacks(fold: Fold[Identification]) -> str:
+def _lacks(fold: Fold[IdentifiedModel]) -> str:
     return "is empty" if fold.model is None else "lacks scores"
 
 
@@ -358,13 +411,13 @@ def parse_kind(text: str | None) -> Kind | None:
 
 
 def cross_validated(
-    identified: Identification,
+    identified: IdentifiedModel,
     records: Sequence[FlightRecord],
     model: str | Path | LinearStructure,
     *,
     kind: Kind,
     settings: IdentifySettings,
-) -> Identification:
+) -> IdentifiedModel:
     """The same identification with a cross-validation in its document.
 
     Parameters
@@ -391,11 +444,9 @@ def cross_validated(
         kind=kind,
         settings=settings,
     )
-    document = identified.document
-    own = [finding for finding in finding_documents(crossed.findings) if finding not in document.findings]
     # A model that was judged on unseen records is verified; why another log failed to verify it stays of interest.
-    names = [one.record for one in identified.segments]
-    answered = finding_documents([nothing_unseen(names), nothing_left()])
-    kept = [finding for finding in document.findings if finding not in answered]
-    update = {"cross_validation": crossed.document, "findings": [*kept, *own]}
-    return replace(identified, document=document.model_copy(update=update))
+    names = [record.record for record in identified.data.segments]
+    answered = (nothing_unseen(names), nothing_left())
+    kept = [finding for finding in identified.findings if finding not in answered]
+    own = [finding for finding in worst_first(crossed.findings) if finding not in identified.findings]
+    return replace(identified, cross_validation=crossed.summary, findings=(*kept, *own))

@@ -33,7 +33,6 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES
-from rotorid.documents.result import DelayDocument
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import fit, refine, without_structural_zeros
 from rotorid.fitting.frequency.problem import (
@@ -48,11 +47,13 @@ from rotorid.models.library import MOTOR_LAG, RATE_AXES, speed_damping
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.bootstrapping import Bootstrap
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.measure import Measured, feedback_bias, measure
 from rotorid.pipeline.resolve import chosen_parameters
 from rotorid.pipeline.searching import Searched, judge_minima, searched
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.summary import Cost, DelayBudget, PairCost
 from rotorid.reduction.guided import Step, fit_and_drop, reduce_guided
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.cramer_rao import (
@@ -364,7 +365,7 @@ def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bound
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fitted:
+class FrequencyFit:
     """A model with what is known about it.
 
     Parameters
@@ -389,6 +390,8 @@ class Fitted:
         Remarks on data, fit and parameters.
     search
         The search that the fit began at, if any.
+    bootstrap
+        Refits to noise drawn anew, where they were asked for.
     """
 
     problem: FrequencyProblem
@@ -401,6 +404,12 @@ class Fitted:
     steps: tuple[Step, ...]
     findings: tuple[Finding, ...]
     search: Searched | None = None
+    bootstrap: Bootstrap | None = None
+
+    @property
+    def listed(self) -> ParameterSet:
+        """All parameters, those that were dropped among them."""
+        return self.parameters
 
     @property
     def structure(self) -> LinearStructure:
@@ -422,6 +431,18 @@ def fitted_band(problem: FrequencyProblem) -> tuple[float, float]:
     """Lowest and highest fitted frequency of a problem that has points."""
     omega = problem.data.omega_rad_s[problem.used.any(axis=(0, 1))]
     return float(omega[0]), float(omega[-1])
+
+
+def cost_of(problem: FrequencyProblem, costs: FloatArray) -> Cost:
+    """The cost of each response that was fitted, and their mean."""
+    pairs = {}
+    for y, u in np.ndindex(problem.used.shape[:2]):
+        omega = problem.data.omega_rad_s[problem.used[y, u]]
+        if omega.size:
+            name = f"{problem.data.outputs[y]}/{problem.data.inputs[u]}"
+            band = (float(omega[0]), float(omega[-1]))
+            pairs[name] = PairCost(value=float(costs[y, u]), band_rad_s=band, points=omega.size)
+    return Cost(average=float(np.mean([pair.value for pair in pairs.values()])), pairs=pairs)
 
 
 def pose(structure: LinearStructure, measured: Measured, settings: IdentifySettings) -> FrequencyProblem:
@@ -455,7 +476,7 @@ def fit_with_bounds(
     problem: FrequencyProblem,
     measured: Measured,
     settings: IdentifySettings | None = None,
-) -> Fitted:
+) -> FrequencyFit:
     """Fit, drop what the data do not show, bound the rest, and remark on all of it.
 
     The fit in CIFER's cost comes first, from the best of a search where one was asked for, and the reduction judges by
@@ -491,7 +512,7 @@ def fit_with_bounds(
         *judge_fit(problem, replace(solution, at_bound=final.at_bound), mean_cost),
         *judge_minima(search, parameters, limits),
     )
-    return Fitted(
+    return FrequencyFit(
         problem=problem,
         solution=solution,
         final=final,
@@ -607,7 +628,7 @@ def delay_budget(
     bounds: Bounds,
     fitted: BoolArray,
     known_filters_s: Mapping[str, float],
-) -> dict[str, DelayDocument]:
+) -> dict[str, DelayBudget]:
     """Delays of every fitted response ``output/input``.
 
     Parameters
@@ -627,7 +648,7 @@ def delay_budget(
         total = derivatives[5][:, u] + derivatives[6][:, y] + slope
         before, after = float(system.input_delays_s[u]), float(system.output_delays_s[y])
         spread = math.sqrt(max(float(total @ covariance @ total), 0.0))
-        budget[f"{structure.outputs[y]}/{structure.inputs[u]}"] = DelayDocument(
+        budget[f"{structure.outputs[y]}/{structure.inputs[u]}"] = DelayBudget(
             input_delay_s=before,
             motor_lag_s=lag,
             output_delay_s=after,

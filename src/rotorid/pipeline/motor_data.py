@@ -8,7 +8,7 @@ Thrust by the voltage of the battery: whether it follows it, and at which voltag
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -110,7 +110,7 @@ def on_one_clock(
     found = resample(
         with_motors(record, history),
         channels=_MEASURED,
-        followers=wanted if moving else (),
+        auxiliary=wanted if moving else (),
         start_s=start_s,
         stop_s=stop_s,
     )
@@ -255,14 +255,14 @@ class MotorData(NamedTuple):
 
     Parameters
     ----------
-    flights
-        Stretches of all logs.
+    stretches
+        Stretches of all logs, on one clock.
     layout
         The rotors, in meters where the arm is known.
     histories
         Motors of each log.
-    flown
-        Logs and stretches, for the provenance.
+    flights
+        Logs and what of them was used.
     findings
         Remarks on the way.
     straightened
@@ -271,10 +271,10 @@ class MotorData(NamedTuple):
         Voltage at which thrust is told; ``None`` where it is no matter.
     """
 
-    flights: tuple[MotorFlight, ...]
+    stretches: tuple[MotorFlight, ...]
     layout: RotorLayout
     histories: tuple[MotorHistory, ...]
-    flown: tuple[Flown, ...]
+    flights: tuple[Flown, ...]
     findings: tuple[Finding, ...]
     straightened: bool = False
     reference_v: float | None = None
@@ -286,12 +286,22 @@ class MotorData(NamedTuple):
 
     @property
     def records(self) -> tuple[MotorRecord, ...]:
-        return tuple(flight.record for flight in self.flights)
+        """Motors, rates and specific force of the stretches."""
+        return tuple(stretch.record for stretch in self.stretches)
+
+    @property
+    def response(self) -> None:
+        """None was measured."""
+
+    @property
+    def sources(self) -> Mapping[str, str]:
+        """Where the motors stand in the logs."""
+        return {"motors": self.histories[0].source}
 
     @property
     def kind(self) -> Kind:
         """What the outputs are, of all logs the same."""
-        return self.flights[0].kind
+        return self.stretches[0].kind
 
 
 def motor_data(
@@ -307,7 +317,7 @@ def motor_data(
     Parameters
     ----------
     records, choices
-        As for :func:`rotorid.pipeline.motor_identification.identify_motors`.
+        As for :func:`rotorid.pipeline.motor_method.Motors`.
     reference_v
         Voltage at which thrust is told; the median of all stretches by default.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,11 +16,13 @@ from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.problem import Problem
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings
+from rotorid.pipeline.summary import Minimum, SearchMinimum, SearchSummary
 from rotorid.search.result import Basin, Progress, SearchResult
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 
 _PROGRESS = logging.getLogger("rotorid.progress")
+
 
 NEARLY_AS_GOOD = 0.10
 """Of the cost: a misfit that is 5 % larger, which no look at the fit would tell."""
@@ -148,6 +151,30 @@ def refuse_search(settings: IdentifySettings, what: str, needed: str) -> None:
     if wanted_search(settings) is not None:
         option = "--search" if settings.search is not None else "--starts"
         raise UsageError(f"{option} came with {what}", needed=needed)
+
+
+def search_summary(found: Searched | None) -> SearchSummary | None:
+    """A search with all of its minima."""
+    if found is None:
+        return None
+    result = found.result
+    return SearchSummary(
+        name=found.name,
+        objective=found.cost,
+        evaluations=result.evaluations,
+        polishing=result.polishing,
+        local_searches=result.local_searches,
+        minima=tuple(
+            SearchMinimum(cost=basin.cost, share=basin.share, parameters=found.values(basin)) for basin in found.minima
+        ),
+        trace=tuple((at.evaluations, at.best) for at in result.trace if math.isfinite(at.best)),
+    )
+
+
+def searched_minima(found: Searched | None) -> tuple[Minimum, ...]:
+    """Other minima than the one that the fit went on from."""
+    others = found.minima[1:] if found else ()
+    return tuple(Minimum(cost=basin.cost, parameters=found.values(basin)) for basin in others if found)
 
 
 def judge_minima(found: Searched | None, parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:

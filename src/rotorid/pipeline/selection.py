@@ -219,7 +219,7 @@ class TimeSelection(NamedTuple):
 
 
 def select_records(
-    structure: LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings
+    structure: LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings, *, in_time: bool = True
 ) -> TimeSelection:
     """The stretches to fit.
 
@@ -235,9 +235,12 @@ def select_records(
         No record came, or the same one twice.
     """
     axes = axes_of(structure.inputs, structure.outputs)
+    commands = all(is_command(name) for name in structure.inputs)
+    if not in_time:
+        return TimeSelection(select_maneuvers(records, axes, settings, whole=not commands))
     for record in records:
         _require_duration(record)
-    if all(is_command(name) for name in structure.inputs):
+    if commands:
         return TimeSelection(select_maneuvers(records, axes, settings))
     each_once(records)
     if settings.segments:

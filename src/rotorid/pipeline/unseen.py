@@ -14,7 +14,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,6 @@ import numpy as np
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.result import ProvenanceDocument
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_costs, point_weights, usable_points
 from rotorid.fitting.time.output_error import Fitted as Simulated
@@ -30,17 +29,18 @@ from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.candidate import Candidate, candidate_of
-from rotorid.pipeline.frequency_check import FrequencyCheck, PairCheck
-from rotorid.pipeline.frequency_fit import Fitted, fitted_band
+from rotorid.pipeline.frequency_fit import FrequencyFit, fitted_band
 from rotorid.pipeline.instruments import Flown, axes_of, axis_of, is_command
 from rotorid.pipeline.inverse import pose_screened
 from rotorid.pipeline.maneuvers import predict_maneuvers, remarks_on, telling, usual_motion
 from rotorid.pipeline.measure import Measured, default_band, measure
-from rotorid.pipeline.results import Segment
+from rotorid.pipeline.provenance import Provenance
+from rotorid.pipeline.results import FrequencyCheck, Segment, Verifications
 from rotorid.pipeline.segments import TimeRecords, require_channels, source_of, time_records
 from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes, select_records, wholly_flown
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
-from rotorid.pipeline.time_fit import TimeFitted, growth, nothing_unseen
+from rotorid.pipeline.summary import PairCost
+from rotorid.pipeline.time_fit import TimeFit, growth, nothing_unseen
 from rotorid.reduction.guided import fit_and_drop
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
@@ -105,8 +105,8 @@ def check_sweeps(
         omega = data.omega_rad_s[used[y, u]]
         if omega.size:
             band = (float(omega[0]), float(omega[-1]))
-            pairs[f"{data.outputs[y]}/{data.inputs[u]}"] = PairCheck(
-                cost=float(costs[y, u]), band_rad_s=band, points=omega.size
+            pairs[f"{data.outputs[y]}/{data.inputs[u]}"] = PairCost(
+                value=float(costs[y, u]), band_rad_s=band, points=omega.size
             )
     records = tuple(dict.fromkeys(record.source.name for record, _ in sweeps))
     return FrequencyCheck(
@@ -191,18 +191,18 @@ def _nothing_usable(
     )
 
 
-def _poor(records: Sequence[str], pairs: Mapping[str, PairCheck]) -> list[Finding]:
+def _poor(records: Sequence[str], pairs: Mapping[str, PairCost]) -> list[Finding]:
     where = ", ".join(records)
     return [
         warn(
             "poor_verification",
             f"{where}: {name}",
-            f"The model misses the response {name} of unseen sweeps with a cost of {pair.cost:.0f}, above the "
+            f"The model misses the response {name} of unseen sweeps with a cost of {pair.value:.0f}, above the "
             f"{ACCEPTABLE_COST:g} of an acceptable model.",
-            cost=pair.cost,
+            cost=pair.value,
         )
         for name, pair in pairs.items()
-        if not pair.cost <= ACCEPTABLE_COST
+        if not pair.value <= ACCEPTABLE_COST
     ]
 
 
@@ -279,28 +279,6 @@ def _held_out(name: str, worst: float, band_rad_s: tuple[float, float]) -> Findi
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verifications:
-    """What verification found.
-
-    Parameters
-    ----------
-    verifications
-        Unseen maneuvers in the time domain.
-    frequency
-        Cost of the model against each response of unseen sweeps, the worst where several logs were judged.
-    findings
-        Remarks.
-    judged
-        Unseen sweeps in the frequency domain, with the measured responses and those of the model.
-    """
-
-    verifications: tuple[Verification, ...] = ()
-    frequency: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-    judged: tuple[FrequencyCheck, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class UnseenLog:
     """One log with what the fit has not seen of it, or the cause why there is nothing."""
 
@@ -311,8 +289,8 @@ class UnseenLog:
     cause: str = ""
 
 
-def check(
-    fitted: Fitted,
+def verify_fitted(
+    fitted: FrequencyFit,
     measured: Measured,
     selection: Selection,
     verify: Sequence[FlightRecord],
@@ -338,11 +316,11 @@ def check(
     ]
     usual = usual_motion(measured, fitted.band_rad_s)
     found = check_logs(candidate, logs, settings, usual=usual)
-    if found.verifications or found.judged or verify:
+    if found.maneuvers or found.sweeps or verify:
         return found
     held = hold_out(fitted.problem.structure, selection.fitted, settings)
     judged = (held,) if held.response is not None else ()
-    return Verifications(frequency=held.costs, findings=(*held.findings, *found.findings), judged=judged)
+    return Verifications(frequency=held.costs, findings=(*held.findings, *found.findings), sweeps=judged)
 
 
 def check_logs(
@@ -381,13 +359,13 @@ def check_logs(
     for part in parts:
         frequency |= {pair: max(cost, frequency.get(pair, 0.0)) for pair, cost in part.frequency.items()}
     return Verifications(
-        verifications=tuple(item for part in parts for item in part.verifications),
+        maneuvers=tuple(item for part in parts for item in part.maneuvers),
         frequency=frequency,
         findings=(
             *(finding for part in parts for finding in part.findings),
             *(_not_verified(log, cause, part=log in heard) for log, cause in causes),
         ),
-        judged=tuple(item for part in parts for item in part.judged),
+        sweeps=tuple(item for part in parts for item in part.sweeps),
     )
 
 
@@ -483,7 +461,7 @@ def _predict(
     said = [finding for check in checks for finding in remarks_on(check)]
     data = [finding for finding in findings if finding not in said]
     remarks = [finding for check in told for finding in remarks_on(check)]
-    return Verifications(verifications=told, findings=(*_without(candidate, [log], log.outputs), *data, *remarks))
+    return Verifications(maneuvers=told, findings=(*_without(candidate, [log], log.outputs), *data, *remarks))
 
 
 def _judge(candidate: Candidate, logs: Sequence[UnseenLog], settings: MeasureSettings) -> Verifications:
@@ -499,7 +477,7 @@ def _judge(candidate: Candidate, logs: Sequence[UnseenLog], settings: MeasureSet
         settings=settings,
     )
     findings = (*_without(candidate, logs, outputs), *judged.findings)
-    return Verifications(frequency=judged.costs, findings=findings, judged=(judged,))
+    return Verifications(frequency=judged.costs, findings=findings, sweeps=(judged,))
 
 
 def _without(candidate: Candidate, logs: Sequence[UnseenLog], outputs: Sequence[str]) -> list[Finding]:
@@ -523,7 +501,7 @@ def _not_verified(log: UnseenLog, cause: str, *, part: bool) -> Finding:
     )
 
 
-def has_seen(provenance: ProvenanceDocument, record: FlightRecord, maneuver: Maneuver) -> bool:
+def has_seen(provenance: Provenance, record: FlightRecord, maneuver: Maneuver) -> bool:
     """Whether any part of a maneuver was fitted, by the hash of its log.
 
     A result that does not list its maneuvers has seen its logs as a whole.
@@ -546,7 +524,7 @@ def has_seen(provenance: ProvenanceDocument, record: FlightRecord, maneuver: Man
     )
 
 
-def fitted_logs(provenance: ProvenanceDocument) -> frozenset[str]:
+def fitted_logs(provenance: Provenance) -> frozenset[str]:
     """Hashes of the logs that a result was fitted to, without those that only verified it."""
     names = {_plain(one.record) for one in provenance.maneuvers}
     return frozenset(sha256 for name, sha256 in provenance.inputs.items() if not names or _plain(name) in names)
@@ -569,8 +547,8 @@ def _plain(name: str) -> str:
     return name.partition(" (")[0]
 
 
-def check_in_time(
-    fitted: TimeFitted,
+def verify_fitted_in_time(
+    fitted: TimeFit,
     records: TimeRecords,
     selection: Selection,
     verify: Sequence[FlightRecord],
@@ -603,13 +581,13 @@ def check_in_time(
     if not parts:
         return Verifications(findings=(nothing_unseen([one.record for one in records.segments]),))
     return Verifications(
-        verifications=tuple(check for checks, _ in parts for check in checks),
+        maneuvers=tuple(check for checks, _ in parts for check in checks),
         findings=tuple(finding for _, findings in parts for finding in findings),
     )
 
 
 def _as_flown(
-    fitted: TimeFitted,
+    fitted: TimeFit,
     records: TimeRecords,
     selection: Selection,
     verify: Sequence[FlightRecord],
@@ -637,7 +615,7 @@ def _as_flown(
 
 
 def _simulated(
-    fitted: TimeFitted,
+    fitted: TimeFit,
     records: TimeRecords,
     selection: Selection,
     record: FlightRecord,
@@ -702,7 +680,7 @@ def estimated_shifts(problem: TimeProblem, predicted: Sequence[Simulated]) -> li
     return shifts
 
 
-def _check(fitted: TimeFitted, segment: Segment, one: Simulated, shift: FloatArray) -> Verification:
+def _check(fitted: TimeFit, segment: Segment, one: Simulated, shift: FloatArray) -> Verification:
     structure = fitted.structure
     measured, predicted = one.record.outputs, one.predicted
     trim = measured.mean(axis=1, keepdims=True)

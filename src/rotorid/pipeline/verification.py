@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, TypeAlias
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, refusal
+from rotorid.data.findings import Finding, refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.assemble import finding_documents, provenance_document, range_documents
-from rotorid.pipeline.candidate import Candidate, read_candidate
-from rotorid.pipeline.coverage import Trim, covered_by, trim_of
-from rotorid.pipeline.frequency_check import FrequencyCheck
+from rotorid.pipeline.candidate import Candidate, candidate_model, read_candidate
+from rotorid.pipeline.checks import maneuver_check
+from rotorid.pipeline.coverage import covered_by, trim_of
 from rotorid.pipeline.instruments import Flown, axes_of
+from rotorid.pipeline.provenance import Provenance, provenance
+from rotorid.pipeline.results import IdentifiedModel, Records, Refused, Verifications
 from rotorid.pipeline.segments import cut
 from rotorid.pipeline.selection import each_once
-from rotorid.pipeline.settings import VerifySettings
-from rotorid.pipeline.unseen import UnseenLog, Verifications, check_logs, has_seen, seen_data, unseen_logs
-from rotorid.pipeline.verify_document import (
-    VerifyDocument,
-    guideline_document,
-    maneuver_verification,
-    sweep_verification,
-)
+from rotorid.pipeline.settings import VerifySettings, as_records, as_settings
+from rotorid.pipeline.summary import ManeuverCheck, Range, Trim
+from rotorid.pipeline.unseen import UnseenLog, check_logs, has_seen, seen_data, unseen_logs
 from rotorid.verification.verification import Verification
+
+Judged: TypeAlias = str | Path | Candidate | IdentifiedModel
+"""A model to judge, or where it was written."""
 
 _QUIET_S = 1.5
 _SPEEDS_AND_ANGLES = ("u", "v", "w", "theta", "phi")
@@ -37,25 +37,38 @@ class Verified(Immutable):
 
     Parameters
     ----------
-    document
-        What ``verification.json`` holds.
-    verifications
-        Unseen maneuvers, measured and predicted.
-    judged
-        Unseen sweeps, measured and modelled responses.
+    candidate
+        What was judged.
+    found
+        Unseen maneuvers, measured and predicted; unseen sweeps, measured and modelled responses.
+    maneuvers
+        The maneuvers in numbers, each with its trim.
+    covered
+        Ranges of speeds, angles and commands that the logs covered.
+    scale
+        Of the vehicle, for the guideline of J_rms.
+    findings
+        Remarks, the worst first.
+    provenance
+        Which logs it was judged on.
     """
 
-    document: VerifyDocument
-    verifications: tuple[Verification, ...] = ()
-    judged: tuple[FrequencyCheck, ...] = ()
+    candidate: Candidate
+    found: Verifications
+    maneuvers: tuple[ManeuverCheck, ...]
+    covered: Mapping[str, Range]
+    scale: float | None
+    findings: tuple[Finding, ...]
+    provenance: Provenance
 
 
 def verify(
-    model: str | Path | Candidate,
-    records: Sequence[FlightRecord],
+    model: Judged,
+    records: Records,
     *,
     settings: VerifySettings | None = None,
     command: Sequence[str] = (),
+    **options: Any,
 ) -> Verified:
     """Judge an identified model on other data.
 
@@ -67,13 +80,16 @@ def verify(
     Parameters
     ----------
     model
-        A folder that ``identify`` wrote, its ``result.json``, a ``model.toml``, or a model with its band.
+        What ``identify`` answered, a folder that it wrote, its ``result.json``, a ``model.toml``, or a model with its
+        band.
     records
-        Logs as :func:`rotorid.read` gives them.
+        Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
     settings
         Choices; everything has a default.
     command
         For the provenance.
+    **options
+        Fields of :class:`rotorid.pipeline.settings.VerifySettings`, which go before ``settings``.
 
     Raises
     ------
@@ -82,14 +98,14 @@ def verify(
     UsageError, ModelError
         The model cannot be read, a record came twice, or an option is wrong.
     """
-    settings = settings or VerifySettings()
+    settings, records = as_settings(VerifySettings, settings, options), as_records(records)
     candidate = chosen(model, settings)
     each_once(records)
     axes = axes_of(candidate.structure.inputs, candidate.structure.outputs)
     logs = unseen_logs(candidate, records, axes, segments=settings.segments)
     checked = check_logs(candidate, logs, settings, vibration_filter=settings.vibration_filter)
     findings = (*(f for record in records for f in record.findings), *_seen(candidate, logs), *checked.findings)
-    if not checked.verifications and not checked.judged:
+    if not checked.maneuvers and not checked.sweeps:
         causes = "; ".join(f.message.rstrip(".") for f in checked.findings if f.kind == "not_verified")
         raise InsufficientDataError(
             causes or "no log can judge the model",
@@ -97,8 +113,17 @@ def verify(
             remedy="see what rotorid inspect finds, or name an interval with --segment",
             findings=findings,
         )
-    document = _document(candidate, records, logs, checked, findings, settings, command)
-    return Verified(document=document, verifications=checked.verifications, judged=checked.judged)
+    flights = [item for log in logs for item in (*log.short, *log.sweeps)]
+    states = candidate.structure.states
+    return Verified(
+        candidate=candidate,
+        found=checked,
+        maneuvers=tuple(maneuver_check(check, states, _trim(check, flights)) for check in checked.maneuvers),
+        covered=covered_by(flights),
+        scale=settings.scale,
+        findings=worst_first(findings),
+        provenance=provenance(records, settings, command=command, flights=flights),
+    )
 
 
 def _seen(candidate: Candidate, logs: Sequence[UnseenLog]) -> list[Finding]:
@@ -108,41 +133,15 @@ def _seen(candidate: Candidate, logs: Sequence[UnseenLog]) -> list[Finding]:
     return [] if known is None else [seen_data(*item) for item in flown if has_seen(known, *item)]
 
 
-def chosen(model: str | Path | Candidate, settings: VerifySettings) -> Candidate:
+def chosen(model: Judged, settings: VerifySettings) -> Candidate:
     """The model that is meant, with the band and the controllers that were asked for."""
+    if isinstance(model, IdentifiedModel):
+        model = candidate_model(model)
     candidate = model if isinstance(model, Candidate) else read_candidate(Path(model))
     return replace(
         candidate,
         band_rad_s=settings.band_rad_s or candidate.band_rad_s,
         controllers={**candidate.controllers, **settings.controllers},
-    )
-
-
-def _document(
-    candidate: Candidate,
-    records: Sequence[FlightRecord],
-    logs: Sequence[UnseenLog],
-    checked: Verifications,
-    findings: Sequence[Finding],
-    settings: VerifySettings,
-    command: Sequence[str],
-) -> VerifyDocument:
-    structure = candidate.structure
-    flown = [item for log in logs for item in (*log.short, *log.sweeps)]
-    return VerifyDocument(
-        model=structure.name,
-        inputs=list(structure.inputs),
-        outputs=list(structure.outputs),
-        states=list(structure.states),
-        band_rad_s=candidate.band_rad_s,
-        maneuvers=[
-            maneuver_verification(check, structure.states, _trim(check, flown)) for check in checked.verifications
-        ],
-        frequency=[sweep_verification(item) for item in checked.judged],
-        j_rms_guideline=guideline_document(settings.scale),
-        covered=range_documents(covered_by(flown)),
-        findings=finding_documents(findings),
-        provenance=provenance_document(records, settings, command=command, flown=flown),
     )
 
 
@@ -167,21 +166,17 @@ def _trim(check: Verification, flown: Sequence[Flown]) -> Trim | None:
 def refused_verification(
     error: InsufficientDataError,
     records: Sequence[FlightRecord],
-    model: str | Path | Candidate,
+    model: Judged,
     *,
     settings: VerifySettings,
     command: Sequence[str] = (),
-) -> VerifyDocument:
-    """The document for logs that cannot judge a model: its findings say why, and no number is given."""
+) -> Refused:
+    """What to say of logs that cannot judge a model."""
     structure = chosen(model, settings).structure
-    findings = list(error.findings) or [f for record in records for f in record.findings]
-    if not error.findings:
-        findings.append(refusal("not_verified", structure.name, str(error)))
-    return VerifyDocument(
-        model=structure.name,
-        inputs=list(structure.inputs),
-        outputs=list(structure.outputs),
-        states=list(structure.states),
-        findings=finding_documents(findings),
-        provenance=provenance_document(records, settings, command=command),
+    remarks = [finding for record in records for finding in record.findings]
+    return Refused(
+        name=structure.name,
+        structure=structure,
+        findings=worst_first(error.findings or [*remarks, refusal("not_verified", structure.name, str(error))]),
+        provenance=provenance(records, settings, command=command),
     )

@@ -164,16 +164,16 @@ def bode_figure(
     return canvas
 
 
-def matplotlib_or_remedy() -> Any:
+def matplotlib_or_remedy(what: str = "this picture", *, instead: str = "") -> Any:
     """The module ``matplotlib`` with its figures, or an error that says how to get it."""
     try:
         import matplotlib as mpl
         import matplotlib.figure
     except ImportError as error:
         raise UsageError(
-            "this picture needs matplotlib, which is not installed",
+            f"{what} needs matplotlib, which is not installed",
             needed="the extra 'figures'",
-            remedy="pip install 'rotorid[figures]'",
+            remedy=f"pip install 'rotorid[figures]'{instead}",
         ) from error
     return mpl
 
@@ -262,21 +262,14 @@ def log_png(picture: LogPicture, *, title: str, dots_per_inch: int = 130) -> byt
         raise UsageError(
             "the log holds no channel to draw", needed="a log with channels", remedy="name them with --map"
         )
-    try:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure as Canvas
-    except ImportError as error:
-        raise UsageError(
-            "a PNG needs matplotlib, which is not installed",
-            needed="the extra 'figures'",
-            remedy="pip install 'rotorid[figures]', or write an .html",
-        ) from error
+    mpl = matplotlib_or_remedy("a PNG", instead=", or write an .html")
     tables = [(label, bars) for label, bars in _tables(picture) if bars]
     heights = [_ROW_IN * len({bar.row for bar in bars}) + 0.15 for _, bars in tables]
     ratios = [*heights[:-1], *(_TREND_IN for _ in picture.trends), heights[-1]]
     with mpl.rc_context(_STYLE):
         # The object instead of pyplot: no global state, no window system.
-        canvas = Canvas(figsize=(_LOG_WIDTH_IN, sum(ratios) + _MARGIN_IN + 0.2 * len(ratios)), layout="constrained")
+        size = (_LOG_WIDTH_IN, sum(ratios) + _MARGIN_IN + 0.2 * len(ratios))
+        canvas = mpl.figure.Figure(figsize=size, layout="constrained")
         canvas.suptitle(title, x=0.01, ha="left", fontweight="bold")
         cells = list(
             canvas.subplots(len(ratios), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": ratios})[:, 0]

@@ -6,7 +6,7 @@ A comparison as rows: one for each model, one for each parameter, one for each m
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,10 +17,11 @@ from rotorid.documents.compare import (
     ComparedModelDocument,
     CompareDocument,
     ComparedParameterDocument,
+    compare_document,
 )
-from rotorid.documents.result import PoleDocument
 from rotorid.io.files import write_atomically
-from rotorid.pipeline.comparison import Compared, ComparedManeuver
+from rotorid.pipeline.comparison import ComparedManeuver, Comparison
+from rotorid.pipeline.summary import PoleEstimate
 from rotorid.plot.time import Curve, Score, predictions, score_dots
 from rotorid.report.files import to_json, write_together
 from rotorid.report.frame import MISSING, Picture, milliseconds, render, significant, unit, with_error
@@ -130,7 +131,7 @@ def _criterion(value: float | None) -> str:
     return MISSING if value is None else f"{value:.0f}".replace("-", "−")
 
 
-def _pole(pole: PoleDocument) -> str:
+def _pole(pole: PoleEstimate) -> str:
     real = significant(pole.real)
     return real if pole.imag == 0.0 else f"{real} ± {significant(pole.imag)}j"
 
@@ -220,7 +221,7 @@ JSON, PAGE = "compare.json", "report.html"
 _MOST_PICTURES = 8
 
 
-def write_comparison(folder: Path, compared: Compared, *, title: str) -> None:
+def write_comparison(folder: Path, compared: Comparison, *, title: str) -> None:
     """Write ``compare.json`` and ``report.html``, both or none.
 
     Parameters
@@ -232,14 +233,14 @@ def write_comparison(folder: Path, compared: Compared, *, title: str) -> None:
     title
         Heading of the report.
     """
-    text, page = to_json(compared.document), render_comparison(compared, title=title)
+    text, page = to_json(compare_document(compared)), render_comparison(compared, title=title)
     write_together(
         folder,
         {JSON: lambda path: write_atomically(path, text), PAGE: lambda path: write_atomically(path, page)},
     )
 
 
-def render_comparison(compared: Compared, *, title: str) -> str:
+def render_comparison(compared: Comparison, *, title: str) -> str:
     """The report as one HTML document, which holds everything it shows and lets no text of a result act.
 
     Parameters
@@ -249,9 +250,13 @@ def render_comparison(compared: Compared, *, title: str) -> str:
     title
         Heading of the page.
     """
-    document = compared.document
+    return render_documents(compare_document(compared), compared.maneuvers, title=title)
+
+
+def render_documents(document: CompareDocument, flown: Sequence[ComparedManeuver], *, title: str) -> str:
+    """The same of a document and the signals behind it."""
     dots = _dots(document)
-    overlays = [_overlay(each, f"maneuver-{number}") for number, each in enumerate(compared.maneuvers[:_MOST_PICTURES])]
+    overlays = [_overlay(each, f"maneuver-{number}") for number, each in enumerate(flown[:_MOST_PICTURES])]
     return render(
         "compare.html",
         title=title,
@@ -264,7 +269,7 @@ def render_comparison(compared: Compared, *, title: str) -> str:
         maneuvers=maneuver_rows(document),
         dots=dots,
         overlays=overlays,
-        undrawn=len(compared.maneuvers) - len(overlays),
+        undrawn=len(flown) - len(overlays),
         horizon=significant(document.horizon_s, digits=2) if document.horizon_s else "",
         band=" to ".join(significant(edge) for edge in document.band_rad_s or ()),
         remarks=finding_rows(document.findings),

@@ -23,8 +23,7 @@ import numpy as np
 from rotorid import __version__
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.data.response import FrequencyResponse
-from rotorid.documents.base import Document
+from rotorid.documents.base import ProvenanceDocument
 from rotorid.documents.design import (
     DesignDocument,
     PlanSummaryDocument,
@@ -38,14 +37,16 @@ from rotorid.documents.design import (
     TestInputDocument,
     plan_document,
 )
-from rotorid.documents.result import ProvenanceDocument
+from rotorid.documents.response import response_document
+from rotorid.documents.result import measured_arrays, response_arrays, result_document
+from rotorid.documents.result import to_json as to_json
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
 from rotorid.pipeline.assemble import finding_documents
 from rotorid.pipeline.designs import Designed, Told, best_of, beyond_limits
 from rotorid.pipeline.flight_settings import DesignChoices, SimulateChoices
 from rotorid.pipeline.responses import Responses
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.simulation import (
     LOG_NAME,
     fly_run,
@@ -69,13 +70,8 @@ from rotorid.report.response import render_responses
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
-def to_json(document: Document) -> str:
-    """A document as JSON text, with the names of its schema."""
-    return document.model_dump_json(by_alias=True, indent=2) + "\n"
-
-
 def write_results(
-    folder: Path, identification: Identification, *, title: str, truth: Mapping[str, float] | None = None
+    folder: Path, model: IdentifiedModel, *, title: str, truth: Mapping[str, float] | None = None
 ) -> None:
     """Write ``result.json``, ``responses.npz``, ``model.toml`` and ``report.html``, all or none.
 
@@ -83,7 +79,7 @@ def write_results(
     ----------
     folder
         Where they go; it is made when missing. Files of the same names are replaced.
-    identification
+    model
         What to write.
     title
         Heading of the report.
@@ -93,12 +89,10 @@ def write_results(
     write_together(
         folder,
         {
-            "result.json": lambda path: write_atomically(path, to_json(identification.document)),
-            "responses.npz": lambda path: write_npz(path, response_arrays(identification)),
-            "model.toml": lambda path: write_atomically(path, identification.model_toml),
-            "report.html": lambda path: write_atomically(
-                path, render_report([identification], title=title, truth=truth)
-            ),
+            "result.json": lambda path: write_atomically(path, to_json(result_document(model))),
+            "responses.npz": lambda path: write_npz(path, response_arrays(model.data)),
+            "model.toml": lambda path: write_atomically(path, model.to_toml()),
+            "report.html": lambda path: write_atomically(path, render_report([model], title=title, truth=truth)),
         },
     )
 
@@ -140,43 +134,10 @@ def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) ->
 
 
 def write_overview_report(
-    path: Path, identifications: Sequence[Identification], *, title: str, truth: Mapping[str, float] | None = None
+    path: Path, models: Sequence[IdentifiedModel], *, title: str, truth: Mapping[str, float] | None = None
 ) -> None:
     """Write one report about several identifications."""
-    write_atomically(path, render_report(identifications, title=title, truth=truth))
-
-
-def response_arrays(identification: Identification) -> dict[str, np.ndarray]:
-    """Arrays of ``responses.npz``, without pickles; of a fit in time also its records, as ``record_0_time_s`` ..."""
-    arrays = measured_arrays(identification.response, identification.beside)
-    for number, one in enumerate(identification.simulated):
-        parts = {"time_s": one.time_s, "inputs": one.inputs, "measured": one.measured, "simulated": one.simulated}
-        arrays |= {f"record_{number}_{name}": values for name, values in parts.items()}
-    return arrays | {"model": identification.model_response, "fitted": identification.fitted}
-
-
-def measured_arrays(response: FrequencyResponse, beside: FrequencyResponse | None) -> dict[str, np.ndarray]:
-    """Arrays of measured responses, and of the direct estimate beside joint ones."""
-    arrays = {
-        "omega_rad_s": response.omega_rad_s,
-        "values": response.values,
-        "coherence": response.coherence,
-        "random_error": response.random_error,
-        "covariance": response.covariance,
-        "inputs": np.array(response.inputs),
-        "outputs": np.array(response.outputs),
-        "instruments": np.array(response.instruments, dtype=np.str_),
-        "estimate": np.array(response.estimate),
-        "windows_s": np.array(response.windows_s),
-        "processing": np.array(response.processing, dtype=np.str_),
-    }
-    if beside is not None:
-        arrays |= {
-            "direct_values": beside.values,
-            "direct_coherence": beside.coherence,
-            "direct_random_error": beside.random_error,
-        }
-    return arrays
+    write_atomically(path, render_report(models, title=title, truth=truth))
 
 
 def write_responses(folder: Path, result: Responses, *, title: str) -> None:
@@ -194,7 +155,7 @@ def write_responses(folder: Path, result: Responses, *, title: str) -> None:
     write_together(
         folder,
         {
-            "response.json": lambda path: write_atomically(path, to_json(result.document)),
+            "response.json": lambda path: write_atomically(path, to_json(response_document(result))),
             "responses.npz": lambda path: write_npz(path, arrays(result)),
             "report.html": lambda path: write_atomically(path, render_responses(result, title=title)),
         },

@@ -22,17 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.documents.result import (
-    BootstrapDocument,
-    CorrelationDocument,
-    DelayDocument,
-    FindingDocument,
-    ResultDocument,
-    SearchDocument,
-    StepDocument,
-)
+from rotorid.documents.base import FindingDocument
+from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.summary import BootstrapSummary, Correlation, DelayBudget, ReductionStep, SearchSummary
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import convergence
@@ -46,6 +40,7 @@ from rotorid.report.parts import (
     ManeuverRow,
     ParameterGroup,
     RangeRow,
+    Shown,
     constants_sentence,
     cost_rows,
     dropped_parameters,
@@ -165,7 +160,7 @@ def delay_sentence(document: ResultDocument) -> str:
 
     Examples
     --------
-    >>> budget = DelayDocument(
+    >>> budget = DelayBudget(
     ...     input_delay_s=0.03, motor_lag_s=0.01, output_delay_s=0.0, total_s=0.04, total_std_s=0.0004)
     >>> delay_sentence(ResultDocument.model_construct(delays={"q/pitch_command": budget}))
     'The vehicle answers the pitch command after 40.0 ± 0.4 ms.'
@@ -177,9 +172,9 @@ def delay_sentence(document: ResultDocument) -> str:
     return f"The vehicle answers {', '.join(told.values())}." if told else ""
 
 
-def _ways(document: ResultDocument) -> list[tuple[str, list[str], DelayDocument]]:
+def _ways(document: ResultDocument) -> list[tuple[str, list[str], DelayBudget]]:
     """Input, outputs and what they share, inputs together."""
-    ways: dict[tuple[str, DelayDocument], list[str]] = {}
+    ways: dict[tuple[str, DelayBudget], list[str]] = {}
     names = _inputs(document.delays)
     for name in names:
         for pair, budget in document.delays.items():
@@ -212,12 +207,12 @@ class Together:
         return f"{self.first} and {self.second}: {self.correlation:.2f}".replace("-", "−")
 
 
-def correlation_sentence(correlation: CorrelationDocument | None) -> str:
+def correlation_sentence(correlation: Correlation | None) -> str:
     """Pairs of parameters that are correlated by more than 0.9, or else the highest correlation of all.
 
     Examples
     --------
-    >>> correlation_sentence(CorrelationDocument(names=["M_q", "M_u"], matrix=[[1.0, -0.93], [-0.93, 1.0]]))
+    >>> correlation_sentence(Correlation(names=("M_q", "M_u"), matrix=((1.0, -0.93), (-0.93, 1.0))))
     'Correlated by more than 0.9, so that an error of one is an error of the other: M_q and M_u: −0.93.'
     """
     pairs = _pairs(correlation) if correlation else []
@@ -231,7 +226,7 @@ def correlation_sentence(correlation: CorrelationDocument | None) -> str:
     return f"Correlated by more than {HIGH:g}, so that an error of one is an error of the other: {told}{more}."
 
 
-def correlation_picture(correlation: CorrelationDocument | None, *, key: str) -> Picture | None:
+def correlation_picture(correlation: Correlation | None, *, key: str) -> Picture | None:
     """The map of correlations; none of up to four parameters, for which words do."""
     if correlation is None or len(correlation.names) < _LEAST_DRAWN:
         return None
@@ -242,7 +237,7 @@ def correlation_picture(correlation: CorrelationDocument | None, *, key: str) ->
     )
 
 
-def _pairs(correlation: CorrelationDocument) -> list[Together]:
+def _pairs(correlation: Correlation) -> list[Together]:
     """Every two parameters, the strongest first; a correlation that is no number is left out."""
     names = correlation.names
     pairs = [
@@ -294,7 +289,7 @@ def bootstrap_shown(document: ResultDocument) -> BootstrapShown | None:
     )
 
 
-def _line(document: ResultDocument, again: BootstrapDocument, name: str, disagrees: bool) -> SpreadLine:
+def _line(document: ResultDocument, again: BootstrapSummary, name: str, disagrees: bool) -> SpreadLine:
     one, spread = document.parameters[name], again.parameters[name]
     return SpreadLine(
         name=name,
@@ -308,7 +303,7 @@ def _line(document: ResultDocument, again: BootstrapDocument, name: str, disagre
     )
 
 
-def _bootstrap_words(again: BootstrapDocument) -> str:
+def _bootstrap_words(again: BootstrapSummary) -> str:
     left = sum(again.left_out.values())
     without = f" {left} of them had no answer and do not count." if left else ""
     return f"{again.runs} refits of the model, each to {_SOURCES[again.source]}, drawn anew.{without}"
@@ -344,7 +339,7 @@ class SearchShown:
     picture: Picture | None
 
 
-def search_shown(document: SearchDocument | None, *, key: str) -> SearchShown | None:
+def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | None:
     """What to show of a search; nothing where none was made.
 
     Parameters
@@ -377,7 +372,7 @@ def search_shown(document: SearchDocument | None, *, key: str) -> SearchShown | 
     )
 
 
-def _search_words(document: SearchDocument) -> str:
+def _search_words(document: SearchSummary) -> str:
     local = "1 local search" if document.local_searches == 1 else f"{document.local_searches} local searches"
     return (
         f"Before the fit, {document.name} searched {_COSTS[document.objective]}: {document.evaluations} evaluations, "
@@ -385,7 +380,7 @@ def _search_words(document: SearchDocument) -> str:
     )
 
 
-def _minima_words(document: SearchDocument) -> str:
+def _minima_words(document: SearchSummary) -> str:
     count = len(document.minima)
     if count == 1:
         return "Every local search that came to rest ended in one place, from which the fit went on."
@@ -396,7 +391,7 @@ def _minima_words(document: SearchDocument) -> str:
     return f"Local searches came to rest in {count} places. The fit went on from {ways[document.objective]}."
 
 
-def _picture(document: SearchDocument, key: str) -> Picture | None:
+def _picture(document: SearchSummary, key: str) -> Picture | None:
     """The cost over the evaluations; nothing where the first of them was the best."""
     costs = [best for _, best in document.trace]
     if not costs or max(costs) == min(costs):
@@ -423,7 +418,7 @@ class StepRow:
     insensitivity: str
 
 
-def step_rows(steps: Sequence[StepDocument], *, anchor: str) -> tuple[StepRow, ...]:
+def step_rows(steps: Sequence[ReductionStep], *, anchor: str) -> tuple[StepRow, ...]:
     """One row for each step, in order.
 
     Parameters
@@ -450,12 +445,12 @@ def step_rows(steps: Sequence[StepDocument], *, anchor: str) -> tuple[StepRow, .
     )
 
 
-def reduction_sentence(steps: Sequence[StepDocument]) -> str:
+def reduction_sentence(steps: Sequence[ReductionStep]) -> str:
     """How many parameters went, and what it cost.
 
     Examples
     --------
-    >>> step = StepDocument(parameter="Z_q", action="dropped", reason="", value_before=0.0, insensitivity_percent=None,
+    >>> step = ReductionStep(parameter="Z_q", action="dropped", reason="", value_before=0.0, insensitivity_percent=None,
     ...     cramer_rao_percent=None, mean_cost_before=0.221, mean_cost_after=0.222)
     >>> reduction_sentence([step])
     '1 of 1 parameter looked at was dropped; the mean cost went from 0.221 to 0.222.'
@@ -479,7 +474,7 @@ def told_by_steps(finding: FindingDocument, document: ResultDocument) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
+class FitShown:
     """How the fit went."""
 
     sentences: tuple[str, ...]
@@ -500,7 +495,7 @@ class Section:
     parameters: tuple[ParameterGroup, ...]
     dropped: tuple[Dropped, ...]
     truth_of_dropped: str
-    fit: Fit | None
+    fit: FitShown | None
     costs: tuple[CostRow, ...]
     unseen_words: str
     responses: tuple[Picture, ...]
@@ -552,26 +547,26 @@ class Section:
         )
 
 
-def section(identified: Identification, *, anchor: str, truth: Mapping[str, float]) -> Section:
+def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section:
     """Everything that the page says about one identification.
 
     Parameters
     ----------
-    identified
-        What ``identify`` found.
+    shown
+        The model with its document.
     anchor
         Prefix of the identifiers on the page, unique among its sections.
     truth
         True parameter values where they are known, as ``model.name`` or ``name``.
     """
-    document = identified.document
-    responses = model_pictures(identified, anchor=anchor)
+    document = shown.document
+    responses = model_pictures(shown, anchor=anchor)
     findings = [finding for finding in document.findings if not told_by_steps(finding, document)]
     return Section(
         anchor=anchor,
         title=_title(document),
         document=document,
-        records=tuple(dict.fromkeys(segment.record for segment in identified.segments)),
+        records=tuple(dict.fromkeys(segment.record for segment in shown.data.segments)),
         sentences=summary(document),
         cost=_explained(document),
         unseen=_unseen(document),
@@ -583,15 +578,15 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         unseen_words="Held-out maneuver" if held_out(document) else "Unseen sweeps",
         responses=responses.leading,
         folded_responses=responses.folded,
-        joint=identified.response.estimate == "joint",
-        least_coherence=identified.least_coherence,
+        joint=shown.data.response.estimate == "joint",
+        least_coherence=shown.data.least_coherence,
         checks=tuple(
             check_section(check, key=f"{anchor}-check-{number}")
-            for number, check in enumerate(() if document.motors else identified.verifications)
+            for number, check in enumerate(() if document.motors else shown.verifications.maneuvers)
         ),
         sweeps=tuple(
-            unseen_sweeps(one, key=f"{anchor}-sweeps-{number}", least_coherence=identified.least_coherence)
-            for number, one in enumerate(identified.judged)
+            unseen_sweeps(one, key=f"{anchor}-sweeps-{number}", least_coherence=shown.data.least_coherence)
+            for number, one in enumerate(shown.verifications.sweeps)
         ),
         poles=pole_rows(document.poles),
         poles_words=poles_sentence(document.poles),
@@ -608,13 +603,13 @@ def section(identified: Identification, *, anchor: str, truth: Mapping[str, floa
         findings=finding_rows(findings),
         findings_in_steps=len(document.findings) - len(findings),
         maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
-        time=None if document.motors else time_fits(identified, key=f"{anchor}-time"),
-        motors=motors_shown(identified, key=f"{anchor}-motors"),
+        time=None if document.motors else time_fits(shown, key=f"{anchor}-time"),
+        motors=motors_shown(shown, key=f"{anchor}-motors"),
         crossed=crossed(document.cross_validation),
         search=search_shown(document.search, key=f"{anchor}-search-cost"),
         bootstrap=bootstrap_shown(document),
         timelines=timelines(
-            () if identified.simulated else identified.segments,
+            () if shown.data.simulated else shown.data.segments,
             document.provenance.maneuvers,
             inputs=document.inputs,
             outputs=document.outputs,
@@ -650,22 +645,20 @@ def _unseen(document: ResultDocument) -> Verdict | None:
     return max(verdicts, key=lambda verdict: LEVELS.index(verdict.level), default=None)
 
 
-def _fit(document: ResultDocument) -> Fit | None:
+def _fit(document: ResultDocument) -> FitShown | None:
     if document.fit is None:
         return None
     in_time = document.method != "frequency"
     sentences = time_sentences(document, document.fit) if in_time else fit_sentences(document.fit)
-    return Fit(sentences=sentences, curve=sparkline(document.fit.trace))
+    return FitShown(sentences=sentences, curve=sparkline(document.fit.trace))
 
 
-def render_report(
-    identifications: Sequence[Identification], *, title: str, truth: Mapping[str, float] | None = None
-) -> str:
+def render_report(models: Sequence[IdentifiedModel], *, title: str, truth: Mapping[str, float] | None = None) -> str:
     """The whole report as one HTML document, which holds everything it shows and lets no text of a log act.
 
     Parameters
     ----------
-    identifications
+    models
         At least one; each becomes a section.
     title
         Heading of the page.
@@ -677,16 +670,18 @@ def render_report(
     UsageError
         There is nothing to report.
     """
-    if not identifications:
+    return render_sections([Shown.of(model) for model in models], title=title, truth=truth)
+
+
+def render_sections(shown: Sequence[Shown], *, title: str, truth: Mapping[str, float] | None = None) -> str:
+    """The same of models with their documents."""
+    if not shown:
         raise UsageError("a report on no identification was asked for", needed="at least one identification")
-    sections = [
-        section(identified, anchor=f"s{number}", truth=truth or {})
-        for number, identified in enumerate(identifications, start=1)
-    ]
+    sections = [section(model, anchor=f"s{number}", truth=truth or {}) for number, model in enumerate(shown, start=1)]
     return render(
         "identification.html",
         title=title,
         sections=sections,
         has_truth=bool(truth),
-        pictures=[picture for one in sections for picture in one.pictures],
+        pictures=[picture for each in sections for picture in each.pictures],
     )

@@ -10,19 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.documents.result import (
-    CorrelationDocument,
-    ExcitationDocument,
-    MotorsDocument,
-    ParameterDocument,
-    ResultDocument,
-    ScoreDocument,
-)
+from rotorid.documents.result import ResultDocument
 from rotorid.fitting.motors.fit import LEAST_CORRELATION
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.summary import Correlation, ExcitedFlight, MotorPhysics, ParameterEstimate
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
 from rotorid.report.frame import MISSING, Picture, milliseconds, significant, unit, with_error
+from rotorid.report.parts import Shown
 from rotorid.report.words import (
     AXIS_WORDS,
     FULL_OUTPUT,
@@ -36,6 +30,7 @@ from rotorid.report.words import (
 )
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
+from rotorid.verification.verification import Scores
 
 _NAMES = {"m": "Mass", "I_xx": "Roll inertia", "I_yy": "Pitch inertia", "I_zz": "Yaw inertia"}
 _STATUS = {"fixed": "given", "tied": "follows from the others", "free": ""}
@@ -76,7 +71,7 @@ class UnseenRow:
     rms: str
 
 
-def vehicle_rows(document: ResultDocument, motors: MotorsDocument) -> tuple[VehicleRow, ...]:
+def vehicle_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[VehicleRow, ...]:
     """Mass, inertia, thrust, lag and torque, with deviations and units, and whether each was given or found."""
     return (
         *_body(document, motors),
@@ -86,7 +81,7 @@ def vehicle_rows(document: ResultDocument, motors: MotorsDocument) -> tuple[Vehi
     )
 
 
-def _body(document: ResultDocument, motors: MotorsDocument) -> Iterator[VehicleRow]:
+def _body(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow]:
     axes = {"I_xx": "p", "I_yy": "q", "I_zz": "r"}
     for name, words in _NAMES.items():
         found = document.parameters.get(name)
@@ -104,19 +99,19 @@ def _body(document: ResultDocument, motors: MotorsDocument) -> Iterator[VehicleR
             yield _row(words, name, found, note=note or ("for an arm of 1 m" if per else ""))
 
 
-def _missing(motors: MotorsDocument, axis: str) -> str:
+def _missing(motors: MotorPhysics, axis: str) -> str:
     if any(axis in one.counted for one in motors.excitation):
         return "kappa over I_zz alone is told"
     return f"{AXIS_WORDS[axis]} was not excited"
 
 
-def _row(words: str, symbol: str, found: ParameterDocument, *, note: str = "") -> VehicleRow:
+def _row(words: str, symbol: str, found: ParameterEstimate, *, note: str = "") -> VehicleRow:
     return VehicleRow(
         words=words, symbol=symbol, value=with_error(found.value, found.std), unit=unit(found.unit), note=note
     )
 
 
-def _thrust(motors: MotorsDocument) -> Iterator[VehicleRow]:
+def _thrust(motors: MotorPhysics) -> Iterator[VehicleRow]:
     speed = motors.outputs == "speed"
     hover = f"{significant(motors.hover_output)}{' rad/s' if speed else ''}"
     highest = motors.flown_outputs[1]
@@ -133,7 +128,7 @@ def _thrust(motors: MotorsDocument) -> Iterator[VehicleRow]:
             yield VehicleRow(words=words, symbol="", value=value, unit=unit(found.unit), note=note)
 
 
-def _lag(document: ResultDocument, motors: MotorsDocument) -> Iterator[VehicleRow]:
+def _lag(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow]:
     lag = document.parameters.get("T_motor")
     if lag is not None:
         value = milliseconds(lag.value, lag.std)
@@ -154,7 +149,7 @@ def _torque(document: ResultDocument) -> Iterator[VehicleRow]:
         yield _row("Torque by thrust, over yaw inertia", "kappa_per_I_zz", found["kappa_per_I_zz"])
 
 
-def excitation_rows(document: ResultDocument, motors: MotorsDocument) -> tuple[ExcitationRow, ...]:
+def excitation_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[ExcitationRow, ...]:
     """Every stretch; an axis that counts has a verdict with the share of its slow motion that the motors explain."""
     records = document.records
     return tuple(
@@ -168,14 +163,14 @@ def excitation_rows(document: ResultDocument, motors: MotorsDocument) -> tuple[E
     )
 
 
-def _axis(one: ExcitationDocument, axis: str, percents: Mapping[str, float]) -> tuple[str, Verdict | None]:
+def _axis(one: ExcitedFlight, axis: str, percents: Mapping[str, float]) -> tuple[str, Verdict | None]:
     percent = percents.get(_CHANNELS[axis])
     counted = axis in one.counted and percent is not None
     correlation = f"{one.correlation[axis]:.2f}" if axis in one.correlation else MISSING
     return correlation, fit_verdict(percent) if counted and percent is not None else None
 
 
-def unseen_rows(records: Mapping[str, Mapping[str, ScoreDocument]]) -> tuple[UnseenRow, ...]:
+def unseen_rows(records: Mapping[str, Mapping[str, Scores]]) -> tuple[UnseenRow, ...]:
     """Every channel of every unseen stretch, in the units of paper."""
     return tuple(
         UnseenRow(
@@ -236,17 +231,17 @@ class MotorsShown:
         return (self.layout, self.curve, *(one.picture for one in stretches))
 
 
-def motors_shown(identified: Identification, *, key: str) -> MotorsShown | None:
+def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
     """What to show of a fit of ``physical.motors``; nothing for another model.
 
     Parameters
     ----------
-    identified
-        What ``identify_motors`` found.
+    shown
+        The model with its document.
     key
         Prefix of the identifiers of its pictures.
     """
-    document = identified.document
+    document = shown.document
     motors = document.motors
     if motors is None:
         return None
@@ -265,18 +260,18 @@ def motors_shown(identified: Identification, *, key: str) -> MotorsShown | None:
         axes=tuple(AXIS_WORDS.values()),
         excitation=excitation_rows(document, motors),
         least=f"{LEAST_CORRELATION:g}",
-        flights=_flights(identified, motors, key),
+        flights=_flights(shown, motors, key),
         unseen=unseen_rows(document.verification.records),
-        unseen_flights=_unseen(identified, motors, key),
+        unseen_flights=_unseen(shown, motors, key),
     )
 
 
-def _source(motors: MotorsDocument) -> str:
+def _source(motors: MotorPhysics) -> str:
     rate = significant(motors.outputs_rate_hz, digits=4)
     return f"Motors: {_OUTPUTS.get(motors.outputs, motors.outputs)}, of {motors.source} at {rate} Hz. {motors.layout}."
 
 
-def _curve(document: ResultDocument, motors: MotorsDocument, *, key: str) -> Picture:
+def _curve(document: ResultDocument, motors: MotorPhysics, *, key: str) -> Picture:
     speed = motors.outputs == "speed"
     outputs = np.linspace(
         0.0, _BEYOND * motors.flown_outputs[1] if speed else max(1.0, motors.flown_outputs[1]), _POINTS
@@ -322,22 +317,22 @@ def curve_with_error(document: ResultDocument, outputs: FloatArray) -> tuple[Flo
     return thrust_n, np.sqrt(np.maximum(variance, 0.0))
 
 
-def _correlation(known: CorrelationDocument | None, names: Sequence[str]) -> FloatArray:
+def _correlation(known: Correlation | None, names: Sequence[str]) -> FloatArray:
     if known is None or not set(names) <= set(known.names):
         return np.eye(len(names))
     places = [known.names.index(name) for name in names]
     return np.array(known.matrix, dtype=np.float64)[np.ix_(places, places)]
 
 
-def _flights(identified: Identification, motors: MotorsDocument, key: str) -> tuple[Stretch, ...]:
+def _flights(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]:
     """Stretches with the channels that count; one that excites nothing shows only noise and is left out."""
-    document = identified.document
-    shown = []
-    for number, (one, record) in enumerate(zip(identified.simulated, document.records, strict=True)):
+    document = shown.document
+    drawn = []
+    for number, (one, record) in enumerate(zip(shown.data.simulated, document.records, strict=True)):
         rows = [row for row, name in enumerate(document.outputs) if name in record.fit_percent]
         if rows:
-            shown.append((number, one, rows))
-    numbers = sum(one.inputs.shape[0] + 2 * len(rows) for _, one, rows in shown)
+            drawn.append((number, one, rows))
+    numbers = sum(one.inputs.shape[0] + 2 * len(rows) for _, one, rows in drawn)
     return tuple(
         Stretch(
             title=f"{one.record}, {one.time_s[0]:.1f} to {one.time_s[-1]:.1f} s",
@@ -356,14 +351,14 @@ def _flights(identified: Identification, motors: MotorsDocument, key: str) -> tu
                 ),
             ),
         )
-        for number, one, rows in shown
+        for number, one, rows in drawn
     )
 
 
-def _unseen(identified: Identification, motors: MotorsDocument, key: str) -> tuple[Stretch, ...]:
-    stretches = [one for one in identified.verifications if one.moved]
+def _unseen(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]:
+    stretches = [one for one in shown.verifications.maneuvers if one.moved]
     numbers = sum(one.inputs.shape[0] + 2 * len(one.moved) for one in stretches)
-    shown = []
+    drawn = []
     for number, one in enumerate(stretches):
         rows = [one.output_names.index(name) for name in one.moved]
         picture = Picture(
@@ -381,8 +376,8 @@ def _unseen(identified: Identification, motors: MotorsDocument, key: str) -> tup
             ),
         )
         title = f"{one.record}, {one.time_s[0]:.1f} to {one.time_s[-1]:.1f} s"
-        shown.append(Stretch(title=title, picture=picture))
-    return tuple(shown)
+        drawn.append(Stretch(title=title, picture=picture))
+    return tuple(drawn)
 
 
 def _most(traces: int) -> int:

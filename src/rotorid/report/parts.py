@@ -16,16 +16,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from rotorid.data.findings import Finding
 from rotorid.data.record import Maneuver
-from rotorid.documents.result import (
-    FindingDocument,
-    ManeuverDocument,
-    PairCost,
-    ParameterDocument,
-    RangeDocument,
-    ResultDocument,
-)
-from rotorid.pipeline.results import Identification, Segment
+from rotorid.documents.base import FindingDocument, ManeuverDocument
+from rotorid.documents.result import ResultDocument, result_document
+from rotorid.pipeline.provenance import LoggedManeuver
+from rotorid.pipeline.results import FittedData, IdentifiedModel, Segment, Verifications
+from rotorid.pipeline.summary import PairCost, ParameterEstimate, Range
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
@@ -39,6 +36,20 @@ _ON_AXIS = {
     "thrust_command": ("w", "az", "w_dot"),
 }
 _MOST_UNFOLDED = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """An identified model as the page takes it: its document, and the data behind the pictures."""
+
+    document: ResultDocument
+    data: FittedData
+    verifications: Verifications
+
+    @classmethod
+    def of(cls, model: IdentifiedModel) -> Shown:
+        """A model with its document."""
+        return cls(result_document(model), model.data, model.verifications)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,28 +77,27 @@ def by_axis(pairs: list[tuple[str, str]]) -> list[tuple[str, str]]:
     return sorted(pairs, key=lambda pair: (not on_axis(*pair), inputs.index(pair[1])))
 
 
-def model_pictures(identified: Identification, *, anchor: str) -> ModelPictures:
+def model_pictures(shown: Shown, *, anchor: str) -> ModelPictures:
     """A picture of each fitted response; a few are all in sight.
 
     Parameters
     ----------
-    identified
-        What ``identify`` found.
+    shown
+        The model with its document.
     anchor
         Prefix of the identifiers on the page.
     """
-    response = identified.response
+    response = shown.data.response
     pairs = by_axis(
         [
             (output, input)
             for u, input in enumerate(response.inputs)
             for y, output in enumerate(response.outputs)
-            if identified.fitted[y, u].any()
+            if shown.data.used[y, u].any()
         ]
     )
     pictures = tuple(
-        _picture(identified, f"{anchor}-response-{number}", output, input)
-        for number, (output, input) in enumerate(pairs)
+        _picture(shown, f"{anchor}-response-{number}", output, input) for number, (output, input) in enumerate(pairs)
     )
     leading = sum(on_axis(*pair) for pair in pairs)
     if len(pairs) <= _MOST_UNFOLDED or not leading:
@@ -95,16 +105,16 @@ def model_pictures(identified: Identification, *, anchor: str) -> ModelPictures:
     return ModelPictures(leading=pictures[:leading], folded=pictures[leading:])
 
 
-def _picture(identified: Identification, key: str, output: str, input: str) -> Picture:
+def _picture(shown: Shown, key: str, output: str, input: str) -> Picture:
     draw = partial(
         bode,
-        identified.response,
+        shown.data.response,
         output=output,
         input=input,
-        model=identified.model_response,
-        beside=identified.beside,
-        fitted=identified.fitted,
-        least_coherence=identified.least_coherence,
+        model=shown.data.model_response,
+        beside=shown.data.direct,
+        fitted=shown.data.used,
+        least_coherence=shown.data.least_coherence,
     )
     description = f"Bode plot of {quantity(output).words} over {quantity(input).words}, measured and model"
     return in_all_units(draw, key=key, description=description, converted=True)
@@ -181,7 +191,7 @@ class FindingRow:
     numbers: str
 
 
-def finding_rows(findings: list[FindingDocument]) -> tuple[FindingRow, ...]:
+def finding_rows(findings: Sequence[Finding | FindingDocument]) -> tuple[FindingRow, ...]:
     """Findings, the grave ones first."""
     ordered = sorted(findings, key=lambda finding: _SEVERITIES.index(finding.severity))
     return tuple(
@@ -221,7 +231,7 @@ class RangeRow:
     unit: str
 
 
-def range_rows(covered: Mapping[str, RangeDocument]) -> tuple[RangeRow, ...]:
+def range_rows(covered: Mapping[str, Range]) -> tuple[RangeRow, ...]:
     """Angles in degrees, commands in percent, the rest in SI units."""
     rows = []
     for name, spread in covered.items():
@@ -258,7 +268,7 @@ def _paper(name: str, si: str) -> tuple[str, str, float]:
 
 def timelines(
     segments: Sequence[Segment],
-    maneuvers: Sequence[ManeuverDocument],
+    maneuvers: Sequence[LoggedManeuver | ManeuverDocument],
     *,
     inputs: Sequence[str],
     outputs: Sequence[str],
@@ -407,7 +417,7 @@ def _percent(value: float | None, guideline: float) -> Cell:
     return Cell(percent(value), value is not None and value > guideline)
 
 
-def _off(parameter: ParameterDocument, truth: float | None) -> Cell:
+def _off(parameter: ParameterEstimate, truth: float | None) -> Cell:
     if truth is None or not parameter.std:
         return Cell("")
     sigmas = abs(parameter.value - truth) / parameter.std

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.documents.result import CrossValidationDocument, FoldDocument, ResultDocument
-from rotorid.pipeline.results import Identification
+from rotorid.documents.result import ResultDocument
+from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import residual_memory, simulated
 from rotorid.report.frame import MISSING, Picture, significant, unit, with_error
+from rotorid.report.parts import Shown
 from rotorid.report.words import Verdict, fit_verdict
 
 _MOST_NUMBERS = 60_000
@@ -86,24 +87,24 @@ class TimeFits:
         return (*self.pictures, *((self.memory,) if self.memory else ()))
 
 
-def time_fits(identified: Identification, *, key: str) -> TimeFits | None:
+def time_fits(shown: Shown, *, key: str) -> TimeFits | None:
     """What to show of a fit in time; nothing for one in the frequency domain.
 
     Parameters
     ----------
-    identified
-        What ``identify`` found.
+    shown
+        The model with its document.
     key
         Prefix of the identifiers of its pictures.
     """
-    document = identified.document
-    if not identified.simulated:
+    document = shown.document
+    if not shown.data.simulated:
         return None
     free = tuple(name for name, one in document.parameters.items() if one.status == "free")
     return TimeFits(
         outputs=tuple(quantity(name).words for name in document.outputs),
         rows=_record_rows(document),
-        pictures=_pictures(identified, key),
+        pictures=_pictures(shown, key),
         memory=_memory(document, f"{key}-memory"),
         beside=_beside(document),
         held=any(one.hold_s for one in (document.frequency_fit or {}).values()),
@@ -132,9 +133,9 @@ def _record_rows(document: ResultDocument) -> tuple[RecordRow, ...]:
     )
 
 
-def _pictures(identified: Identification, key: str) -> tuple[Picture, ...]:
-    document = identified.document
-    traces = sum(2 * len(one.measured) + len(one.inputs) for one in identified.simulated)
+def _pictures(shown: Shown, key: str) -> tuple[Picture, ...]:
+    document = shown.document
+    traces = sum(2 * len(one.measured) + len(one.inputs) for one in shown.data.simulated)
     most = max(_LEAST_POINTS, _MOST_NUMBERS // traces)
     return tuple(
         Picture(
@@ -151,7 +152,7 @@ def _pictures(identified: Identification, key: str) -> tuple[Picture, ...]:
                 most=most,
             ),
         )
-        for number, one in enumerate(identified.simulated)
+        for number, one in enumerate(shown.data.simulated)
     )
 
 
@@ -252,7 +253,7 @@ class Crossed:
     words: str
 
 
-def crossed(document: CrossValidationDocument | None) -> Crossed | None:
+def crossed(document: CrossValidationSummary | None) -> Crossed | None:
     """The table of a cross-validation, and its sentence."""
     if document is None:
         return None
@@ -263,7 +264,7 @@ def crossed(document: CrossValidationDocument | None) -> Crossed | None:
     )
 
 
-def _row(fold: FoldDocument, records: list[str]) -> CrossedRow:
+def _row(fold: FoldSummary, records: list[str]) -> CrossedRow:
     return CrossedRow(
         name=", ".join(fold.identified) if len(fold.identified) == 1 else f"all but {', '.join(fold.unseen)}",
         cells=tuple(_cell(fold, name) for name in records),
@@ -272,7 +273,7 @@ def _row(fold: FoldDocument, records: list[str]) -> CrossedRow:
     )
 
 
-def _cell(fold: FoldDocument, record: str) -> CrossedCell:
+def _cell(fold: FoldSummary, record: str) -> CrossedCell:
     percents = [
         score.nrmse_fit_percent for score in fold.scores.get(record, {}).values() if score.nrmse_fit_percent is not None
     ]
@@ -286,7 +287,7 @@ def _with_spread(mean: float | None, spread: float | None) -> str:
     return f"{mean:.1f} %" if spread is None else f"{mean:.1f} ± {spread:.1f} %"
 
 
-def _words(document: CrossValidationDocument) -> str:
+def _words(document: CrossValidationSummary) -> str:
     how = (
         "Identified on each record alone and scored on all others."
         if document.kind == "each"

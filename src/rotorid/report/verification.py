@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
-from rotorid.pipeline.frequency_check import FrequencyCheck, PairCheck
+from rotorid.documents.verify import GuidelineDocument, VerifyDocument, verify_document
+from rotorid.pipeline.results import FrequencyCheck, Verifications
 from rotorid.pipeline.verification import Verified
-from rotorid.pipeline.verify_document import GuidelineDocument, VerifyDocument
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import COHERENCE_GUIDELINE, bode
 from rotorid.plot.time import ahead, closed_loop, verification
@@ -233,7 +233,7 @@ def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float = 
 def _response(
     judged: FrequencyCheck, output: str, input: str, key: str, leading: bool, least_coherence: float
 ) -> UnseenResponse:
-    pair: PairCheck = judged.pairs[f"{output}/{input}"]
+    pair = judged.pairs[f"{output}/{input}"]
     words = f"{quantity(output).words} over {quantity(input).words}"
     picture = None
     if judged.response is not None and judged.model_response is not None:
@@ -251,8 +251,8 @@ def _response(
     return UnseenResponse(
         name=f"{output}/{input}",
         words=words,
-        cost=significant(pair.cost),
-        verdict=cost_verdict(pair.cost),
+        cost=significant(pair.value),
+        verdict=cost_verdict(pair.value),
         band=f"{significant(pair.band_rad_s[0])} to {significant(pair.band_rad_s[1])} rad/s",
         points=str(pair.points),
         leading=leading,
@@ -270,9 +270,13 @@ def render_verification(verified: Verified, *, title: str) -> str:
     title
         Heading of the page.
     """
-    document = verified.document
-    checks = [check_section(check, key=f"check-{number}") for number, check in enumerate(verified.verifications)]
-    sweeps = [unseen_sweeps(one, key=f"sweeps-{number}") for number, one in enumerate(verified.judged)]
+    return render_checks(verify_document(verified), verified.found, title=title)
+
+
+def render_checks(document: VerifyDocument, found: Verifications, *, title: str) -> str:
+    """The same of a document and the signals behind it."""
+    checks = [check_section(check, key=f"check-{number}") for number, check in enumerate(found.maneuvers)]
+    sweeps = [unseen_sweeps(sweep, key=f"sweeps-{number}") for number, sweep in enumerate(found.sweeps)]
     return render(
         "verification.html",
         title=title,

@@ -23,23 +23,17 @@ import numpy as np
 
 from rotorid.data.findings import KINDS
 from rotorid.data.record import LOWEST_RATE_HZ
-from rotorid.documents.response import LoopDocument, PairDocument, ResponseDocument
-from rotorid.documents.result import (
-    CostDocument,
-    FitDocument,
-    ManeuverVerificationDocument,
-    MotorsDocument,
-    ParameterDocument,
-    PoleDocument,
-    ResultDocument,
-    ScoreDocument,
-)
+from rotorid.documents.result import ResultDocument
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
 from rotorid.fitting.motors.fit import SLOW_HZ
+from rotorid.pipeline.loops import AxisLoop
+from rotorid.pipeline.responses import Pair, Responses
+from rotorid.pipeline.summary import Cost, FitEnd, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import s_plane
 from rotorid.report.frame import Picture, milliseconds, significant, unit, with_error
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
+from rotorid.verification.verification import Scores
 from rotorid.verification.verification import Verdict as Found
 
 AXIS_WORDS = {"az": "thrust", "p": "roll", "q": "pitch", "r": "yaw"}
@@ -68,7 +62,7 @@ def motor_sentences(document: ResultDocument) -> tuple[str, ...]:
     return tuple(sentence for sentence in told if sentence)
 
 
-def _inertia(document: ResultDocument, motors: MotorsDocument) -> str:
+def _inertia(document: ResultDocument, motors: MotorPhysics) -> str:
     parts = [
         f"{name} {with_error(one.value, one.std)}"
         for name in _INERTIAS
@@ -77,12 +71,12 @@ def _inertia(document: ResultDocument, motors: MotorsDocument) -> str:
     return f"Inertia: {', '.join(parts)} kg m²{_per(motors)}." if parts else ""
 
 
-def _per(motors: MotorsDocument) -> str:
+def _per(motors: MotorPhysics) -> str:
     per = [*([] if motors.scale else ["kilogram of mass"]), *([] if motors.arm_m else ["meter of arm"])]
     return f" per {' and '.join(per)}" if per else ""
 
 
-def _thrust(motors: MotorsDocument) -> str:
+def _thrust(motors: MotorPhysics) -> str:
     found = motors.derived
     beyond = "" if motors.flown_outputs[1] >= FULL_OUTPUT else " (extrapolated)"
     parts = [
@@ -97,7 +91,7 @@ def _thrust(motors: MotorsDocument) -> str:
     return f"Thrust of a rotor: {' and '.join(parts)}{over}{'' if motors.scale else ', for a vehicle of 1 kg'}."
 
 
-def _lag(document: ResultDocument, motors: MotorsDocument) -> str:
+def _lag(document: ResultDocument, motors: MotorPhysics) -> str:
     lag = document.parameters.get("T_motor")
     if lag is None:
         return "" if motors.outputs == "speed" else f"Motor lag: {no_lag(document)}."
@@ -145,7 +139,7 @@ def open_questions(document: ResultDocument) -> tuple[str, ...]:
     return tuple(_open(document, document.motors)) if document.motors else ()
 
 
-def _open(document: ResultDocument, motors: MotorsDocument) -> Iterator[str]:
+def _open(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
     quiet = [axis for axis in AXIS_WORDS if not any(axis in one.counted for one in motors.excitation)]
     if turns := [AXIS_WORDS[axis] for axis in quiet if axis != "az"]:
         yield f"Inertia and damping of {_listed(turns)}: no stretch excites that. Fly a sweep or doublets."
@@ -181,7 +175,7 @@ def motor_warnings(document: ResultDocument) -> tuple[str, ...]:
     return tuple(_warnings(document, document.motors)) if document.motors else ()
 
 
-def _warnings(document: ResultDocument, motors: MotorsDocument) -> Iterator[str]:
+def _warnings(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
     if motors.outputs_rate_hz < LOWEST_RATE_HZ:
         yield (
             f"The motors are known only {significant(motors.outputs_rate_hz, digits=2)} times a second, and at least "
@@ -206,7 +200,7 @@ def method_sentences(document: ResultDocument) -> tuple[str, ...]:
     return (*_methods(motors), _between(motors))
 
 
-def _methods(motors: MotorsDocument) -> Iterator[str]:
+def _methods(motors: MotorPhysics) -> Iterator[str]:
     counted = {axis for one in motors.excitation for axis in one.counted}
     if counted - {"az"}:
         yield (
@@ -219,7 +213,7 @@ def _methods(motors: MotorsDocument) -> Iterator[str]:
     yield "A stretch counts for an axis where its motors explain the slow motion; its mean force counts as weight."
 
 
-def _between(motors: MotorsDocument) -> str:
+def _between(motors: MotorPhysics) -> str:
     if motors.outputs == "speed":
         return "Measured speeds were joined by straight lines between their samples."
     return "Outputs were held between their samples, as motors are told them."
@@ -246,7 +240,7 @@ class PoleRow:
     unstable: bool
 
 
-def pole_rows(poles: Sequence[PoleDocument]) -> tuple[PoleRow, ...]:
+def pole_rows(poles: Sequence[PoleEstimate]) -> tuple[PoleRow, ...]:
     """One row for each mode, slow ones first; the lower pole of a conjugate pair is left out."""
     return tuple(
         PoleRow(
@@ -267,12 +261,12 @@ def pole_rows(poles: Sequence[PoleDocument]) -> tuple[PoleRow, ...]:
     )
 
 
-def pole_words(pole: PoleDocument) -> str:
+def pole_words(pole: PoleEstimate) -> str:
     """How a mode moves: its time constant, or how fast it grows, and its oscillation.
 
     Examples
     --------
-    >>> pole_words(PoleDocument(real=-4.0, imag=0.0, damping=1.0, frequency_rad_s=4.0))
+    >>> pole_words(PoleEstimate(real=-4.0, imag=0.0, damping=1.0, frequency_rad_s=4.0))
     'stable, time constant 0.25 s'
     """
     swing = f", oscillates at {significant(pole.frequency_rad_s)} rad/s" if pole.imag else ""
@@ -285,7 +279,7 @@ def pole_words(pole: PoleDocument) -> str:
     return f"grows, doubling in {_doubling(pole)} s{swing}"
 
 
-def grows(pole: PoleDocument) -> bool:
+def grows(pole: PoleEstimate) -> bool:
     """Whether a mode grows for sure: by more than two standard deviations where one is known."""
     return pole.real > _STILL_RAD_S and _sure(pole)
 
@@ -314,14 +308,14 @@ def mode_sentences(document: ResultDocument) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def poles_sentence(poles: Sequence[PoleDocument]) -> str:
+def poles_sentence(poles: Sequence[PoleEstimate]) -> str:
     """How many poles there are and how many of them grow."""
     growing = sum(grows(pole) for pole in poles)
     total = "1 pole" if len(poles) == 1 else f"{len(poles)} poles"
     return f"{total}, {growing or 'none'} of them unstable."
 
 
-def poles_picture(poles: Sequence[PoleDocument], *, key: str) -> Picture | None:
+def poles_picture(poles: Sequence[PoleEstimate], *, key: str) -> Picture | None:
     """The poles in the plane of s; none where there are no finite poles."""
     finite = [pole for pole in poles if math.isfinite(pole.real) and math.isfinite(pole.imag)]
     if not finite:
@@ -337,26 +331,26 @@ def poles_picture(poles: Sequence[PoleDocument], *, key: str) -> Picture | None:
     )
 
 
-def _modes(poles: Sequence[PoleDocument]) -> list[PoleDocument]:
+def _modes(poles: Sequence[PoleEstimate]) -> list[PoleEstimate]:
     return sorted((pole for pole in poles if pole.imag >= 0.0), key=lambda pole: pole.frequency_rad_s)
 
 
-def _sure(pole: PoleDocument) -> bool:
+def _sure(pole: PoleEstimate) -> bool:
     return pole.real_std is None or abs(pole.real) > _SURE_SIGMAS * pole.real_std
 
 
-def _doubling(pole: PoleDocument) -> str:
+def _doubling(pole: PoleEstimate) -> str:
     """Time in which the amplitude doubles: ln 2 over the real part."""
     return significant(math.log(2.0) / pole.real, digits=2)
 
 
-def _spread(pole: PoleDocument) -> complex:
+def _spread(pole: PoleEstimate) -> complex:
     if pole.real_std is None or pole.imag_std is None:
         return complex(math.nan, math.nan)
     return complex(pole.real_std, pole.imag_std)
 
 
-def _value(pole: PoleDocument) -> str:
+def _value(pole: PoleEstimate) -> str:
     sign = "−" if pole.imag < 0.0 else "+"
     return significant(pole.real) + (f" {sign} {significant(abs(pole.imag))} j" if pole.imag else "")
 
@@ -466,7 +460,7 @@ def maneuver_verdict(found: Found) -> Verdict:
     return Verdict(level, words)
 
 
-def worst_maneuver(maneuvers: Sequence[ManeuverVerificationDocument]) -> Verdict | None:
+def worst_maneuver(maneuvers: Sequence[ManeuverCheck]) -> Verdict | None:
     """Verdict on the worst of several maneuvers, with how many are like it; ``None`` without any."""
     found = [one.verdict for one in maneuvers]
     worst = max(found, key=list(_FOUND).index, default=None)
@@ -477,7 +471,7 @@ def worst_maneuver(maneuvers: Sequence[ManeuverVerificationDocument]) -> Verdict
     return Verdict(level, words if count == len(found) else f"{count} of {len(found)} {words}")
 
 
-def unseen_sentences(maneuvers: Sequence[ManeuverVerificationDocument]) -> tuple[str, ...]:
+def unseen_sentences(maneuvers: Sequence[ManeuverCheck]) -> tuple[str, ...]:
     """What unseen maneuvers say about the model: how many of each verdict, and the worst open loop of what moved."""
     found = [one.verdict for one in maneuvers]
     several = "1 maneuver" if len(found) == 1 else f"{len(found)} maneuvers"
@@ -496,14 +490,14 @@ def unseen_sentences(maneuvers: Sequence[ManeuverVerificationDocument]) -> tuple
     )
 
 
-def worst_record(records: Mapping[str, Mapping[str, ScoreDocument]]) -> Verdict | None:
+def worst_record(records: Mapping[str, Mapping[str, Scores]]) -> Verdict | None:
     """Verdict on the worst output of unseen records that are judged by their scores alone; ``None`` without any."""
     scores = [one for record in records.values() for one in record.values()]
     worst = max(scores, key=_badness, default=None)
     return None if worst is None else prediction_verdict(worst.tic, worst.nrmse_fit_percent)
 
 
-def _records_sentence(records: Mapping[str, Mapping[str, ScoreDocument]]) -> str:
+def _records_sentence(records: Mapping[str, Mapping[str, Scores]]) -> str:
     told = [(where, name, one) for where, record in records.items() for name, one in record.items()]
     if not told:
         return "The unseen flight moves no axis enough to judge the model."
@@ -517,7 +511,7 @@ def _records_sentence(records: Mapping[str, Mapping[str, ScoreDocument]]) -> str
     )
 
 
-def _badness(scores: ScoreDocument) -> tuple[int, float]:
+def _badness(scores: Scores) -> tuple[int, float]:
     tic = scores.tic if math.isfinite(scores.tic) else math.inf
     return -guidelines_met(scores.tic, scores.nrmse_fit_percent), tic
 
@@ -554,7 +548,7 @@ def summary(document: ResultDocument) -> tuple[str, ...]:
     return (*sentences, *_unseen_sentences(document))
 
 
-def _cost_sentence(cost: CostDocument) -> str:
+def _cost_sentence(cost: Cost) -> str:
     words = cost_verdict(cost.average).words
     several = f" on average of {len(cost.pairs)} responses" if len(cost.pairs) > 1 else ""
     sentence = f"Cost {significant(cost.average)}{several}: {words} (guideline: below {EXCELLENT_COST:.0f})."
@@ -609,7 +603,7 @@ def _lag_sentence(document: ResultDocument) -> str:
     return f"Motor lag of all axes: {_milliseconds(lag)}."
 
 
-def _milliseconds(parameter: ParameterDocument) -> str:
+def _milliseconds(parameter: ParameterEstimate) -> str:
     return f"{milliseconds(parameter.value, parameter.std)} ms"
 
 
@@ -668,7 +662,7 @@ _WEIGHTS = {
 _WIDTH, _HEIGHT, _MARGIN = 120.0, 26.0, 3.0
 
 
-def fit_sentences(fit: FitDocument) -> tuple[str, ...]:
+def fit_sentences(fit: FitEnd) -> tuple[str, ...]:
     """What was weighed how, how the solver ended, and what its residuals say about the standard deviations."""
     outcome = fit.outcome.rstrip(".")
     count = "1 evaluation" if fit.evaluations == 1 else f"{fit.evaluations} evaluations"
@@ -719,7 +713,7 @@ _HOLDS = {
 }
 
 
-def time_sentences(document: ResultDocument, fit: FitDocument) -> tuple[str, ...]:
+def time_sentences(document: ResultDocument, fit: FitEnd) -> tuple[str, ...]:
     """The method, what inputs did between samples, how the solver ended, and the color of the residuals."""
     outcome = fit.outcome.rstrip(".")
     count = "1 evaluation" if fit.evaluations == 1 else f"{fit.evaluations} evaluations"
@@ -744,49 +738,49 @@ _FEW = 3
 """So many responses are told one by one; of more, the best and the worst."""
 
 
-def response_summary(document: ResponseDocument) -> tuple[str, ...]:
+def response_summary(result: Responses) -> tuple[str, ...]:
     """What was measured and how, what of it can be used, the loops, and the most serious finding.
 
     Parameters
     ----------
-    document
+    result
         The result.
     """
     return (
-        *_measured(document),
-        *_usable(document),
-        *(sentence for axis, loop in document.loops.items() if (sentence := _loop(axis, loop))),
-        *_gravest(document),
+        *_measured(result),
+        *_usable(result),
+        *(sentence for axis, loop in result.loops.items() if (sentence := _loop(axis, loop))),
+        *_gravest(result),
     )
 
 
-def _measured(document: ResponseDocument) -> tuple[str, str]:
+def _measured(result: Responses) -> tuple[str, str]:
     """The channels and the data; the estimate with its instruments."""
-    outputs = listed([quantity(name).words for name in document.outputs])
-    inputs = listed([quantity(name).words for name in document.inputs])
-    used = [record for record in document.records if record.used]
+    outputs = listed([quantity(name).words for name in result.outputs])
+    inputs = listed([quantity(name).words for name in result.inputs])
+    used = [record for record in result.records if record.used]
     seconds = significant(sum(record.stop_s - record.start_s for record in used))
     kinds = {f"{record.axis} {record.kind.replace('_', ' ')}" for record in used}
     of = kinds.pop() if len(kinds) == 1 else "maneuver"
     data = f", from {len(used)} {of}{_s(used)} of {seconds} s{' together' if len(used) > 1 else ''}" if used else ""
-    return f"{_capital(outputs)} over {inputs}{data}.", _estimate(document)
+    return f"{_capital(outputs)} over {inputs}{data}.", _estimate(result)
 
 
-def _estimate(document: ResponseDocument) -> str:
-    if document.estimate == "joint":
-        instruments = f"{listed(document.instruments)} as instrument{_s(document.instruments)}"
+def _estimate(result: Responses) -> str:
+    if result.estimate == "joint":
+        instruments = f"{listed(result.instruments)} as instrument{_s(result.instruments)}"
         return f"Joint estimate with {instruments}, which keeps feedback out of it."
     return "Direct estimate, without an instrument: feedback through the controller may bias it."
 
 
-def _usable(document: ResponseDocument) -> tuple[str, ...]:
-    count = len(document.pairs)
+def _usable(result: Responses) -> tuple[str, ...]:
+    count = len(result.pairs)
     if count <= _FEW:
         return tuple(
             f"{_capital(_words(name))}: {f'usable {_band(pair)}' if pair.points else 'nothing can be used'}."
-            for name, pair in document.pairs.items()
+            for name, pair in result.pairs.items()
         )
-    usable = {name: pair for name, pair in document.pairs.items() if pair.points}
+    usable = {name: pair for name, pair in result.pairs.items() if pair.points}
     if not usable:
         return (f"None of the {count} responses can be used.",)
     ordered = sorted(usable, key=lambda name: _octaves(usable[name]))
@@ -805,7 +799,7 @@ def _words(name: str) -> str:
     return f"{quantity(output).words} over {quantity(input).words}"
 
 
-def _band(pair: PairDocument) -> str:
+def _band(pair: Pair) -> str:
     """The usable band of a response and how good it is there."""
     low, high = pair.band_rad_s or (math.nan, math.nan)
     quality = f"a mean coherence of {pair.mean_coherence:.2f} and an error of"
@@ -813,12 +807,12 @@ def _band(pair: PairDocument) -> str:
     return f"from {significant(low)} to {significant(high)} rad/s, with {quality} {error} %"
 
 
-def _octaves(pair: PairDocument) -> float:
+def _octaves(pair: Pair) -> float:
     low, high = pair.band_rad_s or (1.0, 1.0)
     return math.log2(high / low)
 
 
-def _loop(axis: str, loop: LoopDocument) -> str:
+def _loop(axis: str, loop: AxisLoop) -> str:
     """Crossover and margins of one axis; empty where none was seen."""
     seen = []
     if crossover := loop.numbers.get("crossover_rad_s"):
@@ -833,9 +827,9 @@ def _loop(axis: str, loop: LoopDocument) -> str:
     return f"{axis.capitalize()} loop: {', '.join(seen)}." if seen else ""
 
 
-def _gravest(document: ResponseDocument) -> tuple[str, ...]:
+def _gravest(result: Responses) -> tuple[str, ...]:
     for severity in ("error", "warning"):
-        for finding in document.findings:
+        for finding in result.findings:
             if finding.severity == severity:
                 where = f" ({finding.where})" if finding.where else ""
                 heading = finding_heading(finding.kind)

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
+from rotorid.documents.result import result_document
 from rotorid.fitting.time.output_error import TimeData, TimeProblem
 from rotorid.models.library import response_model
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.report.files import to_json
 
 RATE_HZ, SAMPLES, NOISE_RAD = 20.0, 300, 0.004
@@ -43,7 +44,7 @@ def flight(seed: int, *, samples: int = SAMPLES) -> FlightRecord:
 
 
 @cache
-def identified(model: str, seed: int) -> Identification:
+def identified(model: str, seed: int) -> IdentifiedModel:
     """What ``identify`` answers for one flight."""
     return identify([flight(seed)], model)
 
@@ -52,6 +53,6 @@ def written(folder: Path, model: str, seed: int) -> Path:
     """The files of a result that a comparison reads."""
     found = identified(model, seed)
     folder.mkdir(parents=True)
-    (folder / "result.json").write_text(to_json(found.document), encoding="utf-8")
-    (folder / "model.toml").write_text(found.model_toml, encoding="utf-8")
+    (folder / "result.json").write_text(to_json(result_document(found)), encoding="utf-8")
+    (folder / "model.toml").write_text(found.to_toml(), encoding="utf-8")
     return folder

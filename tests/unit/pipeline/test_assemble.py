@@ -7,13 +7,17 @@ import math
 
 import numpy as np
 
-from rotorid.data.findings import Finding
+from rotorid.data.findings import Finding, worst_first
 from rotorid.data.record import FlightRecord, Source
-from rotorid.documents.result import ParameterDocument, ScoreDocument
+from rotorid.documents.base import FindingDocument, ProvenanceDocument
+from rotorid.documents.result import ResultDocument, matrices_document
 from rotorid.models.state_space import StateSpace
-from rotorid.pipeline.assemble import finding_documents, matrices_document, pole_documents, provenance_document
+from rotorid.pipeline.provenance import provenance
+from rotorid.pipeline.results import pole_estimates
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.summary import Checks, ParameterEstimate
 from rotorid.uncertainty.propagation import Pole
+from rotorid.verification.verification import Scores
 
 
 def finding(severity: str, message: str = "A remark.") -> Finding:
@@ -26,7 +30,7 @@ def log(name: str, sha256: str) -> FlightRecord:
 
 def test_findings_come_worst_first_and_each_once() -> None:
     findings = [finding("info"), finding("warning", "First."), finding("error"), finding("info"), finding("warning")]
-    documents = finding_documents(findings)
+    documents = [FindingDocument.model_validate(finding) for finding in worst_first(findings)]
     assert [document.severity for document in documents] == ["error", "warning", "warning", "info"]
     assert [document.message for document in documents[1:3]] == ["First.", "A remark."]
     assert documents[0].numbers == {"gap_s": 0.5}
@@ -34,8 +38,8 @@ def test_findings_come_worst_first_and_each_once() -> None:
 
 def test_logs_of_one_name_keep_their_own_hashes() -> None:
     records = [log("flight.csv", "a"), log("other.csv", "b"), log("flight.csv", "c"), log("flight.csv", "a")]
-    provenance = provenance_document(records, IdentifySettings(), command=["rotorid"])
-    assert provenance.inputs == {"flight.csv": "a", "other.csv": "b", "flight.csv (2)": "c"}
+    found = provenance(records, IdentifySettings(), command=["rotorid"])
+    assert found.inputs == {"flight.csv": "a", "other.csv": "b", "flight.csv (2)": "c"}
 
 
 def test_matrices_and_poles_are_those_of_the_system() -> None:
@@ -52,7 +56,7 @@ def test_matrices_and_poles_are_those_of_the_system() -> None:
     document = matrices_document(system)
     assert document.F[1] == [-25.0, -6.0, 0.0]
     assert (document.delays_s.inputs, document.delays_s.outputs) == ([0.01], [0.0])
-    integrator, *pair = pole_documents([Pole(value=complex(value), covariance=None) for value in system.poles()])
+    integrator, *pair = pole_estimates([Pole(value=complex(value), covariance=None) for value in system.poles()])
     assert integrator.real_std is None
     assert (integrator.real, integrator.imag, integrator.damping, integrator.frequency_rad_s) == (0.0, 0.0, 0.0, 0.0)
     for pole in pair:
@@ -61,7 +65,17 @@ def test_matrices_and_poles_are_those_of_the_system() -> None:
 
 
 def test_numbers_that_are_none_are_null() -> None:
-    unsure = ParameterDocument(value=1.0, unit="1/s", std=math.inf, status="free")
-    assert json.loads(unsure.model_dump_json())["std"] is None
-    score = ScoreDocument(nrmse_fit_percent=math.nan, tic=0.1, rms=0.1, bias=0.0, reference_shift=0.0)
-    assert json.loads(score.model_dump_json())["nrmse_fit_percent"] is None
+    unsure = ParameterEstimate(value=1.0, unit="1/s", std=math.inf, status="free")
+    score = Scores(nrmse_fit_percent=math.nan, tic=0.1, rms=0.1, bias=0.0, reference_shift=0.0)
+    document = ResultDocument(
+        model="rate.roll",
+        inputs=[],
+        outputs=[],
+        states=[],
+        parameters={"L_p": unsure},
+        verification=Checks(records={"a.ulg": {"p": score}}),
+        provenance=ProvenanceDocument.model_validate(provenance([], IdentifySettings())),
+    )
+    table = json.loads(document.model_dump_json())
+    assert table["parameters"]["L_p"]["std"] is None
+    assert table["verification"]["records"]["a.ulg"]["p"]["nrmse_fit_percent"] is None

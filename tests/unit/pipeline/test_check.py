@@ -12,20 +12,20 @@ from tests.unit.cli.commands import fly_roll_sweeps
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
-from rotorid.documents.result import ResultDocument
+from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.io.registry import read
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.frequency_check import FrequencyCheck
-from rotorid.pipeline.frequency_fit import Fitted, fit_with_bounds, pose
+from rotorid.pipeline.frequency_fit import FrequencyFit, fit_with_bounds, pose
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.measure import Measured, measure
+from rotorid.pipeline.results import FrequencyCheck, Verifications
 from rotorid.pipeline.selection import Selection, select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.unseen import Verifications, check, check_sweeps, hold_out
+from rotorid.pipeline.unseen import check_sweeps, hold_out, verify_fitted
 from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.typing import Axis
 
@@ -47,7 +47,7 @@ def record(log: Path) -> FlightRecord:
 class Fit(NamedTuple):
     """A model of the first sweep, and the second one that it has not seen."""
 
-    fitted: Fitted
+    fitted: FrequencyFit
     measured: Measured
     selection: Selection
     settings: IdentifySettings
@@ -98,7 +98,7 @@ def judged(fit: Fit, flown: Flown, *, band: tuple[float, float] | None = None) -
 
 
 def checked(fit: Fit, *verify: FlightRecord) -> Verifications:
-    return check(fit.fitted, fit.measured, fit.selection, verify, fit.settings)
+    return verify_fitted(fit.fitted, fit.measured, fit.selection, verify, fit.settings)
 
 
 def of_kind(kind: str, findings: tuple[Finding, ...]) -> dict[str, str]:
@@ -111,7 +111,7 @@ def kinds(document: ResultDocument) -> set[str]:
 
 
 def test_the_last_of_several_sweeps_is_held_out(record: FlightRecord) -> None:
-    document = identify([record], "rate.roll", settings=IdentifySettings(band_rad_s=BAND)).document
+    document = result_document(identify([record], "rate.roll", settings=IdentifySettings(band_rad_s=BAND)))
     (held_out,) = (finding for finding in document.findings if finding.kind == "held_out")
     # The second sweep starts at 56 s and fades in.
     assert held_out.where.startswith("sweeps.csv at 56.")
@@ -121,7 +121,7 @@ def test_the_last_of_several_sweeps_is_held_out(record: FlightRecord) -> None:
 
 def test_a_log_given_again_as_unseen_is_not_taken_for_unseen(record: FlightRecord, log: Path) -> None:
     settings = IdentifySettings(band_rad_s=BAND)
-    document = identify([record], "rate.roll", settings=settings, verify=[read(log)]).document
+    document = result_document(identify([record], "rate.roll", settings=settings, verify=[read(log)]))
     assert document.verification.frequency == {}
     assert document.verification.records == {}
     assert "not_verified" in kinds(document)
@@ -129,7 +129,7 @@ def test_a_log_given_again_as_unseen_is_not_taken_for_unseen(record: FlightRecor
 
 def test_the_part_of_a_log_that_was_not_fitted_is_unseen(record: FlightRecord, log: Path) -> None:
     settings = IdentifySettings(band_rad_s=BAND, segments=(parse_segment("roll:3:53"),))
-    document = identify([record], "rate.roll", settings=settings, verify=[read(log)]).document
+    document = result_document(identify([record], "rate.roll", settings=settings, verify=[read(log)]))
     assert document.verification.frequency.keys() == {"p/roll_command"}
     assert kinds(document).isdisjoint({"not_verified", "poor_verification"})
 
@@ -137,7 +137,7 @@ def test_the_part_of_a_log_that_was_not_fitted_is_unseen(record: FlightRecord, l
 def test_a_wrong_model_is_said_to_be_wrong_on_what_was_held_out(record: FlightRecord) -> None:
     # A lag of 0.2 s where there is none: wrong by far more than any noise.
     settings = IdentifySettings(band_rad_s=BAND, fix={"T_motor": 0.2, "L_p": -2.0})
-    document = identify([record], "rate.roll", settings=settings).document
+    document = result_document(identify([record], "rate.roll", settings=settings))
     assert {"poor_fit", "poor_verification"} <= kinds(document)
 
 

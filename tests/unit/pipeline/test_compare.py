@@ -11,9 +11,9 @@ import pytest
 from tests.unit.pipeline.response_twins import flight, written
 
 from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.documents.compare import CompareDocument
+from rotorid.documents.compare import CompareDocument, compare_document, read_results
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.comparison import Compared, _with_rest, compare, read_results, refused_comparison
+from rotorid.pipeline.comparison import Comparison, _with_rest, compare, refused_comparison
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.report.files import to_json
 
@@ -30,12 +30,12 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def unseen(results: list[Path]) -> Compared:
-    return compare(results, [flight(3)])
+def unseen(results: list[Path]) -> Comparison:
+    return compare(read_results(results), [flight(3)])
 
 
 def test_what_results_say_of_themselves_stands_side_by_side(results: list[Path]) -> None:
-    document = compare(results).document
+    document = compare_document(compare(read_results(results)))
     assert [one.label for one in document.models] == ["first", "second", "other"]
     assert [one.free_parameters for one in document.models] == [2, 3, 3]
     assert [one.order for one in document.models] == [1, 2, 2]
@@ -45,8 +45,8 @@ def test_what_results_say_of_themselves_stands_side_by_side(results: list[Path])
     assert all(one.on_logs is None for one in document.models)
 
 
-def test_all_are_scored_on_the_same_log(unseen: Compared) -> None:
-    document = unseen.document
+def test_all_are_scored_on_the_same_log(unseen: Comparison) -> None:
+    document = compare_document(unseen)
     (maneuver,) = document.maneuvers
     assert maneuver.record == "flight_3.csv"
     assert document.common_outputs == ["phi"]
@@ -61,7 +61,7 @@ def test_all_are_scored_on_the_same_log(unseen: Compared) -> None:
     assert document.findings == []
 
 
-def test_measured_and_predicted_stand_behind_the_scores(unseen: Compared) -> None:
+def test_measured_and_predicted_stand_behind_the_scores(unseen: Comparison) -> None:
     (maneuver,) = unseen.maneuvers
     (scored,) = maneuver.scores["second"]
     assert scored.measured.shape == scored.predicted.shape == (1, scored.time_s.size)
@@ -69,7 +69,7 @@ def test_measured_and_predicted_stand_behind_the_scores(unseen: Compared) -> Non
 
 
 def test_a_log_that_was_fitted_is_seen_by_its_hash(results: list[Path]) -> None:
-    document = compare(results, [flight(1), flight(3)]).document
+    document = compare_document(compare(read_results(results), [flight(1), flight(3)]))
     assert [{label for label, one in each.models.items() if one.seen} for each in document.maneuvers] == [
         {"first", "second"},
         set(),
@@ -79,7 +79,7 @@ def test_a_log_that_was_fitted_is_seen_by_its_hash(results: list[Path]) -> None:
 
 
 def test_with_nothing_unseen_the_comparison_says_whom_it_flatters(results: list[Path]) -> None:
-    document = compare(results, [flight(1)]).document
+    document = compare_document(compare(read_results(results), [flight(1)]))
     (finding,) = document.findings
     assert (finding.kind, finding.where) == ("seen_data", "first, second")
     assert all(one.on_logs is not None and one.on_logs.seen for one in document.models)
@@ -87,7 +87,7 @@ def test_with_nothing_unseen_the_comparison_says_whom_it_flatters(results: list[
 
 def test_another_stretch_of_a_fitted_log_is_unseen(results: list[Path]) -> None:
     entry = read_results(results)[0]
-    (used,) = entry.document.provenance.maneuvers
+    (used,) = entry.model.provenance.maneuvers
     later = Maneuver(axis="roll", kind="other", start_s=used.stop_s, stop_s=used.stop_s + 5.0)
     assert entry.has_seen(flight(1), Maneuver(axis="roll", kind="other", start_s=1.0, stop_s=2.0))
     assert not entry.has_seen(flight(1), later)
@@ -95,7 +95,7 @@ def test_another_stretch_of_a_fitted_log_is_unseen(results: list[Path]) -> None:
 
 
 def test_shared_parameters_have_a_distance_in_standard_deviations(results: list[Path]) -> None:
-    values = compare(results).document.parameters["omega_phi"].values
+    values = compare_document(compare(read_results(results))).parameters["omega_phi"].values
     assert values.keys() == {"second", "other"}
     first, second = values["second"], values["other"]
     assert first.z is None
@@ -107,7 +107,7 @@ def test_shared_parameters_have_a_distance_in_standard_deviations(results: list[
 
 
 def test_results_of_one_log_have_no_distance(results: list[Path]) -> None:
-    values = compare(results).document.parameters["K_phi"].values
+    values = compare_document(compare(read_results(results))).parameters["K_phi"].values
     assert {label: one.z is not None for label, one in values.items()} == {
         "first": False,
         "second": False,
@@ -123,7 +123,7 @@ def test_a_log_that_only_verified_a_result_stands_behind_none_of_its_values(
     verified = tmp_path / "verified"
     verified.mkdir()
     (verified / "result.json").write_text(json.dumps(table))
-    values = compare([verified, results[2]]).document.parameters["omega_phi"].values
+    values = compare_document(compare(read_results([verified, results[2]]))).parameters["omega_phi"].values
     assert values["other"].z is not None
 
 
@@ -134,7 +134,7 @@ def test_models_without_a_common_output_do_not_compare(results: list[Path], tmp_
     (other / "result.json").write_text(json.dumps(table))
     model = (results[1] / "model.toml").read_text().replace("phi_setpoint", "theta_setpoint")
     (other / "model.toml").write_text(model.replace('"phi = ', '"theta = '))
-    document = compare([results[0], other], [both_axes()]).document
+    document = compare_document(compare(read_results([results[0], other]), [both_axes()]))
     assert "different_outputs" in {finding.kind for finding in document.findings}
 
 
@@ -152,8 +152,10 @@ def test_a_log_without_the_channels_scores_nothing(results: list[Path]) -> None:
     topic = one.topics[0]
     bare = replace(one, topics=(replace(topic, channels=topic.channels[:1], values=topic.values[:1]),))
     with pytest.raises(InsufficientDataError, match="phi") as refused:
-        compare(results, [bare])
-    document = refused_comparison(refused.value, results, [bare], settings=IdentifySettings())
+        compare(read_results(results), [bare])
+    document = compare_document(
+        refused_comparison(refused.value, read_results(results), [bare], settings=IdentifySettings())
+    )
     assert {finding.kind for finding in document.findings} == {"not_verified"}
     assert len(document.models) == 3
 
@@ -162,8 +164,8 @@ def test_a_log_without_motion_scores_nothing(results: list[Path]) -> None:
     (topic,) = (one := flight(3)).topics
     still = replace(one, topics=(replace(topic, values=[[0.1] * topic.time_s.size, topic.values[1].tolist()]),))
     with pytest.raises(InsufficientDataError, match="phi_setpoint does not move"):
-        compare(results, [still])
-    document = compare(results, [still, flight(4)]).document
+        compare(read_results(results), [still])
+    document = compare_document(compare(read_results(results), [still, flight(4)]))
     assert [one.record for one in document.maneuvers] == ["flight_4.csv"]
     assert {finding.kind for finding in document.findings} == {"not_verified"}
 
@@ -172,21 +174,21 @@ def test_a_result_without_its_model_is_compared_but_not_scored(results: list[Pat
     bare = tmp_path / "bare"
     bare.mkdir()
     (bare / "result.json").write_text((results[1] / "result.json").read_text())
-    document = compare([results[0], bare], [flight(3)]).document
+    document = compare_document(compare(read_results([results[0], bare]), [flight(3)]))
     assert document.models[1].on_logs is None
     assert document.models[1].free_parameters == 3
     (finding,) = document.findings
     assert "no model.toml" in finding.message
 
 
-def test_the_document_can_be_read_back(unseen: Compared) -> None:
-    text = to_json(unseen.document)
+def test_the_document_can_be_read_back(unseen: Comparison) -> None:
+    text = to_json(compare_document(unseen))
     assert json.loads(text)["schema"] == "rotorid.compare/1"
-    assert CompareDocument.model_validate_json(text) == unseen.document
+    assert CompareDocument.model_validate_json(text) == compare_document(unseen)
 
 
-def test_provenance_names_results_and_logs(unseen: Compared) -> None:
-    assert unseen.document.provenance.inputs.keys() == {
+def test_provenance_names_results_and_logs(unseen: Comparison) -> None:
+    assert compare_document(unseen).provenance.inputs.keys() == {
         "first/result.json",
         "second/result.json",
         "other/result.json",

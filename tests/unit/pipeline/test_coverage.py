@@ -25,7 +25,7 @@ def history(**columns: np.ndarray) -> TimeHistory:
 def test_ranges_are_of_all_records_together() -> None:
     first, second = history(u=np.full(500, 2.0)), history(u=np.full(500, -4.0), theta=0.1 * np.sin(TIME_S))
     ranges = covered([first, second])
-    assert (ranges["u"].low, ranges["u"].high, ranges["u"].unit) == (-4.0, 2.0, "m/s")
+    assert (ranges["u"].lowest, ranges["u"].highest, ranges["u"].unit) == (-4.0, 2.0, "m/s")
     assert ranges["u"].rms == pytest.approx(np.sqrt(10.0))
     assert ranges.keys() == {"u", "theta"}
 
@@ -43,8 +43,8 @@ def test_a_log_is_read_where_it_was_fitted_only() -> None:
     )
     record = FlightRecord(source=Source(name="a", format="CSV", sha256="a"), topics=(battery,))
     (voltage,) = covered_by([(record, Maneuver(axis="roll", kind="sweep", start_s=3.5, stop_s=8.5))]).values()
-    assert voltage.low == pytest.approx(15.2)
-    assert voltage.high == pytest.approx(15.6)
+    assert voltage.lowest == pytest.approx(15.2)
+    assert voltage.highest == pytest.approx(15.6)
     assert voltage.unit == "V"
 
 

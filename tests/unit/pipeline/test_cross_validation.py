@@ -8,16 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from tests.unit.pipeline.response_twins import FIRST, SECOND, TRUE, flight
 
 from rotorid.data.record import FlightRecord
-from rotorid.documents.result import CrossValidationDocument
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import from_toml
 from rotorid.pipeline.cross_validation import CrossValidated, cross_validate, cross_validated
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.pipeline.summary import CrossValidationSummary
 from rotorid.verification.fixed_parameters import Kind
 
 SEEDS = (1, 2, 3)
@@ -31,7 +33,7 @@ def run(
     records: Sequence[FlightRecord] = (),
     settings: IdentifySettings | None = None,
 ) -> CrossValidated:
-    def once(kept: Sequence[FlightRecord], chosen: IdentifySettings) -> Identification:
+    def once(kept: Sequence[FlightRecord], chosen: IdentifySettings) -> IdentifiedModel:
         return identify(kept, structure, settings=chosen)
 
     return cross_validate(
@@ -49,7 +51,7 @@ def each() -> CrossValidated:
 
 
 def test_every_flight_is_identified_on_and_scored(each: CrossValidated) -> None:
-    document = each.document
+    document = each.summary
     assert document.records == NAMES
     assert document.outputs == ["phi"]
     assert document.horizon_s is None
@@ -63,7 +65,7 @@ def test_every_flight_is_identified_on_and_scored(each: CrossValidated) -> None:
 
 
 def test_means_are_those_of_the_table(each: CrossValidated) -> None:
-    document = each.document
+    document = each.summary
     unseen = [fold.scores[name]["phi"].nrmse_fit_percent for fold in document.folds for name in fold.unseen]
     assert document.mean_percent == pytest.approx(np.mean(unseen))
     assert document.spread_percent == pytest.approx(np.std(unseen, ddof=1))
@@ -74,14 +76,14 @@ def test_means_are_those_of_the_table(each: CrossValidated) -> None:
 
 
 def test_a_poorer_structure_scores_lower_on_what_it_has_not_seen(each: CrossValidated) -> None:
-    poorer = run("each", FIRST).document
+    poorer = run("each", FIRST).summary
     assert poorer.mean_percent is not None
-    assert each.document.mean_percent is not None
-    assert poorer.mean_percent < each.document.mean_percent - 10.0
+    assert each.summary.mean_percent is not None
+    assert poorer.mean_percent < each.summary.mean_percent - 10.0
 
 
 def test_one_flight_is_left_out(each: CrossValidated) -> None:
-    document = run("leave_one_out").document
+    document = run("leave_one_out").summary
     assert [fold.unseen for fold in document.folds] == [[name] for name in NAMES]
     assert document.best is None
     assert all(fold.spread_percent is None for fold in document.folds)
@@ -89,7 +91,7 @@ def test_one_flight_is_left_out(each: CrossValidated) -> None:
 
 def test_maneuvers_of_one_log_stand_for_themselves() -> None:
     halves = IdentifySettings(segments=(parse_segment("roll:0:7"), parse_segment("roll:7.5:14.9")))
-    document = run("each", records=[flight(4)], settings=halves).document
+    document = run("each", records=[flight(4)], settings=halves).summary
     assert len(document.folds) == 2
     assert document.records[0] != document.records[1]
     assert document.mean_percent is not None
@@ -104,7 +106,7 @@ def test_maneuvers_that_overlap_would_be_seen_and_unseen_at_once() -> None:
 
 def test_a_record_without_motion_is_named_instead_of_scored() -> None:
     still = at_rest(flight(3))
-    document = (found := run("each", records=[flight(1), flight(2), still])).document
+    document = (found := run("each", records=[flight(1), flight(2), still])).summary
     assert [one.cause.partition(":")[0] for one in document.folds] == [
         "flight_3.csv gives no score",
         "flight_3.csv gives no score",
@@ -134,15 +136,15 @@ def test_only_that_nothing_is_unseen_is_answered_by_a_cross_validation() -> None
         ((at_rest(flight(3)),), "flight_3.csv did not verify the model", ["flight_3.csv"]),
     ):
         identified = identify(records, SECOND, verify=verify)
-        (finding,) = [one for one in identified.document.findings if one.kind == "not_verified"]
+        (finding,) = [one for one in identified.findings if one.kind == "not_verified"]
         assert finding.message.startswith(before)
         crossed = cross_validated(identified, records, SECOND, kind="each", settings=IdentifySettings())
-        assert [one.where for one in crossed.document.findings if one.kind == "not_verified"] == after
+        assert [one.where for one in crossed.findings if one.kind == "not_verified"] == after
 
 
 def test_a_document_can_be_read_back(each: CrossValidated) -> None:
-    text = each.document.model_dump_json()
-    assert CrossValidationDocument.model_validate_json(text) == each.document
+    adapter = TypeAdapter(CrossValidationSummary)
+    assert adapter.validate_json(adapter.dump_json(each.summary)) == each.summary
 
 
 def test_a_single_maneuver_cannot_be_cross_validated() -> None:
@@ -156,7 +158,7 @@ def test_a_log_twice_would_be_held_out_from_itself() -> None:
 
 
 def test_a_fold_that_fails_is_remarked_on() -> None:
-    def once(kept: Sequence[FlightRecord], chosen: IdentifySettings) -> Identification:
+    def once(kept: Sequence[FlightRecord], chosen: IdentifySettings) -> IdentifiedModel:
         if kept[0] is flight(1):
             raise InsufficientDataError("nothing moved.")
         return identify(kept, SECOND, settings=chosen)
@@ -164,8 +166,8 @@ def test_a_fold_that_fails_is_remarked_on() -> None:
     found = cross_validate(
         [flight(seed) for seed in SEEDS], SECOND, identify=once, kind="each", settings=IdentifySettings()
     )
-    assert found.document.folds[0].mean_percent is None
-    assert found.document.folds[0].cause == "nothing moved."
+    assert found.summary.folds[0].mean_percent is None
+    assert found.summary.folds[0].cause == "nothing moved."
     (finding,) = found.findings
     assert finding.message.endswith("is empty: nothing moved.")
 
@@ -173,19 +175,19 @@ def test_a_fold_that_fails_is_remarked_on() -> None:
 def test_models_that_cannot_be_simulated_alike_are_predicted_over_one_horizon(each: CrossValidated) -> None:
     grown = {"omega_phi": 7.0, "zeta_phi": -0.2, "K_phi": 0.95}
 
-    def once(kept: Sequence[FlightRecord], chosen: IdentifySettings) -> Identification:
+    def once(kept: Sequence[FlightRecord], chosen: IdentifySettings) -> IdentifiedModel:
         found = identify(kept, SECOND, settings=chosen)
         if kept[0] is not flight(1):
             return found
-        text = found.model_toml
-        stable = found.document.parameters["zeta_phi"].value
+        text = found.to_toml()
+        stable = found["zeta_phi"].value
         assert repr(stable) in text
         text = text.replace("lower = 0.0\n", "lower = -1.0\n").replace(repr(stable), repr(grown["zeta_phi"]))
-        return replace(found, model_toml=text)
+        return replace(found, structure=from_toml(text))
 
     document = cross_validate(
         [flight(seed) for seed in SEEDS], SECOND, identify=once, kind="each", settings=IdentifySettings()
-    ).document
+    ).summary
     assert document.horizon_s is not None
     assert math.isfinite(document.horizon_s)
     assert document.folds[1].mean_percent is not None

@@ -12,7 +12,7 @@ from tests.unit.fitting.known_models import posed
 from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, flight
 
 from rotorid.data.record import Maneuver
-from rotorid.documents.result import ResultDocument, SearchDocument
+from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.fit import fit
 from rotorid.fitting.frequency.problem import FrequencyProblem
@@ -21,13 +21,13 @@ from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.library import response_model
 from rotorid.models.toml import from_toml
 from rotorid.pipeline import frequency_fit as fitting
-from rotorid.pipeline.assemble import search_document, searched_minima
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.resolve import named_model
-from rotorid.pipeline.results import Identification
-from rotorid.pipeline.searching import NEARLY_AS_GOOD, Searched, judge_minima, searched
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.searching import NEARLY_AS_GOOD, Searched, judge_minima, search_summary, searched, searched_minima
 from rotorid.pipeline.segments import TimeRecords, time_records
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings, parse_segment
+from rotorid.pipeline.summary import SearchSummary
 from rotorid.pipeline.time_fit import fit_in_time
 from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.search.result import Basin
@@ -84,16 +84,16 @@ def records() -> TimeRecords:
 
 
 @pytest.fixture(scope="module")
-def by_responses() -> Identification:
+def by_responses() -> IdentifiedModel:
     return identify([flight()], MODEL, settings=IdentifySettings(method="frequency", segments=WHOLE, search="sobol:6"))
 
 
 @pytest.fixture(scope="module")
-def by_outputs() -> Identification:
+def by_outputs() -> IdentifiedModel:
     return identify([flight()], MODEL, settings=IdentifySettings(search="evolution", evaluations=75))
 
 
-def told(document: ResultDocument) -> SearchDocument:
+def told(document: ResultDocument) -> SearchSummary:
     assert document.search is not None
     return document.search
 
@@ -104,8 +104,8 @@ def near_truth(document: ResultDocument, *, hold_s: float = 0.0) -> None:
         assert document.parameters[name].value == pytest.approx(known, rel=0.15), name
 
 
-def test_a_fit_of_responses_begins_at_the_best_of_a_search(by_responses: Identification) -> None:
-    document = by_responses.document
+def test_a_fit_of_responses_begins_at_the_best_of_a_search(by_responses: IdentifiedModel) -> None:
+    document = result_document(by_responses)
     # A response between samples contains half a step of the held input.
     near_truth(document, hold_s=0.5 / RATE_HZ)
     search = told(document)
@@ -119,7 +119,7 @@ def test_a_fit_of_responses_begins_at_the_best_of_a_search(by_responses: Identif
 
 
 def test_later_fits_to_parts_of_the_data_begin_there_too(
-    by_responses: Identification, monkeypatch: pytest.MonkeyPatch
+    by_responses: IdentifiedModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[FrequencyProblem] = []
 
@@ -129,15 +129,15 @@ def test_later_fits_to_parts_of_the_data_begin_there_too(
 
     monkeypatch.setattr(fitting, "fit_and_drop", remembered)
     settings = IdentifySettings(method="frequency", segments=WHOLE, search="sobol:6")
-    assert identify([flight()], MODEL, settings=settings).document == by_responses.document
-    best = told(by_responses.document).minima[0].parameters
+    assert result_document(identify([flight()], MODEL, settings=settings)) == result_document(by_responses)
+    best = told(result_document(by_responses)).minima[0].parameters
     assert begun[0].parameters.values == best
     assert begun[0].structure.parameters.values == best
 
 
-def test_a_fit_in_time_begins_at_all_minima_of_a_search(by_outputs: Identification) -> None:
-    near_truth(by_outputs.document)
-    search = told(by_outputs.document)
+def test_a_fit_in_time_begins_at_all_minima_of_a_search(by_outputs: IdentifiedModel) -> None:
+    near_truth(result_document(by_outputs))
+    search = told(result_document(by_outputs))
     assert (search.name, search.objective) == ("evolution", "output_error")
     assert 0 < search.evaluations <= 75
     assert search.polishing > 0
@@ -146,17 +146,20 @@ def test_a_fit_in_time_begins_at_all_minima_of_a_search(by_outputs: Identificati
     assert all(one < other for one, other in itertools.pairwise(counts))
     assert all(one >= other for one, other in itertools.pairwise(costs))
     assert search.minima[0].cost <= costs[-1]
-    assert (by_outputs.document.provenance.settings["search"], by_outputs.document.provenance.seed) == ("evolution", 0)
+    assert (result_document(by_outputs).provenance.settings["search"], result_document(by_outputs).provenance.seed) == (
+        "evolution",
+        0,
+    )
 
 
-def test_the_same_seed_gives_the_same_result(by_outputs: Identification) -> None:
+def test_the_same_seed_gives_the_same_result(by_outputs: IdentifiedModel) -> None:
     def again(seed: int) -> ResultDocument:
-        return identify(
-            [flight()], MODEL, settings=IdentifySettings(search="evolution", evaluations=75, seed=seed)
-        ).document
+        return result_document(
+            identify([flight()], MODEL, settings=IdentifySettings(search="evolution", evaluations=75, seed=seed))
+        )
 
-    assert again(0) == by_outputs.document
-    assert told(again(1)).trace != told(by_outputs.document).trace
+    assert again(0) == result_document(by_outputs)
+    assert told(again(1)).trace != told(result_document(by_outputs)).trace
 
 
 def test_progress_tells_evaluations_and_the_best_cost(records: TimeRecords, caplog: pytest.LogCaptureFixture) -> None:
@@ -184,11 +187,11 @@ def test_starts_and_the_search_of_their_name_end_in_one_place(records: TimeRecor
         for settings in (IdentifySettings(starts="sobol:2"), IdentifySettings(search="sobol:2", evaluations=10**6))
     ]
     assert ends[0].parameters == ends[1].parameters
-    assert search_document(ends[0].search) == search_document(ends[1].search)
+    assert search_summary(ends[0].search) == search_summary(ends[1].search)
     # With the start values of the model alone there is no search, and none of its minima.
     plain = fit_in_time(SECOND, records, IdentifySettings(), method="output_error")
     assert plain.search is None
-    assert search_document(plain.search) is None
+    assert search_summary(plain.search) is None
     assert searched_minima(plain.search) == []
 
 
@@ -300,6 +303,6 @@ def test_a_trace_begins_where_a_cost_is_a_number() -> None:
     found = of_lags()
     first = found.result.trace[0]
     trace = (first._replace(evaluations=1, best=math.inf), *found.result.trace)
-    document = search_document(replace(found, result=replace(found.result, trace=trace)))
+    document = search_summary(replace(found, result=replace(found.result, trace=trace)))
     assert document is not None
     assert document.trace[0] == (first.evaluations, first.best)

@@ -9,40 +9,44 @@ import pytest
 from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, binary, flight
 
 from rotorid.data.record import Maneuver
+from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, own_starts
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.pipeline.identification import chosen_method, identify
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.identification import identify, method_of
+from rotorid.pipeline.methods import InTime
 from rotorid.pipeline.resolve import named_model
-from rotorid.pipeline.results import Identification, Segment
+from rotorid.pipeline.results import IdentifiedModel, Segment
 from rotorid.pipeline.segments import TimeRecords, evenly_stamped, time_records
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.time_fit import Compared, fit_in_time, following, judge_agreement, judge_following, judge_time_fit
+from rotorid.pipeline.summary import Compared
+from rotorid.pipeline.time_fit import fit_in_time, following, judge_agreement, judge_following, judge_time_fit
 from rotorid.simulation.linear import simulate_linear
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])
 
 
 @pytest.fixture(scope="module")
-def result() -> Identification:
+def result() -> IdentifiedModel:
     return identify([flight()], "response.second_order_delay", verify=[flight(seed=7)])
 
 
-def test_the_truth_lies_within_the_bounds_that_the_color_of_the_noise_demands(result: Identification) -> None:
+def test_the_truth_lies_within_the_bounds_that_the_color_of_the_noise_demands(result: IdentifiedModel) -> None:
     for name, value in TRUTH.items():
-        found = result.document.parameters[name]
+        found = result_document(result).parameters[name]
         assert found.std is not None
         # Four deviations: one in sixteen thousand by chance.
         assert abs(found.value - value) < 4.0 * found.std, name
-    assert result.document.residuals is not None
-    assert result.document.residuals.inflation > 1.2
-    assert "colored_residuals" in {finding.kind for finding in result.document.findings}
+    assert result_document(result).residuals is not None
+    assert result_document(result).residuals.inflation > 1.2
+    assert "colored_residuals" in {finding.kind for finding in result_document(result).findings}
 
 
-def test_the_document_says_how_the_fit_was_made(result: Identification) -> None:
-    document = result.document
+def test_the_document_says_how_the_fit_was_made(result: IdentifiedModel) -> None:
+    document = result_document(result)
     assert (document.method, document.hold, document.pieces_s) == ("output_error", "zero", None)
     assert document.fit_percent is not None
     assert document.fit_percent["phi"] > 90.0
@@ -57,29 +61,29 @@ def test_the_document_says_how_the_fit_was_made(result: Identification) -> None:
     assert document.information.bic > document.information.aic
 
 
-def test_both_domains_agree_once_the_hold_is_counted(result: Identification) -> None:
-    beside = result.document.frequency_fit
+def test_both_domains_agree_once_the_hold_is_counted(result: IdentifiedModel) -> None:
+    beside = result_document(result).frequency_fit
     assert beside is not None
     assert beside["tau_phi"].hold_s == pytest.approx(0.5 / RATE_HZ, rel=1e-6)
     assert beside["tau_phi"].value - TRUTH["tau_phi"] > 0.5 * beside["tau_phi"].hold_s
-    assert result.document.cost is not None
-    assert "methods_disagree" not in {finding.kind for finding in result.document.findings}
+    assert result_document(result).cost is not None
+    assert "methods_disagree" not in {finding.kind for finding in result_document(result).findings}
 
 
-def test_an_unseen_record_is_simulated_and_scored(result: Identification) -> None:
-    (check,) = result.verifications
+def test_an_unseen_record_is_simulated_and_scored(result: IdentifiedModel) -> None:
+    (check,) = result.verifications.maneuvers
     assert check.record == "flight7.csv"
     assert check.scores["phi"].nrmse_fit_percent > 90.0
     assert check.time_s.size == 1500
-    assert result.document.verification.records
+    assert result_document(result).verification.records
 
 
-def test_records_are_handed_on_for_the_pictures(result: Identification) -> None:
-    (one,) = result.simulated
+def test_records_are_handed_on_for_the_pictures(result: IdentifiedModel) -> None:
+    (one,) = result.data.simulated
     assert one.measured.shape == one.simulated.shape == (1, 1500)
     assert one.starts == (0,)
     error = one.measured - one.simulated
-    assert float(np.std(error)) == pytest.approx((result.document.noise or {})["phi"], rel=0.02)
+    assert float(np.std(error)) == pytest.approx((result_document(result).noise or {})["phi"], rel=0.02)
 
 
 def test_jittery_stamps_leave_the_samples_as_they_are() -> None:
@@ -98,13 +102,18 @@ def test_jittery_stamps_leave_the_samples_as_they_are() -> None:
 def test_the_method_follows_the_model_unless_it_is_named() -> None:
     box = named_model("black_box:2", inputs=["u"], outputs=["y"])
     plain = IdentifySettings()
-    assert [chosen_method(one, plain) for one in (SECOND, box, rate_model("rate.roll"))] == [
+
+    def kind(structure: LinearStructure, settings: IdentifySettings) -> str:
+        method = method_of(structure, (), settings)
+        return method.kind if isinstance(method, InTime) else type(method).__name__
+
+    assert [kind(one, plain) for one in (SECOND, box, rate_model("rate.roll"))] == [
         "output_error",
         "output_error",
-        None,
+        "Frequency",
     ]
-    assert chosen_method(SECOND, IdentifySettings(method="frequency")) is None
-    assert chosen_method(rate_model("rate.roll"), IdentifySettings(method="prediction_error")) == "prediction_error"
+    assert kind(SECOND, IdentifySettings(method="frequency")) == "Frequency"
+    assert kind(rate_model("rate.roll"), IdentifySettings(method="prediction_error")) == "prediction_error"
 
 
 def test_what_cannot_be_done_in_time_is_refused() -> None:
@@ -113,9 +122,9 @@ def test_what_cannot_be_done_in_time_is_refused() -> None:
         fit_in_time(box, of_rate(-1.0)[0], IdentifySettings(), method="equation_error")
 
 
-def test_equations_are_fitted_over_the_band_of_the_responses(result: Identification) -> None:
+def test_equations_are_fitted_over_the_band_of_the_responses(result: IdentifiedModel) -> None:
     found = identify([flight()], "response.second_order_delay", settings=IdentifySettings(method="equation_error"))
-    document = found.document
+    document = result_document(found)
     assert document.method == "equation_error"
     (equation,) = document.equations
     assert equation.name == "v_phi'"
@@ -127,14 +136,14 @@ def test_equations_are_fitted_over_the_band_of_the_responses(result: Identificat
         near = {"abs": 1e-3} if name == "tau_phi" else {"rel": 0.08}
         assert document.parameters[name].value == pytest.approx(value, **near), name
     # The values are shown by a simulation, which fits no better than the fit that makes it fit best.
-    assert found.simulated[0].simulated.shape == (1, 1500)
+    assert found.data.simulated[0].simulated.shape == (1, 1500)
     assert document.fit_percent is not None
-    assert 90.0 < document.fit_percent["phi"] <= (result.document.fit_percent or {})["phi"]
+    assert 90.0 < document.fit_percent["phi"] <= (result_document(result).fit_percent or {})["phi"]
     assert document.log_likelihood is not None
-    assert document.log_likelihood <= (result.document.log_likelihood or 0.0)
+    assert document.log_likelihood <= (result_document(result).log_likelihood or 0.0)
     assert document.residuals is not None
     assert document.residuals.memory == 0
-    assert result.document.equations == []
+    assert result_document(result).equations == []
 
 
 def test_a_band_that_was_asked_for_is_the_one_of_the_equations() -> None:
@@ -265,14 +274,14 @@ def test_a_difference_beyond_three_deviations_is_told_with_its_numbers() -> None
     records, problem = of_rate(-1.0)
     fitted = fit_in_time(problem.structure, records, IdentifySettings(), method="output_error")
     a, std = fitted.parameters["a"].value, float(fitted.bounds.std[fitted.bounds.names.index("a")])
-    near, far = Compared(a + 2.0 * std, std), Compared(a + 10.0 * std, std)
+    near, far = (Compared(value=a + off * std, std=std) for off in (2.0, 10.0))
     assert judge_agreement(fitted, {"a": near}) == ()
     (finding,) = judge_agreement(fitted, {"a": far})
     assert (finding.kind, finding.where) == ("methods_disagree", "a")
     assert finding.numbers["distance_std"] == pytest.approx(10.0 / np.sqrt(2.0))
 
 
-def test_segments_know_their_records(result: Identification) -> None:
-    (segment,) = result.segments
+def test_segments_know_their_records(result: IdentifiedModel) -> None:
+    (segment,) = result.data.segments
     assert isinstance(segment, Segment)
     assert segment.history.values.shape == (2, 1500)

@@ -9,11 +9,12 @@ import pytest
 from tests.unit.pipeline.response_flight import flight
 
 from rotorid.data.record import FlightRecord
+from rotorid.documents.result import result_document
 from rotorid.errors import ModelError
 from rotorid.fitting.time.output_error import Fitted, TimeData, TimeProblem
 from rotorid.models.library import response_model
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.pipeline.unseen import estimated_shifts
 from rotorid.simulation.linear import simulate_linear
@@ -25,19 +26,19 @@ SAMPLES = 800
 
 def identified(
     *verify: FlightRecord, records: tuple[FlightRecord, ...] = (), segment: str | None = None
-) -> Identification:
+) -> IdentifiedModel:
     settings = IdentifySettings(segments=(parse_segment(segment),) if segment else ())
     return identify(records or [flight(samples=SAMPLES)], FIRST, settings=settings, verify=verify)
 
 
-def kinds(found: Identification) -> list[str]:
-    return [one.kind for one in found.document.findings if one.kind in ("not_verified", "seen_data")]
+def kinds(found: IdentifiedModel) -> list[str]:
+    return [one.kind for one in result_document(found).findings if one.kind in ("not_verified", "seen_data")]
 
 
 def test_the_log_that_was_fitted_does_not_verify() -> None:
     found = identified(flight(samples=SAMPLES))
-    assert found.verifications == ()
-    assert found.document.verification.records == {}
+    assert found.verifications.maneuvers == ()
+    assert result_document(found).verification.records == {}
     assert kinds(found) == ["seen_data"]
 
 
@@ -45,13 +46,13 @@ def test_a_log_that_was_fitted_in_part_does_not_verify_under_another_name() -> N
     again = flight(samples=SAMPLES)
     renamed = replace(again, source=replace(again.source, name="copy.csv"))
     found = identified(renamed, segment="roll:4:12")
-    assert found.verifications == ()
+    assert found.verifications.maneuvers == ()
     assert kinds(found) == ["seen_data"]
 
 
 def test_an_unseen_log_beside_a_seen_one_counts_alone() -> None:
     found = identified(flight(samples=SAMPLES), flight(seed=7, samples=SAMPLES))
-    assert [one.record for one in found.verifications] == ["flight7.csv"]
+    assert [one.record for one in found.verifications.maneuvers] == ["flight7.csv"]
     assert kinds(found) == ["seen_data"]
 
 
@@ -59,8 +60,8 @@ def test_a_log_in_which_nothing_moves_says_why_it_does_not_verify() -> None:
     (topic,) = (record := flight(seed=7, samples=SAMPLES)).topics
     still = replace(topic, values=np.stack([np.full(SAMPLES, 0.1), topic.values[1]]))
     found = identified(replace(record, topics=(still,)))
-    assert found.verifications == ()
-    (finding,) = [one for one in found.document.findings if one.kind == "not_verified"]
+    assert found.verifications.maneuvers == ()
+    (finding,) = [one for one in result_document(found).findings if one.kind == "not_verified"]
     assert finding.message == "flight7.csv did not verify the model: phi_setpoint does not move in flight7.csv."
 
 
@@ -75,15 +76,17 @@ def test_a_model_that_diverges_over_an_unseen_log_stays_identified(monkeypatch: 
 
     monkeypatch.setattr(TimeProblem, "predicted", diverging)
     found = identified(unseen)
-    assert found.document.parameters["K_phi"].value > 0.5
-    (finding,) = [one for one in found.document.findings if one.kind == "not_verified"]
+    assert result_document(found).parameters["K_phi"].value > 0.5
+    (finding,) = [one for one in result_document(found).findings if one.kind == "not_verified"]
     assert "diverges over a record" in finding.message
 
 
 def test_the_shift_that_was_estimated_is_reported() -> None:
     (topic,) = (record := flight(seed=7, samples=SAMPLES)).topics
     shifted = replace(topic, values=topic.values + np.array([[0.0], [0.3]]))
-    (before,), (after,) = (identified(one).verifications for one in (record, replace(record, topics=(shifted,))))
+    (before,), (after,) = (
+        identified(one).verifications.maneuvers for one in (record, replace(record, topics=(shifted,)))
+    )
     assert after.scores["phi"].nrmse_fit_percent == pytest.approx(before.scores["phi"].nrmse_fit_percent, abs=1e-6)
     added = after.scores["phi"].reference_shift - before.scores["phi"].reference_shift
     assert added == pytest.approx(0.3, abs=1e-9)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
-from rotorid.documents.result import ManeuverDocument, ProvenanceDocument
+from rotorid.documents.base import ManeuverDocument, ProvenanceDocument
+from rotorid.documents.verify import verify_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.excitation.switching import doublet
 from rotorid.models.library import rate_model
@@ -88,14 +89,14 @@ def sweeps() -> FlightRecord:
 
 
 def kinds(verified: object) -> set[str]:
-    return {finding.kind for finding in verified.document.findings}  # type: ignore[attr-defined]
+    return {finding.kind for finding in verify_document(verified).findings}  # type: ignore[attr-defined]
 
 
 def test_the_right_model_is_not_called_poor(doublets: FlightRecord) -> None:
     verified = verify(candidate(), [doublets])
-    assert [one.verdict for one in verified.document.maneuvers] == ["good", "good"]
+    assert [one.verdict for one in verify_document(verified).maneuvers] == ["good", "good"]
     assert "poor_verification" not in kinds(verified)
-    first = verified.document.maneuvers[0]
+    first = verify_document(verified).maneuvers[0]
     assert first.growth_1_s == pytest.approx(1.871, abs=1e-3)
     assert {horizon.horizon_s for horizon in first.ahead} == {0.5, 1.0}
     assert first.biases.keys() == {"p", "r", "v", "phi"}
@@ -122,19 +123,19 @@ def test_what_was_fitted_is_shown_as_seen(doublets: FlightRecord) -> None:
         ],
     )
     verified = verify(replace(candidate(), provenance=fitted), [doublets])
-    seen = [finding for finding in verified.document.findings if finding.kind == "seen_data"]
+    seen = [finding for finding in verify_document(verified).findings if finding.kind == "seen_data"]
     assert [(one.severity, one.numbers["start_s"]) for one in seen] == [("warning", 5.0)]
     assert "seen_data" not in kinds(verify(candidate(), [doublets]))
 
 
 def test_a_segment_is_judged_alone(doublets: FlightRecord) -> None:
     verified = verify(candidate(), [doublets], settings=VerifySettings(segments=(parse_segment("yaw:11:11.6"),)))
-    assert [(one.axis, one.start_s) for one in verified.document.maneuvers] == [("yaw", 11.0)]
+    assert [(one.axis, one.start_s) for one in verify_document(verified).maneuvers] == [("yaw", 11.0)]
 
 
 def test_the_guideline_is_scaled_only_when_asked(doublets: FlightRecord) -> None:
-    assert verify(candidate(), [doublets]).document.j_rms_guideline is None
-    scaled = verify(candidate(), [doublets], settings=VerifySettings(scale=16.0)).document.j_rms_guideline
+    assert verify_document(verify(candidate(), [doublets])).j_rms_guideline is None
+    scaled = verify_document(verify(candidate(), [doublets], settings=VerifySettings(scale=16.0))).j_rms_guideline
     assert scaled is not None
     assert (scaled.root, scaled.printed) == ((4.0, 8.0), (16.0, 32.0))
 
@@ -154,9 +155,9 @@ def without(record: FlightRecord, *names: str) -> FlightRecord:
 
 def test_outputs_that_a_log_lacks_are_left_out_and_named(doublets: FlightRecord, sweeps: FlightRecord) -> None:
     verified = verify(candidate(), [without(doublets, "ay"), without(sweeps, "ay")])
-    assert {frozenset(one.scores) for one in verified.document.maneuvers} == {frozenset({"p", "r"})}
-    assert {name.split("/")[0] for name in verified.document.frequency[0].pairs} <= {"p", "r"}
-    missing = [finding.where for finding in verified.document.findings if finding.kind == "missing_channel"]
+    assert {frozenset(one.scores) for one in verify_document(verified).maneuvers} == {frozenset({"p", "r"})}
+    assert {name.split("/")[0] for name in verify_document(verified).frequency[0].pairs} <= {"p", "r"}
+    missing = [finding.where for finding in verify_document(verified).findings if finding.kind == "missing_channel"]
     assert sorted(missing) == ["flight.csv: ay", "sweeps.csv: ay"]
 
 
@@ -169,7 +170,7 @@ def test_a_log_that_cannot_judge_says_why(names: tuple[str, ...], doublets: Flig
 
 def test_sweeps_are_judged_by_response_and_carry_it_along(sweeps: FlightRecord) -> None:
     verified = verify(candidate(), [sweeps])
-    (judged,) = verified.judged
+    (judged,) = verified.found.sweeps
     assert judged.response is not None
     assert judged.model_response is not None
     assert judged.used is not None
@@ -182,13 +183,13 @@ def test_sweeps_are_judged_by_response_and_carry_it_along(sweeps: FlightRecord) 
         omega = judged.response.omega_rad_s[judged.used[y, u]]
         assert (pair.points, pair.band_rad_s) == (omega.size, (omega[0], omega[-1]))
         assert BAND[0] <= omega[0] < omega[-1] <= BAND[1]
-    (document,) = verified.document.frequency
+    (document,) = verify_document(verified).frequency
     assert {name: pair.value for name, pair in document.pairs.items()} == judged.costs
     assert all(judged.costs[name] < 100.0 for name in ("p/roll_command", "r/yaw_command"))
 
 
 def test_what_was_covered_is_said(sweeps: FlightRecord) -> None:
-    covered = verify(candidate(), [sweeps]).document.covered
+    covered = verify_document(verify(candidate(), [sweeps])).covered
     assert covered["thrust_command"].lowest < 0.5 < covered["thrust_command"].highest
     assert {"p", "r", "phi", "roll_command"} <= covered.keys()
 

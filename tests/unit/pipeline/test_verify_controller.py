@@ -9,6 +9,7 @@ import pytest
 from tests.unit.pipeline.test_verify import candidate, doublets, kinds
 
 from rotorid.data.record import FlightRecord, Source
+from rotorid.documents.verify import verify_document
 from rotorid.errors import UsageError
 from rotorid.models.controller import RateController
 from rotorid.models.library import rate_model
@@ -80,26 +81,26 @@ def test_given_gains_go_before_logged_ones() -> None:
 def test_without_gains_a_finding_says_what_to_give(doublets: FlightRecord) -> None:
     verified = verify(candidate(), [doublets])
     assert "no_controller" in kinds(verified)
-    assert all(one.closed_loop is None for one in verified.document.maneuvers)
+    assert all(one.closed_loop is None for one in verify_document(verified).maneuvers)
 
 
 def test_with_gains_the_model_flies_in_closed_loop(doublets: FlightRecord) -> None:
     settings = VerifySettings(controllers={"roll": GivenController(controller=ROLL)})
     verified = verify(candidate(), [doublets], settings=settings)
-    roll, yaw = verified.document.maneuvers
+    roll, yaw = verify_document(verified).maneuvers
     assert roll.closed_loop is not None
     assert roll.closed_loop.setpoints == {"roll_command": "phi_setpoint"}
     assert roll.closed_loop.scores.keys() == {"p", "r", "ay", "roll_command"}
     assert roll.closed_loop.scores["p"].tic < 0.1
     assert yaw.closed_loop is None
-    assert verified.document.provenance.settings["controllers"] == [f"roll: {settings.controllers['roll']}"]
+    assert verify_document(verified).provenance.settings["controllers"] == [f"roll: {settings.controllers['roll']}"]
 
 
 def test_gains_that_did_not_fly_are_not_used(doublets: FlightRecord) -> None:
     wrong = GivenController(controller=RateController(proportional_s=0.9, integral=3.0, angle_1_s=1.0))
     verified = verify(candidate(), [doublets], settings=VerifySettings(controllers={"roll": wrong}))
     assert "other_controller" in kinds(verified)
-    assert verified.document.maneuvers[0].closed_loop is None
+    assert verify_document(verified).maneuvers[0].closed_loop is None
 
 
 def test_a_set_point_that_is_not_there_is_refused(doublets: FlightRecord) -> None:

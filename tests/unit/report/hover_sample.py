@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
-from tests.unit.report.sample import document, identification
+from tests.unit.report.sample import document, identification, shown_with
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.result import (
-    CorrelationDocument,
-    CostDocument,
-    DelayDocument,
-    DelaysDocument,
-    FindingDocument,
-    FitDocument,
-    MatricesDocument,
+from rotorid.documents.base import FindingDocument
+from rotorid.documents.result import DelaysDocument, MatricesDocument, ResultDocument
+from rotorid.pipeline.summary import (
+    Checks,
+    Correlation,
+    Cost,
+    DelayBudget,
+    FitEnd,
     PairCost,
-    ParameterDocument,
-    PoleDocument,
-    RangeDocument,
-    ResultDocument,
-    StepDocument,
-    VerificationDocument,
+    ParameterEstimate,
+    PoleEstimate,
+    Range,
+    ReductionStep,
 )
-from rotorid.pipeline.results import Identification
+from rotorid.report.parts import Shown
 from rotorid.typing import ComplexArray, FloatArray
 
 INPUTS, OUTPUTS, POINTS = ("pitch_command", "thrust_command"), ("q", "u", "w", "ax", "az"), 40
@@ -43,9 +39,9 @@ DROPPED = ("M_q", "T_motor")
 GROWTH_1_S, SWING_RAD_S = 2.6, 4.3
 
 
-def parameters() -> dict[str, ParameterDocument]:
+def parameters() -> dict[str, ParameterEstimate]:
     free = {
-        name: ParameterDocument(
+        name: ParameterEstimate(
             value=value,
             unit=unit,
             std=std,
@@ -55,13 +51,13 @@ def parameters() -> dict[str, ParameterDocument]:
         )
         for name, (value, unit, std) in FREE.items()
     }
-    dropped = {name: ParameterDocument(value=0.0, unit="1", status="dropped") for name in DROPPED}
-    tied = ParameterDocument(value=0.0397, unit="s", std=0.00014, status="tied")
+    dropped = {name: ParameterEstimate(value=0.0, unit="1", status="dropped") for name in DROPPED}
+    tied = ParameterEstimate(value=0.0397, unit="s", std=0.00014, status="tied")
     return {**free, **dropped, "tau_thrust": tied}
 
 
-def steps() -> list[StepDocument]:
-    dropped = StepDocument(
+def steps() -> list[ReductionStep]:
+    dropped = ReductionStep(
         parameter="M_q",
         action="dropped",
         reason="M_q is seen, but not apart from M_u.",
@@ -71,7 +67,7 @@ def steps() -> list[StepDocument]:
         mean_cost_before=0.25,
         mean_cost_after=2.24,
     )
-    kept = StepDocument(
+    kept = ReductionStep(
         parameter="Z_w",
         action="protected",
         reason="Z_w is essential physics.",
@@ -84,17 +80,17 @@ def steps() -> list[StepDocument]:
     return [dropped, kept]
 
 
-def correlation(strongest: float = -0.97) -> CorrelationDocument:
+def correlation(strongest: float = -0.97) -> Correlation:
     names = list(FREE)
     matrix = np.eye(len(names)) + 0.1 * (1.0 - np.eye(len(names)))
     matrix[0, 1] = matrix[1, 0] = strongest
-    return CorrelationDocument(names=names, matrix=matrix.tolist())
+    return Correlation(names=tuple(names), matrix=tuple(map(tuple, matrix.tolist())))
 
 
-def delay(output: str, input: str) -> DelayDocument:
+def delay(output: str, input: str) -> DelayBudget:
     # Accelerometers pass a filter that the log tells of.
     late = 0.005 if output in ("ax", "az") else 0.0
-    return DelayDocument(
+    return DelayBudget(
         input_delay_s=0.0397,
         motor_lag_s=0.0,
         output_delay_s=late,
@@ -104,10 +100,10 @@ def delay(output: str, input: str) -> DelayDocument:
     )
 
 
-def poles() -> list[PoleDocument]:
+def poles() -> list[PoleEstimate]:
     size = float(np.hypot(GROWTH_1_S, SWING_RAD_S))
     pair = [
-        PoleDocument(
+        PoleEstimate(
             real=GROWTH_1_S,
             imag=sign * SWING_RAD_S,
             damping=-GROWTH_1_S / size,
@@ -120,8 +116,8 @@ def poles() -> list[PoleDocument]:
         for sign in (-1.0, 1.0)
     ]
     real = {"imag": 0.0, "damping": 1.0}
-    slow = PoleDocument(real=-0.14, frequency_rad_s=0.14, real_std=0.01, imag_std=0.0, **real)
-    double = PoleDocument(real=-4.6, frequency_rad_s=4.6, **real)
+    slow = PoleEstimate(real=-0.14, frequency_rad_s=0.14, real_std=0.01, imag_std=0.0, **real)
+    double = PoleEstimate(real=-4.6, frequency_rad_s=4.6, **real)
     return [*pair, slow, double]
 
 
@@ -139,12 +135,16 @@ def hover_document(*, record: str = "pitch_sweeps.ulg") -> ResultDocument:
         "outputs": list(OUTPUTS),
         "states": ["q", "u", "w", "theta"],
         "parameters": parameters(),
-        "cost": CostDocument(average=25.6, pairs=pairs),
-        "fit": FitDocument(
+        "cost": Cost(average=25.6, pairs=pairs),
+        "fit": FitEnd(
             weights="covariance",
             outcome="The cost no longer falls.",
             evaluations=6,
-            trace=[66.0, 27.0, 26.9],
+            trace=(
+                66.0,
+                27.0,
+                26.9,
+            ),
             inflation=4.74,
         ),
         "reduction": steps(),
@@ -161,12 +161,12 @@ def hover_document(*, record: str = "pitch_sweeps.ulg") -> ResultDocument:
         "poles": poles(),
         "delays": {f"{output}/{input}": delay(output, input) for output in OUTPUTS for input in INPUTS},
         "covered": {
-            "u": RangeDocument(unit="m/s", lowest=-2.49, highest=3.37, rms=1.04),
-            "theta": RangeDocument(unit="rad", lowest=-np.pi / 6.0, highest=np.pi / 9.0, rms=np.pi / 18.0),
-            "thrust_command": RangeDocument(unit="1", lowest=-0.204, highest=0.152, rms=0.081),
-            "battery_voltage": RangeDocument(unit="V", lowest=14.2, highest=16.1, rms=15.1),
+            "u": Range(unit="m/s", lowest=-2.49, highest=3.37, rms=1.04),
+            "theta": Range(unit="rad", lowest=-np.pi / 6.0, highest=np.pi / 9.0, rms=np.pi / 18.0),
+            "thrust_command": Range(unit="1", lowest=-0.204, highest=0.152, rms=0.081),
+            "battery_voltage": Range(unit="V", lowest=14.2, highest=16.1, rms=15.1),
         },
-        "verification": VerificationDocument(frequency={"q/pitch_command": 4.7}),
+        "verification": Checks(frequency={"q/pitch_command": 4.7}),
         "identifiability": [],
         "findings": [finding, told_once],
     }
@@ -191,14 +191,14 @@ def exact() -> ComplexArray:
     return np.asarray(150.0 * np.exp(-0.04j * OMEGA) / (1j * OMEGA + 1.0))
 
 
-def hover_identification(*, record: str = "pitch_sweeps.ulg") -> Identification:
+def hover_identification(*, record: str = "pitch_sweeps.ulg") -> Shown:
     measured = hover_response()
-    return dataclasses.replace(
+    return shown_with(
         identification(record=record),
         document=hover_document(record=record),
         response=measured,
-        beside=None,
+        direct=None,
         model_response=np.broadcast_to(exact(), measured.values.shape),
-        fitted=np.ones(measured.values.shape, dtype=bool),
+        used=np.ones(measured.values.shape, dtype=bool),
         segments=(),
     )

@@ -6,37 +6,37 @@ import numpy as np
 
 from rotorid.data.record import Maneuver
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.result import (
-    CorrelationDocument,
-    DerivedDocument,
-    ExcitationDocument,
-    FitDocument,
-    MotorsDocument,
-    ParameterDocument,
-    ProvenanceDocument,
-    RecordFitDocument,
-    ResultDocument,
-    ScoreDocument,
-    VerificationDocument,
+from rotorid.documents.base import ProvenanceDocument
+from rotorid.documents.result import ResultDocument
+from rotorid.pipeline.results import FittedData, SimulatedRecord, Verifications
+from rotorid.pipeline.summary import (
+    Checks,
+    Correlation,
+    Derived,
+    ExcitedFlight,
+    FitEnd,
+    MotorPhysics,
+    ParameterEstimate,
+    RecordFit,
 )
-from rotorid.pipeline.results import Identification, SimulatedRecord
+from rotorid.report.parts import Shown
 from rotorid.typing import FloatArray
-from rotorid.verification.verification import Verification
+from rotorid.verification.verification import Scores, Verification
 
 CHANNELS = ["p_dot", "az"]
 MOTORS = ["motor_1", "motor_2", "motor_3", "motor_4"]
 SAMPLES = 200
 
 
-def free(value: float, unit: str, std: float) -> ParameterDocument:
-    return ParameterDocument(
+def free(value: float, unit: str, std: float) -> ParameterEstimate:
+    return ParameterEstimate(
         value=value, unit=unit, std=std, cramer_rao_percent=1.0, insensitivity_percent=0.5, status="free"
     )
 
 
-def parameters() -> dict[str, ParameterDocument]:
+def parameters() -> dict[str, ParameterEstimate]:
     return {
-        "m": ParameterDocument(value=1.2, unit="kg", status="fixed"),
+        "m": ParameterEstimate(value=1.2, unit="kg", status="fixed"),
         "c_0": free(0.3, "N", 0.02),
         "c_1": free(1.5, "N", 0.08),
         "c_2": free(6.0, "N", 0.1),
@@ -48,12 +48,17 @@ def parameters() -> dict[str, ParameterDocument]:
     }
 
 
-def motors() -> MotorsDocument:
-    return MotorsDocument(
+def motors() -> MotorPhysics:
+    return MotorPhysics(
         layout="quad.x",
         arm_m=0.28,
-        rotors=[[0.2, 0.2, 0.0], [-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [-0.2, 0.2, 0.0]],
-        spins=[1.0, 1.0, -1.0, -1.0],
+        rotors=((0.2, 0.2, 0.0), (-0.2, -0.2, 0.0), (0.2, -0.2, 0.0), (-0.2, 0.2, 0.0)),
+        spins=(
+            1.0,
+            1.0,
+            -1.0,
+            -1.0,
+        ),
         outputs="output",
         source="actuator_outputs",
         outputs_rate_hz=400.0,
@@ -62,27 +67,27 @@ def motors() -> MotorsDocument:
         flown_outputs=(0.41, 0.72),
         scale="m",
         derived={
-            "thrust_hover": DerivedDocument(value=3.146, std=0.007, unit="N"),
-            "thrust_slope": DerivedDocument(value=8.4, std=0.05, unit="N"),
-            "thrust_full": DerivedDocument(value=7.8, std=0.03, unit="N"),
-            "thrust_to_weight": DerivedDocument(value=2.65, std=0.01, unit="1"),
+            "thrust_hover": Derived(value=3.146, std=0.007, unit="N"),
+            "thrust_slope": Derived(value=8.4, std=0.05, unit="N"),
+            "thrust_full": Derived(value=7.8, std=0.03, unit="N"),
+            "thrust_to_weight": Derived(value=2.65, std=0.01, unit="1"),
         },
         excitation=[
-            ExcitationDocument(
+            ExcitedFlight(
                 record="roll.ulg",
                 start_s=10.0,
                 stop_s=50.0,
                 sample_rate_hz=250.0,
                 correlation={"az": 0.1, "p": 0.97, "q": 0.5, "r": 0.3},
-                counted=["p"],
+                counted=("p",),
             ),
-            ExcitationDocument(
+            ExcitedFlight(
                 record="thrust.ulg",
                 start_s=20.0,
                 stop_s=60.0,
                 sample_rate_hz=250.0,
                 correlation={"az": 0.95, "p": 0.4, "q": 0.5, "r": 0.3},
-                counted=["az"],
+                counted=("az",),
             ),
         ],
     )
@@ -101,13 +106,20 @@ def document() -> ResultDocument:
         states=["p", "w"],
         parameters=found,
         fit_percent={"p_dot": 91.0, "az": 82.0},
-        fit=FitDocument(
-            weights="likelihood", outcome="The cost rests.", evaluations=3, trace=[9.0, 4.0], inflation=1.2
+        fit=FitEnd(
+            weights="likelihood",
+            outcome="The cost rests.",
+            evaluations=3,
+            trace=(
+                9.0,
+                4.0,
+            ),
+            inflation=1.2,
         ),
         method="prediction_error",
         hold="zero",
         records=[
-            RecordFitDocument(
+            RecordFit(
                 record=one.record,
                 start_s=one.start_s,
                 stop_s=one.stop_s,
@@ -117,12 +129,12 @@ def document() -> ResultDocument:
             )
             for one, percents in zip(motors().excitation, ({"p_dot": 91.0}, {"az": 82.0}), strict=True)
         ],
-        correlation=CorrelationDocument(names=names, matrix=matrix.tolist()),
-        verification=VerificationDocument(
+        correlation=Correlation(names=tuple(names), matrix=tuple(map(tuple, matrix.tolist()))),
+        verification=Checks(
             records={
                 "verify.ulg at 39.3 s": {
-                    "p_dot": ScoreDocument(nrmse_fit_percent=71.0, tic=0.14, rms=0.35, bias=0.0, reference_shift=0.0),
-                    "az": ScoreDocument(nrmse_fit_percent=44.0, tic=0.22, rms=0.2, bias=0.0, reference_shift=0.0),
+                    "p_dot": Scores(nrmse_fit_percent=71.0, tic=0.14, rms=0.35, bias=0.0, reference_shift=0.0),
+                    "az": Scores(nrmse_fit_percent=44.0, tic=0.22, rms=0.2, bias=0.0, reference_shift=0.0),
                 }
             }
         ),
@@ -137,7 +149,7 @@ def time_s(start_s: float) -> FloatArray:
     return start_s + np.arange(SAMPLES) / 250.0
 
 
-def identified() -> Identification:
+def identified() -> Shown:
     rng = np.random.default_rng(2)
     rows = rng.standard_normal((3, 2, SAMPLES))
     outputs = 0.1 * rng.standard_normal((3, 4, SAMPLES))
@@ -153,37 +165,39 @@ def identified() -> Identification:
         outputs=tuple(CHANNELS),
         estimate="direct",
     )
-    return Identification(
+    unseen = (
+        Verification(
+            record="verify.ulg",
+            maneuver=Maneuver(axis="roll", kind="doublet", start_s=39.3, stop_s=41.0),
+            time_s=time_s(39.3),
+            inputs=outputs[2],
+            measured=np.vstack([rows[2], rows[2, :1]]),
+            predicted=0.9 * np.vstack([rows[2], rows[2, :1]]),
+            input_names=tuple(MOTORS),
+            output_names=("az", "p_dot", "q_dot"),
+            scores={},
+            moved=("p_dot", "az"),
+        ),
+    )
+    simulated = tuple(
+        SimulatedRecord(
+            record=name,
+            maneuver=Maneuver(axis="roll", kind="sweep", start_s=start_s, stop_s=start_s + 1.0),
+            time_s=time_s(start_s),
+            inputs=inputs,
+            measured=pair,
+            simulated=0.9 * pair,
+        )
+        for name, start_s, pair, inputs in stretches
+    )
+    return Shown(
         document=document(),
-        model_toml="",
-        response=response,
-        beside=None,
-        model_response=response.values,
-        fitted=np.zeros(response.values.shape, dtype=np.bool_),
-        segments=(),
-        verifications=(
-            Verification(
-                record="verify.ulg",
-                maneuver=Maneuver(axis="roll", kind="doublet", start_s=39.3, stop_s=41.0),
-                time_s=time_s(39.3),
-                inputs=outputs[2],
-                measured=np.vstack([rows[2], rows[2, :1]]),
-                predicted=0.9 * np.vstack([rows[2], rows[2, :1]]),
-                input_names=tuple(MOTORS),
-                output_names=("az", "p_dot", "q_dot"),
-                scores={},
-                moved=("p_dot", "az"),
-            ),
+        data=FittedData(
+            response=response,
+            direct=None,
+            model_response=response.values,
+            used=np.zeros(response.values.shape, dtype=np.bool_),
+            simulated=simulated,
         ),
-        simulated=tuple(
-            SimulatedRecord(
-                record=name,
-                maneuver=Maneuver(axis="roll", kind="sweep", start_s=start_s, stop_s=start_s + 1.0),
-                time_s=time_s(start_s),
-                inputs=inputs,
-                measured=pair,
-                simulated=0.9 * pair,
-            )
-            for name, start_s, pair, inputs in stretches
-        ),
+        verifications=Verifications(maneuvers=unseen),
     )

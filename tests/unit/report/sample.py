@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 
 from rotorid.data.record import Channel, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.result import (
-    CombinationDocument,
-    CostDocument,
-    DelaysDocument,
-    FindingDocument,
-    ManeuverDocument,
-    ManeuverVerificationDocument,
-    MatricesDocument,
+from rotorid.documents.base import FindingDocument, ManeuverDocument, ProvenanceDocument
+from rotorid.documents.result import DelaysDocument, MatricesDocument, ResultDocument
+from rotorid.pipeline.results import FittedData, FrequencyCheck, Segment, Verifications
+from rotorid.pipeline.summary import (
+    Checks,
+    Cost,
+    ManeuverCheck,
     PairCost,
-    ParameterDocument,
-    PoleDocument,
-    ProvenanceDocument,
-    ResultDocument,
-    ScoreDocument,
-    VerificationDocument,
+    ParameterEstimate,
+    PoleEstimate,
+    UnseenCombination,
 )
-from rotorid.pipeline.frequency_check import FrequencyCheck, PairCheck
-from rotorid.pipeline.results import Identification, Segment
+from rotorid.report.parts import Shown
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.verification.verification import Scores, Verdict, Verification
 
@@ -139,8 +137,8 @@ def findings() -> list[FindingDocument]:
     ]
 
 
-def maneuver(*, verdict: Verdict = "good", tic: float = 0.041, fit: float = 92.4) -> ManeuverVerificationDocument:
-    return ManeuverVerificationDocument(
+def maneuver(*, verdict: Verdict = "good", tic: float = 0.041, fit: float = 92.4) -> ManeuverCheck:
+    return ManeuverCheck(
         record="roll_doublet.ulg",
         axis="roll",
         kind="doublet",
@@ -148,13 +146,13 @@ def maneuver(*, verdict: Verdict = "good", tic: float = 0.041, fit: float = 92.4
         stop_s=613.3,
         verdict=verdict,
         scores={
-            "p": ScoreDocument(nrmse_fit_percent=fit, tic=tic, rms=0.063, bias=0.01, reference_shift=-0.004),
-            "r": ScoreDocument(nrmse_fit_percent=3.0, tic=0.9, rms=0.01, bias=0.0, reference_shift=0.0),
+            "p": Scores(nrmse_fit_percent=fit, tic=tic, rms=0.063, bias=0.01, reference_shift=-0.004),
+            "r": Scores(nrmse_fit_percent=3.0, tic=0.9, rms=0.01, bias=0.0, reference_shift=0.0),
         },
         j_rms=1.4,
         biases={"p": 0.01},
         growth_1_s=0.0,
-        moved=["p"],
+        moved=("p",),
     )
 
 
@@ -162,7 +160,7 @@ def judged() -> FrequencyCheck:
     measured = response()
     used: BoolArray = measured.coherence >= 0.6
     return FrequencyCheck(
-        pairs={"p/roll_command": PairCheck(cost=12.3, band_rad_s=(1.1, 54.0), points=61)},
+        pairs={"p/roll_command": PairCost(value=12.3, band_rad_s=(1.1, 54.0), points=61)},
         records=("roll_again.ulg",),
         response=measured,
         model_response=exact(measured.omega_rad_s).reshape(1, 1, -1),
@@ -171,8 +169,8 @@ def judged() -> FrequencyCheck:
 
 
 def document(*, record: str = "roll_sweeps.ulg") -> ResultDocument:
-    def parameter(value: float, unit: str, std: float, cr: float, insensitivity: float) -> ParameterDocument:
-        return ParameterDocument(
+    def parameter(value: float, unit: str, std: float, cr: float, insensitivity: float) -> ParameterEstimate:
+        return ParameterEstimate(
             value=value, unit=unit, std=std, cramer_rao_percent=cr, insensitivity_percent=insensitivity, status="free"
         )
 
@@ -186,12 +184,10 @@ def document(*, record: str = "roll_sweeps.ulg") -> ResultDocument:
             "L_p": parameter(-4.31, "1/s", 0.42, 24.0, 11.2),
             "T_motor": parameter(0.02791, "s", 0.0006, 4.3, 2.0),
             "tau_roll": parameter(0.00243, "s", 0.00011, 9.1, 4.2),
-            "L_v": ParameterDocument(value=0.0, unit="1/(m s)", status="dropped"),
-            "g": ParameterDocument(value=9.80665, unit="m/s^2", status="fixed"),
+            "L_v": ParameterEstimate(value=0.0, unit="1/(m s)", status="dropped"),
+            "g": ParameterEstimate(value=9.80665, unit="m/s^2", status="fixed"),
         },
-        cost=CostDocument(
-            average=1.9, pairs={"p/roll_command": PairCost(value=1.9, band_rad_s=(1.1, 54.0), points=66)}
-        ),
+        cost=Cost(average=1.9, pairs={"p/roll_command": PairCost(value=1.9, band_rad_s=(1.1, 54.0), points=66)}),
         matrices=MatricesDocument(
             M=[[1.0, 0.0], [0.0, 0.0279]],
             F=[[-4.31, 436.8], [0.0, -1.0]],
@@ -201,22 +197,22 @@ def document(*, record: str = "roll_sweeps.ulg") -> ResultDocument:
             delays_s=DelaysDocument(inputs=[0.00243], outputs=[0.0]),
         ),
         poles=[
-            PoleDocument(real=-4.31, imag=0.0, damping=1.0, frequency_rad_s=4.31),
-            PoleDocument(real=-35.8, imag=0.0, damping=1.0, frequency_rad_s=35.8),
-            PoleDocument(real=0.12, imag=0.9, damping=-0.13, frequency_rad_s=0.91),
-            PoleDocument(real=0.12, imag=-0.9, damping=-0.13, frequency_rad_s=0.91),
+            PoleEstimate(real=-4.31, imag=0.0, damping=1.0, frequency_rad_s=4.31),
+            PoleEstimate(real=-35.8, imag=0.0, damping=1.0, frequency_rad_s=35.8),
+            PoleEstimate(real=0.12, imag=0.9, damping=-0.13, frequency_rad_s=0.91),
+            PoleEstimate(real=0.12, imag=-0.9, damping=-0.13, frequency_rad_s=0.91),
         ],
-        verification=VerificationDocument(
+        verification=Checks(
             records={
                 "roll_doublet.ulg": {
-                    "p": ScoreDocument(nrmse_fit_percent=92.4, tic=0.041, rms=0.063, bias=0.01, reference_shift=-0.004)
+                    "p": Scores(nrmse_fit_percent=92.4, tic=0.041, rms=0.063, bias=0.01, reference_shift=-0.004)
                 }
             },
             frequency={"p/roll_command": 12.3},
-            maneuvers=[maneuver()],
+            maneuvers=(maneuver(),),
         ),
         identifiability=[
-            CombinationDocument(
+            UnseenCombination(
                 words="T_motor and tau_roll can be traded for each other", vector={"T_motor": 0.71, "tau_roll": -0.70}
             ),
         ],
@@ -246,17 +242,25 @@ def document(*, record: str = "roll_sweeps.ulg") -> ResultDocument:
     )
 
 
-def identification(*, record: str = "roll_sweeps.ulg") -> Identification:
+def identification(*, record: str = "roll_sweeps.ulg") -> Shown:
     measured = response()
     fitted: BoolArray = measured.coherence >= 0.6
-    return Identification(
+    return Shown(
         document=document(record=record),
-        model_toml="",
-        response=measured,
-        beside=response(seed=3, estimate="direct"),
-        model_response=exact(measured.omega_rad_s).reshape(1, 1, -1),
-        fitted=fitted,
-        segments=(sweep(12.0, record=record), sweep(62.0, record=record)),
-        verifications=(doublet(),),
-        judged=(judged(),),
+        data=FittedData(
+            response=measured,
+            direct=response(seed=3, estimate="direct"),
+            model_response=exact(measured.omega_rad_s).reshape(1, 1, -1),
+            used=fitted,
+            segments=(sweep(12.0, record=record), sweep(62.0, record=record)),
+        ),
+        verifications=Verifications(maneuvers=(doublet(),), sweeps=(judged(),)),
     )
+
+
+def shown_with(shown: Shown, **fields: Any) -> Shown:
+    """The same with another document, other unseen maneuvers or other data."""
+    own = {"document": fields.pop("document", shown.document)}
+    if "verifications" in fields:
+        own["verifications"] = dataclasses.replace(shown.verifications, maneuvers=fields.pop("verifications"))
+    return dataclasses.replace(shown, data=dataclasses.replace(shown.data, **fields), **own)

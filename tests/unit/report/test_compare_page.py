@@ -9,13 +9,14 @@ import pytest
 from tests.unit.pipeline.response_twins import flight, written
 from tests.unit.report.page_parser import Page
 
-from rotorid.documents.compare import CrossValidatedDocument
-from rotorid.pipeline.comparison import Compared, compare, read_results
+from rotorid.documents.compare import CrossValidatedDocument, compare_document, read_results
+from rotorid.pipeline.comparison import Comparison, compare
 from rotorid.report.compare import (
     comparison_summary,
     lone_parameters,
     model_rows,
     render_comparison,
+    render_documents,
     shared_rows,
     write_comparison,
 )
@@ -35,35 +36,35 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def unseen(results: list[Path]) -> Compared:
-    return compare(results, [flight(1), flight(3)])
+def unseen(results: list[Path]) -> Comparison:
+    return compare(read_results(results), [flight(1), flight(3)])
 
 
 @pytest.fixture(scope="module")
-def page(unseen: Compared) -> Page:
+def page(unseen: Comparison) -> Page:
     return Page(render_comparison(unseen, title="three models"))
 
 
-def test_the_best_on_unseen_data_comes_first(unseen: Compared) -> None:
-    (sentence,) = comparison_summary(unseen.document)
+def test_the_best_on_unseen_data_comes_first(unseen: Comparison) -> None:
+    (sentence,) = comparison_summary(compare_document(unseen))
     assert sentence.startswith("On 1 maneuver that no model has seen, ")
     assert ", before " in sentence
 
 
 def test_without_logs_the_page_says_what_would_help(results: list[Path]) -> None:
-    (sentence,) = comparison_summary(compare(results).document)
+    (sentence,) = comparison_summary(compare_document(compare(read_results(results))))
     assert "--log" in sentence
 
 
 def test_a_lead_within_the_spread_is_said_to_be_none(results: list[Path]) -> None:
-    (sentence,) = comparison_summary(compare(results[1:], [flight(3), flight(4)]).document)
+    (sentence,) = comparison_summary(compare_document(compare(read_results(results[1:]), [flight(3), flight(4)])))
     assert sentence.startswith("On 2 maneuvers that no model has seen, ")
     # Two estimates of one truth differ by less than two flights do.
     assert sentence.endswith("%, within the spread.")
 
 
 def test_cross_validated_results_are_ranked(results: list[Path]) -> None:
-    document = compare(results).document
+    document = compare_document(compare(read_results(results)))
     means = (72.5, 81.4, 80.0)
     models = [
         one.model_copy(
@@ -93,13 +94,13 @@ def test_what_was_fitted_is_marked(page: Page) -> None:
     assert not any(cell.endswith("seen") for cell in new)
 
 
-def test_shared_parameters_stand_in_a_row(unseen: Compared) -> None:
-    rows = {row.name: row for row in shared_rows(unseen.document)}
+def test_shared_parameters_stand_in_a_row(unseen: Comparison) -> None:
+    rows = {row.name: row for row in shared_rows(compare_document(unseen))}
     assert rows.keys() == {"K_phi", "omega_phi", "zeta_phi"}
     assert rows["omega_phi"].values[0].text == "–"
     assert rows["omega_phi"].distances[1].text == ""
     assert rows["omega_phi"].distances[2].text.endswith(" σ")
-    assert lone_parameters(unseen.document) == {"first": 1, "second": 0, "other": 0}
+    assert lone_parameters(compare_document(unseen)) == {"first": 1, "second": 0, "other": 0}
 
 
 def test_every_picture_is_placed_and_drawn(page: Page) -> None:
@@ -110,7 +111,7 @@ def test_every_picture_is_placed_and_drawn(page: Page) -> None:
     assert names == {"measured", "first", "second", "other"}
 
 
-def test_both_files_are_written(unseen: Compared, tmp_path: Path) -> None:
+def test_both_files_are_written(unseen: Comparison, tmp_path: Path) -> None:
     write_comparison(tmp_path / "made", unseen, title="t")
     assert {path.name for path in (tmp_path / "made").iterdir()} == {"compare.json", "report.html"}
 
@@ -122,20 +123,20 @@ def test_a_hostile_label_can_only_be_read(results: list[Path]) -> None:
     assert HOSTILE in "".join(Page(html).text)
 
 
-def test_a_filter_before_a_prediction_is_named(unseen: Compared) -> None:
+def test_a_filter_before_a_prediction_is_named(unseen: Comparison) -> None:
     looks_ahead = "shows a prediction a little of what comes"
 
     def shown(band_rad_s: tuple[float, float] | None, horizon_s: float | None) -> bool:
         update = {"band_rad_s": band_rad_s, "horizon_s": horizon_s}
-        document = unseen.document.model_copy(update=update)
-        return looks_ahead in render_comparison(replace(unseen, document=document), title="t")
+        document = compare_document(unseen).model_copy(update=update)
+        return looks_ahead in render_documents(document, unseen.maneuvers, title="t")
 
     assert shown((1.0, 20.0), 0.5)
     assert not shown(None, 0.5)
     assert not shown((1.0, 20.0), None)
 
 
-def test_a_page_says_which_distances_are_left_out(page: Page, unseen: Compared) -> None:
+def test_a_page_says_which_distances_are_left_out(page: Page, unseen: Comparison) -> None:
     assert "fitted to a log in common are not independent" in "".join(page.text)
-    gain = next(row for row in shared_rows(unseen.document) if row.name == "K_phi")
+    gain = next(row for row in shared_rows(compare_document(unseen)) if row.name == "K_phi")
     assert [bool(cell.text) for cell in gain.distances] == [False, False, True]

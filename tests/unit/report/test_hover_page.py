@@ -21,9 +21,10 @@ from tests.unit.report.hover_sample import (
     poles,
 )
 from tests.unit.report.page_parser import Page
-from tests.unit.report.sample import HOSTILE, doublet
+from tests.unit.report.sample import HOSTILE, doublet, shown_with
 
-from rotorid.documents.result import CorrelationDocument, FitDocument, PoleDocument, ResultDocument
+from rotorid.documents.result import ResultDocument
+from rotorid.pipeline.summary import Correlation, FitEnd, PoleEstimate
 from rotorid.report.identification import (
     correlation_picture,
     correlation_sentence,
@@ -31,7 +32,7 @@ from rotorid.report.identification import (
     delay_sentence,
     matrix_tables,
     reduction_sentence,
-    render_report,
+    render_sections,
     section,
 )
 from rotorid.report.parts import constants_sentence, dropped_parameters, parameter_groups
@@ -48,7 +49,7 @@ from rotorid.report.words import (
 
 @pytest.fixture(scope="module")
 def page() -> Page:
-    return Page(render_report([hover_identification()], title="t", truth={"M_q": 0.9, "M_u": 11.5}))
+    return Page(render_sections([hover_identification()], title="t", truth={"M_q": 0.9, "M_u": 11.5}))
 
 
 def changed(**updates: Any) -> ResultDocument:
@@ -65,9 +66,9 @@ def test_the_page_is_whole_and_its_links_lead_somewhere(page: Page) -> None:
 
 def test_hostile_names_stay_text() -> None:
     parameters = {HOSTILE: hover_document().parameters["M_u"], **hover_document().parameters}
-    named = CorrelationDocument(names=[HOSTILE, *"abcd"], matrix=[[0.5] * 5] * 5)
+    named = Correlation(names=[HOSTILE, *"abcd"], matrix=[[0.5] * 5] * 5)
     hostile = changed(parameters=parameters, correlation=named, states=[HOSTILE, "u", "w", "theta"])
-    shown = Page(render_report([dataclasses.replace(hover_identification(), document=hostile)], title="t"))
+    shown = Page(render_sections([shown_with(hover_identification(), document=hostile)], title="t"))
     assert len(shown.scripts) == 3
     map_of = shown.figures["pictures"]["s1-correlation"]
     assert HOSTILE not in str(map_of)
@@ -86,7 +87,7 @@ class TestSummary:
         )
 
     def test_a_lag_that_axes_share_is_said_once(self) -> None:
-        lag = hover_document().parameters["tau_pitch"].model_copy(update={"value": 0.03, "std": 0.0004})
+        lag = dataclasses.replace(hover_document().parameters["tau_pitch"], value=0.03, std=0.0004)
         sentences = summary(changed(parameters={**hover_document().parameters, "T_motor": lag}))
         assert [one for one in sentences if "lag" in one] == ["Motor lag of all axes: 30.0 ± 0.4 ms."]
 
@@ -128,7 +129,7 @@ class TestFit:
         )
 
     def test_nothing_is_said_of_what_did_not_happen(self) -> None:
-        still = FitDocument(weights="cifer", outcome="Done.", evaluations=1, trace=[3.0], inflation=1.0)
+        still = FitEnd(weights="cifer", outcome="Done.", evaluations=1, trace=(3.0,), inflation=1.0)
         assert fit_sentences(still) == (
             "Errors were weighed as CIFER does, by coherence alone.",
             "The solver ended after 1 evaluation: done.",
@@ -153,7 +154,7 @@ class TestPoles:
         assert poles_sentence(poles()) == "4 poles, 2 of them unstable."
 
     def test_growth_within_its_deviation_is_not_called_growth(self) -> None:
-        doubtful = PoleDocument(real=0.01, imag=0.0, damping=-1.0, frequency_rad_s=0.01, real_std=0.02)
+        doubtful = PoleEstimate(real=0.01, imag=0.0, damping=-1.0, frequency_rad_s=0.01, real_std=0.02)
         (row,) = pole_rows([doubtful])
         assert not row.unstable
         assert row.words == "grows slowly or not at all: within 2 σ of neither"
@@ -174,15 +175,15 @@ class TestPoles:
         assert ("as multirotors do" in sentence) == ("v" in states)
 
     def test_several_modes_share_a_sentence(self) -> None:
-        faster = [pole.model_copy(update={"real": 2.0 * pole.real}) for pole in poles()[:2]]
-        lone = PoleDocument(real=0.2, imag=0.0, damping=-1.0, frequency_rad_s=0.2)
+        faster = [dataclasses.replace(pole, real=2.0 * pole.real) for pole in poles()[:2]]
+        lone = PoleEstimate(real=0.2, imag=0.0, damping=-1.0, frequency_rad_s=0.2)
         assert mode_sentences(changed(poles=[*poles(), *faster, lone])) == (
             "2 modes oscillate and grow, the fastest doubling in 0.13 s, as multirotors do without an autopilot.",
             "One mode grows without oscillating, doubling in 3.5 s.",
         )
 
     def test_no_finite_pole_no_picture(self) -> None:
-        lost = PoleDocument(real=math.nan, imag=0.0, damping=0.0, frequency_rad_s=math.nan)
+        lost = PoleEstimate(real=math.nan, imag=0.0, damping=0.0, frequency_rad_s=math.nan)
         assert poles_picture([lost], key="k") is None
         assert poles_picture([], key="k") is None
 
@@ -204,7 +205,7 @@ class TestDelays:
     def test_known_filters_have_a_column_where_they_are_known(self, page: Page) -> None:
         assert [row[-1] for row in page.rows("Known filters")] == ["–", "5", "–", "5"]
         bare = changed(delays={"q/pitch_command": delay("q", "pitch_command")})
-        shown = Page(render_report([dataclasses.replace(hover_identification(), document=bare)], title="t"))
+        shown = Page(render_sections([shown_with(hover_identification(), document=bare)], title="t"))
         assert not any("Known filters" in cell for table in shown.tables for cell in table[0])
 
 
@@ -242,11 +243,11 @@ class TestCorrelation:
 
     def test_many_strong_pairs_are_counted(self) -> None:
         names = [f"k{number}" for number in range(6)]
-        every = CorrelationDocument(names=names, matrix=[[0.95] * 6] * 6)
+        every = Correlation(names=tuple(names), matrix=[[0.95] * 6] * 6)
         assert correlation_sentence(every).endswith("; and 7 more.")
 
-    @pytest.mark.parametrize("empty", [None, CorrelationDocument(names=["a"], matrix=[[1.0]])])
-    def test_nothing_to_correlate_is_nothing_to_say(self, empty: CorrelationDocument | None) -> None:
+    @pytest.mark.parametrize("empty", [None, Correlation(names=("a",), matrix=((1.0,),))])
+    def test_nothing_to_correlate_is_nothing_to_say(self, empty: Correlation | None) -> None:
         assert correlation_sentence(empty) == ""
         assert correlation_picture(empty, key="k") is None
 
@@ -271,8 +272,8 @@ def test_pictures_of_the_axis_lead_and_the_others_fold() -> None:
 
 
 def test_only_the_first_check_is_open() -> None:
-    checked = dataclasses.replace(hover_identification(), verifications=(doublet(), doublet(seed=2)))
-    shown = Page(render_report([checked], title="t"))
+    checked = shown_with(hover_identification(), verifications=(doublet(), doublet(seed=2)))
+    shown = Page(render_sections([checked], title="t"))
     checks = [found for tag, found in shown.elements if tag == "details"]
     assert sum("open" in found for found in checks) == 1
     assert shown.words.count("Doublet in roll_doublet.ulg") + shown.words.count("Roll doublet in") == 2
@@ -289,7 +290,7 @@ def test_matrices_that_say_nothing_are_left_out() -> None:
 
 def test_file_stays_small() -> None:
     """The library takes 1.2 MB; ten responses must not double that."""
-    assert len(render_report([hover_identification()], title="t").encode()) < 2_400_000
+    assert len(render_sections([hover_identification()], title="t").encode()) < 2_400_000
 
 
 def test_the_sample_is_a_valid_document_with_all_fields() -> None:

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from tests.unit.report.motor_sample import document, identified, motors
 from tests.unit.report.page_parser import Page
-from tests.unit.report.sample import HOSTILE
+from tests.unit.report.sample import HOSTILE, shown_with
 from tests.unit.report.sample import document as other_document
 
-from rotorid.documents.result import FindingDocument, ParameterDocument, ResultDocument
-from rotorid.pipeline.results import Identification
-from rotorid.report.identification import render_report, section
+from rotorid.documents.base import FindingDocument
+from rotorid.documents.result import ResultDocument
+from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.report.identification import render_sections, section
 from rotorid.report.motors import MotorsShown, curve_with_error, motors_shown
-from rotorid.report.parts import parameter_groups
+from rotorid.report.parts import Shown, parameter_groups
 from rotorid.report.words import (
     method_sentences,
     motor_sentences,
@@ -28,7 +29,7 @@ from rotorid.report.words import (
 )
 
 
-def shown(one: Identification | None = None) -> MotorsShown:
+def shown(one: Shown | None = None) -> MotorsShown:
     found = motors_shown(one or identified(), key="m")
     assert found is not None
     return found
@@ -36,7 +37,7 @@ def shown(one: Identification | None = None) -> MotorsShown:
 
 def changed(of: ResultDocument | None = None, **motor: Any) -> ResultDocument:
     """The sample with other things said of its motors."""
-    return (of or document()).model_copy(update={"motors": motors().model_copy(update=motor)})
+    return (of or document()).model_copy(update={"motors": dataclasses.replace(motors(), **motor)})
 
 
 def without(*names: str) -> ResultDocument:
@@ -45,7 +46,7 @@ def without(*names: str) -> ResultDocument:
 
 
 def test_the_page_tells_the_vehicle_first() -> None:
-    page = Page(render_report([identified()], title="t"))
+    page = Page(render_sections([identified()], title="t"))
     vehicle = [tuple(row[:4]) for row in page.tables[0]]
     assert ("Mass", "m", "1.2", "kg") in vehicle
     assert ("Roll inertia", "I_xx", "0.01500 ± 0.00020", "kg m²") in vehicle
@@ -61,7 +62,7 @@ def test_the_page_tells_the_vehicle_first() -> None:
 
 def test_every_picture_of_the_page_is_placed() -> None:
     one = section(identified(), anchor="s1", truth={})
-    page = Page(render_report([identified()], title="t"))
+    page = Page(render_sections([identified()], title="t"))
     placed = {attributes["data-picture"] for _, attributes in page.elements if "data-picture" in attributes}
     assert {picture.key for picture in one.pictures} == placed
     assert "s1-motors-layout" in placed
@@ -76,13 +77,13 @@ def test_only_what_was_excited_is_drawn() -> None:
     assert labels[1][0] == "downward specific force az [m/s²]"
     # Rows of channels, not of the order in which they count: the second flight shows the second row.
     drawn = np.array(thrust.picture.figure["data"][0]["y"])
-    np.testing.assert_allclose(drawn, identified().simulated[1].measured[1], rtol=1e-4)
+    np.testing.assert_allclose(drawn, identified().data.simulated[1].measured[1], rtol=1e-4)
 
 
 def test_a_stretch_that_excites_nothing_has_no_picture() -> None:
     one = identified()
-    records = [record.model_copy(update={"fit_percent": {}}) for record in one.document.records]
-    quiet = dataclasses.replace(one, document=one.document.model_copy(update={"records": records}))
+    records = [dataclasses.replace(record, fit_percent={}) for record in one.document.records]
+    quiet = shown_with(one, document=one.document.model_copy(update={"records": records}))
     found = shown(quiet)
     assert found.flights == ()
     assert all(verdict is None for row in found.excitation for _, verdict in row.axes)
@@ -104,7 +105,7 @@ def test_unseen_flight_stands_on_the_page_and_in_its_summary() -> None:
     # Rows of the prediction are found by name: its order is its own.
     (flight,) = found.unseen_flights
     np.testing.assert_allclose(
-        flight.picture.figure["data"][2]["y"], identified().verifications[0].measured[0], rtol=1e-4
+        flight.picture.figure["data"][2]["y"], identified().verifications.maneuvers[0].measured[0], rtol=1e-4
     )
     sentence = summary(identified().document)[-1]
     assert sentence.startswith("Unseen flight: 1 of 2 predicted well; the worst is downward specific force az")
@@ -137,7 +138,7 @@ def test_the_band_of_thrust_is_the_covariance_of_its_coefficients(names: tuple[s
 
 def test_a_given_curve_has_no_band() -> None:
     one = without("c_0", "c_2")
-    given = one.parameters["c_1"].model_copy(update={"status": "fixed", "std": None})
+    given = dataclasses.replace(one.parameters["c_1"], status="fixed", std=None)
     one = one.model_copy(update={"parameters": one.parameters | {"c_1": given}})
     thrust, std = curve_with_error(one, np.array([0.5]))
     assert thrust.tolist() == [0.75]
@@ -147,7 +148,7 @@ def test_a_given_curve_has_no_band() -> None:
 def test_slow_motors_are_said_above_everything() -> None:
     findings = [FindingDocument(kind="not_converged", severity="warning", where="physical.motors", message="Moved.")]
     slow = changed(document().model_copy(update={"findings": findings}), outputs_rate_hz=9.4)
-    page = render_report([dataclasses.replace(identified(), document=slow)], title="t")
+    page = render_sections([shown_with(identified(), document=slow)], title="t")
     words = " ".join(Page(page).text)
     assert words.index("known only 9.4 times a second") < words.index("Inertia: I_xx")
     assert "did not come to rest" in words
@@ -170,7 +171,7 @@ def test_what_was_assumed_is_said_with_its_remedy() -> None:
         update={
             "parameters": {
                 **document().parameters,
-                "kappa_per_I_zz": ParameterDocument(value=0.7, unit="1/(kg m)", std=0.01, status="free"),
+                "kappa_per_I_zz": ParameterEstimate(value=0.7, unit="1/(kg m)", std=0.01, status="free"),
             }
         }
     )
@@ -181,7 +182,7 @@ def test_what_was_assumed_is_said_with_its_remedy() -> None:
 def test_a_lag_that_is_not_there_is_not_invented() -> None:
     assert "not told from none, or from the delay tau_gyro" in " ".join(motor_sentences(without("T_motor")))
     calm = without("T_motor")
-    none = calm.parameters["tau_gyro"].model_copy(update={"value": 0.0, "status": "fixed", "std": None})
+    none = dataclasses.replace(calm.parameters["tau_gyro"], value=0.0, status="fixed", std=None)
     calm = calm.model_copy(update={"parameters": calm.parameters | {"tau_gyro": none}})
     assert "none is seen, nor a delay" in " ".join(motor_sentences(calm))
     assert "lag" not in " ".join(motor_sentences(changed(without("T_motor"), outputs="speed")))
@@ -189,7 +190,7 @@ def test_a_lag_that_is_not_there_is_not_invented() -> None:
 
 def test_measured_speeds_are_joined_and_have_their_unit() -> None:
     fast = changed(outputs="speed", hover_output=660.0, flown_outputs=(500.0, 900.0))
-    found = shown(dataclasses.replace(identified(), document=fast))
+    found = shown(shown_with(identified(), document=fast))
     assert found.curve.figure["layout"]["xaxis"]["title"]["text"] == "Speed of the motor [rad/s]"
     assert "shape" not in found.flights[0].picture.figure["data"][-1]["line"]
     assert shown().flights[0].picture.figure["data"][-1]["line"]["shape"] == "hv"
@@ -214,15 +215,15 @@ def test_parameters_have_a_group_of_their_own() -> None:
 
 
 def test_names_of_a_log_do_not_act() -> None:
-    excitation = [one.model_copy(update={"record": HOSTILE}) for one in motors().excitation]
+    excitation = [dataclasses.replace(one, record=HOSTILE) for one in motors().excitation]
     hostile = changed(excitation=excitation, source=HOSTILE, layout=HOSTILE)
-    simulated = tuple(dataclasses.replace(one, record=HOSTILE) for one in identified().simulated)
-    page = render_report([dataclasses.replace(identified(), document=hostile, simulated=simulated)], title="t")
+    simulated = tuple(dataclasses.replace(one, record=HOSTILE) for one in identified().data.simulated)
+    page = render_sections([shown_with(identified(), document=hostile, simulated=simulated)], title="t")
     assert HOSTILE not in page
 
 
 def test_another_model_shows_none_of_it() -> None:
-    other = dataclasses.replace(identified(), document=other_document())
+    other = shown_with(identified(), document=other_document())
     assert motors_shown(other, key="m") is None
     assert motor_sentences(other_document()) == motor_warnings(other_document()) == ()
     assert open_questions(other_document()) == method_sentences(other_document()) == ()

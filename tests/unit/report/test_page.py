@@ -11,24 +11,25 @@ from typing import Any
 
 import pytest
 from tests.unit.report.page_parser import Page
-from tests.unit.report.sample import HOSTILE, document, doublet, identification
+from tests.unit.report.sample import HOSTILE, document, doublet, identification, shown_with
 
-from rotorid.documents.result import FindingDocument, ParameterDocument, VerificationDocument
+from rotorid.documents.base import FindingDocument
 from rotorid.errors import UsageError
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.summary import Checks, ParameterEstimate
 from rotorid.report.frame import json_for_script
-from rotorid.report.identification import render_report, section
+from rotorid.report.identification import render_sections, section
+from rotorid.report.parts import Shown
 from rotorid.verification.verification import Scores
 
 
 @pytest.fixture(scope="module")
 def page() -> Page:
-    hostile = dataclasses.replace(identification(record=HOSTILE), verifications=(doublet(record=HOSTILE),))
-    return Page(render_report([identification(), hostile], title=HOSTILE, truth={"L_roll": 437.0}))
+    hostile = shown_with(identification(record=HOSTILE), verifications=(doublet(record=HOSTILE),))
+    return Page(render_sections([identification(), hostile], title=HOSTILE, truth={"L_roll": 437.0}))
 
 
-def changed(**updates: Any) -> Identification:
-    return dataclasses.replace(identification(), document=document().model_copy(update=updates))
+def changed(**updates: Any) -> Shown:
+    return shown_with(identification(), document=document().model_copy(update=updates))
 
 
 def test_hostile_text_makes_no_element(page: Page) -> None:
@@ -68,17 +69,17 @@ def test_answer_comes_first_and_truth_beside_it(page: Page) -> None:
 
 @pytest.mark.parametrize(("truth", "said"), [(437.0, False), (500.0, True)])
 def test_why_a_truth_may_lie_far_off_is_said_where_one_does(truth: float, said: bool) -> None:
-    text = "".join(Page(render_report([identification()], title="t", truth={"L_roll": truth})).text)
+    text = "".join(Page(render_sections([identification()], title="t", truth={"L_roll": truth})).text)
     assert ("leaves out the coupling of the axes" in text) == said
 
 
 def test_error_is_said_to_cover_random_errors_only() -> None:
-    text = " ".join("".join(Page(render_report([identification()], title="t")).text).split())
+    text = " ".join("".join(Page(render_sections([identification()], title="t")).text).split())
     assert "± is one standard deviation: it covers the random errors of this flight, not what the structure" in text
 
 
 def test_guideline_of_coherence_is_the_one_in_force() -> None:
-    shown = Page(render_report([dataclasses.replace(identification(), least_coherence=0.4)], title="t"))
+    shown = Page(render_sections([shown_with(identification(), least_coherence=0.4)], title="t"))
     assert "coherence is below 0.4 (dotted line)" in " ".join("".join(shown.text).split())
     levels = [
         shape["y0"] for shape in shown.figures["pictures"]["s1-response-0"]["views"]["rad/s dB"]["layout"]["shapes"]
@@ -87,8 +88,8 @@ def test_guideline_of_coherence_is_the_one_in_force() -> None:
 
 
 def test_contents_show_the_worse_of_predictions_and_unseen_sweeps() -> None:
-    missed = changed(verification=VerificationDocument(frequency={"p/roll_command": 4313.0}))
-    unflown = dataclasses.replace(changed(verification=VerificationDocument()), verifications=())
+    missed = changed(verification=Checks(frequency={"p/roll_command": 4313.0}))
+    unflown = shown_with(changed(verification=Checks()), verifications=())
     shown = [section(one, anchor="s1", truth={}).unseen for one in (identification(), missed, unflown)]
     assert [verdict and (verdict.level, verdict.words) for verdict in shown] == [
         ("good", "good"),
@@ -99,16 +100,16 @@ def test_contents_show_the_worse_of_predictions_and_unseen_sweeps() -> None:
 
 def test_maneuvers_are_those_of_the_flight_and_not_those_of_data_cut_wide_around_them() -> None:
     one = identification()
-    (first, *_) = one.segments
+    (first, *_) = one.data.segments
     wide = dataclasses.replace(first, maneuver=dataclasses.replace(first.maneuver, start_s=9.0, stop_s=110.0))
-    shown = Page(render_report([dataclasses.replace(one, segments=(wide,))], title="t"))
+    shown = Page(render_sections([shown_with(one, segments=(wide,))], title="t"))
     shapes = shown.figures["pictures"]["s1-timeline-0"]["layout"]["shapes"]
     assert {(shape["x0"], shape["x1"]) for shape in shapes} == {(12.0, 52.0), (62.0, 102.0)}
     assert [row[2] for row in shown.rows("Excitation")] == ["12.00 to 52.00 s", "62.00 to 102.00 s"]
 
 
 def test_no_truth_no_column() -> None:
-    assert "Truth" not in "".join(Page(render_report([identification()], title="t")).text)
+    assert "Truth" not in "".join(Page(render_sections([identification()], title="t")).text)
 
 
 @pytest.mark.parametrize("text", ["</script>", "<!--<script>", "\u2028", "a & b", "\x00"])
@@ -125,11 +126,11 @@ def test_missing_numbers_are_dashes() -> None:
         poles=[],
         findings=[],
         identifiability=[],
-        verification=VerificationDocument(),
-        parameters={"L_roll": ParameterDocument(value=437.0, unit="rad/s^2", status="free")},
+        verification=Checks(),
+        parameters={"L_roll": ParameterEstimate(value=437.0, unit="rad/s^2", status="free")},
     )
-    bare = dataclasses.replace(hollow, beside=None, segments=(), verifications=())
-    text = "".join(Page(render_report([bare], title="t")).text)
+    bare = shown_with(hollow, direct=None, segments=(), verifications=())
+    text = "".join(Page(render_sections([bare], title="t")).text)
     assert "Not verified on an unseen flight yet." in text
     assert "Nothing to remark." in text
     assert "None" not in text
@@ -139,7 +140,7 @@ def test_numbers_that_are_not_numbers_do_not_break_the_page() -> None:
     nan = math.nan
     broken = changed(
         parameters={
-            "L_roll": ParameterDocument(
+            "L_roll": ParameterEstimate(
                 value=nan,
                 unit="rad/s^2",
                 std=nan,
@@ -152,9 +153,7 @@ def test_numbers_that_are_not_numbers_do_not_break_the_page() -> None:
     )
     scores = {"p": Scores(nrmse_fit_percent=-math.inf, tic=nan, rms=nan, bias=nan, reference_shift=nan)}
     unverified = dataclasses.replace(doublet(), scores=scores)
-    shown = Page(
-        render_report([dataclasses.replace(broken, verifications=(unverified,))], title="t", truth={"L_roll": nan})
-    )
+    shown = Page(render_sections([shown_with(broken, verifications=(unverified,))], title="t", truth={"L_roll": nan}))
     text = "".join(shown.text)
     assert "nan" not in text.split()
     assert "inf" not in text.split()
@@ -162,9 +161,9 @@ def test_numbers_that_are_not_numbers_do_not_break_the_page() -> None:
 
 def test_nothing_to_report_is_refused() -> None:
     with pytest.raises(UsageError, match="at least one"):
-        render_report([], title="t")
+        render_sections([], title="t")
 
 
 def test_file_stays_small() -> None:
     """The library takes 1.2 MB; the pictures of two sweeps and a doublet must not double that."""
-    assert len(render_report([identification()], title="t").encode()) < 2_000_000
+    assert len(render_sections([identification()], title="t").encode()) < 2_000_000

@@ -6,52 +6,47 @@ import dataclasses
 
 import pytest
 from tests.unit.report.page_parser import Page
-from tests.unit.report.sample import HOSTILE, document, identification
+from tests.unit.report.sample import HOSTILE, document, identification, shown_with
 
-from rotorid.documents.result import (
-    BasinDocument,
-    BootstrapDocument,
-    CorrelationDocument,
-    FindingDocument,
-    ResultDocument,
-    SearchDocument,
-    SpreadDocument,
-)
-from rotorid.report.identification import bootstrap_shown, render_report, search_shown
+from rotorid.documents.base import FindingDocument
+from rotorid.documents.result import ResultDocument
+from rotorid.pipeline.summary import BootstrapSummary, Correlation, SearchMinimum, SearchSummary, Spread
+from rotorid.report.identification import bootstrap_shown, render_sections, search_shown
 
 
-def basin(cost: float, share: float, gain: float) -> BasinDocument:
-    return BasinDocument(cost=cost, share=share, parameters={"L_roll": gain, "tau_roll": 0.0024})
+def basin(cost: float, share: float, gain: float) -> SearchMinimum:
+    return SearchMinimum(cost=cost, share=share, parameters={"L_roll": gain, "tau_roll": 0.0024})
 
 
-def a_search(*, name: str = "sobol:10", minima: int = 2) -> SearchDocument:
-    return SearchDocument(
+def a_search(*, name: str = "sobol:10", minima: int = 2) -> SearchSummary:
+    return SearchSummary(
         name=name,
         objective="frequency",
         evaluations=10,
         polishing=123,
         local_searches=10,
         minima=[basin(21.5 + place, 1.0 / minima, 437.0 + place) for place in range(minima)],
-        trace=[(14, 60.0), (31, 21.5)],
+        trace=(
+            (14, 60.0),
+            (31, 21.5),
+        ),
     )
 
 
-def a_bootstrap(*, relative_percent: float | None = 0.71, left_out: int = 0) -> BootstrapDocument:
-    spread = SpreadDocument(
-        mean=437.4, std=3.11, relative_percent=relative_percent, low=431.4, median=437.3, high=443.6
-    )
-    return BootstrapDocument(
+def a_bootstrap(*, relative_percent: float | None = 0.71, left_out: int = 0) -> BootstrapSummary:
+    spread = Spread(mean=437.4, std=3.11, relative_percent=relative_percent, low=431.4, median=437.3, high=443.6)
+    return BootstrapSummary(
         source="responses",
         runs=500,
         seed=0,
         left_out={"no value": left_out} if left_out else {},
         parameters={"L_roll": spread},
-        correlation=CorrelationDocument(names=["L_roll"], matrix=[[1.0]]),
+        correlation=Correlation(names=("L_roll",), matrix=((1.0,),)),
     )
 
 
 def page_of(result: ResultDocument) -> Page:
-    return Page(render_report([dataclasses.replace(identification(), document=result)], title="t"))
+    return Page(render_sections([shown_with(identification(), document=result)], title="t"))
 
 
 def test_a_search_shows_how_its_cost_fell_and_every_minimum() -> None:
@@ -81,7 +76,7 @@ def test_of_many_minima_the_lowest_are_shown() -> None:
 
 
 def test_a_search_that_began_at_its_best_has_no_curve() -> None:
-    shown = search_shown(a_search().model_copy(update={"trace": [(14, 21.5), (31, 21.5)]}), key="k")
+    shown = search_shown(dataclasses.replace(a_search(), trace=((14, 21.5), (31, 21.5))), key="k")
     assert shown is not None
     assert shown.picture is None
 

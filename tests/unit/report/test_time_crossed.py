@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import pytest
 
-from rotorid.documents.result import CrossValidationDocument, FoldDocument, FrozenScoreDocument
+from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary, SignalScore
 from rotorid.report.time import crossed
 
 LOOKS_AHEAD = "a little of what comes"
 
 
-def document(band_rad_s: tuple[float, float] | None, horizon_s: float | None) -> CrossValidationDocument:
-    score = FrozenScoreDocument(nrmse_fit_percent=80.0, tic=0.1, rms=0.01)
-    return CrossValidationDocument(
+def document(band_rad_s: tuple[float, float] | None, horizon_s: float | None) -> CrossValidationSummary:
+    score = SignalScore(nrmse_fit_percent=80.0, tic=0.1, rms=0.01)
+    return CrossValidationSummary(
         kind="each",
         records=["a", "b"],
         outputs=["p"],
         horizon_s=horizon_s,
         band_rad_s=band_rad_s,
         folds=[
-            FoldDocument(
+            FoldSummary(
                 identified=["a"], unseen=["b"], scores={"a": {"p": score}}, cause="b gives no score: too short"
             ),
-            FoldDocument(identified=["b"], unseen=["a"], scores={"a": {"p": score}}, mean_percent=80.0),
+            FoldSummary(identified=["b"], unseen=["a"], scores={"a": {"p": score}}, mean_percent=80.0),
         ],
         mean_percent=80.0,
     )

@@ -11,14 +11,14 @@ from tests.unit.report.verification_sample import flown, verified, verify_docume
 from rotorid.report.verification import (
     check_section,
     j_rms_sentence,
-    render_verification,
+    render_checks,
     score_rows,
     verification_summary,
 )
 
 
 def page(**options: float) -> Page:
-    return Page(render_verification(verified(**options), title="t"))  # type: ignore[arg-type]
+    return Page(render_checks(*verified(**options), title="t"))  # type: ignore[arg-type]
 
 
 def test_the_verdicts_come_first() -> None:
@@ -41,9 +41,9 @@ def test_one_row_for_each_signal() -> None:
 
 
 def test_without_a_controller_there_is_no_column_for_it() -> None:
-    one = verified()
-    bare = dataclasses.replace(one, verifications=(dataclasses.replace(flown(), closed_loop=None),))
-    assert "closed loop" not in Page(render_verification(bare, title="t")).tables[0][0][-1]
+    document, found = verified()
+    bare = dataclasses.replace(found, maneuvers=(dataclasses.replace(flown(), closed_loop=None),))
+    assert "closed loop" not in Page(render_checks(document, bare, title="t")).tables[0][0][-1]
 
 
 def test_every_picture_is_placed_and_drawn() -> None:
@@ -102,6 +102,6 @@ def test_several_maneuvers_are_counted_by_verdict() -> None:
 
 
 def test_a_hostile_log_can_only_be_read() -> None:
-    html = render_verification(verified(record=HOSTILE), title=HOSTILE)
+    html = render_checks(*verified(record=HOSTILE), title=HOSTILE)
     assert HOSTILE not in html
     assert HOSTILE in "".join(Page(html).text)

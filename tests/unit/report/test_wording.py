@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.report.sample import document, maneuver
 
-from rotorid.documents.result import FindingDocument, PoleDocument, ResultDocument, VerificationDocument
+from rotorid.documents.base import FindingDocument
+from rotorid.documents.result import ResultDocument
+from rotorid.pipeline.summary import Checks, PoleEstimate
 from rotorid.report.frame import percent, significant, unit, with_error
 from rotorid.report.parts import Cell, cost_rows, finding_rows, parameter_groups, parameter_rows
 from rotorid.report.words import cost_verdict, parameter_words, pole_rows, prediction_verdict, summary
@@ -90,7 +92,7 @@ def test_a_prediction_is_good_by_both_scores(tic: float, fit: float, level: str,
 def verified(*kinds: str, **costs: float) -> ResultDocument:
     """The sample with other costs on unseen sweeps and findings of these kinds."""
     found = [FindingDocument(kind=kind, severity="info", where="", message="") for kind in kinds]
-    return document().model_copy(update={"verification": VerificationDocument(frequency=costs), "findings": found})
+    return document().model_copy(update={"verification": Checks(frequency=costs), "findings": found})
 
 
 def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
@@ -118,7 +120,7 @@ def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
 def test_summary_names_the_worst_prediction() -> None:
     # Of two that miss one guideline each the larger Theil coefficient is the worse.
     several = [maneuver(), maneuver(tic=0.31, fit=55.0, verdict="poor"), maneuver(tic=0.2, fit=45.0, verdict="poor")]
-    flown = document().model_copy(update={"verification": VerificationDocument(maneuvers=several)})
+    flown = document().model_copy(update={"verification": Checks(maneuvers=several)})
     assert "Unseen flight: 3 maneuvers, 1 predicted well, 2 predicted poorly." in summary(flown)
     assert summary(flown)[-1].startswith("In open loop the worst is roll rate p with a TIC of 0.31 and a fit of 55 %")
 
@@ -178,7 +180,7 @@ def test_conjugate_poles_are_one_row_and_growth_is_said() -> None:
 
 
 def test_integrator_has_no_time_constant() -> None:
-    (row,) = pole_rows([PoleDocument(real=0.0, imag=0.0, damping=math.nan, frequency_rad_s=0.0)])
+    (row,) = pole_rows([PoleEstimate(real=0.0, imag=0.0, damping=math.nan, frequency_rad_s=0.0)])
     assert (row.words, row.damping) == ("neither decays nor grows", "–")
 
 

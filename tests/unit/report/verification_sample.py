@@ -6,9 +6,10 @@ import dataclasses
 
 from tests.unit.report.sample import document, doublet, judged, maneuver
 
-from rotorid.documents.result import ClosedLoopDocument, LoopScoreDocument
-from rotorid.pipeline.verification import Verified
-from rotorid.pipeline.verify_document import VerifyDocument, guideline_document, sweep_verification
+from rotorid.documents.verify import VerifyDocument, guideline_document
+from rotorid.pipeline.checks import sweep_check
+from rotorid.pipeline.results import Verifications
+from rotorid.pipeline.summary import ClosedLoopScores, SignalScore
 from rotorid.verification.closed_loop import ClosedLoop, LoopScores
 from rotorid.verification.prediction import Horizon, HorizonScores, Prediction
 from rotorid.verification.verification import Verification
@@ -47,12 +48,12 @@ def flown(*, record: str = "roll_doublet.ulg") -> Verification:
 
 def verify_document(*, record: str = "roll_doublet.ulg", scale: float | None = None) -> VerifyDocument:
     plain = document(record=record)
-    loop = ClosedLoopDocument(
+    loop = ClosedLoopScores(
         setpoints={"roll_command": "phi_setpoint"},
         controller_tic={"roll_command": 0.03},
         scores={
-            "p": LoopScoreDocument(nrmse_fit_percent=90.0, tic=0.05, rms=0.08),
-            "roll_command": LoopScoreDocument(nrmse_fit_percent=70.0, tic=0.17, rms=0.01),
+            "p": SignalScore(nrmse_fit_percent=90.0, tic=0.05, rms=0.08),
+            "roll_command": SignalScore(nrmse_fit_percent=70.0, tic=0.17, rms=0.01),
         },
     )
     return VerifyDocument(
@@ -60,17 +61,17 @@ def verify_document(*, record: str = "roll_doublet.ulg", scale: float | None = N
         inputs=plain.inputs,
         outputs=plain.outputs,
         states=plain.states,
-        maneuvers=[maneuver().model_copy(update={"closed_loop": loop})],
-        frequency=[sweep_verification(judged())],
+        maneuvers=[dataclasses.replace(maneuver(), closed_loop=loop)],
+        frequency=[sweep_check(judged())],
         j_rms_guideline=guideline_document(scale),
         findings=plain.findings,
         provenance=plain.provenance,
     )
 
 
-def verified(*, record: str = "roll_doublet.ulg", scale: float | None = None) -> Verified:
-    return Verified(
-        document=verify_document(record=record, scale=scale),
-        verifications=(flown(record=record),),
-        judged=(judged(),),
-    )
+def found(*, record: str = "roll_doublet.ulg") -> Verifications:
+    return Verifications(maneuvers=(flown(record=record),), sweeps=(judged(),))
+
+
+def verified(*, record: str = "roll_doublet.ulg", scale: float | None = None) -> tuple[VerifyDocument, Verifications]:
+    return verify_document(record=record, scale=scale), found(record=record)

@@ -1,0 +1,78 @@
+"""``verification.json``, schema ``rotorid.verify/1``: a verification as a document."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.pipeline.checks import sweep_check
+from rotorid.pipeline.results import Refused
+from rotorid.pipeline.summary import ManeuverCheck, Range, SweepCheck
+from rotorid.pipeline.verification import Verified
+from rotorid.verification.scores import scaled_guidelines
+
+
+class GuidelineDocument(Document):
+    """Guideline of J_rms, 1 to 2 at full scale, for a vehicle N times smaller: with the root of N, and as printed."""
+
+    scale: float
+    root: tuple[float, float]
+    printed: tuple[float, float]
+
+
+class VerifyDocument(Document):
+    """``verification.json``: how a model does on data that it has not seen."""
+
+    schema_name: Annotated[Literal["rotorid.verify/1"], Field(alias="schema")] = "rotorid.verify/1"
+    model: str
+    inputs: list[str]
+    outputs: list[str]
+    states: list[str]
+    band_rad_s: tuple[float, float] | None = None
+    maneuvers: list[ManeuverCheck] = Field(default_factory=list)
+    frequency: list[SweepCheck] = Field(default_factory=list)
+    j_rms_guideline: GuidelineDocument | None = None
+    covered: dict[str, Range] = Field(default_factory=dict)
+    findings: list[FindingDocument] = Field(default_factory=list)
+    provenance: ProvenanceDocument
+
+
+def verify_document(verified: Verified) -> VerifyDocument:
+    """A verification as ``verification.json`` holds it."""
+    structure = verified.candidate.structure
+    return VerifyDocument(
+        model=structure.name,
+        inputs=list(structure.inputs),
+        outputs=list(structure.outputs),
+        states=list(structure.states),
+        band_rad_s=verified.candidate.band_rad_s,
+        maneuvers=list(verified.maneuvers),
+        frequency=[sweep_check(sweep) for sweep in verified.found.sweeps],
+        j_rms_guideline=guideline_document(verified.scale),
+        covered=dict(verified.covered),
+        findings=[FindingDocument.model_validate(finding) for finding in verified.findings],
+        provenance=ProvenanceDocument.model_validate(verified.provenance),
+    )
+
+
+def refused_verify_document(refused: Refused) -> VerifyDocument:
+    """The document of logs that cannot judge a model: its findings say why, and no number is given."""
+    structure = refused.structure
+    return VerifyDocument(
+        model=refused.name,
+        inputs=list(structure.inputs if structure else ()),
+        outputs=list(structure.outputs if structure else ()),
+        states=list(structure.states if structure else ()),
+        findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
+        provenance=ProvenanceDocument.model_validate(refused.provenance),
+    )
+
+
+def guideline_document(scale: float | None) -> GuidelineDocument | None:
+    """Both forms of the guideline, where the scale of the vehicle is given."""
+    if scale is None:
+        return None
+    root, printed = scaled_guidelines(scale)
+    return GuidelineDocument(scale=scale, root=root, printed=printed)

@@ -1,0 +1,249 @@
+"""Inertia, thrust, motor lag and torque of a vehicle: the method that fits accelerations to motors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.findings import Finding, warn
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.motors.fit import MotorProblem, excitations
+from rotorid.models.motors import CURVE_TERMS, scale_of
+from rotorid.pipeline.frequency_fit import judge_combinations
+from rotorid.pipeline.methods import Described
+from rotorid.pipeline.motor_data import MotorData, motor_data
+from rotorid.pipeline.motor_fit import (
+    FittedMotors,
+    Motion,
+    fit_motor_data,
+    fit_percents,
+    judge_motors,
+    levers_of,
+    motions,
+    scores,
+    simulated_record,
+)
+from rotorid.pipeline.results import FittedData, Verifications, no_response
+from rotorid.pipeline.settings import MotorChoices
+from rotorid.pipeline.summary import Checks, ExcitedFlight, Fit, FitEnd, InertiaEstimate, MotorPhysics, RecordFit
+from rotorid.uncertainty.identifiability import Combination, unseen_combinations
+from rotorid.verification.scores import GOOD_TIC
+from rotorid.verification.verification import Verification
+
+
+@dataclass(frozen=True)
+class Motors:
+    """Fit the chain of :mod:`rotorid.fitting.motors.fit`: motor outputs, thrust and torque, gyros and accelerometer.
+
+    Parameters
+    ----------
+    settings
+        What is known of the vehicle, and how to read the logs.
+    """
+
+    settings: MotorChoices
+
+    def prepare(self, records: Sequence[FlightRecord]) -> MotorData:
+        """Read the rotors from the log's parameters, and take the motors as fast as the log tells them."""
+        return motor_data(records, self.settings)
+
+    def fit(self, data: MotorData) -> FittedMotors:
+        """Fit what was excited, and bound every parameter by the color of the errors."""
+        return fit_motor_data(data, self.settings)
+
+    def verify(self, data: MotorData, fitted: FittedMotors, records: Sequence[FlightRecord]) -> Verifications:
+        """Predict the accelerations of further logs by the identified values; what cannot be judged is told."""
+        seen = {record.source.sha256 for record, _ in data.flights}
+        checks: list[Verification] = []
+        findings: list[Finding] = []
+        for record in records:
+            name = record.source.name
+            if record.source.sha256 in seen:
+                findings.append(warn("seen_data", name, f"{name} was fitted, and does not count as unseen."))
+                continue
+            try:
+                unseen = motor_data([record], replace(self.settings, segments=()), reference_v=data.reference_v)
+            except (InsufficientDataError, UsageError) as error:
+                findings.append(warn("not_verified", name, f"{name} was not judged: {error}"))
+                continue
+            if not _alike(unseen, data):
+                message = (
+                    f"{name} is of another layout of rotors, or tells the motors in another way, and was not judged."
+                )
+                findings.append(warn("not_verified", name, message))
+                continue
+            moved, remarks = _predicted(fitted, unseen)
+            checks += [_verification(motion, fitted.structure.inputs) for motion in moved]
+            findings += remarks
+        return Verifications(maneuvers=tuple(checks), findings=tuple(findings))
+
+    def checks(self, fitted: FittedMotors, found: Verifications) -> Checks:
+        """Scores of the excited axes of each stretch."""
+        return Checks(
+            records={
+                f"{check.record} at {check.maneuver.start_s:.1f} s": dict(check.scores) for check in found.maneuvers
+            }
+        )
+
+    def describe(self, data: MotorData, fitted: FittedMotors) -> Described:
+        """Fits of the stretches, rotors and thrust."""
+        response, solution = no_response(fitted.structure), fitted.fit.solution
+        combinations = unseen_combinations(fitted.parameters, fitted.bounds)
+        return Described(
+            fit=Fit(
+                method="prediction_error",
+                outputs=fitted.channels,
+                end=FitEnd(
+                    weights="likelihood",
+                    outcome=solution.outcome.value,
+                    evaluations=solution.evaluations,
+                    trace=tuple(solution.trace),
+                    inflation=fitted.bounds.inflation,
+                ),
+                fit_percent=fit_percents(fitted.moved, fitted.channels),
+                hold="zero",
+                records=tuple(_record_fit(motion) for motion in fitted.moved),
+            ),
+            data=FittedData(
+                response=response,
+                direct=None,
+                model_response=response.values,
+                used=np.zeros(response.values.shape, dtype=np.bool_),
+                simulated=tuple(simulated_record(motion, fitted.channels) for motion in fitted.moved),
+            ),
+            combinations=[found for found in combinations if not _expected(found, fitted)],
+            motors=_physics(fitted, self.settings.known),
+        )
+
+    def remarks(self, data: MotorData, fitted: FittedMotors, told: Described) -> Sequence[Finding]:
+        """On what was excited, what stays undetermined, and what physics does not allow."""
+        return (
+            *judge_motors(fitted, self.settings, told.fit.fit_percent or {}),
+            *judge_combinations(told.combinations),
+        )
+
+
+def _expected(found: Combination, fitted: FittedMotors) -> bool:
+    """Whether a combination needs no words: terms of one curve, and delays that are nearly none."""
+    names = set(found.vector)
+    curve = fitted.curve == "polynomial" and names <= set(CURVE_TERMS["polynomial"])
+    return curve or names <= {"tau_gyro", "tau_accel"}
+
+
+def _alike(data: MotorData, other: MotorData) -> bool:
+    same = data.layout.rotors == other.layout.rotors and np.allclose(data.layout.positions, other.layout.positions)
+    return same and np.array_equal(data.layout.spins, other.layout.spins) and data.kind == other.kind
+
+
+class _Predicted(NamedTuple):
+    """Stretches of one unseen log that tell of the model, and remarks on all of them."""
+
+    moved: tuple[Motion, ...]
+    findings: tuple[Finding, ...]
+
+
+def _predicted(fitted: FittedMotors, data: MotorData) -> _Predicted:
+    problem = MotorProblem(
+        records=data.records,
+        levers=levers_of(data),
+        parameters=fitted.fit.problem.parameters,
+        axes=fitted.axes,
+    )
+    found = excitations(data.records, problem.levers)
+    moved = motions(problem, fitted.fit.solution.theta, data.stretches, found)
+    findings = [*data.findings]
+    for motion in moved:
+        where = f"{motion.flight.record.name} at {motion.flight.record.start_s:.1f} s"
+        if not motion.counted:
+            message = f"{where} moves no axis that was identified, and tells nothing of the model."
+            findings.append(warn("not_verified", where, message))
+        findings += [
+            warn(
+                "poor_verification",
+                f"{where}: {name}",
+                f"{name} of {where} is predicted with a Theil coefficient of {score.tic:.2f}.",
+                tic=score.tic,
+                nrmse_fit_percent=score.nrmse_fit_percent,
+            )
+            for name, score in scores(motion).items()
+            if score.tic > GOOD_TIC
+        ]
+    return _Predicted(tuple(motion for motion in moved if motion.counted), tuple(findings))
+
+
+def _verification(moved: Motion, motors: Sequence[str]) -> Verification:
+    """An unseen stretch, of which counts what was excited."""
+    shown, record = simulated_record(moved, tuple(moved.rows)), moved.flight.record
+    return Verification(
+        record=shown.record,
+        maneuver=replace(shown.maneuver, start_s=record.start_s, stop_s=float(record.time_s[-1])),
+        time_s=shown.time_s,
+        inputs=shown.inputs,
+        measured=shown.measured,
+        predicted=shown.simulated,
+        input_names=tuple(motors),
+        output_names=tuple(moved.rows),
+        scores=scores(moved),
+        moved=moved.counted,
+    )
+
+
+def _record_fit(moved: Motion) -> RecordFit:
+    record = moved.flight.record
+    return RecordFit(
+        record=record.name,
+        start_s=record.start_s,
+        stop_s=float(record.time_s[-1]),
+        samples=record.samples,
+        sample_rate_hz=record.sample_rate_hz,
+        fit_percent={name: score.nrmse_fit_percent for name, score in scores(moved).items()},
+    )
+
+
+def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
+    data = fitted.data
+    counted = [[axis for axis in filters if axis != "weight"] for filters in fitted.fit.problem.filters]
+    low, high = np.percentile(np.concatenate([record.outputs.ravel() for record in data.records]), (1.0, 99.0))
+    return MotorPhysics(
+        layout=data.layout.name,
+        arm_m=data.layout.arm if data.layout.arm_known else None,
+        rotors=tuple(tuple(float(number) for number in place) for place in data.layout.positions),
+        spins=tuple(float(spin) for spin in data.layout.spins),
+        outputs=data.kind,
+        source=data.histories[0].source,
+        outputs_rate_hz=min(history.sample_rate_hz for history in data.histories),
+        curve=fitted.curve,
+        curve_assumed=fitted.curve_assumed,
+        reference_v=data.reference_v,
+        hover_output=fitted.hover_output,
+        flown_outputs=(float(low), float(high)),
+        scale=scale_of(known, fitted.axes),
+        derived=dict(fitted.derived),
+        both_ways=tuple(
+            InertiaEstimate(
+                axis=inertia.axis,
+                parameter=inertia.parameter,
+                unit=inertia.unit,
+                plain=inertia.plain,
+                corrected=inertia.corrected,
+                std=inertia.deviations,
+                agrees=inertia.agrees,
+            )
+            for inertia in fitted.both
+        ),
+        excitation=tuple(
+            ExcitedFlight(
+                record=flight.record.name,
+                start_s=flight.record.start_s,
+                stop_s=float(flight.record.time_s[-1]),
+                sample_rate_hz=flight.record.sample_rate_hz,
+                correlation={axis: excitation.correlation for axis, excitation in seen.items()},
+                counted=tuple(axes),
+            )
+            for flight, seen, axes in zip(data.stretches, fitted.fit.excitations, counted, strict=True)
+        ),
+    )
