@@ -252,7 +252,7 @@ def fly(
     >>> float(calm.columns["az"][0]), float(calm.columns["thrust_command"][-1]), calm.time_s.size
     (-9.80665, 0.5, 1000)
     """
-    stride = _stride(sample_rate_hz)
+    stride = stride_of(sample_rate_hz)
     noise = noise or SensorNoise()
     duration_s = max((excitation.maneuver.stop_s for excitation in plan), default=0.0) + TRIM_S
     steps = round(duration_s * STEP_RATE_HZ)
@@ -351,7 +351,8 @@ def _gust(steps: int, intensity: float, rng: np.random.Generator) -> FloatArray:
     )
 
 
-def _stride(sample_rate_hz: float) -> int:
+def stride_of(sample_rate_hz: float) -> int:
+    """Steps of the simulation from one sample of the log to the next; a whole number of them."""
     stride = round(STEP_RATE_HZ / sample_rate_hz) if sample_rate_hz > 0.0 else 0
     if stride < 1 or abs(stride * sample_rate_hz - STEP_RATE_HZ) > 1e-9 * STEP_RATE_HZ:
         raise UsageError(

@@ -12,7 +12,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import ModelError, UsageError
 from rotorid.models.state_space import StateSpace
-from rotorid.simulation.hover_flight import STEP_RATE_HZ, Flight, gauss_markov
+from rotorid.simulation.hover_flight import STEP_RATE_HZ, Flight, gauss_markov, stride_of
 from rotorid.simulation.linear import Discretized, discretize
 from rotorid.typing import FloatArray
 
@@ -180,7 +180,7 @@ def fly_linear(
     >>> round(float(rate.max()), 2), bool(abs(rate[-1]) < 0.01)
     (0.08, True)
     """
-    stride = _stride(sample_rate_hz)
+    stride = stride_of(sample_rate_hz)
     values = np.asarray(excitation, dtype=np.float64)
     if values.ndim != 2 or values.shape[0] != len(loop.inputs) or not values.size:
         raise UsageError(f"test inputs of shape {values.shape} came", needed=f"shape ({len(loop.inputs)}, steps)")
@@ -293,14 +293,3 @@ def _delayed(values: FloatArray, delay_s: float) -> FloatArray:
     clock = np.arange(values.size)
     delayed: FloatArray = np.interp(clock - delay_s * STEP_RATE_HZ, clock, values)
     return delayed
-
-
-def _stride(sample_rate_hz: float) -> int:
-    stride = round(STEP_RATE_HZ / sample_rate_hz) if sample_rate_hz > 0.0 else 0
-    if stride < 1 or abs(stride * sample_rate_hz - STEP_RATE_HZ) > 1e-9 * STEP_RATE_HZ:
-        raise UsageError(
-            f"a log at {sample_rate_hz:g} Hz",
-            needed=f"{STEP_RATE_HZ:g} Hz divided by a whole number",
-            remedy="take 100, 125, 200, 250, 500 or 1000 Hz",
-        )
-    return stride

@@ -172,7 +172,7 @@ class Table:
     @property
     def instance_column(self) -> str | None:
         """Column that numbers identical sensors, when the log declares one."""
-        return next((column for column, unit in self.units.items() if unit == INSTANCE_UNIT), None)
+        return next((column for column, unit in self.units.items() if unit == _INSTANCE_UNIT), None)
 
     def chosen(self, which: BoolArray | slice) -> Table:
         """The table of some of the messages: a mask of shape ``(messages,)``, or a slice."""
@@ -263,17 +263,17 @@ class Table:
 MAGIC = (0xA3, 0x95)
 TYPES = 256
 SNIFFED = bytes((*MAGIC, FMT.number, FMT.number, FMT.length)) + b"FMT"
-ROUNDS = 4
+_ROUNDS = 4
 """How often the chain is followed anew when it turns out that a definition was no message of the chain."""
 
 CACHED_BYTES = 1 << 19
 SECTION_BYTES = 1 << 24
 """The chain is followed by sections, so that memory does not grow with the log."""
 
-DECIDED_BYTES = 1 << 10
+_DECIDED_BYTES = 1 << 10
 """What follows this far behind a message has no say in whether it belongs to the chain: four of the longest ones."""
 
-UNIT_NAMES = frozenset({"UNIT", "MULT", "FMTU"})
+_UNIT_NAMES = frozenset({"UNIT", "MULT", "FMTU"})
 
 Definitions = Mapping[int, tuple[tuple[int, Format], ...]]
 """Type to its definitions: position in the log, and what was defined there."""
@@ -344,7 +344,7 @@ def decode(data: bytes | memoryview | AnyArray, names: Collection[str] | None = 
     """
     log: AnyArray = np.ascontiguousarray(np.frombuffer(data, dtype=np.uint8))
     definitions = _definitions(log, _definition_headers(log))
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         found, gaps = _chain(log, definitions, names)
         confirmed = _definitions(log, found[FMT.number])
         if confirmed == definitions:
@@ -386,7 +386,7 @@ def _chain(
 def _is_wanted(layouts: Iterable[tuple[int, Format]], names: Collection[str] | None) -> bool:
     """Whether messages of a type are kept; those that cannot be decoded are, to say so."""
     return names is None or any(
-        layout.name in names or layout.name in UNIT_NAMES or layout == FMT or not layout.decodable
+        layout.name in names or layout.name in _UNIT_NAMES or layout == FMT or not layout.decodable
         for _, layout in layouts
     )
 
@@ -401,7 +401,7 @@ def _sections(log: AnyArray, definitions: Definitions) -> Iterator[tuple[IntArra
         if end == log.size:
             yield starts, gaps
             return
-        last = int(np.searchsorted(starts, end - DECIDED_BYTES)) - 1
+        last = int(np.searchsorted(starts, end - _DECIDED_BYTES)) - 1
         if last < 1:
             # Hardly a message: only a longer section can decide.
             length *= 2
@@ -564,7 +564,7 @@ def _tables(
         named[layout.name] += 1
         key = layout.name if named[layout.name] == 1 else f"{layout.name}#{named[layout.name]}"
         bare[key] = Table(format=layout, units={}, data=log, positions=positions)
-    units = units_of(bare)
+    units = _units_of(bare)
     tables = {
         key: replace(table, units=units.get(table.format.number, {}))
         for key, table in bare.items()
@@ -650,13 +650,13 @@ def _texts(raw: AnyArray) -> AnyArray:
     return ascii_bytes.astype("<u4").view(f"<U{width}")[:, 0]
 
 
-INSTANCE_UNIT = "instance"
+_INSTANCE_UNIT = "instance"
 """Unit label of the column that numbers identical sensors."""
 
 PREFIXES: Mapping[float, str] = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
 
 
-def units_of(tables: Mapping[str, Table]) -> Mapping[int, Mapping[str, str]]:
+def _units_of(tables: Mapping[str, Table]) -> Mapping[int, Mapping[str, str]]:
     """Type of message to the unit of each of its columns, for the values as ``Table.column`` returns them.
 
     A multiplier becomes a prefix of the unit (``cm/s``), or a number in front of it (``100 m``) when no prefix fits.

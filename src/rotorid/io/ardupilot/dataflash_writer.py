@@ -20,7 +20,7 @@ from rotorid.io.files import write_atomically
 from rotorid.typing import AnyArray, IntArray
 
 CLOCK = "TimeUS"
-LARGEST_MESSAGE_BYTES = 255
+_LARGEST_MESSAGE_BYTES = 255
 NAME_BYTES, COLUMNS_BYTES = 4, 64
 
 UNITS: Mapping[str, str] = MappingProxyType(
@@ -120,7 +120,7 @@ class Layout:
             or not 0 < len(self.name) <= NAME_BYTES
             or len(self.columns) > COLUMNS_BYTES
             or not 0 <= self.number < 1 << 8
-            or self.format.length > LARGEST_MESSAGE_BYTES
+            or self.format.length > _LARGEST_MESSAGE_BYTES
         )
         if wrong:
             raise UsageError(
@@ -309,7 +309,7 @@ def _described(layouts: Sequence[Layout], begin_us: int) -> list[AnyArray]:
     return [
         packed(
             Messages(
-                layout=DEFINITION,
+                layout=_DEFINITION,
                 values={
                     "Type": np.array([form.number for form in formats]),
                     "Length": np.array([form.length for form in formats]),
@@ -349,7 +349,7 @@ def _lettered(layout: Layout, meanings: Mapping[str, str] | Mapping[str, float],
     )
 
 
-DEFINITION = Layout(
+_DEFINITION = Layout(
     number=FMT.number,
     name=FMT.name,
     letters=FMT.letters,

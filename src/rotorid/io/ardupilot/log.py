@@ -75,7 +75,7 @@ MESSAGES: Mapping[str, tuple[Row, ...]] = MappingProxyType(
 SYSTEM_ID = (*_rows("Gx:p Gy:q Gz:r", "deg/s"), *_rows("Ax:ax Ay:ay Az:az", "m/s^2"))
 """Unfiltered gyros and accelerometers that SYSTEMID mode logs."""
 
-LEGACY_RATE = (
+_LEGACY_RATE = (
     Row("ROut", "roll_command", "1", 1.0 / 4500.0),
     Row("RllOut", "roll_command", "1", 1.0 / 4500.0),
     Row("POut", "pitch_command", "1", 1.0 / 4500.0),
@@ -141,10 +141,10 @@ _LOOP_BY_LOOP = 0.75
 _EVERY_LOOP_BITS = 0b11
 """Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
 
-FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
+_FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
 """Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
 
-WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC"}) | {
+_WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC"}) | {
     f"ESC{number}" for number in range(1, 33)
 }
 """Messages that are read at all."""
@@ -171,13 +171,13 @@ def read(path: Path, source: Source) -> FlightRecord:
     LogError
         The file cannot be read or is no DataFlash log.
     """
-    log = decode(file_bytes(path), WANTED)
+    log = decode(file_bytes(path), _WANTED)
     tables, parameters = log.tables, _parameters(log.tables)
-    runs = system_id_runs(tables, parameters)
+    runs = _system_id_runs(tables, parameters)
     sticks = stick_topic(tables, parameters)
     topics = (
-        *system_id_topics(tables, runs),
-        *common_topics(tables),
+        *_system_id_topics(tables, runs),
+        *_common_topics(tables),
         *motor_topics(tables, parameters),
         *(() if sticks is None else (sticks,)),
     )
@@ -185,12 +185,12 @@ def read(path: Path, source: Source) -> FlightRecord:
         source=replace(source, firmware=_firmware(tables)),
         topics=topics,
         parameters=without_places(parameters),
-        declared=declared_maneuvers(runs),
+        declared=_declared_maneuvers(runs),
         instruments=_instruments(runs, sticks),
         findings=(
             *log.findings,
-            *system_id_findings(runs),
-            *decimation_findings(topics, runs, parameters),
+            *_system_id_findings(runs),
+            *_decimation_findings(topics, runs, parameters),
             *_dialect(tables),
             *_slow(topics, parameters),
         ),
@@ -251,7 +251,7 @@ def _dialect(tables: Mapping[str, Table]) -> Iterator[Finding]:
         )
 
 
-def common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:
+def _common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:
     """Topics of the messages that every log has, best first; of several sensors the first one."""
     for name, rows in MESSAGES.items():
         if name not in tables:
@@ -260,7 +260,7 @@ def common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:
         legacy = name == "RATE" and is_legacy_rate(table)
         number = instances(table)
         first = None if number is None else number == number.min()
-        topic = topic_of(table, LEGACY_RATE if legacy else rows, chosen=first)
+        topic = topic_of(table, _LEGACY_RATE if legacy else rows, chosen=first)
         if topic is not None:
             yield topic
 
@@ -436,7 +436,7 @@ class Run:
         return ENTRIES[self.entry][0] if self.entry in ENTRIES else None
 
 
-def system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> tuple[Run, ...]:
+def _system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> tuple[Run, ...]:
     """Runs in the order flown: a new one begins where the time of the waveform starts again.
 
     ``SIDS``, written when the mode is entered, says axis and band. A log that lost it is read with ``SID_AXIS``, which
@@ -491,7 +491,7 @@ def _settings(setup: Table | None, start_s: float) -> tuple[int, tuple[float, fl
     return entry, (low, high) if 0.0 < low < high < math.inf else None
 
 
-def system_id_topics(tables: Mapping[str, Table], runs: tuple[Run, ...]) -> Iterator[Topic]:
+def _system_id_topics(tables: Mapping[str, Table], runs: tuple[Run, ...]) -> Iterator[Topic]:
     """One topic for each run, so that an excitation channel holds the runs of its axis alone."""
     for number, run in enumerate(runs, start=1):
         rows: tuple[Row, ...] = SYSTEM_ID
@@ -502,7 +502,7 @@ def system_id_topics(tables: Mapping[str, Table], runs: tuple[Run, ...]) -> Iter
             yield topic
 
 
-def declared_maneuvers(runs: tuple[Run, ...]) -> tuple[Maneuver, ...]:
+def _declared_maneuvers(runs: tuple[Run, ...]) -> tuple[Maneuver, ...]:
     """The sweeps that the log announces."""
     return tuple(
         Maneuver(
@@ -519,7 +519,7 @@ def declared_maneuvers(runs: tuple[Run, ...]) -> tuple[Maneuver, ...]:
     )
 
 
-def system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
+def _system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
     """Runs whose injected signal has no name here."""
     for number, run in enumerate(runs, start=1):
         if run.planned_rad_s and run.band_rad_s and run.band_rad_s[1] < _ENDED_EARLY * run.planned_rad_s[1]:
@@ -543,7 +543,7 @@ def system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
             )
 
 
-def decimation_findings(
+def _decimation_findings(
     topics: tuple[Topic, ...], runs: tuple[Run, ...], parameters: Mapping[str, float]
 ) -> Iterator[Finding]:
     """Rates of a SYSTEMID log that hold every n-th sample of the loop, without a filter in front.
@@ -582,7 +582,7 @@ def _slow(topics: tuple[Topic, ...], parameters: Mapping[str, float]) -> Iterato
     """Topics too slow for what they are needed for, with the parameter to change."""
     rates = {topic.name: topic.sample_rate_hz for topic in topics if topic.time_s.size > 1}
     mask = int(parameters.get("LOG_BITMASK", 0.0))
-    for name, bit, meaning in FAST_BITS:
+    for name, bit, meaning in _FAST_BITS:
         if rates.get(name, LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
             said = f"bit {bit} of LOG_BITMASK ({meaning})"
             if mask >> bit & 1:

@@ -30,7 +30,7 @@ from rotorid.io.ardupilot.log import DSHOT_TYPES, ENTRIES, MOTOR_FUNCTIONS, STIC
 from rotorid.typing import AnyArray, FloatArray, IntArray
 from rotorid.units import STANDARD_GRAVITY_M_S2, parse_unit
 
-FIRMWARE = "ArduCopter V4.5.7 (rotorid)"
+_FIRMWARE = "ArduCopter V4.5.7 (rotorid)"
 LOG_BITMASK = 176126 | 1 << 0 | 1 << 18
 """ArduPilot's own choice of messages, with fast attitude and fast IMU."""
 
@@ -149,7 +149,7 @@ def write_ardupilot(
     _check_finite(flight)
     rates = _checked_rates(rates_hz or {}, flight.sample_rate_hz)
     runs = injections(flight)
-    parameters = logged_parameters(flight, runs)
+    parameters = _logged_parameters(flight, runs)
     stamps_us = np.rint((start_s + flight.time_s) * 1e6).astype(np.int64)
     tables = (
         *_events(flight, runs, parameters, stamps_us),
@@ -160,7 +160,7 @@ def write_ardupilot(
     write_dataflash(path, sorted(tables, key=lambda table: order.index(table.layout.name)))
 
 
-def logged_parameters(flight: SimulatedFlight, runs: tuple[Injection, ...]) -> Mapping[str, float]:
+def _logged_parameters(flight: SimulatedFlight, runs: tuple[Injection, ...]) -> Mapping[str, float]:
     """Parameters of the log: those of the flight, and those without which a log does not explain itself.
 
     Added where the flight does not give them: rate of the loop, ``LOG_BITMASK``, pulse widths and channels of the
@@ -225,7 +225,7 @@ def _events(
         "PARM", begin.repeat(len(parameters)), {"Name": list(parameters), "Value": values, "Default": math.nan}
     )
     entered = np.array([stamps_us[run.samples[0]] for run in runs], dtype=np.int64)
-    texts = [FIRMWARE, _cut(f"Simulated flight of {flight.vehicle}")]
+    texts = [_FIRMWARE, _cut(f"Simulated flight of {flight.vehicle}")]
     texts += [f"SystemID Starting: axis={run.entry}" for run in runs]
     yield _table("MSG", np.append(begin.repeat(2), entered), {"Message": texts})
     yield _table("ARM", begin, {"ArmState": 1.0, "ArmChecks": parameters.get("ARMING_CHECK", 1.0)})
@@ -374,12 +374,12 @@ def _heading(angle: FloatArray) -> FloatArray:
     return np.mod(angle * DEGREES, 360.0)
 
 
-def angle_values(logged: Logged) -> Values:
+def _angle_values(logged: Logged) -> Values:
     """``ANG``: the attitude of every turn of the loop."""
     return {**attitude_values(logged), "Dt": 1.0 / logged.flight.sample_rate_hz}
 
 
-def imu_values(logged: Logged) -> Values:
+def _imu_values(logged: Logged) -> Values:
     """``IMU``: rates and accelerations after the autopilot's filters."""
     gyro = {"GyrX": logged["p"], "GyrY": logged["q"], "GyrZ": logged["r"]}
     accelerometer = {"AccX": logged["ax"], "AccY": logged["ay"], "AccZ": logged["az"]}
@@ -387,7 +387,7 @@ def imu_values(logged: Logged) -> Values:
     return {**gyro, **accelerometer, "GH": 1.0, "AH": 1.0, "GHz": rate_hz, "AHz": rate_hz}
 
 
-def estimate_values(logged: Logged) -> Values:
+def _estimate_values(logged: Logged) -> Values:
     """``XKF1``: velocity, position and attitude of the estimator."""
     return {
         **logged.degrees(Roll="phi", Pitch="theta"),
@@ -403,13 +403,13 @@ def estimate_values(logged: Logged) -> Values:
     }
 
 
-def battery_values(logged: Logged) -> Values:
+def _battery_values(logged: Logged) -> Values:
     """``BAT``: the voltage, which also stands for the one at rest."""
     volts = logged["battery_voltage"]
     return {"Volt": volts, "VoltR": volts, "H": 1.0}
 
 
-def throttle_values(logged: Logged) -> Values:
+def _throttle_values(logged: Logged) -> Values:
     """``CTUN``: throttle, altitude and climb."""
     pilot = "thrust_stick" if "thrust_stick" in logged.flight.columns else "thrust_command"
     height = -logged["down"]
@@ -440,7 +440,7 @@ def lift_values(logged: Logged) -> Values:
     }
 
 
-def output_values(logged: Logged) -> Values:
+def _output_values(logged: Logged) -> Values:
     """``RCOU``: pulse widths of the motors on their channels, microseconds.
 
     Raises
@@ -464,7 +464,7 @@ def output_values(logged: Logged) -> Values:
     return values
 
 
-def stick_values(logged: Logged) -> Values:
+def _stick_values(logged: Logged) -> Values:
     """``RCIN``: pulse widths of the sticks, with the calibration and direction of the parameters; others centered."""
     values: dict[str, AnyArray | float] = {f"C{channel}": 1500.0 for channel in range(1, CHANNELS + 1)}
     for axis, (name, usual) in STICKS.items():
@@ -504,16 +504,16 @@ class Signal:
 
 
 def _signal_rows() -> Iterator[tuple[str, str, Callable[[Logged], Values], float]]:
-    yield "ANG", "phi theta psi", angle_values, math.inf
+    yield "ANG", "phi theta psi", _angle_values, math.inf
     yield "RATE", "p q r roll_command pitch_command yaw_command thrust_command", rate_values, math.inf
-    yield "IMU", "p q r ax ay az", imu_values, math.inf
-    yield "XKF1", "velocity_north velocity_east velocity_down north east down", estimate_values, 25.0
-    yield "BAT", "battery_voltage", battery_values, 10.0
-    yield "CTUN", "thrust_command", throttle_values, 10.0
+    yield "IMU", "p q r ax ay az", _imu_values, math.inf
+    yield "XKF1", "velocity_north velocity_east velocity_down north east down", _estimate_values, 25.0
+    yield "BAT", "battery_voltage", _battery_values, 10.0
+    yield "CTUN", "thrust_command", _throttle_values, 10.0
     yield "ATT", "phi theta psi", attitude_values, 10.0
     yield "MOTB", "battery_voltage thrust_command", lift_values, 10.0
-    yield "RCIN", "roll_stick pitch_stick yaw_stick thrust_stick", stick_values, 10.0
-    yield "RCOU", "motor_1", output_values, 10.0
+    yield "RCIN", "roll_stick pitch_stick yaw_stick thrust_stick", _stick_values, 10.0
+    yield "RCOU", "motor_1", _output_values, 10.0
 
 
 SIGNALS: Mapping[str, Signal] = MappingProxyType(

@@ -22,9 +22,9 @@ from rotorid.typing import AnyArray, FloatArray, IntArray
 
 MAGIC = b"H Product:Blackbox"
 
-PADDING = 4096
+_PADDING = 4096
 """More than the longest frame: 128 fields of five bytes, and their tags."""
-ERASED = re.compile(rb"\xff{16,}\Z")
+_ERASED = re.compile(rb"\xff{16,}\Z")
 """Flash memory that was never written."""
 WRAP = 1 << 32
 MOST_FLIGHTS = 10_000
@@ -97,11 +97,11 @@ class Flight:
         return column
 
 
-LONGEST_LINE = 4096
-MOST_FIELDS = 128
+_LONGEST_LINE = 4096
+_MOST_FIELDS = 128
 _LONGEST_QUOTE = 200
 LARGEST_CADENCE = 65_535
-MOST_PREDICTED = 8
+_MOST_PREDICTED = 8
 """Fields of a frame that take no byte at all. Loggers know one, the loop number; many would inflate a small file."""
 
 FRAMES = "IPSGH"
@@ -109,7 +109,7 @@ GROUPED: Mapping[int, int] = MappingProxyType({6: 8, 7: 3, 8: 4, 10: 3})
 """Encodings that write several fields at once, and how many. 6 also takes fewer."""
 SINGLE = frozenset({0, 1, 3, 9})
 CONSTANTS: Mapping[int, str] = MappingProxyType({4: "minthrottle", 8: "", 9: "vbatref", 11: "motorOutput"})
-RELATIVE = frozenset({0, 1, 2, 3, 5, 6, 7, 10})
+_RELATIVE = frozenset({0, 1, 2, 3, 5, 6, 7, 10})
 
 _INTEGER = re.compile(r"-?\d{1,10}")
 _PARTS = MappingProxyType({"PID": ("P", "I", "D")})
@@ -211,9 +211,9 @@ def decode(section: bytes, number: int = 1) -> Flight:
     from rotorid.io.betaflight import blackbox_kernels as kernels
 
     header = parse_header(section)
-    erased = ERASED.search(section)
+    erased = _ERASED.search(section)
     body = section[header.size : erased.start() if erased else len(section)]
-    data = np.frombuffer(body + bytes(PADDING), dtype=np.uint8).astype(np.int16)
+    data = np.frombuffer(body + bytes(_PADDING), dtype=np.uint8).astype(np.int16)
     layouts = [header.layouts[letter] for letter in FRAMES]
     intra, inter, _, gps, _ = layouts
     width = max(len(layout.names) for layout in layouts)
@@ -312,7 +312,7 @@ def parse_header(data: bytes) -> Header:
     values: dict[str, str] = {}
     at = 0
     while data.startswith(b"H ", at):
-        end = data.find(b"\n", at, at + LONGEST_LINE)
+        end = data.find(b"\n", at, at + _LONGEST_LINE)
         if end < 0:
             break
         name, colon, value = data[at + 2 : end].decode("latin-1").rstrip("\r").partition(":")
@@ -364,12 +364,12 @@ def _layout(letter: str, values: Mapping[str, str]) -> Layout:
     if not listed:
         return Layout()
     names = tuple(listed.split(","))
-    if len(names) > MOST_FIELDS:
+    if len(names) > _MOST_FIELDS:
         raise _contradiction(f"{len(names)} fields of {letter} frames were announced")
     encodings = _integers(f"Field {letter} encoding", values, len(names))
     predictors = _integers(f"Field {letter} predictor", values, len(names))
     signs = _integers(f"Field {owner} signed", values, len(names))
-    if encodings.count(9) > MOST_PREDICTED:
+    if encodings.count(9) > _MOST_PREDICTED:
         raise _contradiction(f"{encodings.count(9)} fields of {letter} frames take no bytes")
     if letter != "P" and not {1, 2, 3}.isdisjoint(predictors):
         raise _contradiction(f"{letter} frames are counted from the frames before them")
@@ -417,7 +417,7 @@ def _prediction(names: Sequence[str], index: int, code: int, values: Mapping[str
         if coordinate not in home:
             raise _contradiction(f"{names[index]} is counted from {coordinate}, which is not logged")
         return code, home.index(coordinate)
-    if code not in RELATIVE:
+    if code not in _RELATIVE:
         raise _contradiction(f"predictor {code} of {names[index]} is not known")
     return code, 0
 

@@ -70,14 +70,14 @@ def read(path: Path, source: Source) -> FlightRecord:
     if not readable:
         raise unread[0][1] if unread else _empty(source.name)
     longest = readable[0]
-    topics = tuple(main_topic(flight, chirp_rows(flight)) for flight in readable)
+    topics = tuple(_main_topic(flight, _chirp_rows(flight)) for flight in readable)
     if not topics[0].channels:
         raise _empty(source.name)
     return FlightRecord(
         source=replace(source, firmware=longest.header.values.get("Firmware revision", "")),
         topics=topics,
         parameters=parameters_of(longest.header),
-        declared=tuple(maneuver for flight in readable for maneuver in chirp_maneuvers(flight)),
+        declared=tuple(maneuver for flight in readable for maneuver in _chirp_maneuvers(flight)),
         instruments=_instruments(topics),
         findings=findings_of(readable, unread, topics),
     )
@@ -113,8 +113,8 @@ def _empty(name: str) -> LogError:
 
 
 FRD = (1.0, -1.0, -1.0)
-STICK_SPAN = 500.0
-CONTROLLER_SCALE = 1000.0
+_STICK_SPAN = 500.0
+_CONTROLLER_SCALE = 1000.0
 """What the mixer divides the sums of the controllers by to make parts of the motors' range of them."""
 QUAD_X: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
     {
@@ -138,7 +138,7 @@ class Row(NamedTuple):
     values: FloatArray
 
 
-def main_topic(flight: Flight, extra: tuple[Row, ...] = ()) -> Topic:
+def _main_topic(flight: Flight, extra: tuple[Row, ...] = ()) -> Topic:
     """Everything that a flight logs with its main frames, on one clock."""
     return _topic(f"flight {flight.number}", flight.time_s, (*_rows(flight), *extra))
 
@@ -160,7 +160,7 @@ def _rows(flight: Flight) -> Iterator[Row]:
         yield from _body(flight, "accSmooth", "ax ay az", STANDARD_GRAVITY_M_S2 / header.number("acc_1G"))
     setpoint = "setpoint" if "setpoint[0]" in flight.fields else "axisRate"
     yield from _body(flight, setpoint, "p_setpoint q_setpoint r_setpoint", _DEGREE * tenths)
-    yield from _body(flight, "rcCommand", "roll_stick pitch_stick yaw_stick", tenths / STICK_SPAN)
+    yield from _body(flight, "rcCommand", "roll_stick pitch_stick yaw_stick", tenths / _STICK_SPAN)
     if "rcCommand[3]" in flight.fields:
         throttle = _float(flight, "rcCommand[3]") * tenths
         yield Row("thrust_stick", "rcCommand[3]", (throttle - 1000.0) / 1000.0)
@@ -210,7 +210,7 @@ def _commands(flight: Flight, motors: tuple[Row, ...]) -> Iterator[Row]:
     if len(motors) == len(QUAD_X):
         outputs = np.stack([motor.values for motor in motors])
         for name, weights in QUAD_X.items():
-            sign = -1.0 if name == "yaw_command" and motors_reversed(flight.header) else 1.0
+            sign = -1.0 if name == "yaw_command" and _motors_reversed(flight.header) else 1.0
             yield Row(name, "motor mix", sign * np.array(weights) @ outputs)
         return
     for index, axis in enumerate(("roll", "pitch", "yaw")):
@@ -219,14 +219,14 @@ def _commands(flight: Flight, motors: tuple[Row, ...]) -> Iterator[Row]:
         parts = [summed] if summed in flight.fields else parts
         if parts:
             total = sum((_float(flight, part) for part in parts), start=np.zeros(flight.time_s.size)) * (
-                FRD[index] / CONTROLLER_SCALE
+                FRD[index] / _CONTROLLER_SCALE
             )
             yield Row(f"{axis}_command", " + ".join(parts), total)
     if "setpoint[3]" in flight.fields:
         yield Row("thrust_command", "setpoint[3]", _float(flight, "setpoint[3]") / 1000.0)
 
 
-def motors_reversed(header: Header) -> bool:
+def _motors_reversed(header: Header) -> bool:
     """Whether the motors turn the other way round than usual ("props out")."""
     return header.number("yaw_motors_reversed") == 1.0 or header.number("yaw_motor_direction", 1.0) == -1.0
 
@@ -270,7 +270,7 @@ def _battery(flight: Flight) -> Iterator[Row]:
     )
 
 
-PHASE_SCALE = 5000.0
+_PHASE_SCALE = 5000.0
 COSINE_SCALE = 1000.0
 SHORTEST_S = 1.0
 _TOLERANCE = 20.0
@@ -281,7 +281,7 @@ _AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
 _FIELDS = tuple(f"debug[{index}]" for index in range(4))
 
 
-def chirp_rows(flight: Flight) -> tuple[Row, ...]:
+def _chirp_rows(flight: Flight) -> tuple[Row, ...]:
     """Excitation of every axis that was swept, in rad/s at the rate set-point.
 
     This is the sweep as generated, times its amplitude: the controller's lead–lag shaping, which follows, is a known
@@ -299,7 +299,7 @@ def chirp_rows(flight: Flight) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def chirp_maneuvers(flight: Flight) -> tuple[Maneuver, ...]:
+def _chirp_maneuvers(flight: Flight) -> tuple[Maneuver, ...]:
     """Sweeps of at least a second, with the band that was reached."""
     if not is_chirp(flight):
         return ()
@@ -339,7 +339,7 @@ def is_chirp(flight: Flight) -> bool:
 
 
 def _agrees(flight: Flight) -> BoolArray:
-    cosine = COSINE_SCALE * np.cos(flight.field("debug[0]") / PHASE_SCALE)
+    cosine = COSINE_SCALE * np.cos(flight.field("debug[0]") / _PHASE_SCALE)
     logged = flight.field("debug[3]")
     lowered = flight.field("debug[2]") < 10.0 * _DIRECT_HZ + 1.0
     agrees: BoolArray = np.where(

@@ -75,8 +75,8 @@ def read(path: Path, source: Source) -> FlightRecord:
     parameters = _parameters(messages, firmware)
     clock = BootClock.of(messages.values())
     topics = (
-        *message_topics(messages, clock, scaled_raw=firmware == ARDUPILOT),
-        *(pulse_topics(messages, clock, parameters) if firmware == ARDUPILOT else ()),
+        *_message_topics(messages, clock, scaled_raw=firmware == ARDUPILOT),
+        *(_pulse_topics(messages, clock, parameters) if firmware == ARDUPILOT else ()),
     )
     if not topics:
         raise LogError(
@@ -334,7 +334,7 @@ _ATTITUDE_GROUP = 0
 _UNKNOWN_VOLTAGE = 0xFFFF
 
 
-def message_topics(messages: Mapping[str, Messages], clock: BootClock, *, scaled_raw: bool) -> Iterator[Topic]:
+def _message_topics(messages: Mapping[str, Messages], clock: BootClock, *, scaled_raw: bool) -> Iterator[Topic]:
     """Topics of the messages in ``RULES``, best first.
 
     Parameters
@@ -388,7 +388,7 @@ def _valid(rule: Rule, messages: Messages) -> BoolArray:
     return valid
 
 
-def pulse_topics(
+def _pulse_topics(
     messages: Mapping[str, Messages], clock: BootClock, parameters: Mapping[str, float]
 ) -> Iterator[Topic]:
     """Motors and sticks of an ArduPilot vehicle, as far as its parameters say which output is which motor.

@@ -152,7 +152,7 @@ RULES: tuple[Rule, ...] = (
 EXCITATION = "excite"
 """Name under which whatever excites a flight publishes what it adds to the set-points of torque and thrust."""
 
-SETPOINT_EXCITATION = "excite_sp"
+_SETPOINT_EXCITATION = "excite_sp"
 """The same for what is added to a set-point of rate or attitude, in its unit."""
 
 EXCITATION_RULES: tuple[Rule, ...] = (
@@ -168,7 +168,7 @@ EXCITATION_RULES: tuple[Rule, ...] = (
         "x y z",
         "roll_setpoint_excitation pitch_setpoint_excitation yaw_setpoint_excitation",
         optional=True,
-        named=("name", SETPOINT_EXCITATION),
+        named=("name", _SETPOINT_EXCITATION),
     ),
     _rule("debug_key_value", "value", "thrust_excitation", optional=True, named=("key", EXCITATION)),
 )

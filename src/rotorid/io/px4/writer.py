@@ -34,8 +34,8 @@ from rotorid.io.px4.ulog import MAGIC, TYPES, Definitions, Member
 from rotorid.io.tables.mapping import nearest
 from rotorid.typing import AnyArray, FloatArray, IntArray
 
-PROFILE = 25
-DEBUG_PROFILE = 32
+_PROFILE = 25
+_DEBUG_PROFILE = 32
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -233,7 +233,7 @@ def write_px4(
             needed="commands, rates, attitude or position",
         )
     debug = any(topic.name.startswith("debug_") for topic in topics)
-    parameters = {"SDLOG_PROFILE": float(PROFILE + DEBUG_PROFILE * debug), **flight.parameters}
+    parameters = {"SDLOG_PROFILE": float(_PROFILE + _DEBUG_PROFILE * debug), **flight.parameters}
     write_ulog(
         path,
         topics,

@@ -73,7 +73,7 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, s
     if mapping is not None:
         _check(mapping, extract, source.name)
         return assemble(extract.arrays, mapping, source, findings_of((), extract))
-    topics = tuple(topics_of(extract))
+    topics = tuple(_topics_of(extract))
     if not topics:
         raise LogError(
             f"{source.name} holds {_listed(extract.facts['topics'])}",
@@ -92,7 +92,7 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, s
 
 
 def _by_rules() -> dict[str, Any]:
-    return {"by_kind": paths_by_kind() | {kind: ["data"] for kind in PLAIN_KINDS}, "by_topic": {}}
+    return {"by_kind": _paths_by_kind() | {kind: ["data"] for kind in PLAIN_KINDS}, "by_topic": {}}
 
 
 def _by_topic(mapping: ChannelMapping) -> dict[str, list[str]]:
@@ -289,7 +289,7 @@ def rules_for(kind: str, topic: str) -> tuple[Rule, ...]:
     return tuple(found)
 
 
-def paths_by_kind() -> dict[str, list[str]]:
+def _paths_by_kind() -> dict[str, list[str]]:
     """Type of message to everything that the rules read from it."""
     wanted: dict[str, list[str]] = {}
     for rule in RULES:
@@ -298,12 +298,12 @@ def paths_by_kind() -> dict[str, list[str]]:
     return {kind: list(dict.fromkeys(paths)) for kind, paths in wanted.items()}
 
 
-def ignored_bits(rule: Rule) -> int:
+def _ignored_bits(rule: Rule) -> int:
     """Bits of ``type_mask`` that declare the fields of a rule void; zero where there is no mask."""
     return _IGNORED_BITS.get(rule.channels[0], 0) if rule.kind == _MASKED else 0
 
 
-def topics_of(extract: Extract) -> Iterator[Topic]:
+def _topics_of(extract: Extract) -> Iterator[Topic]:
     """Topics that the rules have a name for, best first.
 
     Of two topics of one type the one without ``raw`` in its name comes first; then the names decide.
@@ -329,7 +329,7 @@ def topics_of(extract: Extract) -> Iterator[Topic]:
             yield _plain(topic, name, arrays)
 
 
-def stamps_of(topic: str, arrays: Mapping[str, AnyArray], clocks: tuple[str, ...] = ()) -> tuple[FloatArray, str]:
+def _stamps_of(topic: str, arrays: Mapping[str, AnyArray], clocks: tuple[str, ...] = ()) -> tuple[FloatArray, str]:
     """Stamps of a topic in seconds, and the path that they come from.
 
     A stamp counts when it moves: a header that nobody filled in stays at zero.
@@ -382,7 +382,7 @@ def _topic(rule: Rule, topic: str, arrays: Mapping[str, AnyArray], frames: tuple
     sources = [f"{topic}.{name}" for name in fields]
     if len(names) < len(fields):
         sources = [f"{topic}.{fields[0].removesuffix('.x').removesuffix('[0]')}"] * len(names)
-    stamps, _ = stamps_of(topic, {f"{topic}.{name}": array for name, array in arrays.items()}, rule.clocks)
+    stamps, _ = _stamps_of(topic, {f"{topic}.{name}": array for name, array in arrays.items()}, rule.clocks)
     return Topic(
         name=topic,
         time_s=stamps[kept],
@@ -402,7 +402,7 @@ def _meant(rule: Rule, arrays: Mapping[str, AnyArray], raw: FloatArray) -> BoolA
     if rule.only is not None and rule.only[0] in arrays:
         meant &= arrays[rule.only[0]] == rule.only[1]
     if "type_mask" in arrays:
-        meant &= (arrays["type_mask"].astype(np.int64) & ignored_bits(rule)) == 0
+        meant &= (arrays["type_mask"].astype(np.int64) & _ignored_bits(rule)) == 0
     if rule.axes == "attitude":
         meant &= np.any(raw != 0.0, axis=0)
     return meant

@@ -299,7 +299,7 @@ _PAGE_BYTES = tuple(1 << power for power in range(9, 17))
 _DATABASE_LANGUAGES = {"ros2msg": "msg", "ros2idl": "idl"}
 
 
-def walk_database(path: Path) -> Iterator[Item]:
+def _walk_database(path: Path) -> Iterator[Item]:
     """Messages of a database in the order in which they were stored.
 
     A database that was cut is read as far as its pages go; SQLite keeps no checksums, so that a changed byte inside of
@@ -393,7 +393,7 @@ class _Vocabulary:
         self.channels: dict[int, Connection] = {}
 
 
-def walk_mcap(path: Path) -> Iterator[Item]:
+def _walk_mcap(path: Path) -> Iterator[Item]:
     """Messages of a file, up to where it ends or breaks."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         yield from _mcap_items(data)
@@ -484,7 +484,7 @@ def _mcap_record(operation: int, record: bytes, known: _Vocabulary, place: int) 
 _ROS1_MESSAGE, _BAG, _INDEX, _ROS1_CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 
 
-def walk_ros1(path: Path) -> Iterator[Item]:
+def _walk_ros1(path: Path) -> Iterator[Item]:
     """Messages of a bag. After a break nothing tells where the next record starts, and the walk ends."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         # Views into a map must be gone before it closes: the records are copied out one by one.
@@ -682,7 +682,7 @@ class Cursor:
 
 
 _WALKS: Mapping[bytes, Callable[[Path], Iterator[Item]]] = {
-    ROS1_MAGIC: walk_ros1,
-    SQLITE_MAGIC: walk_database,
-    MCAP_MAGIC: walk_mcap,
+    ROS1_MAGIC: _walk_ros1,
+    SQLITE_MAGIC: _walk_database,
+    MCAP_MAGIC: _walk_mcap,
 }

@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.files import write_atomically
-from rotorid.io.tables.mapped import HEADER_RULE, assemble, by_header, sources_of
+from rotorid.io.tables.mapped import HEADER_RULE, assemble, of_columns, sources_of
 from rotorid.io.tables.mapping import ChannelMapping, nearest
 from rotorid.typing import FloatArray
 
@@ -52,17 +51,7 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
         The mapping names a column that does not exist, or the unit of a column is unknown.
     """
     header, separator, first_line = _header(path, source.name)
-    findings: tuple[Finding, ...] = ()
-    if mapping is None:
-        mapping, findings = by_header(header, source.name)
-    missing = [name for name in sources_of(mapping) if name not in header]
-    if missing:
-        close = nearest(missing[0], header)
-        raise UsageError(
-            f"{source.name} has no column {missing[0]!r}",
-            needed=f"one of {', '.join(header[:30])}",
-            remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
-        )
+    mapping, findings = of_columns(header, mapping, source.name)
     wanted = sorted({header.index(name) for name in sources_of(mapping)})
     table = _table(path, source.name, header, wanted, separator, first_line)
     arrays = {header[column]: table[:, place] for place, column in enumerate(wanted)}

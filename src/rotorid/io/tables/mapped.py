@@ -333,6 +333,31 @@ def by_variables(names: Collection[str], file: str) -> ChannelMapping:
     return ChannelMapping(channels=channels, clock=Clock(time=Series(source=clocks[0])))
 
 
+def of_columns(
+    columns: Sequence[str], mapping: ChannelMapping | None, file: str
+) -> tuple[ChannelMapping, tuple[Finding, ...]]:
+    """The mapping of a table: the given one, if the table has its columns, else the one that the header spells out.
+
+    Raises
+    ------
+    UsageError
+        The mapping names a column that does not exist.
+    LogError
+        See :func:`by_header`.
+    """
+    if mapping is None:
+        return by_header(columns, file)
+    missing = [name for name in sources_of(mapping) if name not in columns]
+    if missing:
+        close = nearest(missing[0], columns)
+        raise UsageError(
+            f"{file} has no column {missing[0]!r}",
+            needed=f"one of {', '.join(columns[:30])}",
+            remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
+        )
+    return mapping, ()
+
+
 def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[Finding, ...]]:
     """The mapping that the columns ``name [unit]`` of a table spell out, and what was left out.
 

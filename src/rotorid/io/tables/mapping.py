@@ -224,10 +224,10 @@ class ChannelMapping:
             )
 
 
-SERIES_KEYS = ("source", "unit", "scale", "offset", "row", "column")
+_SERIES_KEYS = ("source", "unit", "scale", "offset", "row", "column")
 FRAME_KEYS = ("frame", "world")
 _PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
-_CHANNEL_KEYS = (*SERIES_KEYS, *_PLACE_KEYS)
+_CHANNEL_KEYS = (*_SERIES_KEYS, *_PLACE_KEYS)
 _VECTOR_KEYS = ("sources", "source", "by", "unit", "scale", *_PLACE_KEYS)
 
 _LARGEST_BYTES = 20_000
@@ -336,10 +336,10 @@ def _channels(
 ) -> tuple[tuple[MappedChannel, ...], MappedAttitude | None]:
     """All channels, those of vectors among them, and the quaternion."""
     tables = table(document.get("channels", {}), f"{where}: [channels]")
-    channels = [read_channel(name, value, frames, f"{where}: [channels.{name}]") for name, value in tables.items()]
+    channels = [_read_channel(name, value, frames, f"{where}: [channels.{name}]") for name, value in tables.items()]
     attitude = None
     for name, value in table(document.get("vectors", {}), f"{where}: [vectors]").items():
-        found, quaternion = read_vector(name, value, frames, f"{where}: [vectors.{name}]")
+        found, quaternion = _read_vector(name, value, frames, f"{where}: [vectors.{name}]")
         channels += found
         attitude = quaternion or attitude
     if not channels and attitude is None:
@@ -537,7 +537,7 @@ def read_frames(values: Mapping[str, Any], where: str, outer: Frames | None = No
     return Frames(frame=cast("BodyFrame", frame), world=cast("WorldFrame", world), where=where)
 
 
-def read_channel(name: str, value: object, frames: Frames, where: str) -> MappedChannel:
+def _read_channel(name: str, value: object, frames: Frames, where: str) -> MappedChannel:
     """A table ``[channels.NAME]``."""
     values = table(value, where)
     only_keys(values, _CHANNEL_KEYS, where)
@@ -549,7 +549,7 @@ def read_channel(name: str, value: object, frames: Frames, where: str) -> Mapped
     return MappedChannel(name=name, samples=series, time=_own_time(values, where))
 
 
-def read_vector(
+def _read_vector(
     name: str, value: object, frames: Frames, where: str
 ) -> tuple[tuple[MappedChannel, ...], MappedAttitude | None]:
     """A table ``[vectors.NAME]``: the channels that it spells out, or the quaternion."""

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
-from rotorid.errors import LogError, UsageError
+from rotorid.errors import LogError
 from rotorid.io import sandbox as sandboxed
 from rotorid.io.files import UnpackLimits
 from rotorid.io.sandbox import Extract
-from rotorid.io.tables.mapped import assemble, by_header, sources_of
-from rotorid.io.tables.mapping import ChannelMapping, nearest
+from rotorid.io.tables.mapped import assemble, of_columns, sources_of
+from rotorid.io.tables.mapping import ChannelMapping
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -62,17 +61,7 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, s
     options = {"names": list(sources_of(mapping)) if mapping else []}
     found = sandboxed.extract("parquet", path, options, name=source.name) if sandbox else extract(path, options)
     columns: list[str] = found.facts["columns"]
-    findings: tuple[Finding, ...] = ()
-    if mapping is None:
-        mapping, findings = by_header(columns, source.name)
-    missing = [name for name in sources_of(mapping) if name not in columns]
-    if missing:
-        close = nearest(missing[0], columns)
-        raise UsageError(
-            f"{source.name} has no column {missing[0]!r}",
-            needed=f"one of {', '.join(columns[:30])}",
-            remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
-        )
+    mapping, findings = of_columns(columns, mapping, source.name)
     return assemble(found.arrays, mapping, source, findings)
 
 
