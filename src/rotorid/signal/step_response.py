@@ -147,7 +147,9 @@ def step_responses(history: TimeHistory, *, command: str, response: str) -> tupl
     asked, answer = history[command], history[response]
     starts = _starts(asked)
     ends = [0, *starts, asked.size]
-    return tuple(_one(history.time_s, asked, answer, part) for part in zip(ends, ends[1:], ends[2:], strict=False))
+    return tuple(
+        _step_response(history.time_s, asked, answer, part) for part in zip(ends, ends[1:], ends[2:], strict=False)
+    )
 
 
 def rise_time_bandwidth(steps: Sequence[StepResponse]) -> Bandwidth:
@@ -202,7 +204,9 @@ def _starts(asked: FloatArray) -> list[int]:
     return [] if span == 0.0 else [int(k) + 1 for k in np.flatnonzero(changes >= _JUMP * span)]
 
 
-def _one(time_s: FloatArray, asked: FloatArray, answer: FloatArray, part: tuple[int, int, int]) -> StepResponse:
+def _step_response(
+    time_s: FloatArray, asked: FloatArray, answer: FloatArray, part: tuple[int, int, int]
+) -> StepResponse:
     before, start, stop = part
     after = answer[start:stop]
     if after.size < _SHORTEST:

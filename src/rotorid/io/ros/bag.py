@@ -336,12 +336,12 @@ def _stamps_of(topic: str, arrays: Mapping[str, AnyArray], clocks: tuple[str, ..
     """
     held = _of_topic(topic, arrays)
     for path, factor in (*((clock, _MICROSECOND) for clock in clocks), (STAMP, 1.0)):
-        if path in held and _moves(held[path]):
+        if path in held and _stamps_rise(held[path]):
             return np.asarray(held[path] * factor, dtype=np.float64), path
     return np.asarray(held[RECEIVED], dtype=np.float64), RECEIVED
 
 
-def _moves(stamps: AnyArray) -> bool:
+def _stamps_rise(stamps: AnyArray) -> bool:
     return bool(np.isfinite(stamps).all() and stamps.min() > 0.0 and (stamps.size == 1 or np.ptp(stamps) > 0.0))
 
 
