@@ -1,29 +1,39 @@
-"""The command line. Every command calls one or two functions of the library."""
+"""The command line. Every command calls one or two functions of the library.
+
+The command ``NAME`` is the function ``NAME_command`` of ``rotorid.cli.NAME``, loaded when it is asked for: help and
+errors come without the options of all the others.
+"""
 
 from __future__ import annotations
 
 import io
 import os
 import sys
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from rotorid import __version__
-from rotorid.cli.compare import compare_command
 from rotorid.cli.console import listen, say
-from rotorid.cli.delay import delay_command
-from rotorid.cli.demo import demo_command
-from rotorid.cli.design import design_command
-from rotorid.cli.identify import identify_command
-from rotorid.cli.inspect import inspect_command
-from rotorid.cli.models import models_command
-from rotorid.cli.options import with_options
-from rotorid.cli.response import response_command
-from rotorid.cli.simulate import simulate_command
-from rotorid.cli.vehicles import vehicles_command
-from rotorid.cli.verify import verify_command
 from rotorid.errors import RotoridError
+
+COMMANDS = {
+    "demo": "Fly the built-in vehicle, identify it, write the report.",
+    "inspect": "Say what is in a log and what it can support.",
+    "response": "Estimate frequency responses and margins.",
+    "identify": "Identify a model from flight logs.",
+    "verify": "Judge an identified model on data that it has not seen.",
+    "compare": "Put models and methods side by side.",
+    "delay": "Estimate delays as fractions of a sample.",
+    "design": "Plan a flight: test inputs, what they will tell, files.",
+    "simulate": "Fly a vehicle of the library, and write its log.",
+    "models": "List the models of the library, or print one.",
+    "vehicles": "List the vehicles of the library.",
+}
+"""Every command, and what it does in a line of ``rotorid --help``; its own help says more."""
 
 # The matrices of this package are small: threads inside one product cost more than they bring, tenfold under load.
 # Read when NumPy is first imported, which the commands do later.
@@ -32,28 +42,52 @@ for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 
 _INTERRUPTED = 130
 
+_WORDS: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False, "rich_markup_mode": None}
+
+
+class Commands(Mapping[str, Any]):
+    """The commands by name, each loaded when it is looked up."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in COMMANDS:
+            raise KeyError(name)
+        from rotorid.cli.options import with_options
+
+        alone = typer.Typer(**_WORDS)
+        alone.command(name)(with_options(getattr(import_module(f"rotorid.cli.{name}"), f"{name}_command")))
+        return typer.main.get_command(alone)
+
+
+class Group(TyperGroup):
+    """All commands, of which the list loads none."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = Commands()  # type: ignore[assignment]
+
+    def list_commands(self, _: Any) -> list[str]:
+        """Names of the commands."""
+        return list(COMMANDS)
+
+    def format_commands(self, _: Any, formatter: Any) -> None:
+        """What the help says of them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
 app = typer.Typer(
     name="rotorid",
+    cls=Group,
     help="System identification for multirotors: flight log in, model with honest bounds and a report out.",
     no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
+    **_WORDS,
 )
-for _name, _command in (
-    ("demo", demo_command),
-    ("inspect", inspect_command),
-    ("response", response_command),
-    ("identify", identify_command),
-    ("verify", verify_command),
-    ("compare", compare_command),
-    ("delay", delay_command),
-    ("design", design_command),
-    ("simulate", simulate_command),
-    ("models", models_command),
-    ("vehicles", vehicles_command),
-):
-    app.command(_name)(with_options(_command))
 
 
 def _version(asked: bool) -> None:
