@@ -35,19 +35,19 @@ class Disturbance(Immutable):
         ``(y + u, y + u, f)``.
     level
         Densities of the disturbances as the errors of the estimate were stated with, shape ``(y, f)``.
-    weakness
+    weak_instrument
         Factor on the stated errors because instruments are weak, shape ``(y, u, f)``; one for a strong one.
     """
 
     densities: ComplexArray
     level: FloatArray
-    weakness: FloatArray
+    weak_instrument: FloatArray
 
     def __post_init__(self) -> None:
         self._set(
             densities=read_only(self.densities, np.complex128, ndim=3),
             level=read_only(self.level, np.float64, ndim=2),
-            weakness=read_only(self.weakness, np.float64, ndim=3),
+            weak_instrument=read_only(self.weak_instrument, np.float64, ndim=3),
         )
 
 

@@ -95,7 +95,7 @@ def _groups(poles: ComplexArray) -> list[list[int]]:
 
 
 def _width(poles: ComplexArray, real: Sequence[int]) -> float:
-    return float(sum(abs(poles[one] - poles[two]) for one, two in zip(real[::2], real[1::2], strict=True)))
+    return float(sum(abs(poles[first] - poles[second]) for first, second in zip(real[::2], real[1::2], strict=True)))
 
 
 def _check_apart(poles: ComplexArray, groups: Sequence[Sequence[int]]) -> None:
@@ -151,7 +151,7 @@ def black_box(
     inputs, outputs
         Names of the channels.
     delays
-        Whether every input may come late, by ``tau`` or ``tau_INPUT`` in seconds.
+        Whether every input may be delayed, by ``tau`` or ``tau_INPUT`` in seconds.
     stable
         Whether no mode may grow: a section decays just where its ``a0`` and ``a1`` are positive, so that bounds do it.
     references
@@ -185,8 +185,8 @@ def black_box(
         if output not in outputs:
             raise no_such("output", output, outputs)
     block = _Block.of(sections, tuple(inputs), tuple(outputs), scales, tail="")
-    late = {u: "tau" if len(inputs) == 1 else f"tau_{u}" for u in inputs} if delays else {}
-    return _structure(f"black_box:{order}", [block], late, stable=stable)
+    delays_of = {u: "tau" if len(inputs) == 1 else f"tau_{u}" for u in inputs} if delays else {}
+    return _structure(f"black_box:{order}", [block], delays_of, stable=stable)
 
 
 def black_box_pairs(
@@ -228,8 +228,8 @@ def black_box_pairs(
             raise ModelError(f"the {kind} {twice[0]} stands in two pairs", needed="every channel in one pair")
     sections = _sections(order)
     blocks = [_Block.of(sections, (u,), (y,), (y,) * len(sections), tail=f"_{y}") for u, y in pairs]
-    late = {u: f"tau_{y}" for u, y in pairs} if delays else {}
-    return _structure(f"black_box:{order}", blocks, late, stable=stable)
+    delays_of = {u: f"tau_{y}" for u, y in pairs} if delays else {}
+    return _structure(f"black_box:{order}", blocks, delays_of, stable=stable)
 
 
 def from_state_space(A: FloatArray, B: FloatArray, C: FloatArray, structure: LinearStructure) -> ParameterSet:
@@ -399,9 +399,9 @@ class _Block(NamedTuple):
         return cls(inputs, outputs, tuple(_Section(k, xs, inputs, outputs, y, tail) for k, (xs, y) in named))
 
 
-def _structure(name: str, blocks: Sequence[_Block], late: Mapping[str, str], *, stable: bool) -> LinearStructure:
+def _structure(name: str, blocks: Sequence[_Block], delays: Mapping[str, str], *, stable: bool) -> LinearStructure:
     sections = [section for block in blocks for section in block.sections]
-    delays = [Parameter(name=tau, unit="s", lower=0.0, upper=LONGEST_DELAY_S, value=0.0) for tau in late.values()]
+    taus = [Parameter(name=tau, unit="s", lower=0.0, upper=LONGEST_DELAY_S, value=0.0) for tau in delays.values()]
     return structure_from_equations(
         name=name,
         inputs=[u for block in blocks for u in block.inputs],
@@ -412,8 +412,8 @@ def _structure(name: str, blocks: Sequence[_Block], late: Mapping[str, str], *, 
             for block in blocks
             for y in block.outputs
         ],
-        delays=late,
-        parameters=ParameterSet([*(p for section in sections for p in section.parameters(stable=stable)), *delays]),
+        delays=delays,
+        parameters=ParameterSet([*(p for section in sections for p in section.parameters(stable=stable)), *taus]),
         source="parallel sections in observable companion form",
     )
 

@@ -98,7 +98,7 @@ def structure_from_equations(
     rows = [dynamic_rows(text, symbols) for text in equations]
     check_equations(rows, symbols.states)
     seen = [output_rows(text, symbols) for text in outputs]
-    names = tuple(one.name for one in seen)
+    names = tuple(row.name for row in seen)
     delayed = {key: Expression.parse(value) for key, value in (delays or {}).items()}
     for key in delayed:
         check_delayed(key, symbols.inputs, names)

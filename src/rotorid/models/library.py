@@ -327,9 +327,9 @@ def response_model(name: str, pairs: Sequence[tuple[str, str]]) -> LinearStructu
     return structure_from_equations(
         name=name,
         inputs=[u for u, _ in pairs],
-        states=[state for one in written for state in one.states],
-        equations=[equation for one in written for equation in one.equations],
-        outputs=[one.output for one in written],
+        states=[state for response in written for state in response.states],
+        equations=[equation for response in written for equation in response.equations],
+        outputs=[response.output for response in written],
         delays={u: f"tau_{y}" for u, y in pairs} if form.delay else None,
         parameters=ParameterSet(parameter for u, y in pairs for parameter in _response_parameters(u, y, form)),
         gain=f"K_{pairs[0][1]}" if len(pairs) == 1 else None,

@@ -394,16 +394,14 @@ def _inertia(values: Mapping[str, float], covariance: Mapping[tuple[str, str], f
         ]
     if len(known) < 3:
         return []
-    return [_weighed(one, values, covariance) for one in check_inertia(*(values[name] for name in _INERTIA))]
+    return [_weighed(finding, values, covariance) for finding in check_inertia(*(values[name] for name in _INERTIA))]
 
 
 def _weighed(finding: Finding, values: Mapping[str, float], covariance: Mapping[tuple[str, str], float]) -> Finding:
     """A violation that the uncertainty explains is none."""
     signs = {name: 1.0 if name == finding.where else -1.0 for name in _INERTIA}
     excess = sum(sign * values[name] for name, sign in signs.items())
-    variance = sum(
-        signs[one] * signs[other] * _of_pair(covariance, one, other) for one in _INERTIA for other in _INERTIA
-    )
+    variance = sum(signs[a] * signs[b] * _of_pair(covariance, a, b) for a in _INERTIA for b in _INERTIA)
     reach = _TWO_SIDED * math.sqrt(max(variance, 0.0))
     numbers = {**finding.numbers, "excess_kg_m2": excess, "interval_kg_m2": reach}
     if excess > reach:
@@ -455,7 +453,7 @@ def _slope_std(outputs: FloatArray, covariance: Mapping[tuple[str, str], float])
     """Standard deviation of the slope of the curve at some outputs."""
     powers = range(1, len(_TERMS))
     slopes = np.stack([power * outputs ** (power - 1) for power in powers])
-    spread = np.array([[_of_pair(covariance, _TERMS[one], _TERMS[other]) for other in powers] for one in powers])
+    spread = np.array([[_of_pair(covariance, _TERMS[a], _TERMS[b]) for b in powers] for a in powers])
     return np.asarray(np.sqrt(np.maximum(np.einsum("in,ij,jn->n", slopes, spread, slopes), 0.0)))
 
 

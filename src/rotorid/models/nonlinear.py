@@ -317,7 +317,7 @@ def nonlinear_structure(
         name=name,
         inputs=symbols.inputs,
         states=symbols.states,
-        outputs=tuple(one for one, _ in seen),
+        outputs=tuple(key for key, _ in seen),
         equations=tuple(rates[f"{state}'"] for state in symbols.states),
         output_equations=tuple(expression for _, expression in seen),
         input_delays=tuple(delayed.get(key, Expression()) for key in symbols.inputs),
@@ -529,7 +529,7 @@ def flight_structure(
         equations=(*rates, *(rate for part in parts.values() for rate in part.rates), meant["psi_dot"]),
         output_equations=tuple(parsed[output] for output in _OUTPUTS),
         input_delays=tuple(part.delay for part in parts.values()),
-        parameters=ParameterSet((*drag, *(one for part in parts.values() for one in part.parameters))),
+        parameters=ParameterSet((*drag, *(parameter for part in parts.values() for parameter in part.parameters))),
         constants={"g": gravity_m_s2},
         starts={state: Expression.symbol(output) for state, output in ({s: s for s in measured} | own).items()},
         source="Bebop 2 identification from motion capture in the time domain, appendix B",
@@ -545,7 +545,7 @@ def _part(axis: str, model: LinearStructure) -> _Part:
     if sorted(lags) != [[j] for j in range(len(model.states))]:
         raise ModelError(f"the equations of the axis {axis} hold several derivatives", needed="one derivative in each")
     states = tuple(f"{axis}_{state}" for state in model.states)
-    new = {one: Expression.symbol(f"{one}_{axis}") for one in model.parameters.names}
+    new = {known: Expression.symbol(f"{known}_{axis}") for known in model.parameters.names}
     inside: dict[str, Expression | float] = {**model.constants, **new}
     signals = [Expression.symbol(state) for state in (*states, *model.inputs)]
     rates = dict.fromkeys(range(len(states)), Expression())
@@ -554,8 +554,12 @@ def _part(axis: str, model: LinearStructure) -> _Part:
     ordered = tuple(rates[j] for j in range(len(states)))
     output = _total((*model.H0[0], *model.H1[0]), [*signals[:-1], *ordered], inside)
     parameters = tuple(
-        replace(one, name=f"{one.name}_{axis}", tied=one.tied.substitute(inside) if one.tied is not None else None)
-        for one in model.parameters
+        replace(
+            parameter,
+            name=f"{parameter.name}_{axis}",
+            tied=parameter.tied.substitute(inside) if parameter.tied is not None else None,
+        )
+        for parameter in model.parameters
     )
     delay = (model.input_delays[0] + model.output_delays[0]).substitute(inside)
     return _Part(model.inputs[0], states, ordered, output, delay, parameters)

@@ -207,7 +207,7 @@ class Network:
 def no_such(kind: str, name: str, known: Iterable[str]) -> ModelError:
     """The error for a name that does not exist, with the nearest one that does."""
     names = tuple(known)
-    near = difflib.get_close_matches(name, names, n=1) or [one for one in names if name and one.startswith(name)]
+    near = difflib.get_close_matches(name, names, n=1) or [other for other in names if name and other.startswith(name)]
     return ModelError(
         f"there is no {kind} {name!r}",
         needed=f"one of {', '.join(names)}" if names else f"no {kind} at all",

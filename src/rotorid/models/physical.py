@@ -468,7 +468,7 @@ class _Problem:
 
     def gradient(self, values: Mapping[str, float], name: str) -> FloatArray:
         """Of one physical parameter by the free ones."""
-        return np.array([self.complete(_stepped(values, one))[name].imag / _STEP for one in self.free])
+        return np.array([self.complete(_stepped(values, moved))[name].imag / _STEP for moved in self.free])
 
     def start(self) -> dict[str, float]:
         """Magnitudes that fit: nearly all relations are products, and so straight lines in the logarithms."""
@@ -551,7 +551,7 @@ class _Problem:
 
 
 def _stepped(values: Mapping[str, float], name: str) -> dict[str, complex]:
-    return {one: complex(value, _STEP * (one == name)) for one, value in values.items()}
+    return {known: complex(value, _STEP * (known == name)) for known, value in values.items()}
 
 
 def _checked(

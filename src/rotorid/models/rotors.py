@@ -332,7 +332,9 @@ def _rotor(rotor: Mapping[str, Any], where: str) -> tuple[FloatArray, float, Flo
 
 def _vector(value: Any, where: str) -> FloatArray:
     numbers = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
-    if len(numbers) != 3 or not all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers):
+    if len(numbers) != 3 or not all(
+        isinstance(number, int | float) and not isinstance(number, bool) for number in numbers
+    ):
         raise ModelError(f"{where} is {value!r}", needed="three numbers: forward, right, down")
     return np.array(numbers, dtype=np.float64)
 

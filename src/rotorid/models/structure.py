@@ -39,15 +39,15 @@ class Places(Immutable):
         Minus one for the entries of ``M``, shape ``(n,)``.
     derivative
         Whether the entry stands in front of a derivative, shape ``(n,)``.
-    late
-        Which responses a delay makes later, shape ``(y, u, delays)``.
+    delayed
+        Which responses each delay enters, shape ``(y, u, delays)``.
     """
 
     rows: IntArray
     columns: IntArray
     signs: FloatArray
     derivative: BoolArray
-    late: FloatArray
+    delayed: FloatArray
 
     @classmethod
     def of(cls, moving: BoolArray, states: int, inputs: int, outputs: int) -> Places:
@@ -61,15 +61,15 @@ class Places(Immutable):
         )
         every = [(name, i, j) for name, height, width in blocks for i, j in np.ndindex(height, width)]
         moved = [place for place, moves in zip(every, moving, strict=False) if moves]
-        late = np.zeros((outputs, inputs, inputs + outputs))
-        late[:, range(inputs), range(inputs)] = 1.0
-        late[range(outputs), :, range(inputs, inputs + outputs)] = 1.0
+        delayed = np.zeros((outputs, inputs, inputs + outputs))
+        delayed[:, range(inputs), range(inputs)] = 1.0
+        delayed[range(outputs), :, range(inputs, inputs + outputs)] = 1.0
         return cls(
             rows=np.array([states + i if name in ("H0", "H1") else i for name, i, _ in moved], dtype=int),
             columns=np.array([states + j if name == "G" else j for name, _, j in moved], dtype=int),
             signs=np.array([-1.0 if name == "M" else 1.0 for name, _, _ in moved]),
             derivative=np.array([name in ("M", "H1") for name, _, _ in moved], dtype=bool),
-            late=late[:, :, moving[len(every) :]],
+            delayed=delayed[:, :, moving[len(every) :]],
         )
 
     def jacobian(
@@ -107,17 +107,17 @@ class Places(Immutable):
         jacobian = moved.view(np.complex128).reshape(k, y, u, f)
         delays = moves[n:]
         for direction in np.flatnonzero(delays.any(axis=0)):
-            later = self.late @ delays[:, direction]
-            jacobian[direction] -= later[..., None] * (jw * response)
+            longer_s = self.delayed @ delays[:, direction]
+            jacobian[direction] -= longer_s[..., None] * (jw * response)
         return jacobian
 
 
-def _with_diagonal(factor: ComplexArray, late: ComplexArray) -> ComplexArray:
+def _with_diagonal(factor: ComplexArray, delays: ComplexArray) -> ComplexArray:
     """The factor, and under it the diagonal matrix of the delays: shape ``(x + n, n, f)``."""
     states, channels, points = factor.shape
     whole = np.zeros((states + channels, channels, points), dtype=np.complex128)
     whole[:states] = factor
-    whole[range(states, states + channels), range(channels)] = late
+    whole[range(states, states + channels), range(channels)] = delays
     return whole
 
 

@@ -84,7 +84,7 @@ class PolynomialCurve(Immutable):
     coefficients: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        coefficients = tuple(float(one) for one in self.coefficients)
+        coefficients = tuple(map(float, self.coefficients))
         if len(coefficients) < 2 or not np.isfinite(coefficients).all():
             raise ModelError(f"the coefficients {coefficients} came", needed="two finite ones or more, constant first")
         self._set(coefficients=coefficients)

@@ -99,7 +99,8 @@ def from_toml(text: str, *, where: str = "the model") -> LinearStructure:
     source = Source(text=text, where=where)
     table = _table(source)
     _check_linear_keys(table, source)
-    model = _model(_Equations if "equations" in table else _Matrices, table, source)
+    model: _Equations | _Matrices
+    model = _model(_Equations, table, source) if "equations" in table else _model(_Matrices, table, source)
     for name in model.constants:
         if name in model.parameters.names:
             raise source.error(("constants", name), f"{name} is a parameter and a constant", needed="different names")

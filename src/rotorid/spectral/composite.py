@@ -221,7 +221,7 @@ class Composed:
         Random error of each window alone, shape ``(u, w, f)``; not a number where it does not count.
     multiple_coherence
         Share of the output's power that all inputs explain, shape ``(f,)``.
-    weakness
+    weak_instrument
         Factor on the errors because instruments are weak, shape ``(u, f)``.
     """
 
@@ -232,7 +232,7 @@ class Composed:
     share: FloatArray
     window_error: FloatArray
     multiple_coherence: FloatArray
-    weakness: FloatArray
+    weak_instrument: FloatArray
 
     def at(self, points: BoolArray) -> Composed:
         """The same at some of the frequencies only; ``points`` has shape ``(f,)``."""
@@ -244,7 +244,7 @@ class Composed:
             share=self.share[..., points],
             window_error=self.window_error[..., points],
             multiple_coherence=self.multiple_coherence[points],
-            weakness=self.weakness[:, points],
+            weak_instrument=self.weak_instrument[:, points],
         )
 
 
@@ -286,7 +286,7 @@ class Composer:
         """
         parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
         columns = [self._one(parts, index, draft) for index in range(len(self.windows[0].inputs))]
-        values, coherence, error, covariance, share, single, weakness = (
+        values, coherence, error, covariance, share, single, weak_instrument = (
             np.stack(arrays) for arrays in zip(*columns, strict=True)
         )
         mean = share.mean(axis=0)
@@ -301,7 +301,7 @@ class Composer:
             share=share,
             window_error=single,
             multiple_coherence=explained,
-            weakness=weakness,
+            weak_instrument=weak_instrument,
         )
 
     @property
@@ -335,9 +335,17 @@ class Composer:
             averages = np.sum(share * self._averages, axis=0)
             error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.spectra.overlap)
             return values, coherence, error, np.zeros(0, dtype=np.complex128), share, single, np.ones_like(error)
-        covariance, weakness = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
+        covariance, weak_instrument = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
         spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(values)
-        return values, coherence, np.minimum(spread, _LARGEST_PUBLISHED_ERROR), covariance, share, single, weakness
+        return (
+            values,
+            coherence,
+            np.minimum(spread, _LARGEST_PUBLISHED_ERROR),
+            covariance,
+            share,
+            single,
+            weak_instrument,
+        )
 
     def _best_share(self, index: int, noise: FloatArray, size: FloatArray) -> FloatArray:
         """Shares of the least error, from how a disturbance at each moment enters each window's estimate."""
@@ -524,7 +532,7 @@ def disturbance_of(
     return Disturbance(
         densities=np.moveaxis(total, 0, -1)[..., points],
         level=smoothed(level.astype(np.complex128)).real.T[:, points],
-        weakness=np.stack([part.weakness for part in parts])[..., points],
+        weak_instrument=np.stack([part.weak_instrument for part in parts])[..., points],
     )
 
 
@@ -566,7 +574,7 @@ def level_about(disturbance: Disturbance, difference: ComplexArray) -> FloatArra
     power = np.einsum("yyf->yf", _about(disturbance, difference)).real
     # Without noise there is nothing but rounding on either side.
     factor = np.sqrt(np.maximum(power, _TINY) / np.maximum(disturbance.level, _TINY))
-    return np.asarray(np.clip(factor, _LEAST_FACTOR, _LARGEST_FACTOR)[:, None, :] / disturbance.weakness)
+    return np.asarray(np.clip(factor, _LEAST_FACTOR, _LARGEST_FACTOR)[:, None, :] / disturbance.weak_instrument)
 
 
 def _about(disturbance: Disturbance, difference: ComplexArray | None) -> ComplexArray:
