@@ -23,29 +23,29 @@ def bebop(shared_data: Path, folder: str, band_rad_s: tuple[float, float] | None
 
 def test_bebop_as_measured(shared_data: Path) -> None:
     found = bebop(shared_data, "unfiltered")
-    assert set(found.document.pairs) == {
+    assert set(found.pairs) == {
         "phi/phi_setpoint",
         "theta/theta_setpoint",
         "velocity_down/velocity_down_setpoint",
     }
-    for name, pair in found.document.pairs.items():
+    for name, pair in found.pairs.items():
         assert pair.recommended.order == "second order", name
         assert pair.recommended.delay_s == pytest.approx(0.070, abs=0.020), name
-    assert "acausal_output" not in {finding.kind for finding in found.document.findings}
+    assert "acausal_output" not in {finding.kind for finding in found.findings}
 
 
 def test_bebop_filtered_is_explained(shared_data: Path) -> None:
     found = bebop(shared_data, "ident")
-    explained = {finding.where for finding in found.document.findings if finding.kind == "acausal_output"}
-    assert explained == set(found.document.pairs)
+    explained = {finding.where for finding in found.findings if finding.kind == "acausal_output"}
+    assert explained == set(found.pairs)
     # What the paper met: on roll and pitch a second order with delay wants a negative one.
     for name in ("phi/phi_setpoint", "theta/theta_setpoint"):
-        pair = found.document.pairs[name]
+        pair = found.pairs[name]
         assert pair.whole_band is not None
         assert pair.whole_band.delay_s < 0.0
         # What is said instead is what the same flights say below the cutoff before they are filtered: without phase,
         # and with nearly all of the magnitude, the filter changes it by little against what noise does.
-        measured = bebop(shared_data, "unfiltered", pair.recommended.band_rad_s).document.pairs[name].recommended
+        measured = bebop(shared_data, "unfiltered", pair.recommended.band_rad_s).pairs[name].recommended
         assert measured.order == pair.recommended.order
         assert pair.recommended.std_s is not None
         assert abs(pair.recommended.delay_s - measured.delay_s) < 0.1 * pair.recommended.std_s
@@ -65,14 +65,14 @@ def test_rig_has_delay_and_lag(shared_data: Path) -> None:
 
 def test_simulated_airframe_in_closed_loop(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "s500" / "pitch_sweeps.csv")
-    found = delays([record], input="pitch_command", output="q").document.pairs["q/pitch_command"]
+    found = delays([record], input="pitch_command", output="q").pairs["q/pitch_command"]
     assert found.recommended.method == "response"
     assert found.recommended.delay_s == pytest.approx(37.5e-3, abs=0.5e-3)
 
 
 def test_simulated_autopilot(shared_data: Path, unpacked: Callable[[str], Path]) -> None:
     record = rotorid.read(unpacked("ardupilot_sitl/x_calm_roll.BIN"))
-    found = delays([record], input="roll_command", output="p").document.pairs["p/roll_command"]
+    found = delays([record], input="roll_command", output="p").pairs["p/roll_command"]
     # The simulator's delay is 2.4 to 2.5 ms; identified models of it are asked for theirs within 1.5 ms.
     assert found.recommended.delay_s == pytest.approx(2.45e-3, abs=1.5e-3)
 
@@ -80,5 +80,5 @@ def test_simulated_autopilot(shared_data: Path, unpacked: Callable[[str], Path])
 def test_a_log_of_20_megabytes_takes_seconds(unpacked: Callable[[str], Path]) -> None:
     begin = time.process_time()
     found = delays([rotorid.read(unpacked("px4_sitl/roll.ulg"))])
-    assert found.document.pairs
+    assert found.pairs
     assert time.process_time() - begin < LONGEST_S

@@ -153,7 +153,7 @@ def test_yaw_of_a_quad_that_hovers_in_wind_is_its_controller_above_five_and_not_
         outputs=["r"],
         settings=rotorid.ResponseSettings(segments=(hover,), band_rad_s=(0.8, 60.0)),
     )
-    (finding,) = [f for f in found.document.findings if f.kind == "inverse_controller"]
+    (finding,) = [f for f in found.findings if f.kind == "inverse_controller"]
     assert finding.numbers["low_rad_s"] < 5.0
     assert finding.numbers["high_rad_s"] > 40.0
     omega = found.response.omega_rad_s
@@ -179,13 +179,12 @@ def test_roll_and_pitch_of_the_same_flight_are_the_vehicle(
 ) -> None:
     record = rotorid.read(shared_data / "px4" / "zmr250")
     found = rotorid.response([record], inputs=[f"{axis}_command"], outputs=[output])
-    document = found.document
-    assert "inverse_controller" not in {finding.kind for finding in document.findings}
-    assert "no_excitation" in {finding.kind for finding in document.findings}
-    pair = document.pairs[f"{output}/{axis}_command"]
+    assert "inverse_controller" not in {finding.kind for finding in found.findings}
+    assert "no_excitation" in {finding.kind for finding in found.findings}
+    pair = found.pairs[f"{output}/{axis}_command"]
     assert pair.band_rad_s is not None
     assert pair.band_rad_s[1] > 30.0
     for omega, phase in phases_deg.items():
-        seen = np.degrees(np.interp(omega, document.omega_rad_s, pair.phase_rad))
+        seen = np.degrees(np.interp(omega, found.omega_rad_s, pair.phase_rad))
         # What a person read off the same flight, within what its random error and the reading leave.
         assert seen == pytest.approx(phase, abs=15.0)

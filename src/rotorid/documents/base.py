@@ -6,9 +6,9 @@ attributes of the same names, so a value needs no copy of its own for JSON.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 
 class Document(BaseModel):
@@ -17,6 +17,17 @@ class Document(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", from_attributes=True, ser_json_inf_nan="null", populate_by_name=True
     )
+
+
+def _listed(values: Any) -> Any:
+    return values.tolist() if hasattr(values, "tolist") else values
+
+
+Numbers: TypeAlias = Annotated[list[float], BeforeValidator(_listed)]
+"""Numbers of a list or of an array of one dimension."""
+
+Flags: TypeAlias = Annotated[list[bool], BeforeValidator(_listed)]
+"""The same for what is true or false."""
 
 
 class FindingDocument(Document):

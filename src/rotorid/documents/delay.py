@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.documents.base import Document
-from rotorid.documents.result import FindingDocument, ManeuverDocument, ProvenanceDocument
-from rotorid.fitting.delay.estimate import EARLIEST_S, LONGEST_S, DelayAnalysis, DelayEstimate
+from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument
+from rotorid.fitting.delay.estimate import EARLIEST_S, LONGEST_S, DelayEstimate
 from rotorid.fitting.delay.fit import OrderFit
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.delays import Delays, PairDelay
+    from rotorid.pipeline.provenance import Refused
 
 
 class OrderDelayDocument(Document):
@@ -69,21 +72,20 @@ class DelayDocument(Document):
     provenance: ProvenanceDocument
 
 
-def delay_pair_document(
-    analysis: DelayAnalysis, *, feedback: bool, instrument: str | None, maneuvers: list[ManeuverDocument]
-) -> DelayPairDocument:
-    """One pair of channels."""
-    sample_s = analysis.sample_s
-    return DelayPairDocument(
-        sample_s=sample_s,
-        hold=analysis.hold,
-        feedback=feedback,
-        instrument=instrument,
-        recommended=_estimate(analysis.recommended, sample_s),
-        others=[_estimate(one, sample_s) for one in analysis.others],
-        whole_band=_estimate(analysis.as_filtered, sample_s) if analysis.as_filtered else None,
-        maneuvers=maneuvers,
-    )
+def delay_document(result: Delays | Refused) -> DelayDocument:
+    """What ``rotorid delay`` writes; of a refusal its findings alone, and no number."""
+    pairs = {name: _pair(pair) for name, pair in getattr(result, "pairs", {}).items()}
+    return DelayDocument.model_validate({"pairs": pairs, "findings": result.findings, "provenance": result.provenance})
+
+
+def _pair(pair: PairDelay) -> DelayPairDocument:
+    estimates = {
+        "recommended": _estimate(pair.recommended, pair.sample_s),
+        "others": [_estimate(estimate, pair.sample_s) for estimate in pair.others],
+        "whole_band": _estimate(pair.whole_band, pair.sample_s) if pair.whole_band else None,
+    }
+    plain = {name: getattr(pair, name) for name in ("sample_s", "hold", "feedback", "instrument", "maneuvers")}
+    return DelayPairDocument.model_validate(plain | estimates)
 
 
 def _estimate(estimate: DelayEstimate, sample_s: float) -> DelayEstimateDocument:
@@ -91,7 +93,7 @@ def _estimate(estimate: DelayEstimate, sample_s: float) -> DelayEstimateDocument
         method=estimate.method,
         delay_s=estimate.delay_s,
         delay_samples=estimate.delay_s / sample_s,
-        std_s=_telling(estimate.std_s),
+        std_s=_known_std(estimate.std_s),
         interval_s=estimate.interval_s,
         order=estimate.order.words if estimate.order else None,
         meaning=estimate.meaning,
@@ -106,11 +108,11 @@ def _order(fit: OrderFit) -> OrderDelayDocument:
         zeros=fit.order.zeros,
         poles=fit.order.poles,
         delay_s=fit.delay_s,
-        std_s=_telling(fit.std_s),
+        std_s=_known_std(fit.std_s),
         criterion=fit.criterion,
     )
 
 
-def _telling(value: float | None) -> float | None:
-    """A standard deviation, unless it is wider than all that was looked at and so tells nothing."""
+def _known_std(value: float | None) -> float | None:
+    """A standard deviation, unless it is wider than all delays that were tried."""
     return value if value is not None and value < LONGEST_S - EARLIEST_S else None

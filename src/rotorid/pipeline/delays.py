@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 import numpy as np
 
-from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.base import Immutable
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, refusal, warn, worst_first
 from rotorid.data.record import STANDARD_UNITS, FlightRecord
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.delay import DelayDocument, DelayPairDocument, delay_pair_document
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.delay.estimate import DelayAnalysis, estimate_delay, same_rate
-from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
+from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
 from rotorid.pipeline.instruments import Flown, axes_of, find_instrument, is_command
 from rotorid.pipeline.measure import measure
+from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.segments import cut, histories, other_sources
 from rotorid.pipeline.selection import chosen_maneuvers, default_pairs, each_once
@@ -30,19 +31,98 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Delays:
-    """A finished run of ``delay``.
+class PairDelay(Immutable):
+    """The delay from one input to one output.
 
     Parameters
     ----------
-    document
-        What ``delay.json`` holds.
-    analyses
-        The numbers behind it, by pair ``output/input``.
+    analysis
+        Estimates by all methods.
+    feedback
+        Whether the input contains feedback of the output.
+    instrument
+        The channel that removes the bias of feedback; ``None`` where there is no feedback, or no such channel.
+    flights
+        Records and maneuvers that were used.
+    findings
+        Remarks on this pair.
     """
 
-    document: DelayDocument
-    analyses: dict[str, DelayAnalysis]
+    analysis: DelayAnalysis
+    feedback: bool
+    instrument: str | None
+    flights: tuple[Flown, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def recommended(self) -> DelayEstimate:
+        """The estimate to use."""
+        return self.analysis.recommended
+
+    @property
+    def others(self) -> tuple[DelayEstimate, ...]:
+        """Estimates by other methods, for comparison."""
+        return self.analysis.others
+
+    @property
+    def whole_band(self) -> DelayEstimate | None:
+        """What a fit of all of the band says where the outputs had been filtered without phase."""
+        return self.analysis.as_filtered
+
+    @property
+    def sample_s(self) -> float:
+        """Longest sample interval of the records."""
+        return self.analysis.sample_s
+
+    @property
+    def hold(self) -> str:
+        """Whether the input is ``held`` between its samples or ``smooth``; ``mixed`` where records differ."""
+        return self.analysis.hold
+
+    @property
+    def maneuvers(self) -> tuple[LoggedManeuver, ...]:
+        """The maneuvers that were used."""
+        return tuple(logged(record, maneuver) for record, maneuver in self.flights)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Delays(Immutable):
+    """A finished run of :func:`delays`.
+
+    Parameters
+    ----------
+    pairs
+        Delays by pair ``output/input``.
+    findings
+        Remarks, the grave ones first.
+    provenance
+        Where all of it came from.
+    """
+
+    pairs: Mapping[str, PairDelay]
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(pairs=self.pairs)
+
+    def __repr__(self) -> str:
+        return lines_of(self._heading, self._rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._heading, ("what", "which", "says"), self._rows())
+
+    @property
+    def _heading(self) -> str:
+        return f"delays of {len(self.pairs)} pair{'' if len(self.pairs) == 1 else 's'} of channels"
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        rows = []
+        for name, pair in self.pairs.items():
+            estimate = pair.recommended
+            std = "" if estimate.std_s is None else f" ± {1e3 * estimate.std_s:.1f}"
+            rows.append((name, f"{1e3 * estimate.delay_s:.1f}{std} ms", estimate.meaning))
+        return rows + [(f"{f.severity} {f.kind}", f.where, f.message) for f in self.findings]
 
 
 def delays(
@@ -51,7 +131,6 @@ def delays(
     input: str | None = None,
     output: str | None = None,
     settings: MeasureSettings | None = None,
-    command: Sequence[str] = (),
 ) -> Delays:
     """Delays between channels of flight records: what ``rotorid delay`` does.
 
@@ -68,13 +147,11 @@ def delays(
         where no set-point is logged.
     settings
         Choices; everything has a default.
-    command
-        For the provenance of the result.
 
     Returns
     -------
     Delays
-        The document of ``delay.json`` and the numbers behind it.
+        Estimates of every pair, findings and where all came from.
 
     Raises
     ------
@@ -87,14 +164,14 @@ def delays(
     --------
     >>> from rotorid.io.registry import read
     >>> result = delays([read("flight.ulg")], input="phi_setpoint", output="phi")  # doctest: +SKIP
-    >>> result.document.pairs["phi/phi_setpoint"].recommended.delay_s  # doctest: +SKIP
+    >>> result.pairs["phi/phi_setpoint"].recommended.delay_s  # doctest: +SKIP
     0.071
     """
     settings = settings or MeasureSettings()
     each_once(records)
     _require_known(settings.instruments, records)
     pairs = _pairs(records, input, output)
-    found: dict[str, _Pair] = {}
+    found: dict[str, PairDelay] = {}
     refusals: list[Finding] = []
     for source, answer in pairs:
         try:
@@ -117,39 +194,19 @@ def delays(
         *(finding for pair in found.values() for finding in pair.findings),
         *refusals,
     )
-    flown = dict.fromkeys(item for pair in found.values() for item in pair.flown)
+    flights = dict.fromkeys(flight for pair in found.values() for flight in pair.flights)
     return Delays(
-        document=DelayDocument(
-            pairs={name: pair.document for name, pair in found.items()},
-            findings=finding_documents(remarks),
-            provenance=provenance_document(records, settings, command=command, flown=tuple(flown)),
-        ),
-        analyses={name: pair.analysis for name, pair in found.items()},
+        pairs=found,
+        findings=worst_first(remarks),
+        provenance=provenance(records, settings, flights=tuple(flights)),
     )
 
 
 def refused_delay(
-    error: InsufficientDataError,
-    records: Sequence[FlightRecord],
-    *,
-    settings: MeasureSettings,
-    command: Sequence[str] = (),
-) -> DelayDocument:
-    """The document for data that show no delay: its findings say why, and no number is given."""
-    findings = [*(f for record in records for f in record.findings), *error.findings]
-    if not error.findings:
-        findings.append(refusal("no_delay", "delay", str(error)))
-    return DelayDocument(
-        findings=finding_documents(findings), provenance=provenance_document(records, settings, command=command)
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pair:
-    analysis: DelayAnalysis
-    document: DelayPairDocument
-    findings: tuple[Finding, ...]
-    flown: tuple[Flown, ...]
+    error: InsufficientDataError, records: Sequence[FlightRecord], *, settings: MeasureSettings
+) -> Refused:
+    """Why data show no delay: findings alone, and no number."""
+    return refused(error, records, settings, otherwise=refusal("no_delay", "delay", str(error)))
 
 
 def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
@@ -176,7 +233,7 @@ def _require_known(names: Sequence[str], records: Sequence[FlightRecord]) -> Non
             )
 
 
-def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings) -> _Pair:
+def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings) -> PairDelay:
     _PROGRESS.info(f"delay of {output} behind {input}")
     flown, remarks = chosen_maneuvers(records, input, output, settings)
     instrument = _instrument(flown, input, output, settings)
@@ -200,16 +257,12 @@ def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: Me
     )
     by_joint = joint and analysis.recommended.method == "response"
     biased = [_biased(input, output, joint=joint, cause=cause)] if feedback and not by_joint else []
-    return _Pair(
+    return PairDelay(
         analysis=analysis,
-        document=delay_pair_document(
-            analysis,
-            feedback=feedback,
-            instrument=instrument if feedback else None,
-            maneuvers=[maneuver_document(record, maneuver) for record, maneuver in flown],
-        ),
+        feedback=feedback,
+        instrument=instrument if feedback else None,
+        flights=tuple(flown),
         findings=(*remarks, *cutting, *biased, *analysis.findings),
-        flown=tuple(flown),
     )
 
 
@@ -224,7 +277,7 @@ def _cut_apart(
         found, remarks = cut(own, channels=(input, output), shifts=settings.shifts)
         segments += found
         findings += remarks
-    findings += [one for one in other_sources(segments, segments, (input, output)) if one not in findings]
+    findings += [remark for remark in other_sources(segments, segments, (input, output)) if remark not in findings]
     return tuple(segments), tuple(findings)
 
 

@@ -1,4 +1,4 @@
-"""The loop around an axis as the same flight shows it: broken, closed, with margins."""
+"""The loop around an axis as the same flight shows it: the broken loop with its margins, sensitivity, attitude."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.response import EstimatedDocument, LoopDocument
 from rotorid.errors import InsufficientDataError
 from rotorid.models.controller import rate_controller
 from rotorid.pipeline.instruments import Flown
@@ -54,21 +53,32 @@ class AxisLoop:
     rejection: DisturbanceRejection | None
     attitude: AttitudeBandwidth | None
 
-    def document(self) -> LoopDocument:
-        """Numbers with their names and units, and what was not seen."""
-        parts = [part for part in (self.margins, self.rejection, self.attitude) if part is not None]
-        numbers = {}
-        for part in parts:
-            for field in fields(part):
-                value = getattr(part, field.name)
-                if isinstance(value, Estimated):
-                    numbers[_public_name(part, field.name)] = EstimatedDocument(value=value.value, std=value.std)
+    @property
+    def band_rad_s(self) -> tuple[float, float] | None:
+        """Lowest and highest frequency of the broken loop; ``None`` where it was not seen."""
+        return None if self.loop is None else (float(self.loop.omega_rad_s[0]), float(self.loop.omega_rad_s[-1]))
+
+    @property
+    def numbers(self) -> dict[str, Estimated]:
+        """What was seen, by names that hold their units: margins, rejection of disturbances, bandwidths."""
+        found = {
+            _public_name(part, item.name): value
+            for part in self._parts
+            for item in fields(part)
+            if isinstance(value := getattr(part, item.name), Estimated)
+        }
         if self.margins is not None and self.margins.gain_crossovers:
-            crossover = self.margins.gain_crossovers[-1].omega_rad_s
-            numbers["crossover_rad_s"] = EstimatedDocument(value=crossover.value, std=crossover.std)
-        missing = {_public_name(part, name): reason for part in parts for name, reason in part.not_seen.items()}
-        band = None if self.loop is None else (float(self.loop.omega_rad_s[0]), float(self.loop.omega_rad_s[-1]))
-        return LoopDocument(method=self.method, band_rad_s=band, numbers=numbers, not_seen=missing)
+            found["crossover_rad_s"] = self.margins.gain_crossovers[-1].omega_rad_s
+        return found
+
+    @property
+    def not_seen(self) -> dict[str, str]:
+        """Names of what was not seen, to the reason."""
+        return {_public_name(part, name): reason for part in self._parts for name, reason in part.not_seen.items()}
+
+    @property
+    def _parts(self) -> tuple[LoopMargins | DisturbanceRejection | AttitudeBandwidth, ...]:
+        return tuple(part for part in (self.margins, self.rejection, self.attitude) if part is not None)
 
 
 def _public_name(part: LoopMargins | DisturbanceRejection | AttitudeBandwidth, name: str) -> str:

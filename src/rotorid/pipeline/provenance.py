@@ -8,8 +8,10 @@ from typing import Any, Protocol, TypeAlias, TypeVar, overload
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
+from rotorid.errors import InsufficientDataError
 
 Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
 
@@ -155,3 +157,56 @@ def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
             count += 1
             name = f"{record.source.name} ({count})"
     return hashes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refused(Immutable):
+    """Data that cannot support a result: why, and no number.
+
+    Parameters
+    ----------
+    findings
+        Remarks, the grave ones first.
+    provenance
+        Where they came from.
+    inputs, outputs
+        Channels that were asked for.
+    """
+
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+
+def refused(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    settings: Choices,
+    *,
+    otherwise: Finding,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> Refused:
+    """Why data cannot support a result.
+
+    Parameters
+    ----------
+    error
+        What ended the run.
+    records
+        Logs that were read.
+    settings
+        Choices of the run.
+    otherwise
+        The finding that stands for an error which brings none.
+    inputs, outputs
+        Channels that were asked for.
+    """
+    findings = (*(finding for record in records for finding in record.findings), *(error.findings or (otherwise,)))
+    return Refused(
+        findings=worst_first(findings),
+        provenance=provenance(records, settings),
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+    )

@@ -1,32 +1,38 @@
-"""Logs in, frequency responses out: what is coherent, what can be used, and what is no vehicle at all.
+"""Logs in, frequency responses out: which stretches are used, what of each response can be used, and loops.
 
-Which stretches of which logs a frequency response is made from.
+All rich excitations of the inputs' axes enter one estimate, except maneuvers that are far less coherent than the best
+of their axis; a flight without excitation is read whole. A pair of output and input can be used where it is coherent
+enough and where what was measured is not the inverse of the controller. Everything that follows from the responses
+(bands, means, phases that run on) is computed here; files and pages only show it.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
-from rotorid.data.response import FrequencyResponse
-from rotorid.documents.response import RecordDocument, ResponseDocument, input_coherences, pair_documents
+from rotorid.data.response import Estimate, FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.assemble import finding_documents, maneuver_document, provenance_document
 from rotorid.pipeline.instruments import Flown, axes_of, axis_of, is_command
 from rotorid.pipeline.inverse import without_inverse_controller
 from rotorid.pipeline.loops import ATTITUDE, AxisLoop, axis_loop
 from rotorid.pipeline.measure import Measured, feedback_bias, measure, without_known_filters
+from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside, of_axes, whole_flights
 from rotorid.pipeline.settings import ResponseSettings
 from rotorid.signal.excitations import find_excitations
-from rotorid.typing import Axis, BoolArray
+from rotorid.typing import Axis, BoolArray, FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -42,6 +48,24 @@ class Candidate:
     record: FlightRecord
     maneuver: Maneuver
     coherence: Mapping[str, float]
+    used: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseRecord(LoggedManeuver):
+    """A maneuver of a log that was looked at.
+
+    Parameters
+    ----------
+    record, axis, kind, start_s, stop_s, band_rad_s, origin, signal
+        As in :class:`rotorid.pipeline.provenance.LoggedManeuver`.
+    coherence
+        Mean coherence that it has alone, by pair ``output/input``.
+    used
+        Whether it entered the estimate.
+    """
+
+    coherence: Mapping[str, float] = field(default_factory=dict)
     used: bool = True
 
 
@@ -185,13 +209,57 @@ _SPLIT_IS_GOOD, _SPLIT_IS_WORTHLESS = 0.5, 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Responses:
-    """A finished run of ``response``.
+class Pair(Immutable):
+    """One response ``output/input`` and what of it can be used.
 
     Parameters
     ----------
-    document
-        What ``response.json`` holds.
+    unit
+        Of its magnitude.
+    magnitude, phase_rad, coherence, random_error
+        On the grid of the responses, shape ``(f,)``; phases run on without jumps through the usable points.
+    used
+        Points that can be used, shape ``(f,)``.
+    band_rad_s
+        First and last of them, ``None`` where there is none. The means are taken over them.
+    points
+        How many there are.
+    mean_coherence, mean_random_error
+        Means over them.
+    direct_difference_db
+        Rms difference of the direct estimate from a joint one.
+    leakage_percent
+        Rms of what the windows would have added.
+    largest_input_noise_db
+        How much too low noise at a measured input can have made a direct estimate at most.
+    """
+
+    unit: str
+    magnitude: FloatArray
+    phase_rad: FloatArray
+    coherence: FloatArray
+    random_error: FloatArray
+    used: BoolArray
+    band_rad_s: tuple[float, float] | None = None
+    points: int = 0
+    mean_coherence: float | None = None
+    mean_random_error: float | None = None
+    direct_difference_db: float | None = None
+    leakage_percent: float | None = None
+    largest_input_noise_db: float | None = None
+
+    def __post_init__(self) -> None:
+        numbers = ("magnitude", "phase_rad", "coherence", "random_error")
+        self._set(**{name: read_only(getattr(self, name), np.float64, ndim=1) for name in numbers})
+        self._set(used=read_only(self.used, np.bool_, ndim=1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Responses(Immutable):
+    """A finished run of :func:`response`.
+
+    Parameters
+    ----------
     measured
         The responses and the data behind them.
     used
@@ -200,13 +268,24 @@ class Responses:
         Axis to what its loop looks like.
     least_coherence
         Coherence below which points were left out.
+    records
+        Maneuvers that were looked at.
+    findings
+        Remarks, the grave ones first.
+    provenance
+        Where all of it came from.
     """
 
-    document: ResponseDocument
     measured: Measured
     used: BoolArray
     loops: Mapping[Axis, AxisLoop]
     least_coherence: float
+    records: tuple[ResponseRecord, ...]
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(loops=self.loops)
 
     @property
     def response(self) -> FrequencyResponse:
@@ -218,6 +297,82 @@ class Responses:
         """The data behind them."""
         return self.measured.segments
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Channels that drive."""
+        return self.response.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Channels that answer."""
+        return self.response.outputs
+
+    @property
+    def estimate(self) -> Estimate:
+        """How the responses were estimated."""
+        return self.response.estimate
+
+    @property
+    def instruments(self) -> tuple[str, ...]:
+        """Channels used as instruments; empty for a direct estimate."""
+        return self.response.instruments
+
+    @property
+    def windows_s(self) -> tuple[float, ...]:
+        """Lengths of the windows."""
+        return self.response.windows_s
+
+    @property
+    def omega_rad_s(self) -> FloatArray:
+        """Frequencies, shape ``(f,)``."""
+        return self.response.omega_rad_s
+
+    @property
+    def processing(self) -> tuple[str, ...]:
+        """What was done to the responses since they were estimated, oldest first."""
+        return self.response.processing
+
+    @cached_property
+    def pairs(self) -> Mapping[str, Pair]:
+        """Every response by ``output/input``."""
+        return MappingProxyType(pairs_of(self.measured, self.used))
+
+    @property
+    def input_coherence(self) -> dict[str, float]:
+        """Mean coherence of every two inputs by ``first,second``, where anything can be used."""
+        trusted = np.asarray(self.used.any(axis=(0, 1)))
+        return input_coherences(self.inputs, self.measured.diagnostics.input_coherence, trusted)
+
+    @property
+    def largest_condition(self) -> float | None:
+        """Largest condition number of the inputs' spectra where anything can be used; ``None`` for one input."""
+        if len(self.inputs) == 1:
+            return None
+        return float(self.measured.diagnostics.condition[self.used.any(axis=(0, 1))].max())
+
+    def __repr__(self) -> str:
+        return lines_of(self._heading, self._rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._heading, ("what", "which", "says"), self._rows())
+
+    @property
+    def _heading(self) -> str:
+        instruments = f" with {', '.join(self.instruments)}" if self.instruments else ""
+        return f"{self.estimate} estimate{instruments}, {self.omega_rad_s.size} frequencies"
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        rows = []
+        for name, pair in self.pairs.items():
+            if pair.band_rad_s is None:
+                rows.append((name, "nothing", "nothing of it can be used"))
+                continue
+            low, high = pair.band_rad_s
+            means = f"coherence {pair.mean_coherence:.2f}, random error {100.0 * (pair.mean_random_error or 0.0):.1f} %"
+            rows.append((name, f"{low:.2g} to {high:.3g} rad/s", f"{pair.points} points, {means}"))
+        rows += [(f"{axis} loop", f"{len(loop.numbers)} numbers", loop.method) for axis, loop in self.loops.items()]
+        return rows + [(f"{f.severity} {f.kind}", f.where, f.message) for f in self.findings]
+
 
 def response(
     records: Sequence[FlightRecord],
@@ -225,7 +380,6 @@ def response(
     inputs: Sequence[str],
     outputs: Sequence[str],
     settings: ResponseSettings | None = None,
-    command: Sequence[str] = (),
 ) -> Responses:
     """Frequency responses of flight records: what ``rotorid response`` does.
 
@@ -241,13 +395,11 @@ def response(
         Channels. What a log lacks and can be reconstructed (``u_dot``, ``p_dot``, body velocities) is.
     settings
         Choices; everything has a default.
-    command
-        For the provenance of the result.
 
     Returns
     -------
     Responses
-        The document of ``response.json`` and the arrays behind it.
+        The responses, what of them can be used, loops, findings and where all came from.
 
     Raises
     ------
@@ -261,7 +413,7 @@ def response(
     --------
     >>> from rotorid.io.registry import read
     >>> result = response([read("flight.BIN")], inputs=["roll_command"], outputs=["p"])  # doctest: +SKIP
-    >>> result.document.pairs["p/roll_command"].band_rad_s  # doctest: +SKIP
+    >>> result.pairs["p/roll_command"].band_rad_s  # doctest: +SKIP
     (1.2, 88.0)
     """
     settings = settings or ResponseSettings()
@@ -298,11 +450,16 @@ def response(
         *_unusable(response, used, limit),
     )
     return Responses(
-        document=_document(records, chosen, measured, used, loops, remarks, settings, command),
         measured=measured,
         used=used,
         loops=loops,
         least_coherence=limit,
+        records=tuple(
+            logged(item.record, item.maneuver, ResponseRecord, coherence=dict(item.coherence), used=item.used)
+            for item in chosen.candidates
+        ),
+        findings=worst_first(remarks),
+        provenance=provenance(records, settings, flights=chosen.flown, response=response),
     )
 
 
@@ -331,63 +488,16 @@ def refused_response(
     inputs: Sequence[str],
     outputs: Sequence[str],
     settings: ResponseSettings,
-    command: Sequence[str] = (),
-) -> ResponseDocument:
-    """The document for data that show nothing: its findings say why, and no number is given."""
-    findings = [*(f for record in records for f in record.findings), *error.findings]
-    if not error.findings:
-        where = f"{', '.join(outputs)} over {', '.join(inputs)}"
-        findings.append(refusal("low_coherence", where, str(error)))
-    return ResponseDocument(
-        inputs=list(inputs),
-        outputs=list(outputs),
-        findings=finding_documents(findings),
-        provenance=provenance_document(records, settings, command=command),
-    )
-
-
-def _document(
-    records: Sequence[FlightRecord],
-    chosen: Chosen,
-    measured: Measured,
-    used: BoolArray,
-    loops: Mapping[Axis, AxisLoop],
-    findings: Sequence[Finding],
-    settings: ResponseSettings,
-    command: Sequence[str],
-) -> ResponseDocument:
-    response, diagnostics = measured.response, measured.diagnostics
-    trusted = np.asarray(used.any(axis=(0, 1)))
-    return ResponseDocument(
-        inputs=list(response.inputs),
-        outputs=list(response.outputs),
-        estimate=response.estimate,
-        instruments=list(response.instruments),
-        windows_s=list(response.windows_s),
-        omega_rad_s=response.omega_rad_s.tolist(),
-        pairs=pair_documents(
-            response,
-            used,
-            beside=measured.beside,
-            diagnostics=diagnostics,
-            measured_inputs=[name for name in response.inputs if not is_command(name)],
-        ),
-        input_coherence=dict(input_coherences(response.inputs, diagnostics.input_coherence, trusted)),
-        largest_condition=float(diagnostics.condition[used.any(axis=(0, 1))].max())
-        if len(response.inputs) > 1
-        else None,
-        records=[
-            RecordDocument(
-                **maneuver_document(item.record, item.maneuver).model_dump(),
-                coherence=dict(item.coherence),
-                used=item.used,
-            )
-            for item in chosen.candidates
-        ],
-        loops={axis: loop.document() for axis, loop in loops.items()},
-        processing=list(response.processing),
-        findings=finding_documents(findings),
-        provenance=provenance_document(records, settings, command=command, flown=chosen.flown, response=response),
+) -> Refused:
+    """Why data show no response: findings alone, and no number."""
+    where = f"{', '.join(outputs)} over {', '.join(inputs)}"
+    return refused(
+        error,
+        records,
+        settings,
+        otherwise=refusal("low_coherence", where, str(error)),
+        inputs=inputs,
+        outputs=outputs,
     )
 
 
@@ -452,3 +562,78 @@ def _nothing_usable(measured: Measured, findings: Sequence[Finding], limit: floa
         remedy="excite the axis harder or longer, fly in calmer air, or lower --coherence",
         findings=remarks,
     )
+
+
+def pairs_of(measured: Measured, used: BoolArray) -> dict[str, Pair]:
+    """Every response ``output/input`` with what of it can be used; ``used`` has the shape ``(y, u, f)``."""
+    response = measured.response
+    return {
+        f"{output}/{input}": _pair(measured, used[y, u], (y, u))
+        for y, output in enumerate(response.outputs)
+        for u, input in enumerate(response.inputs)
+    }
+
+
+def _pair(measured: Measured, chosen: BoolArray, row: tuple[int, int]) -> Pair:
+    response, direct = measured.response, measured.beside
+    input, values = response.inputs[row[1]], response.values[row]
+    pair = Pair(
+        unit=unit_of_ratio(response.outputs[row[0]], input),
+        magnitude=np.abs(values),
+        phase_rad=_unwrapped(values, chosen),
+        coherence=response.coherence[row],
+        random_error=response.random_error[row],
+        used=chosen,
+    )
+    if not chosen.any():
+        return pair
+    omega, coherence = response.omega_rad_s[chosen], response.coherence[row][chosen]
+    # Noise of a sensor at the input: the truth lies between S_uy/S_uu and S_yy/S_yu, that over the coherence.
+    noisy = response.estimate == "direct" and not is_command(input)
+    return replace(
+        pair,
+        band_rad_s=(float(omega[0]), float(omega[-1])),
+        points=int(chosen.sum()),
+        mean_coherence=float(coherence.mean()),
+        mean_random_error=float(response.random_error[row][chosen].mean()),
+        direct_difference_db=None if direct is None else _rms_db(direct.values[row][chosen] / values[chosen]),
+        leakage_percent=100.0 * float(np.sqrt(np.mean(np.abs(measured.diagnostics.leakage[row][chosen]) ** 2))),
+        largest_input_noise_db=float(-20.0 * np.log10(coherence.min())) if noisy else None,
+    )
+
+
+def unit_of_ratio(output: str, input: str) -> str:
+    """Unit of a response.
+
+    Examples
+    --------
+    >>> unit_of_ratio("p", "roll_command"), unit_of_ratio("u", "theta"), unit_of_ratio("p", "p_setpoint")
+    ('rad/s', 'm/s/rad', '1')
+    """
+    above, below = (STANDARD_UNITS.get(name, "1") for name in (output, input))
+    if above == below:
+        return "1"
+    if below == "1":
+        return above
+    return f"{above}/({below})" if "/" in below else f"{above}/{below}"
+
+
+def input_coherences(inputs: Sequence[str], coherence: FloatArray, trusted: BoolArray) -> dict[str, float]:
+    """Mean coherence of every two inputs over the trusted frequencies, by ``first,second``."""
+    pairs = [(i, j) for i in range(len(inputs)) for j in range(i + 1, len(inputs))]
+    where = trusted if trusted.any() else np.ones_like(trusted)
+    return {f"{inputs[i]},{inputs[j]}": float(coherence[i, j, where].mean()) for i, j in pairs}
+
+
+def _unwrapped(values: np.ndarray, chosen: BoolArray) -> FloatArray:
+    """Phases that run on through the usable points, which begin within half a turn below zero and above −360°."""
+    phase = np.angle(values)
+    index = np.flatnonzero(chosen) if chosen.any() else np.arange(phase.size)
+    spine = np.unwrap(phase[index])
+    spine -= 2.0 * np.pi * np.ceil((spine[0] - 0.25 * np.pi) / (2.0 * np.pi))
+    near = np.interp(np.arange(phase.size), index, spine)
+    return np.asarray(phase + 2.0 * np.pi * np.round((near - phase) / (2.0 * np.pi)))
+
+
+def _rms_db(ratio: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((20.0 * np.log10(np.abs(ratio))) ** 2)))

@@ -1,9 +1,4 @@
-"""The report on measured frequency responses: what can be used, the responses, and the loops.
-
-Rows of the tables of the response page: text for the page, from the numbers of the document.
-
-The pictures of a run of ``response``, each in all units.
-"""
+"""The report on measured frequency responses: what can be used, the responses, the loops, and the data behind them."""
 
 from __future__ import annotations
 
@@ -14,9 +9,9 @@ from functools import partial
 
 import numpy as np
 
-from rotorid.documents.response import EstimatedDocument, LoopDocument, PairDocument, ResponseDocument
+from rotorid.documents.response import EstimatedDocument, LoopDocument
 from rotorid.pipeline.loops import AxisLoop
-from rotorid.pipeline.responses import Responses
+from rotorid.pipeline.responses import Pair, Responses
 from rotorid.plot.curves import runs
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
@@ -74,12 +69,12 @@ class PairRow:
         return self.points != "0"
 
 
-def pair_rows(document: ResponseDocument) -> tuple[PairRow, ...]:
+def pair_rows(result: Responses) -> tuple[PairRow, ...]:
     """One row for each response ``output/input``."""
-    return tuple(_pair_row(name, pair) for name, pair in document.pairs.items())
+    return tuple(_pair_row(name, pair) for name, pair in result.pairs.items())
 
 
-def _pair_row(name: str, pair: PairDocument) -> PairRow:
+def _pair_row(name: str, pair: Pair) -> PairRow:
     output, _, input = name.partition("/")
     low, high = pair.band_rad_s or (math.nan, math.nan)
     error = None if pair.mean_random_error is None else 100.0 * pair.mean_random_error
@@ -120,7 +115,7 @@ class Unseen:
     reason: str
 
 
-def loop_rows(loop: LoopDocument) -> tuple[LoopRow, ...]:
+def loop_rows(loop: AxisLoop | LoopDocument) -> tuple[LoopRow, ...]:
     """What was seen of a loop, with standard deviations."""
     return tuple(
         LoopRow(words=words, value=_value(loop.numbers[name], factor), unit=of)
@@ -129,13 +124,13 @@ def loop_rows(loop: LoopDocument) -> tuple[LoopRow, ...]:
     )
 
 
-def _value(number: EstimatedDocument, factor: float) -> str:
+def _value(number: Estimated | EstimatedDocument, factor: float) -> str:
     if factor:
         return with_error(factor * number.value, factor * number.std)
     return with_error(20.0 * math.log10(number.value), _DB_PER_NEPER * number.std / number.value)
 
 
-def unseen(loop: LoopDocument) -> tuple[Unseen, ...]:
+def unseen(loop: AxisLoop | LoopDocument) -> tuple[Unseen, ...]:
     """What was not seen of a loop: one entry for each reason."""
     reasons: dict[str, list[str]] = {}
     for name in _LOOP_NUMBERS:
@@ -157,11 +152,11 @@ class SplitRow:
     coherence: str
 
 
-def split_rows(document: ResponseDocument) -> tuple[SplitRow, ...]:
+def split_rows(result: Responses) -> tuple[SplitRow, ...]:
     """One row for every two inputs."""
     return tuple(
         SplitRow(inputs=name.replace(",", ", "), coherence=_coherence(mean))
-        for name, mean in document.input_coherence.items()
+        for name, mean in result.input_coherence.items()
     )
 
 
@@ -174,7 +169,7 @@ class RecordRow:
     verdict: Verdict
 
 
-def record_rows(document: ResponseDocument) -> tuple[RecordRow, ...]:
+def record_rows(result: Responses) -> tuple[RecordRow, ...]:
     """One row for each maneuver that was looked at."""
     return tuple(
         RecordRow(
@@ -182,7 +177,7 @@ def record_rows(document: ResponseDocument) -> tuple[RecordRow, ...]:
             coherence=", ".join(f"{name} {_coherence(mean)}" for name, mean in record.coherence.items()),
             verdict=Verdict("good", "used") if record.used else Verdict("fair", "left out"),
         )
-        for record in document.records
+        for record in result.records
     )
 
 
@@ -295,12 +290,11 @@ def _crossing(where: Estimated, what: Estimated) -> Crossing:
 
 def timeline_pictures(result: Responses) -> tuple[Picture, ...]:
     """The flights, with the maneuvers shaded that entered the estimate."""
-    document = result.document
     return timelines(
         result.segments,
-        [record for record in document.records if record.used],
-        inputs=document.inputs,
-        outputs=document.outputs,
+        [record for record in result.records if record.used],
+        inputs=result.inputs,
+        outputs=result.outputs,
         key="timeline",
     )
 
@@ -326,38 +320,36 @@ def render_responses(result: Responses, *, title: str) -> str:
     title
         Heading of the page.
     """
-    document = result.document
     bands, responses, windows = bands_picture(result), response_pictures(result), window_pictures(result)
     timelines, loops = timeline_pictures(result), _loops(result)
     of_loops = [picture for loop in loops for picture in loop.pictures]
     return render(
         "response.html",
         title=title,
-        document=document,
-        sentences=response_summary(document),
+        document=result,
+        sentences=response_summary(result),
         least_coherence=result.least_coherence,
-        pairs=pair_rows(document),
+        pairs=pair_rows(result),
         bands=bands,
         responses=responses,
         loops=loops,
-        splits=split_rows(document),
-        condition=significant(document.largest_condition),
+        splits=split_rows(result),
+        condition=significant(result.largest_condition),
         windows=windows,
-        records=record_rows(document),
+        records=record_rows(result),
         timelines=timelines,
-        remarks=finding_rows(document.findings),
+        remarks=finding_rows(result.findings),
         pictures=[bands, *responses, *of_loops, *windows, *timelines],
     )
 
 
 def _loops(result: Responses) -> tuple[Loop, ...]:
-    documents = result.document.loops
     return tuple(
         Loop(
             axis=axis,
-            method=documents[axis].method,
-            rows=loop_rows(documents[axis]),
-            unseen=unseen(documents[axis]),
+            method=loop.method,
+            rows=loop_rows(loop),
+            unseen=unseen(loop),
             pictures=loop_pictures(axis, loop),
         )
         for axis, loop in result.loops.items()

@@ -7,7 +7,7 @@ import pytest
 from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slower
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
-from rotorid.documents.delay import DelayDocument
+from rotorid.documents.delay import DelayDocument, delay_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.delays import delays, refused_delay
 from rotorid.pipeline.selection import default_pairs
@@ -47,9 +47,9 @@ def test_a_log_without_pairs_is_refused() -> None:
 
 
 def test_document_holds_the_delay_and_what_it_means(record: FlightRecord) -> None:
-    result = delays([record])
-    (name,) = result.document.pairs
-    pair = result.document.pairs[name]
+    document = delay_document(delays([record]))
+    (name,) = document.pairs
+    pair = document.pairs[name]
     assert name == f"{OUTPUT}/{INPUT}"
     assert pair.hold == "held"
     assert not pair.feedback
@@ -59,14 +59,14 @@ def test_document_holds_the_delay_and_what_it_means(record: FlightRecord) -> Non
     assert low < pair.recommended.delay_s < high
     assert pair.recommended.delay_samples == pytest.approx(DELAY_SAMPLES, abs=0.3)
     assert {estimate.method for estimate in pair.others} >= {"samples"}
-    assert DelayDocument.model_validate_json(result.document.model_dump_json(by_alias=True)) == result.document
+    assert DelayDocument.model_validate_json(document.model_dump_json(by_alias=True)) == document
 
 
 def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
     plain = delays([record], input=INPUT, output=OUTPUT)
     moved = delays([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(shifts={OUTPUT: 0.03}))
     name = f"{OUTPUT}/{INPUT}"
-    change = moved.analyses[name].recommended.delay_s - plain.analyses[name].recommended.delay_s
+    change = moved.pairs[name].recommended.delay_s - plain.pairs[name].recommended.delay_s
     # The output is interpolated to move it, which costs it some of its highest frequencies.
     assert change == pytest.approx(0.03, abs=2e-3)
 
@@ -89,7 +89,7 @@ def test_segments_outside_of_the_log_are_refused(record: FlightRecord) -> None:
     settings = MeasureSettings(segments=(parse_segment("roll:900:950"),))
     with pytest.raises(InsufficientDataError, match="no given segment") as refused:
         delays([record], input=INPUT, output=OUTPUT, settings=settings)
-    document = refused_delay(refused.value, [record], settings=settings)
+    document = delay_document(refused_delay(refused.value, [record], settings=settings))
     assert document.pairs == {}
     assert [finding.kind for finding in document.findings] == ["no_excitation"]
 
@@ -102,11 +102,11 @@ def test_logs_of_different_rates_keep_their_own() -> None:
         for one, name in ((fast, "fast"), (slow, "slow"))
     ]
     result = delays(logs, input=INPUT, output=OUTPUT)
-    pair = result.document.pairs[f"{OUTPUT}/{INPUT}"]
+    pair = result.pairs[f"{OUTPUT}/{INPUT}"]
     assert pair.hold == "held"
     assert pair.recommended.std_s is not None
     assert abs(pair.recommended.delay_s - DELAY_SAMPLES / RATE_HZ) < 4.0 * pair.recommended.std_s
-    assert not any("were brought to" in finding.message for finding in result.document.findings)
+    assert not any("were brought to" in finding.message for finding in result.findings)
 
 
 def test_feedback_in_logs_of_different_rates_is_refused() -> None:
@@ -122,7 +122,7 @@ def test_feedback_in_logs_of_different_rates_is_refused() -> None:
 
 def test_feedback_without_an_instrument_is_warned_of() -> None:
     history = late_lag(1, DELAY_SAMPLES)
-    found = delays([log({"roll_command": history[INPUT], "p": history[OUTPUT]})]).document
+    found = delays([log({"roll_command": history[INPUT], "p": history[OUTPUT]})])
     assert found.pairs["p/roll_command"].feedback
     (finding,) = [finding for finding in found.findings if finding.kind == "closed_loop_bias"]
     assert finding.where == "p/roll_command"
@@ -150,7 +150,7 @@ def test_an_instrument_that_is_not_logged_is_missed(record: FlightRecord) -> Non
 def test_why_there_is_no_joint_response_is_said(record: FlightRecord) -> None:
     # The other set-point rests: nothing of the input is coherent with it.
     settings = MeasureSettings(instruments=("theta_setpoint",))
-    found = delays([record], input=INPUT, output=OUTPUT, settings=settings).document
+    found = delays([record], input=INPUT, output=OUTPUT, settings=settings)
     (finding,) = [finding for finding in found.findings if finding.kind == "closed_loop_bias"]
     assert found.pairs[f"{OUTPUT}/{INPUT}"].recommended.method == "records"
     assert "no joint frequency response could be used (" in finding.message
@@ -165,7 +165,7 @@ def test_noise_shows_no_delay() -> None:
     seen = delays(
         [log({INPUT: history[INPUT], OUTPUT: history[OUTPUT], "theta_setpoint": history[INPUT], "theta": noise})]
     )
-    (finding,) = [finding for finding in seen.document.findings if finding.kind == "no_delay"]
+    (finding,) = [finding for finding in seen.findings if finding.kind == "no_delay"]
     assert finding.where == "theta/theta_setpoint"
 
 
@@ -173,3 +173,11 @@ def test_one_sample_is_refused() -> None:
     one = np.ones(1)
     with pytest.raises(InsufficientDataError, match="one moment"):
         delays([log({INPUT: one, OUTPUT: one})], input=INPUT, output=OUTPUT)
+
+
+def test_delays_show_themselves_in_a_few_lines(record: FlightRecord) -> None:
+    result = delays([record])
+    shown = repr(result).splitlines()
+    assert f"{OUTPUT}/{INPUT}" in shown[1]
+    assert len(shown) <= 20
+    assert "<table>" in result._repr_html_()

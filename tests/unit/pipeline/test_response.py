@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Source, Topic
-from rotorid.documents.response import ResponseDocument, unit_of_ratio
+from rotorid.documents.response import ResponseDocument, response_document
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.responses import Responses, refused_response, response
+from rotorid.pipeline.provenance import Refused
+from rotorid.pipeline.responses import Responses, refused_response, response, unit_of_ratio
 from rotorid.pipeline.settings import ResponseSettings, parse_segment
 from rotorid.simulation.hover_flight import OUTPUTS, Flight, fly
 from rotorid.vehicles import s500
@@ -67,8 +69,8 @@ def found(roll: FlightRecord) -> Responses:
     return response([roll], inputs=["roll_command"], outputs=["p", "ay"])
 
 
-def said(document: ResponseDocument) -> Mapping[str, str]:
-    return {finding.kind: finding.severity for finding in document.findings}
+def said(result: Responses | Refused) -> Mapping[str, str]:
+    return {finding.kind: finding.severity for finding in result.findings}
 
 
 def test_usable_points_are_the_vehicle_within_their_errors(found: Responses) -> None:
@@ -83,7 +85,7 @@ def test_usable_points_are_the_vehicle_within_their_errors(found: Responses) -> 
 
 
 def test_the_document_says_what_the_arrays_hold(found: Responses) -> None:
-    document, response = found.document, found.response
+    document, response = response_document(found), found.response
     assert document.instruments == ["roll_excitation"]
     pair = document.pairs["p/roll_command"]
     omega = response.omega_rad_s[found.used[0, 0]]
@@ -95,8 +97,16 @@ def test_the_document_says_what_the_arrays_hold(found: Responses) -> None:
     assert ResponseDocument.model_validate_json(document.model_dump_json(by_alias=True)) == document
 
 
+def test_responses_show_themselves_in_a_few_lines_and_pickle(found: Responses) -> None:
+    shown = repr(found).splitlines()
+    assert shown[0].startswith("joint estimate with roll_excitation")
+    assert len(shown) <= 20
+    assert "p/roll_command" in found._repr_html_()
+    assert response_document(pickle.loads(pickle.dumps(found))) == response_document(found)
+
+
 def test_phases_run_on_without_jumps_and_begin_where_a_person_would(found: Responses) -> None:
-    pair = found.document.pairs["p/roll_command"]
+    pair = found.pairs["p/roll_command"]
     phase = np.array(pair.phase_rad)[np.array(pair.used)]
     assert np.abs(np.diff(phase)).max() < 1.0
     # A rate falls behind its command from −90° on; the speed modes lead below.
@@ -105,7 +115,7 @@ def test_phases_run_on_without_jumps_and_begin_where_a_person_would(found: Respo
 
 
 def test_margins_stand_beside_with_their_errors(found: Responses) -> None:
-    loop = found.document.loops["roll"]
+    loop = found.loops["roll"]
     assert "roll_excitation" in loop.method
     crossover = loop.numbers["crossover_rad_s"]
     assert crossover.std < 0.1 * crossover.value
@@ -122,10 +132,10 @@ def test_logs_of_two_axes_give_all_four_responses(roll: FlightRecord, pitch: Fli
     assert pair.used[1, 1].sum() > 60
     # The axes do not couple: nothing to be seen, which is a remark and no warning.
     assert not pair.used[0, 1].any()
-    assert said(pair.document)["low_coherence"] == "info"
-    assert 0.0 <= pair.document.input_coherence["roll_command,pitch_command"] < 0.3
-    assert {record.record for record in pair.document.records} == {"flight.csv", "pitch.csv"}
-    assert all(record.coherence for record in pair.document.records)
+    assert said(pair)["low_coherence"] == "info"
+    assert 0.0 <= pair.input_coherence["roll_command,pitch_command"] < 0.3
+    assert {record.record for record in pair.records} == {"flight.csv", "pitch.csv"}
+    assert all(record.coherence for record in pair.records)
 
 
 def test_what_was_not_injected_counts_as_zero(roll: FlightRecord, pitch: FlightRecord) -> None:
@@ -146,9 +156,9 @@ def test_a_maneuver_that_hardly_shows_in_the_output_is_left_out(roll: FlightReco
         topics=(replace(topic, values=values),),
     )
     found = response([roll, deaf], inputs=["roll_command"], outputs=["p"])
-    used = {(record.record, record.used) for record in found.document.records}
+    used = {(record.record, record.used) for record in found.records}
     assert used == {("flight.csv", True), ("deaf.csv", False)}
-    left_out = [f for f in found.document.findings if f.kind == "low_coherence"]
+    left_out = [f for f in found.findings if f.kind == "low_coherence"]
     assert all(finding.where.startswith("deaf.csv") for finding in left_out)
     assert len(left_out) == SWEEPS
 
@@ -156,11 +166,11 @@ def test_a_maneuver_that_hardly_shows_in_the_output_is_left_out(roll: FlightReco
 def test_a_flight_without_excitation_of_the_axis_is_read_whole_and_it_is_said(pitch: FlightRecord) -> None:
     settings = ResponseSettings(coherence=0.0, band_rad_s=(2.0, 30.0))
     try:
-        document = response([pitch], inputs=["roll_command"], outputs=["p"], settings=settings).document
+        result = response([pitch], inputs=["roll_command"], outputs=["p"], settings=settings)
     except InsufficientDataError as error:
-        document = refused_response(error, [pitch], inputs=["roll_command"], outputs=["p"], settings=settings)
-    assert said(document)["no_excitation"] == "warning"
-    assert "whole flight" in next(f.message for f in document.findings if f.kind == "no_excitation")
+        result = refused_response(error, [pitch], inputs=["roll_command"], outputs=["p"], settings=settings)
+    assert said(result)["no_excitation"] == "warning"
+    assert "whole flight" in next(f.message for f in result.findings if f.kind == "no_excitation")
 
 
 def test_a_constant_input_is_refused_with_its_name(roll: FlightRecord) -> None:

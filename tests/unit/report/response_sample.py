@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 from tests.unit.report.sample import sweep
 
+from rotorid.data.findings import Finding
 from rotorid.data.response import Estimate, FrequencyResponse
-from rotorid.documents.response import RecordDocument, ResponseDocument, pair_documents
-from rotorid.documents.result import FindingDocument, ProvenanceDocument
 from rotorid.pipeline.loops import AxisLoop
 from rotorid.pipeline.measure import Measured
-from rotorid.pipeline.responses import Responses
+from rotorid.pipeline.provenance import Provenance
+from rotorid.pipeline.responses import ResponseRecord, Responses
 from rotorid.pipeline.results import Segment
 from rotorid.spectral.estimate import Diagnostics
 from rotorid.spectral.loops import sensitivity
@@ -92,10 +92,10 @@ def segments(record: str) -> tuple[Segment, ...]:
     return (dataclasses.replace(first, history=dataclasses.replace(first.history, values=values)),)
 
 
-def findings(record: str) -> list[FindingDocument]:
+def findings(record: str) -> list[Finding]:
     return [
-        FindingDocument(kind="unheard_of", severity="warning", where=record, message=f"A file was named {record}."),
-        FindingDocument(
+        Finding(kind="unheard_of", severity="warning", where=record, message=f"A file was named {record}."),
+        Finding(
             kind="saturation", severity="info", where="motor_3", message="It saturated.", numbers={"fraction": 0.03}
         ),
     ]
@@ -108,19 +108,22 @@ def responses(
     response = measured_response(estimate=estimate)
     beside = measured_response(seed=1, estimate="direct") if estimate == "joint" else None
     usable = response.coherence >= 0.3 if used is None else used
-    loop = axis_loop()
-    document = ResponseDocument(
-        inputs=list(INPUTS),
-        outputs=list(OUTPUTS),
-        estimate=estimate,
-        instruments=list(response.instruments),
-        windows_s=list(WINDOWS_S),
-        omega_rad_s=OMEGA.tolist(),
-        pairs=pair_documents(response, usable, beside=beside, diagnostics=diagnostics(), measured_inputs=[]),
-        input_coherence={"roll_command,yaw_command": 0.35},
-        largest_condition=4.25,
-        records=[
-            RecordDocument(
+    measured = Measured(
+        response=response,
+        beside=beside,
+        diagnostics=diagnostics(),
+        segments=segments(record),
+        asked_rad_s=(0.4, 90.0),
+        excited_rad_s=dict.fromkeys(INPUTS, np.inf),
+        findings=(),
+    )
+    return Responses(
+        measured=measured,
+        used=usable,
+        loops={"roll": axis_loop()},
+        least_coherence=0.3,
+        records=tuple(
+            ResponseRecord(
                 record=record,
                 axis="roll",
                 kind="sweep",
@@ -133,27 +136,13 @@ def responses(
                 used=coherence > 0.5,
             )
             for start, coherence in ((12.0, 0.93), (52.0, 0.91), (112.0, 0.21))
-        ],
-        loops={"roll": loop.document()},
-        processing=["known filters taken off p"],
-        findings=findings(record),
-        provenance=ProvenanceDocument(
-            version="0.1.0",
-            command=["rotorid", "response", record, "--inputs", "roll_command,yaw_command", "--outputs", "p,ay"],
+        ),
+        findings=tuple(findings(record)),
+        provenance=Provenance(
+            command=("rotorid", "response", record, "--inputs", "roll_command,yaw_command", "--outputs", "p,ay"),
             inputs={record: "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"},
             settings={"coherence": 0.3, "windows_s": [], "band_rad_s": None},
-            seed=0,
             estimate=estimate,
-            instruments=list(response.instruments),
+            instruments=response.instruments,
         ),
     )
-    measured = Measured(
-        response=response,
-        beside=beside,
-        diagnostics=diagnostics(),
-        segments=segments(record),
-        asked_rad_s=(0.4, 90.0),
-        excited_rad_s=dict.fromkeys(INPUTS, np.inf),
-        findings=(),
-    )
-    return Responses(document=document, measured=measured, used=usable, loops={"roll": loop}, least_coherence=0.3)

@@ -32,7 +32,7 @@ def hostile() -> Page:
 
 def test_the_table_shows_the_numbers_of_the_document(page: Page) -> None:
     rows = page.rows("Usable")
-    document = responses().document
+    document = responses()
     assert [row[0].split()[0] for row in rows] == [name for name in document.pairs if name != HOLLOW]
     for row in rows:
         pair = document.pairs[row[0].split()[0]]
@@ -49,7 +49,7 @@ def test_the_table_shows_the_numbers_of_the_document(page: Page) -> None:
 
 def test_margins_are_those_of_the_loop_with_their_deviations(page: Page) -> None:
     shown = {row[0]: row[1:] for row in page.rows("Number")}
-    numbers = responses().document.loops["roll"].numbers
+    numbers = responses().loops["roll"].numbers
     margin = numbers["phase_margin_rad"]
     assert shown["Phase margin"] == [with_error(math.degrees(margin.value), math.degrees(margin.std)), "°"]
     told = float(shown["Phase margin"][0].split(" ± ")[0])
@@ -68,9 +68,9 @@ def test_every_number_that_a_loop_can_have_has_its_words() -> None:
     attitude = attitude_bandwidth(loop.loop)
     hollow = [dataclasses.replace(part, **blank(part)) for part in (loop.margins, loop.rejection, attitude)]
     margins, rejection, attitude = hollow
-    document = dataclasses.replace(loop, margins=margins, rejection=rejection, attitude=attitude).document()
+    document = dataclasses.replace(loop, margins=margins, rejection=rejection, attitude=attitude)
     assert len(unseen(document)) == len(document.not_seen) == 15
-    seen = axis_loop().document()
+    seen = axis_loop()
     assert len(loop_rows(seen)) == len(seen.numbers)
     assert [entry.words for entry in unseen(seen)] == ["Gain margin downward"]
 
@@ -129,7 +129,7 @@ def test_a_lonely_point_is_a_band_on_the_map() -> None:
 
 
 def test_words_come_first_and_name_what_was_measured(page: Page) -> None:
-    first, second, *rest = response_summary(responses().document)
+    first, second, *rest = response_summary(responses())
     assert first == (
         "Roll rate p and sideward specific force ay over roll command and yaw command, "
         "from 2 roll sweeps of 80 s together."
@@ -162,7 +162,7 @@ def test_nothing_usable_leaves_a_page_that_says_so() -> None:
     nothing = responses(used=np.zeros((2, 2, OMEGA.size), dtype=bool))
     shown = Page(render_responses(dataclasses.replace(nothing, loops={}), title="t"))
     assert "None of the 4 responses can be used." in shown.words
-    assert not any(row.usable for row in pair_rows(nothing.document))
+    assert not any(row.usable for row in pair_rows(nothing))
     assert not [key for key in shown.attributes("data-picture") if key.startswith(("response", "windows", "loop"))]
     assert "None" not in shown.words.replace("None of the", "")
 
