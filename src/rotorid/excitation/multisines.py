@@ -149,7 +149,7 @@ def multisine(
 ) -> Multisine:
     r"""A multisine of given harmonics with a low peak, which starts and ends at zero.
 
-    Its phases come from :func:`rotorid.excitation.multisines.flat_phases`. Then the signal is shifted in time to the
+    Its phases come from :func:`flat_phases`. Then the signal is shifted in time to the
     upward zero crossing with the gentlest slope, :math:`\phi_k \to \phi_k + 2 \pi k t_0 / T`, which changes neither
     peak nor orthogonality.
 

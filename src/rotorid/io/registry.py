@@ -255,7 +255,7 @@ def _stride(loop_rate_hz: float) -> int:
 
 
 def write_log(path: Path, flight: SimulatedFlight, *, format: LogFormat) -> None:
-    """Write a flight so that :func:`rotorid.io.registry.read` reads it back like any other log.
+    """Write a flight so that :func:`read` reads it back like any other log.
 
     Parameters
     ----------

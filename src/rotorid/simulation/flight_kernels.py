@@ -323,7 +323,7 @@ class Room(NamedTuple):
     now: FloatArray
     """State, shape ``(size,)``."""
     stages: FloatArray
-    """See :func:`~rotorid.simulation.flight_kernels.advance`, shape ``(5, size + 3)``."""
+    """See :func:`advance`, shape ``(5, size + 3)``."""
     moved: FloatArray
     """Derivative of the state and specific force at the tick, shape ``(size + 3,)``."""
     lagged: FloatArray
@@ -344,7 +344,7 @@ class Room(NamedTuple):
     late: FloatArray
     """Commands that have arrived, shape ``(4,)``."""
     weights: FloatArray
-    """See :func:`~rotorid.simulation.flight_kernels.lag_weights`."""
+    """See :func:`lag_weights`."""
 
 
 @bare(forceinline=True)

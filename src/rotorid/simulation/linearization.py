@@ -255,7 +255,7 @@ _MOST_STATES = 64
 def feedback_of(autopilot: Autopilot, *, gyro_lag_s: float = 0.0) -> StateSpace:
     """Commands of roll, pitch, yaw and thrust by the measured ``p q r phi theta psi u v w ax ay az``, with their signs.
 
-    Closes the loop around :func:`rotorid.simulation.linearization.linearize`: ``u = feedback(y) + test input``. North
+    Closes the loop around :func:`linearize`: ``u = feedback(y) + test input``. North
     and east are the integrals of u and v, height that of w, which holds near hover on a heading of zero.
 
     Parameters

@@ -516,7 +516,7 @@ class Sortie(Immutable):
     Parameters
     ----------
     aircraft, plan, duration_s, wind
-        See :func:`~rotorid.simulation.multirotor_flight.fly_multirotor`.
+        See :func:`fly_multirotor`.
     seed
         Of turbulence and noise; by its place among the flights when none is given, see :func:`seed_of`.
     """
@@ -645,7 +645,7 @@ def fly_batch(
         Threads; as many as the machine has cores when none is given. The compiled part of a flight runs beside others,
         the rest does not.
     step_rate_hz, settle_s
-        See :func:`~rotorid.simulation.multirotor_flight.fly_multirotor`.
+        See :func:`fly_multirotor`.
     progress
         Called with the number of flights done, after each.
 

@@ -386,13 +386,13 @@ def simulate_adaptive(
 ) -> FloatArray:
     """Outputs of a nonlinear model, integrated anew from corner to corner of its inputs.
 
-    Meant as the truth for :func:`rotorid.simulation.nonlinear.simulate_nonlinear`, and for stiff models (``radau``,
+    Meant as the truth for :func:`simulate_nonlinear`, and for stiff models (``radau``,
     ``bdf``, ``lsoda``). It starts again at every corner, some milliseconds each.
 
     Parameters
     ----------
     structure, values, u, sample_rate_hz, x0, before
-        As for :func:`~rotorid.simulation.nonlinear.simulate_nonlinear`.
+        As for :func:`simulate_nonlinear`.
     hold
         What the inputs do between their samples.
     method

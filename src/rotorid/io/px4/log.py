@@ -204,7 +204,7 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
         ``topic/field`` to samples as logged, shape ``(samples,)`` and of one length within a topic; the stamps
         ``topic/timestamp`` and ``topic/timestamp_sample`` are unsigned microseconds.
     facts
-        What the container says: ``parameters``, and what `rotorid.io.px4.log.findings_of` asks for.
+        What the container says: ``parameters``, and what `findings_of` asks for.
     source
         Name, format and hash of the log.
 

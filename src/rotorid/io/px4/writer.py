@@ -194,7 +194,7 @@ def write_px4(
     flight
         A flight of PX4's controller, or of a simple one.
     rates_hz
-        Topic to messages in a second, for those that are to differ from `rotorid.io.px4.writer.LAYOUTS`; above the
+        Topic to messages in a second, for those that are to differ from `LAYOUTS`; above the
         rate of the loop every turn is logged.
     start_s
         Time since boot at the zero of the flight's own clock.
