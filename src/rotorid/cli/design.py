@@ -11,8 +11,8 @@ import typer
 
 from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress, tell
-from rotorid.cli.options import Air, Output
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices, parse_shape
+from rotorid.cli.options import Output
+from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Shape

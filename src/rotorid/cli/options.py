@@ -9,15 +9,11 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get_origin
+from typing import Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get_origin
 
 import typer
 
-from rotorid.pipeline.flight_settings import parse_wind
 from rotorid.pipeline.settings import Option
-
-if TYPE_CHECKING:
-    from rotorid.simulation.wind import Wind
 
 Logs: TypeAlias = Annotated[
     list[Path],
@@ -31,7 +27,6 @@ Log: TypeAlias = Annotated[
 Map: TypeAlias = Annotated[
     Path | None, typer.Option("--map", help="TOML file that names the channels of any other source.")
 ]
-Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")]
 
 
@@ -50,38 +45,6 @@ class Output:
     out: Annotated[Path | None, Option("--out", help="Folder for the results. [default: rotorid-out/NAME]")] = None
     json: Annotated[bool, Option("--json", help="Print the result as JSON and nothing else.")] = False
     quiet: Annotated[bool, Option("--quiet", help="Say nothing but errors.")] = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Air:
-    """The wind of a flight in simulation.
-
-    Parameters
-    ----------
-    mean_m_s
-        Where the air moves, to north and to east.
-    turbulence_m_s
-        Standard deviation of horizontal gusts.
-    height_m
-        Above ground, for the size of the gusts.
-    """
-
-    mean_m_s: Annotated[
-        tuple[float, float],
-        Option("--wind", help="NORTH,EAST in m/s, where the air moves; one number blows north.", parse=parse_wind),
-    ] = (0.0, 0.0)
-    turbulence_m_s: Annotated[float, Option("--turbulence", help="Standard deviation of horizontal gusts in m/s.")] = (
-        0.0
-    )
-    height_m: Annotated[float, Option("--height", help="Meters above ground, for the size of the gusts.")] = 10.0
-
-    @property
-    def wind(self) -> "Wind":
-        """The wind of the simulation."""
-        from rotorid.simulation.wind import Wind
-
-        north_m_s, east_m_s = self.mean_m_s
-        return Wind(north_m_s=north_m_s, east_m_s=east_m_s, turbulence_m_s=self.turbulence_m_s, height_m=self.height_m)
 
 
 class Only:

@@ -11,8 +11,8 @@ import typer
 
 from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress
-from rotorid.cli.options import Air, Output
-from rotorid.pipeline.flight_settings import SimulateChoices
+from rotorid.cli.options import Output
+from rotorid.pipeline.flight_settings import Air, SimulateChoices
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan

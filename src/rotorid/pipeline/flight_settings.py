@@ -178,6 +178,38 @@ Changes: TypeAlias = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
+class Air:
+    """The wind of a flight in simulation, as the command line has it.
+
+    Parameters
+    ----------
+    mean_m_s
+        Where the air moves, to north and to east.
+    turbulence_m_s
+        Standard deviation of horizontal gusts.
+    height_m
+        Above ground, for the size of the gusts.
+    """
+
+    mean_m_s: Annotated[
+        tuple[float, float],
+        Option("--wind", help="NORTH,EAST in m/s, where the air moves; one number blows north.", parse=parse_wind),
+    ] = (0.0, 0.0)
+    turbulence_m_s: Annotated[float, Option("--turbulence", help="Standard deviation of horizontal gusts in m/s.")] = (
+        0.0
+    )
+    height_m: Annotated[float, Option("--height", help="Meters above ground, for the size of the gusts.")] = 10.0
+
+    @property
+    def wind(self) -> "Wind":
+        """The wind of the simulation."""
+        from rotorid.simulation.wind import Wind
+
+        north_m_s, east_m_s = self.mean_m_s
+        return Wind(north_m_s=north_m_s, east_m_s=east_m_s, turbulence_m_s=self.turbulence_m_s, height_m=self.height_m)
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlanChoices(Immutable):
     """What is to be flown.
 
