@@ -32,6 +32,7 @@ def delay_command(
     output: Output,
 ) -> None:
     """Estimate delays between channels as fractions of a sample, with an interval and what they mean."""
+    from rotorid.documents.delay import delay_document
     from rotorid.io.files import write_atomically
     from rotorid.pipeline.delays import delays, refused_delay
     from rotorid.report.files import to_json, write_together
@@ -44,9 +45,10 @@ def delay_command(
         file=FILE,
         compute=lambda records: delays(records, input=input, output=answer, settings=settings),
         write=lambda folder, result: write_together(
-            folder, {FILE: lambda path: write_atomically(path, to_json(result.document))}
+            folder, {FILE: lambda path: write_atomically(path, to_json(delay_document(result)))}
         ),
-        refused=lambda error, records: refused_delay(error, records, settings=settings),
+        refused=lambda error, records: delay_document(refused_delay(error, records, settings=settings)),
+        document=delay_document,
         show=_print,
     )
 

@@ -26,6 +26,7 @@ def response_command(
     output: Output,
 ) -> None:
     """Estimate frequency responses with coherence and random error, and the margins of the loop."""
+    from rotorid.documents.response import response_document
     from rotorid.pipeline.responses import refused_response, response
     from rotorid.report.files import write_responses
 
@@ -39,7 +40,10 @@ def response_command(
         file="response.json",
         compute=lambda records: response(records, **channels, settings=settings),
         write=lambda folder, result: write_responses(folder, result, title=title),
-        refused=lambda error, records: refused_response(error, records, **channels, settings=settings),
+        refused=lambda error, records: response_document(
+            refused_response(error, records, **channels, settings=settings)
+        ),
+        document=response_document,
         show=_print,
     )
 
