@@ -25,8 +25,8 @@ from rotorid.fitting import (
     StartPlan,
     TimeData,
     TimeProblem,
-    fit,
     fit_black_box,
+    fit_frequency,
     fit_output_error,
     fit_prediction_error,
     fit_subspace,
@@ -167,7 +167,7 @@ def fly_closed_loop(seed: int, *, gusts: float) -> Flown:
 def second_order(flown: Flown, *, polish: str) -> ComplexArray:
     """The response with the excitation as its instrument, a fit to it, and from there one to the record."""
     structure, records = SECOND_ORDER, (flown.record,)
-    theta = fit(problem_of(flown)).theta
+    theta = fit_frequency(problem_of(flown)).theta
     if polish == "output error":
         problem = TimeProblem(
             structure=structure, parameters=structure.parameters, records=records, unknowns=("initial_state",)

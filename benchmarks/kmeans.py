@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data import FlightRecord
-from rotorid.fitting import FrequencyProblem, Scale, StartBox, fit, search_box, without_structural_zeros
+from rotorid.fitting import FrequencyProblem, Scale, StartBox, fit_frequency, search_box, without_structural_zeros
 from rotorid.models import LinearStructure, ParameterSet, StateSpace, from_toml, library_model
 from rotorid.pipeline import IdentifySettings
 from rotorid.pipeline.measure import measure
@@ -229,7 +229,7 @@ def searched(case: Case, name: str, seed: int) -> Run:
 def fitted(case: Case) -> Run:
     """From the package's own start values; the costs of those that were looked through are not counted."""
     began = time.process_time()
-    found = fit(case.problem)
+    found = fit_frequency(case.problem)
     return Run((Progress(found.evaluations, found.cost),), time.process_time() - began)
 
 
@@ -244,7 +244,7 @@ def share(case: Case) -> float:
 def ratio_and_delays(case: Case) -> tuple[float, FloatArray, float]:
     """Error of the first gain in percent and of the delays in milliseconds, and the average cost of a response."""
     problem = case.problem
-    theta = fit(problem).theta
+    theta = fit_frequency(problem).theta
     names = problem.parameters.free
     late_ms = [1e3 * (theta[k] - case.truth[k]) for k, name in enumerate(names) if name.startswith("tau")]
     # Thrust is held where inertia is free and the other way round: the ratio of the two is what was found.

@@ -21,7 +21,7 @@ from rotorid.fitting import (
     StartBox,
     TimeData,
     TimeProblem,
-    fit,
+    fit_frequency,
     own_starts,
 )
 from rotorid.fitting import Problem as AnyProblem
@@ -109,7 +109,7 @@ def _response(
 
     def own() -> tuple[float, int]:
         solver = Counted()
-        return fit(problem, solver=solver).cost, sum(end.evaluations for end in solver.ends)
+        return fit_frequency(problem, solver=solver).cost, sum(end.evaluations for end in solver.ends)
 
     return Posed(problem.within(_box(sides, parameters)), np.array([truth[name] for name in parameters.free]), own)
 

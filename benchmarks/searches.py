@@ -5,7 +5,7 @@ that of the search. A search succeeds if its cost is within 1 % of the lowest th
 search from the truth, found with these data. Evaluations are costs plus residuals with Jacobians, each counted once,
 local searches at the end included; what a residual with its Jacobian takes, in costs, is measured for each problem.
 Time is process time on one core. ``own starts`` are what the package does by itself:
-:func:`rotorid.fitting.frequency.fit.fit`, the starts of an output-error fit, and the middle of the ranges for
+:func:`rotorid.fitting.frequency.fit.fit_frequency`, the starts of an output-error fit, and the middle of the ranges for
 accelerations.
 
 Run ``python -m benchmarks.searches``: tables only, some ten minutes. ``--runs FILE`` keeps every run as JSON, and takes

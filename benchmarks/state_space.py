@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rotorid.data import FrequencyResponse
-from rotorid.fitting import FrequencyProblem, Points, fit, fit_many
+from rotorid.fitting import FrequencyProblem, Points, fit_frequency, fit_many
 from rotorid.models import LinearStructure, from_toml
 from rotorid.typing import FloatArray
 
@@ -159,9 +159,9 @@ def run(job: Job) -> dict[str, float]:
     problem = problem_of(job)
     start = starts_of(job, 1, OFF)[0]
     # Built once for a problem, as in a search that fits many times.
-    ours_cost = fit(problem, starts=[start]).cost
+    ours_cost = fit_frequency(problem, starts=[start]).cost
     peer_cost = fit_with_control(problem, start)
-    ours = [_seconds(lambda: fit(problem, starts=[start])) for _ in range(REPEATS)]
+    ours = [_seconds(lambda: fit_frequency(problem, starts=[start])) for _ in range(REPEATS)]
     peer = [_seconds(lambda: fit_with_control(problem, start)) for _ in range(PEER_STARTS)]
     starts = starts_of(job, STARTS, SCATTER)
     many = _seconds(lambda: fit_many(problem, starts))

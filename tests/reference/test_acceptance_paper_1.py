@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.kmeans import Case, attitude, late, roll
 
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.problem import search_box
 from rotorid.search.catalog import search
 from rotorid.vehicles import rig
@@ -62,9 +62,7 @@ def test_attitude_from_anywhere(three_axes: Case, candidates: int) -> None:
 
 def test_package_needs_no_search(one_axis: Case, three_axes: Case) -> None:
     for case in (one_axis, three_axes):
-        assert fit(case.problem).cost == pytest.approx(
-            case.problem.polish(case.truth).cost, rel=SAME_MINIMUM
-        )
+        assert fit_frequency(case.problem).cost == pytest.approx(case.problem.polish(case.truth).cost, rel=SAME_MINIMUM)
 
 
 def test_box_has_one_minimum(one_axis: Case) -> None:

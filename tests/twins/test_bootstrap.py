@@ -12,7 +12,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.time.output_error import OutputErrorFit, TimeData, TimeProblem, fit_output_error
 from rotorid.models.library import rate_model, response_model
@@ -56,7 +56,7 @@ def rate_problem(seed: int) -> FrequencyProblem:
 
 def rate_table(seed: int, runs: int) -> SpreadTable:
     problem = rate_problem(seed)
-    solution = fit(problem, starts=[np.array([50.0, -2.0, 0.04, 0.02])])
+    solution = fit_frequency(problem, starts=[np.array([50.0, -2.0, 0.04, 0.02])])
     return bootstrap(problem, solution, runs=runs, seed=seed)
 
 
@@ -143,7 +143,7 @@ def test_workers_in_other_processes_draw_the_same() -> None:
     problem, found = rate_problem(0), yaw_fit(0)
     pieces = found.problem.records[0].pieces(4.0)
     cut = fit_output_error(TimeProblem(structure=YAW, parameters=YAW.parameters, records=pieces))
-    solution = fit(problem, starts=[np.array([50.0, -2.0, 0.04, 0.02])])
+    solution = fit_frequency(problem, starts=[np.array([50.0, -2.0, 0.04, 0.02])])
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as executor:
         shared = (
             bootstrap(problem, solution, runs=300, seed=1, executor=executor),

@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
 from rotorid.models.library import rate_model
 from rotorid.simulation.hover_flight import gauss_markov
@@ -95,7 +95,7 @@ def identify(seed: int) -> tuple[FloatArray, FloatArray]:
         data=response,
         used=usable_points(response, coherence=0.3),
     )
-    solution = fit(posed)
+    solution = fit_frequency(posed)
     return solution.theta - np.array(list(TRUTH.values())), bounds(posed, solution).std
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.excitation.sweep import pilot_sweep
-from rotorid.fitting.frequency.fit import fit, refine
+from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.library import library_model
 from rotorid.pipeline.frequency_fit import pose
@@ -294,7 +294,7 @@ def problem_of(twin: Twin, record: FlightRecord) -> FrequencyProblem:
 def identify(twin: Twin, seed: int) -> Result:
     """Fly with a seed and identify, with both kinds of weights."""
     problem = problem_of(twin, twin.flight(np.random.default_rng(seed)))
-    plain = fit(problem)
+    plain = fit_frequency(problem)
     found = {"cifer": plain, "covariance": refine(problem, plain)}
     truth = np.array([twin.truth[name] for name in problem.parameters.free])
     return Result(

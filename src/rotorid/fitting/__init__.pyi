@@ -20,7 +20,7 @@ from rotorid.fitting.equations.regression import equation_error as equation_erro
 from rotorid.fitting.equations.regression import finite_transform as finite_transform
 from rotorid.fitting.equations.regression import regress as regress
 from rotorid.fitting.equations.regression import stepwise as stepwise
-from rotorid.fitting.frequency.fit import fit as fit
+from rotorid.fitting.frequency.fit import fit_frequency as fit_frequency
 from rotorid.fitting.frequency.fit import fit_many as fit_many
 from rotorid.fitting.frequency.fit import without_structural_zeros as without_structural_zeros
 from rotorid.fitting.frequency.parameter_map import ParameterMap as ParameterMap
@@ -34,11 +34,13 @@ from rotorid.fitting.least_squares import Outcome as Outcome
 from rotorid.fitting.least_squares import Residuals as Residuals
 from rotorid.fitting.least_squares import Solution as Solution
 from rotorid.fitting.least_squares import best_of as best_of
+from rotorid.fitting.methods import fit as fit
 from rotorid.fitting.motors.fit import MotorFit as MotorFit
 from rotorid.fitting.motors.fit import MotorProblem as MotorProblem
 from rotorid.fitting.motors.fit import fit_motors as fit_motors
 from rotorid.fitting.motors.inertia import InertiaRegression as InertiaRegression
 from rotorid.fitting.motors.inertia import inertia_regressions as inertia_regressions
+from rotorid.fitting.problem import Fit as Fit
 from rotorid.fitting.problem import Problem as Problem
 from rotorid.fitting.problem import Scale as Scale
 from rotorid.fitting.problem import StartBox as StartBox

@@ -255,7 +255,7 @@ class Problem(Immutable, ABC):
     """How many vectors a worker is given at least: hundreds where one costs microseconds."""
 
     method: ClassVar[str] = "least_squares"
-    """By what it is fitted, in a word: ``frequency``, ``output_error``, ``prediction_error``, ``motors``."""
+    """By what it is fitted: ``frequency``, ``output_error``, ``nonlinear``, ``prediction_error``, ``motors``."""
 
     alike: ClassVar[bool] = True
     """Whether the errors of all parts are draws of one process; otherwise each part has a color of its own."""

@@ -34,7 +34,7 @@ import numpy as np
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit, refine, without_structural_zeros
+from rotorid.fitting.frequency.fit import fit_frequency, refine, without_structural_zeros
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
     EXCELLENT_COST,
@@ -603,7 +603,7 @@ def _one(name: str, flown: Sequence[Flown], settings: IdentifySettings) -> tuple
     structure = speed_damping(output, source)
     used = measured.trusted_points(measured.response, plain.least_coherence(joint=False))
     problem = FrequencyProblem(structure=structure, parameters=structure.parameters, data=measured.response, used=used)
-    solution = fit(problem)
+    solution = fit_frequency(problem)
     value, std = float(solution.theta[0]), float(bounds(problem, solution).std[0])
     cost = float(problem.costs(solution.theta)[0, 0])
     omega = measured.response.omega_rad_s[used[0, 0]]

@@ -23,7 +23,7 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit, refine, without_structural_zeros
+from rotorid.fitting.frequency.fit import fit_frequency, refine, without_structural_zeros
 from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
 from rotorid.fitting.least_squares import Solution
 from rotorid.planning.loop import LoopModel
@@ -536,7 +536,7 @@ def usable(
 
 def _reduced(problem: FrequencyProblem) -> tuple[FrequencyProblem, Solution, tuple[str, ...]]:
     """The fit from the values that were given, without parameters that it would drop, and their names."""
-    solution = fit(problem, starts=[problem.parameters.pack()])
+    solution = fit_frequency(problem, starts=[problem.parameters.pack()])
     responses = np.count_nonzero(problem.used.any(axis=-1))
     dropped: list[str] = []
     optional = [name for name in problem.structure.optional if name in problem.parameters.free]
@@ -549,7 +549,7 @@ def _reduced(problem: FrequencyProblem) -> tuple[FrequencyProblem, Solution, tup
             continue
         left = problem.parameters.unpack(solution.theta).drop(name)
         smaller = problem.with_parameters(left)
-        trial = fit(smaller, starts=[left.pack()])
+        trial = fit_frequency(smaller, starts=[left.pack()])
         if at_zero or trial.cost - solution.cost <= _LARGEST_RISE * responses:
             problem, solution = smaller, trial
             dropped.append(name)

@@ -26,7 +26,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError, UsageError
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
@@ -264,13 +264,13 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     problem
         With all parameters free that the user left free.
     """
-    best, solution = problem, fit(problem)
+    best, solution = problem, fit_frequency(problem)
     findings: list[Finding] = []
     for name in problem.structure.optional:
         if name not in best.parameters.free or not _may_be_zero(best.parameters[name]):
             continue
         smaller = best.with_parameters(best.parameters.drop(name))
-        trial = fit(smaller)
+        trial = fit_frequency(smaller)
         rise = mean_cost(smaller, trial) - mean_cost(best, solution)
         if rise <= LARGEST_RISE:
             findings.append(_not_missed(best.parameters[name], rise, inputs=len(problem.structure.inputs)))
@@ -280,7 +280,7 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
         bounds = (best.parameters[name].lower, best.parameters[name].upper)
         if value == 0.0 and value in bounds:
             best = best.with_parameters(best.parameters.drop(name))
-            solution = fit(best)
+            solution = fit_frequency(best)
             findings.append(_at_zero(name))
     return Reduced(problem=best, solution=solution, findings=tuple(findings))
 
@@ -591,7 +591,7 @@ def _obstacle(problem: FrequencyProblem) -> str:
 
 def _converge(problem: FrequencyProblem, start: FloatArray) -> Solution:
     """Fit from where the parameters are; from the usual starts too if that does not converge."""
-    solution = fit(problem, starts=[start])
+    solution = fit_frequency(problem, starts=[start])
     if solution.outcome is Outcome.CONVERGED:
         return solution
-    return min(solution, fit(problem), key=lambda one: one.cost)
+    return min(solution, fit_frequency(problem), key=lambda one: one.cost)

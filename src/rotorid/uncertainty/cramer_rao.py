@@ -107,8 +107,8 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer") 
     solution
         Its solution.
     weights
-        Of responses: ``cifer`` for a solution of :func:`rotorid.fitting.frequency.fit.fit`, ``covariance`` for one of
-        :func:`rotorid.fitting.frequency.fit.refine`.
+        Of responses: ``cifer`` for a solution of :func:`rotorid.fitting.frequency.fit.fit_frequency`, ``covariance``
+        for one of :func:`rotorid.fitting.frequency.fit.refine`.
 
     Raises
     ------

@@ -10,7 +10,7 @@ import pytest
 from tests.unit.fitting.error_twin import EXACT, TRUTH, draws, measured, posed
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.fitting.frequency.fit import fit, refine
+from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.least_squares import Outcome
 from rotorid.fitting.problem import ResidualErrors
 from rotorid.typing import FloatArray
@@ -34,7 +34,7 @@ def study(data: FrequencyResponse, seed: int) -> Study:
     errors, limits = [], []
     for values in draws(data, FITS, seed):
         problem = posed(replace(data, values=values))
-        plain = fit(problem, starts=[TRUTH])
+        plain = fit_frequency(problem, starts=[TRUTH])
         fine = refine(problem, plain)
         errors.append((plain.theta - TRUTH, fine.theta - TRUTH))
         if len(errors) % EVERY == 0:  # stated deviations are all but equal, and take as long as the fit
@@ -88,7 +88,7 @@ def test_without_correlations_points_are_independent_and_bounds_hold() -> None:
 def solved(values: np.ndarray | None = None) -> tuple[ResidualErrors, FloatArray, FloatArray, Bounds]:
     data = measured(EXACT)
     problem = posed(replace(data, values=draws(data, 1, 3)[0] if values is None else values))
-    solution = refine(problem, fit(problem, starts=[TRUTH]))
+    solution = refine(problem, fit_frequency(problem, starts=[TRUTH]))
     errors = problem.errors_about(solution.theta)
     residual, jacobian = (errors.whitened(part) for part in problem.residuals(solution.theta))
     return errors, jacobian, residual, bounds(problem, solution, weights="covariance")
@@ -119,7 +119,7 @@ def test_expected_sum_of_squares_is_the_trace_of_what_the_fit_leaves() -> None:
 def test_refining_goes_on_from_a_solution_and_stays_in_the_box() -> None:
     data = measured(EXACT)
     problem = posed(replace(data, values=draws(data, 1, 4)[0]))
-    plain = fit(problem, starts=[TRUTH])
+    plain = fit_frequency(problem, starts=[TRUTH])
     solution = refine(problem, plain)
     assert solution.outcome is Outcome.CONVERGED
     errors = problem.errors_about(solution.theta)
@@ -133,12 +133,12 @@ def test_refining_goes_on_from_a_solution_and_stays_in_the_box() -> None:
     held = parameters["t"]
     tight = type(parameters)(replace(p, upper=0.019, value=0.019) if p is held else p for p in parameters)
     boxed = problem.with_parameters(tight)
-    at_bound = refine(boxed, fit(boxed))
+    at_bound = refine(boxed, fit_frequency(boxed))
     assert at_bound.theta[parameters.free.index("t")] == 0.019
     assert at_bound.at_bound[parameters.free.index("t")]
 
 
 def test_exact_responses_give_the_truth() -> None:
     problem = posed(measured(EXACT))
-    start = fit(problem, starts=[1.3 * TRUTH])
+    start = fit_frequency(problem, starts=[1.3 * TRUTH])
     np.testing.assert_allclose(refine(problem, start).theta, TRUTH, rtol=1e-7)

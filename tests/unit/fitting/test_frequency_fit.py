@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import (
     FrequencyProblem,
     coherence_weight,
@@ -131,12 +131,12 @@ def test_jacobian_of_residuals_against_central_differences(name: str, lag: float
 def test_only_free_parameters_are_fitted() -> None:
     posed = problem(noisy())
     fixed = posed.with_parameters(posed.parameters.fix("T_motor", 0.03))
-    solution = fit(fixed)
+    solution = fit_frequency(fixed)
     assert solution.theta.shape == (3,)
     assert solution.jacobian.shape[1] == 3
     assert fixed.parameters.unpack(solution.theta).values["T_motor"] == 0.03
     nothing_free = posed.with_parameters(fixed.parameters.fix("L_roll", 60.0).fix("L_p", -2.0).fix("tau_roll", 0.01))
-    assert fit(nothing_free).cost == pytest.approx(float(nothing_free.costs(np.empty(0)).sum()), rel=1e-12)
+    assert fit_frequency(nothing_free).cost == pytest.approx(float(nothing_free.costs(np.empty(0)).sum()), rel=1e-12)
 
 
 MAGNITUDES = st.floats(-2.0, 4.0).map(lambda power: 10.0**power)
@@ -156,7 +156,7 @@ def test_exact_responses_give_the_truth_back(gain: float, damping: float, lag: f
     axis = RATE_AXES[name]
     truth = {axis.gain: gain, axis.damping: damping, "T_motor": lag, axis.delay: delay}
     structure = rate_model(name)
-    solution = fit(problem(measured(structure.response(truth, OMEGA), name=name), name))
+    solution = fit_frequency(problem(measured(structure.response(truth, OMEGA), name=name), name))
     found = structure.parameters.unpack(solution.theta).values
     assert found[axis.gain] == pytest.approx(gain, rel=1e-6)
     assert found[axis.damping] == pytest.approx(damping, rel=1e-6)
@@ -183,16 +183,16 @@ def test_the_best_start_comes_first_and_has_its_gain_solved() -> None:
 
 def test_given_starts_are_used() -> None:
     posed = problem(noisy())
-    solution = fit(posed, starts=[np.array([50.0, -1.0, 0.04, 0.02])])
+    solution = fit_frequency(posed, starts=[np.array([50.0, -1.0, 0.04, 0.02])])
     assert solution.outcome is Outcome.CONVERGED
-    assert solution.cost == pytest.approx(fit(posed).cost, rel=1e-8)
+    assert solution.cost == pytest.approx(fit_frequency(posed).cost, rel=1e-8)
 
 
 def test_too_few_points_are_refused() -> None:
     used = np.zeros((1, 1, OMEGA.size), dtype=bool)
     used[0, 0, :2] = True
     with pytest.raises(InsufficientDataError, match="2 usable frequencies came; needed: more than 2"):
-        fit(problem(noisy(), used=used))
+        fit_frequency(problem(noisy(), used=used))
 
 
 def test_responses_of_other_channels_are_refused() -> None:

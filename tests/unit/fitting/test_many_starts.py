@@ -8,7 +8,7 @@ from tests.unit.fitting.known_models import posed
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency import fit as many
-from rotorid.fitting.frequency.fit import fit, fit_many, minimize_many
+from rotorid.fitting.frequency.fit import fit_frequency, fit_many, minimize_many
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import LevenbergMarquardt
 from rotorid.models.library import library_model, rate_model
@@ -87,9 +87,9 @@ def test_a_pole_at_a_point_stops_neither_the_start_nor_its_neighbors() -> None:
     on_the_pole, beside = fit_many(problem, starts)
     assert on_the_pole.cost == np.inf
     assert beside.cost < 1e-10
-    assert fit(problem, starts=list(starts)).cost < 1e-10
+    assert fit_frequency(problem, starts=list(starts)).cost < 1e-10
     with pytest.raises(InsufficientDataError, match="pole has no response at any start"):
-        fit(problem, starts=[starts[0]])
+        fit_frequency(problem, starts=[starts[0]])
 
 
 TIED = """
@@ -116,7 +116,7 @@ def test_a_tied_parameter_is_kept_within_its_bounds() -> None:
     problem = FrequencyProblem(
         structure=structure, parameters=structure.parameters, data=data, used=np.ones(data.values.shape, dtype=bool)
     )
-    solution = fit(problem)
+    solution = fit_frequency(problem)
     assert problem.parameters.unpack(solution.theta).values["g"] <= 5.0
     assert solution.cost < float(problem.many_costs(problem.parameters.pack()[None])[0])
     (minimum,) = fit_many(problem, [problem.parameters.pack()])
@@ -128,12 +128,12 @@ def test_a_minimum_found_twice_ends_the_search_and_others_are_kept() -> None:
     good = np.array([50.0, -1.5, 0.04, 0.02])
     # A quarter of a second late is more than a turn at 40 rad/s: the phase wraps into another minimum.
     late = np.array([50.0, -1.5, 0.04, 0.25])
-    solution = fit(problem, starts=[late, good, 1.1 * good, late])
+    solution = fit_frequency(problem, starts=[late, good, 1.1 * good, late])
     assert len(solution.others) == 1
     assert solution.others[0].cost > solution.cost
     assert solution.others[0].theta[3] > 0.1
     assert not solution.others[0].theta.flags.writeable
-    assert fit(problem, starts=[good]).others == ()
+    assert fit_frequency(problem, starts=[good]).others == ()
 
 
 def test_each_search_has_data_of_its_own_and_says_whether_it_settled() -> None:

@@ -10,7 +10,7 @@ import pytest
 from tests.unit.fitting.known_models import measured, posed
 
 from rotorid.errors import UsageError
-from rotorid.fitting.frequency.fit import fit, without_structural_zeros
+from rotorid.fitting.frequency.fit import fit_frequency, without_structural_zeros
 from rotorid.fitting.frequency.problem import (
     FrequencyProblem,
     log_error,
@@ -59,7 +59,7 @@ def test_weights_change_what_is_minimized_and_not_what_is_reported() -> None:
     residual, _ = heavy.residuals(OFF)
     expected = np.sum(plain.costs(OFF) * np.array([[1.0, 0.25], [4.0, 1.0]]))
     assert residual @ residual == pytest.approx(expected, rel=1e-12)
-    heavy_fit, plain_fit = fit(heavy), fit(plain)
+    heavy_fit, plain_fit = fit_frequency(heavy), fit_frequency(plain)
     assert heavy.costs(heavy_fit.theta)[1, 0] < plain.costs(plain_fit.theta)[1, 0]
 
 

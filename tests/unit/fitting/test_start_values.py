@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.unit.fitting.known_models import at_zero, posed
 
-from rotorid.fitting.frequency.fit import fit, without_structural_zeros
+from rotorid.fitting.frequency.fit import fit_frequency, without_structural_zeros
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.frequency.starts import (
     delay_grid_s,
@@ -61,7 +61,7 @@ def flown(
 
 def assert_true(problem: FrequencyProblem, truth: dict[str, float]) -> None:
     """The fit ends at the truth, within five of the standard deviations that the noise of every point leaves."""
-    solution = fit(problem)
+    solution = fit_frequency(problem)
     assert solution.outcome is Outcome.CONVERGED
     error = problem.data.random_error**2 * np.abs(problem.data.values) ** 2
     covariance = 2.0 * np.einsum("yuf,fg->yufg", error, np.eye(error.shape[-1]))
@@ -199,10 +199,10 @@ def test_structures_that_no_way_suits_are_searched_all_the_same() -> None:
     structure = from_toml(ODD)
     problem = posed(structure, {"k": -2.0, "c": 3.0}, np.geomspace(0.5, 20.0, 30))
     assert start_values(problem)
-    solution = fit(problem, count=6)
+    solution = fit_frequency(problem, count=6)
     assert np.isfinite(solution.cost)
     nothing = problem.with_parameters(problem.parameters.fix("k", -2.0).fix("c", 3.0))
-    assert fit(nothing).cost == pytest.approx(0.0, abs=1e-12)
+    assert fit_frequency(nothing).cost == pytest.approx(0.0, abs=1e-12)
     assert equation_error_start(nothing) is None
 
 

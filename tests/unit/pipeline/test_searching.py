@@ -14,7 +14,7 @@ from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, flight
 from rotorid.data.record import Maneuver
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import UsageError
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.time.output_error import TimeProblem
@@ -267,7 +267,7 @@ def test_a_search_finds_what_the_starts_of_a_model_do_not() -> None:
     )
     omega = np.geomspace(2.0, 40.0, 40)
     problem = posed(late, {"a": -2.0, "b": 3.0, "tau": 0.7}, omega, noise=0.01)
-    stuck = fit(problem, starts=[problem.parameters.pack()])
+    stuck = fit_frequency(problem, starts=[problem.parameters.pack()])
     found = searched(problem, IdentifySettings(search="evolution"))
     assert found is not None
     assert found.minima[0].cost < 0.01 * stuck.cost

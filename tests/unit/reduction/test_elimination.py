@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.response import FrequencyResponse
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
@@ -64,10 +64,10 @@ def test_a_lag_that_is_there_is_kept(level: float) -> None:
     reduced = fit_and_drop(posed)
     assert reduced.problem.parameters["T_motor"].status == "free"
     assert reduced.findings == ()
-    assert reduced.solution.cost == fit(posed).cost
+    assert reduced.solution.cost == fit_frequency(posed).cost
     assert found(reduced)["T_motor"] == pytest.approx(0.05, rel=0.2 if level else 1e-6)
     without = posed.with_parameters(posed.parameters.drop("T_motor"))
-    assert fit(without).cost - reduced.solution.cost > LARGEST_RISE
+    assert fit_frequency(without).cost - reduced.solution.cost > LARGEST_RISE
 
 
 def test_damping_that_would_cross_zero_is_left_out_with_a_warning() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome
 from rotorid.models.library import rate_model
@@ -108,7 +108,7 @@ def problem(
 
 
 def reduced(posed: FrequencyProblem) -> Reduction:
-    return reduce_guided(posed, fit(posed))
+    return reduce_guided(posed, fit_frequency(posed))
 
 
 def values(reduction: Reduction) -> dict[str, float]:
@@ -152,7 +152,7 @@ def test_the_lateral_model_is_reduced_as_in_the_paper() -> None:
     assert {step.parameter for step in reduction.steps if step.action == "kept"} <= {"N_p", "L_r"}
     found = reduction.problem.parameters.unpack(reduction.solution.theta)
     without = reduction.problem.with_parameters(found.drop("N_p"))
-    smaller = fit(without, starts=[without.parameters.pack()])
+    smaller = fit_frequency(without, starts=[without.parameters.pack()])
     rise = mean_cost(without, smaller) - mean_cost(reduction.problem, reduction.solution)
     assert rise > LARGEST_RISE
 
@@ -172,7 +172,7 @@ def test_m_q_is_kept_because_the_cost_would_rise_as_in_the_paper(s500: Reduction
     assert step.mean_cost_after is not None
     without = s500.problem.with_parameters(s500.problem.parameters.drop("M_q"))
     start = without.parameters.with_values({n: values(s500)[n] for n in without.parameters.free}).pack()
-    again = mean_cost(without, fit(without, starts=[start]))
+    again = mean_cost(without, fit_frequency(without, starts=[start]))
     assert step.mean_cost_after == pytest.approx(again, rel=1e-6)
     assert step.mean_cost_after - step.mean_cost_before > LARGEST_RISE
     assert "seen, but not apart from M_u" in step.reason
@@ -259,7 +259,7 @@ def test_good_data_say_when_a_dropped_parameter_is_real() -> None:
     parameters = ParameterSet(tuple(replace(p, essential=False) for p in model.parameters)).fix("T_motor", 0.05)
     truth = {"L_roll": 60.0, "L_p": -0.1, "T_motor": 0.05, "tau_roll": 0.012}
     posed = problem(model, truth, np.geomspace(2.0, 50.0, 40), level=0.002).with_parameters(parameters)
-    solution = fit(posed)
+    solution = fit_frequency(posed)
     limits = bounds(posed, solution)
     place = limits.names.index("L_p")
     assert abs(solution.theta[place]) > 3.0 * limits.std[place]
@@ -280,8 +280,8 @@ def test_a_fit_that_has_not_converged_is_finished_first() -> None:
     model = rate_model("rate.roll")
     truth = {"L_roll": 60.0, "L_p": -3.0, "T_motor": 0.05, "tau_roll": 0.012}
     posed = problem(model, truth, np.geomspace(2.0, 50.0, 40), level=0.01)
-    rough = fit(posed, solver=LevenbergMarquardt(iterations=1))
+    rough = fit_frequency(posed, solver=LevenbergMarquardt(iterations=1))
     assert rough.outcome is Outcome.OUT_OF_ITERATIONS
     reduction = reduce_guided(posed, rough)
     assert reduction.dropped == ()
-    assert reduction.solution.cost == pytest.approx(fit(posed).cost, rel=1e-6)
+    assert reduction.solution.cost == pytest.approx(fit_frequency(posed).cost, rel=1e-6)

@@ -12,7 +12,7 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit, refine
+from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.models.library import rate_model
@@ -55,7 +55,7 @@ def posed(data: FrequencyResponse, parameters: ParameterSet = STRUCTURE.paramete
 
 def solved(problem: FrequencyProblem) -> Solution:
     truth = np.array([TRUTH[name] for name in problem.parameters.free])
-    return fit(problem, starts=[np.clip(1.1 * truth, *problem.box)])
+    return fit_frequency(problem, starts=[np.clip(1.1 * truth, *problem.box)])
 
 
 @pytest.mark.parametrize("weights", ["cifer", "covariance"])

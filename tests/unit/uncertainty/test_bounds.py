@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.frequency.fit import fit
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.expression import Expression
 from rotorid.models.library import rate_model
@@ -70,7 +70,7 @@ def fits() -> tuple[FloatArray, FloatArray, FloatArray]:
     start = [np.array([50.0, -2.0, 0.04, 0.02])]
     for _ in range(FITS):
         posed = problem(response(draw(rng)))
-        solution = fit(posed, starts=start)
+        solution = fit_frequency(posed, starts=start)
         limits = bounds(posed, solution)
         errors.append(solution.theta - np.array(list(TRUTH.values())))
         spreads.append(limits.std)
@@ -107,7 +107,7 @@ def test_inflation_grows_with_a_wrong_structure() -> None:
     factors = []
     for height in (0.0, 0.1, 0.3, 0.6):
         posed = problem(response(values * (1.0 + height * ripple)))
-        factors.append(bounds(posed, fit(posed)).inflation)
+        factors.append(bounds(posed, fit_frequency(posed)).inflation)
     assert factors == sorted(factors)
     # The root mean square of the last ripple over the errors of magnitude, before the fit absorbs any of it.
     assert 2.0 < factors[-1] <= 1.5 * 0.6 * np.sqrt(0.5) / LEVEL
@@ -119,7 +119,7 @@ def test_color_matters() -> None:
     rng = np.random.default_rng(4)
     values = draw(rng)
     posed = problem(response(values)), problem(response(values, np.diag(np.diag(colored))))
-    spreads = [bounds(p, fit(p)) for p in posed]
+    spreads = [bounds(p, fit_frequency(p)) for p in posed]
     assert spreads[0].std[0] / spreads[0].inflation > 1.3 * spreads[1].std[0] / spreads[1].inflation
 
 
@@ -127,7 +127,7 @@ def test_cramer_rao_and_insensitivity_are_those_of_the_cost() -> None:
     """Against the Hessian of the cost by second differences, at a minimum of zero, where Gauss-Newton is exact."""
     posed = problem(response(EXACT))
     theta = np.array(list(TRUTH.values()))
-    solution = replace(fit(posed), theta=theta)
+    solution = replace(fit_frequency(posed), theta=theta)
     solution = replace(solution, residual=posed.residuals(theta)[0], jacobian=posed.residuals(theta)[1])
     limits = bounds(posed, solution)
     # Steps of 1e-3: truncation of the fourth derivative and rounding are both below 1e-4.
@@ -161,7 +161,7 @@ def test_units_of_the_parameters_do_not_matter() -> None:
         ),
     )
     posed, other = problem(data), problem(data, scaled)
-    solution = fit(posed)
+    solution = fit_frequency(posed)
     moved = other.residuals(solution.theta / np.array([factor, 1.0, 1.0, 1.0]))
     np.testing.assert_allclose(moved[0], solution.residual, atol=1e-9)
     one = bounds(posed, solution)
@@ -202,7 +202,7 @@ def test_a_pair_that_cannot_be_told_apart_is_named() -> None:
     structure = inertia_structure()
     values = structure.response({"J": 0.02, "K": 1.2, "T_motor": 0.05}, OMEGA)
     posed = problem(response(values.ravel()), structure)
-    solution = fit(posed)
+    solution = fit_frequency(posed)
     limits = bounds(posed, solution)
     found = unseen_combinations(posed.parameters.unpack(solution.theta), limits)
     assert len(found) == 1
@@ -218,14 +218,14 @@ def test_a_pair_that_cannot_be_told_apart_is_named() -> None:
 
 def test_what_is_seen_is_not_named() -> None:
     posed = problem(response(EXACT))
-    solution = fit(posed)
+    solution = fit_frequency(posed)
     assert unseen_combinations(posed.parameters.unpack(solution.theta), bounds(posed, solution)) == ()
 
 
 def test_a_parameter_without_effect_is_refused_by_name() -> None:
     structure = inertia_structure()
     posed = problem(response(EXACT), structure)
-    solution = fit(posed)
+    solution = fit_frequency(posed)
     blind = solution.jacobian * np.array([1.0, 1.0, 0.0])
     with pytest.raises(InsufficientDataError, match="T_motor changes nothing in the fitted responses"):
         bounds(posed, replace(solution, jacobian=blind))

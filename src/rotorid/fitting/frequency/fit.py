@@ -45,7 +45,7 @@ from rotorid.typing import BoolArray, FloatArray, IntArray
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a start far off has a cost that is no number
-def fit(
+def fit_frequency(
     problem: FrequencyProblem,
     *,
     solver: LevenbergMarquardt | None = None,

@@ -76,6 +76,7 @@ class NonlinearProblem(OutputErrorProblem):
     """
 
     initial_conditions: ClassVar[tuple[str, ...]] = get_args(NonlinearUnknown)
+    method: ClassVar[str] = "nonlinear"
 
     structure: NonlinearStructure
     unknowns: tuple[NonlinearUnknown, ...] = ("initial_state",)
