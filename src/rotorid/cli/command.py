@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -88,12 +88,12 @@ def carry_out(
         show(document(result), folder)
 
 
-def read_logs(logs: Iterable[Path], mapping: Path | None) -> Iterator[FlightRecord]:
+def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightRecord]:
     """Records of the logs, one after the other."""
     from rotorid.io.registry import read
 
-    for log in logs:
-        tell(f"reading {log.name}")
+    for number, log in enumerate(logs):
+        tell(f"reading {log.name}", extra={"done": number, "total": len(logs)})
         yield read(log, mapping=mapping)
 
 

@@ -101,33 +101,55 @@ def say_refused(
 def print_findings(findings: Sequence[Finding | FindingDocument]) -> None:
     """Warnings and errors to standard output, what several places have in common once; remarks stand in the files."""
     console = output_console()
-    said = dict.fromkeys((one.severity, one.kind, one.message) for one in findings if one.severity != "info")
+    said = dict.fromkeys((f.severity, f.kind, f.message) for f in findings if f.severity != "info")
     for severity, kind, message in said:
         console.print(f"[bold]{severity}[/bold] {kind}: ", end="")
         console.print(message, markup=False)
 
 
 class _Status(logging.Handler):
-    """Shows each message of the pipeline as what is being done, with the time that is left where it is counted."""
+    """Shows each message of the pipeline as what is being done.
+
+    Work that is counted says how much of how much is done, ``extra={"done": 3, "total": 8}``; from its second message
+    on, the time that the rest takes at the same pace is shown too.
+    """
 
     def __init__(self, show: Callable[[str], None]) -> None:
         super().__init__()
         self._show = show
-        self._begun: tuple[str, float] | None = None
+        self._begun: dict[tuple[str, int], tuple[float, float, float]] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show a message; a lost interrupt is raised here."""
         check()
-        self._show(record.getMessage() + self._left(record))
+        self._show(record.getMessage() + self._left(record, time.monotonic()))
 
-    def _left(self, record: logging.LogRecord) -> str:
-        done, total = getattr(record, "done", 0), getattr(record, "total", 0)
-        what, now = record.getMessage().partition(":")[0], time.monotonic()
-        if self._begun is None or self._begun[0] != what:
-            self._begun = what, now
-        if not 0 < done < total or now <= self._begun[1]:
+    def _left(self, record: logging.LogRecord, now_s: float) -> str:
+        done, total = getattr(record, "done", None), getattr(record, "total", None)
+        if done is None or total is None:
             return ""
-        return f", about {(now - self._begun[1]) * (total - done) / done:.0f} s left"
+        # The same line speaks of the same work, until it counts from the beginning again.
+        work = record.pathname, record.lineno
+        first_s, first, last = self._begun.get(work, (now_s, done, done))
+        if done == 0 or done < last:
+            first_s, first = now_s, done
+        self._begun[work] = first_s, first, done
+        if not first < done < total:
+            return ""
+        return f", about {_duration((now_s - first_s) * (total - done) / (done - first))} left"
+
+
+def _duration(seconds: float) -> str:
+    """Seconds as one says them.
+
+    Examples
+    --------
+    >>> _duration(41.3), _duration(150.0), _duration(5000.0)
+    ('41 s', '2.5 min', '1.4 h')
+    """
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.1f} min" if seconds < 3600.0 else f"{seconds / 3600.0:.1f} h"
 
 
 @contextmanager
@@ -139,7 +161,11 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
         if quiet or not console.is_terminal:
             handler = _Status(lambda _: None)
         else:
-            handler = _Status(stack.enter_context(console.status("reading")).update)
+            from rich.text import Text
+
+            status = stack.enter_context(console.status("reading"))
+            # Names come from the user's files: brackets in them are no markup.
+            handler = _Status(lambda text: status.update(Text(text)))
         before = logger.level, logger.propagate
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)

@@ -11,7 +11,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, count
 from pathlib import Path
 from typing import get_args
 
@@ -247,8 +247,13 @@ def cross_validate(
     def score(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
         return score_flown(model.structure, group.flown, settings)
 
+    folds = count()
+
+    def say(text: str) -> None:
+        _PROGRESS.info(text, extra={"done": next(folds), "total": len(groups)})
+
     found = engine.cross_validate(
-        groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=_PROGRESS.info
+        groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=say
     )
     horizon_s = common_horizon_s([one for fold in found.folds for scores in fold.scores for one in scores])
     band_rad_s = fitted_band([fold.model for fold in found.folds if fold.model])

@@ -107,12 +107,15 @@ def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
         return None
     from rotorid.search.catalog import search
 
+    budget = settings.evaluations or (EVALUATIONS if settings.search else _WITHOUT_LIMIT)
+
     def say(at: Progress) -> None:
-        _PROGRESS.info(f"searching by {name}: {at.evaluations} evaluations, best cost {at.best:.4g}")
+        counted = {"done": at.evaluations, "total": budget} if settings.search else {}
+        _PROGRESS.info(f"searching by {name}: {at.evaluations} evaluations, best cost {at.best:.4g}", extra=counted)
 
     result = search(name).run(
         problem.shortened(_SEARCHED),
-        budget=settings.evaluations or (EVALUATIONS if settings.search else _WITHOUT_LIMIT),
+        budget=budget,
         seed=settings.seed,
         progress=say,
     )

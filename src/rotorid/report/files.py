@@ -431,7 +431,8 @@ def write_simulation(
     def fly(number: int) -> Callable[[Path], None]:
         def write(path: Path) -> None:
             _PROGRESS.info(
-                f"flying {choices.vehicle}" + (f", {number + 1} of {choices.runs}" if choices.runs > 1 else "")
+                f"flying {choices.vehicle}" + (f", {number + 1} of {choices.runs}" if choices.runs > 1 else ""),
+                extra={"done": number, "total": choices.runs},
             )
             logs.append(write_run(path, fly_run(choices, number), choices))
 

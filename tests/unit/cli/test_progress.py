@@ -1,0 +1,73 @@
+"""What a person sees of long work, and that a pipe sees nothing of it."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from rotorid.cli import console
+from rotorid.cli.console import progress
+
+PIPELINE = logging.getLogger("rotorid.progress")
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Seconds that the clock shows, which the test turns."""
+    now_s = [100.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: now_s[0])
+    return now_s
+
+
+@pytest.fixture
+def shown(clock: list[float]) -> list[str]:
+    """What has been shown of messages of the pipeline."""
+    lines: list[str] = []
+    handler = console._Status(lines.append)
+    PIPELINE.addHandler(handler)
+    PIPELINE.setLevel(logging.INFO)
+    yield lines  # type: ignore[misc]
+    PIPELINE.removeHandler(handler)
+    PIPELINE.setLevel(logging.NOTSET)
+
+
+def count(done: int, total: int) -> None:
+    PIPELINE.info(f"runs: {done} of {total}", extra={"done": done, "total": total})
+
+
+def test_counted_work_tells_the_time_that_is_left(shown: list[str], clock: list[float]) -> None:
+    count(8, 200)
+    clock[0] += 10.0
+    count(28, 200)
+    clock[0] += 86.0
+    count(200, 200)
+    # 20 runs in 10 s; 172 are left.
+    assert shown == ["runs: 8 of 200", "runs: 28 of 200, about 86 s left", "runs: 200 of 200"]
+
+
+def test_other_messages_between_do_not_count(shown: list[str], clock: list[float]) -> None:
+    count(0, 4)
+    clock[0] += 5.0
+    PIPELINE.info("frequency responses")
+    clock[0] += 5.0
+    count(1, 4)
+    assert shown == ["runs: 0 of 4", "frequency responses", "runs: 1 of 4, about 30 s left"]
+
+
+def test_the_same_work_begun_again_counts_anew(shown: list[str], clock: list[float]) -> None:
+    count(0, 2)
+    clock[0] += 1000.0
+    count(0, 2)
+    clock[0] += 120.0
+    count(1, 2)
+    assert shown[-1] == "runs: 1 of 2, about 2.0 min left"
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_a_pipe_sees_nothing(quiet: bool, capfd: pytest.CaptureFixture[str]) -> None:
+    with progress(quiet=quiet) as tell:
+        tell("fitting")
+        count(1, 2)
+    assert capfd.readouterr() == ("", "")
+    assert not PIPELINE.handlers
