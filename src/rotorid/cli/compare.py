@@ -28,7 +28,8 @@ def compare_command(
     output: Output,
 ) -> None:
     """Put models and methods side by side, on the same data with --log."""
-    from rotorid.pipeline.comparison import compare, read_results, refused_comparison
+    from rotorid.documents.compare import compare_document, read_results
+    from rotorid.pipeline.comparison import compare, refused_comparison
     from rotorid.report.compare import JSON, write_comparison
 
     entries = read_results(results)
@@ -40,7 +41,8 @@ def compare_command(
         file=JSON,
         compute=lambda records: compare(entries, records, settings=settings),
         write=lambda folder, compared: write_comparison(folder, compared, title=f"{len(entries)} models side by side"),
-        refused=lambda error, records: refused_comparison(error, entries, records, settings=settings),
+        refused=lambda error, records: compare_document(refused_comparison(error, entries, records, settings=settings)),
+        document=compare_document,
         show=_print,
     )
 

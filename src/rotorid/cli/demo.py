@@ -39,14 +39,18 @@ def demo_command(
         tell("writing the report")
         title = "S500 in hover: a simulated flight, identified"
         for result in demo.identifications:
-            write_results(folder / result.document.model, result, title=result.document.model, truth=demo.truth)
+            write_results(folder / result.name, result, title=result.name, truth=demo.truth)
         write_overview_report(folder / "report.html", demo.identifications, title=title, truth=demo.truth)
         if find_spec("matplotlib") is not None:
             from rotorid.plot.paper import overview_png
 
             write_atomically(folder / "overview.png", overview_png(demo.identifications))
     if output.json:
-        documents = ",\n".join(result.document.model_dump_json(by_alias=True) for result in demo.identifications)
+        from rotorid.documents.result import result_document
+
+        documents = ",\n".join(
+            result_document(result).model_dump_json(by_alias=True) for result in demo.identifications
+        )
         sys.stdout.write(f"[{documents}]\n")
     elif not output.quiet:
         _print(demo, folder)
@@ -63,12 +67,12 @@ def _print(demo: Demonstration, folder: Path) -> None:
     for name in ("model", "parameter", "identified", "± std", "truth", "unit"):
         table.add_column(name, justify="left" if name in ("model", "parameter", "unit") else "right")
     for result in demo.identifications:
-        for name, parameter in result.document.parameters.items():
+        for name, parameter in result.parameters.items():
             truth = demo.truth.get(name)
             if parameter.status == "dropped" and not truth:
                 continue
             table.add_row(
-                result.document.model,
+                result.name,
                 name,
                 "dropped" if parameter.status == "dropped" else f"{parameter.value:.5g}",
                 "" if parameter.std is None else f"{parameter.std:.2g}",

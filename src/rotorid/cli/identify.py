@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rotorid.data.record import FlightRecord
-    from rotorid.documents.result import ParameterDocument, ResultDocument
+    from rotorid.documents.result import ResultDocument
     from rotorid.models.structure import LinearStructure
-    from rotorid.pipeline.results import Identification
+    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.pipeline.summary import ParameterEstimate
 
 
 def identify_command(
@@ -51,9 +52,9 @@ def identify_command(
     output: Output,
 ) -> None:
     """Identify a model from flight logs: responses, bounds, verification, report."""
+    from rotorid.documents.result import refused_document, result_document
     from rotorid.pipeline.cross_validation import cross_validated, parse_kind
     from rotorid.pipeline.identification import identify, refused
-    from rotorid.pipeline.motor_identification import identify_motors
     from rotorid.report.files import write_results
 
     kind = parse_kind(cross_validate)
@@ -61,10 +62,8 @@ def identify_command(
     wanted = model if motors else _wanted(model, settings, inputs=inputs, decoupled=decoupled)
     name = wanted if isinstance(wanted, str) else wanted.name
 
-    def compute(records: Sequence[FlightRecord]) -> Identification:
+    def compute(records: Sequence[FlightRecord]) -> IdentifiedModel:
         unseen = list(read_logs(verify or (), map))
-        if motors is not None:
-            return identify_motors(records, motors, verify=unseen)
         result = identify(records, wanted, settings=settings, verify=unseen)
         if kind is None:
             return result
@@ -80,7 +79,8 @@ def identify_command(
         file="result.json",
         compute=compute,
         write=lambda folder, result: write_results(folder, result, title=title),
-        refused=lambda error, records: refused(error, records, wanted, settings=settings),
+        refused=lambda error, records: refused_document(refused(error, records, wanted, settings=settings)),
+        document=result_document,
         show=print_result,
     )
 
@@ -131,11 +131,11 @@ def _table(document: ResultDocument) -> Table:
     return table
 
 
-def _numbers(parameter: ParameterDocument) -> tuple[str, str]:
+def _numbers(parameter: ParameterEstimate) -> tuple[str, str]:
     return f"{parameter.value:.5g}", "" if parameter.std is None else f"{parameter.std:.2g}"
 
 
-def _percents(parameter: ParameterDocument) -> tuple[str, str]:
+def _percents(parameter: ParameterEstimate) -> tuple[str, str]:
     both = parameter.cramer_rao_percent, parameter.insensitivity_percent
     cramer_rao, insensitivity = ("" if percent is None else f"{percent:.0f}" for percent in both)
     return cramer_rao, insensitivity

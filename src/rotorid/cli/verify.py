@@ -13,8 +13,8 @@ from rotorid.cli.options import Logs, Map, Output
 from rotorid.pipeline.settings import VerifySettings
 
 if TYPE_CHECKING:
+    from rotorid.documents.verify import VerifyDocument
     from rotorid.pipeline.verification import Verified
-    from rotorid.pipeline.verify_document import VerifyDocument
 
 FILE, REPORT = "verification.json", "report.html"
 
@@ -28,6 +28,7 @@ def verify_command(
     output: Output,
 ) -> None:
     """Judge an identified model on data that it has not seen."""
+    from rotorid.documents.verify import refused_verify_document, verify_document
     from rotorid.pipeline.candidate import read_candidate
     from rotorid.pipeline.verification import refused_verification, verify
 
@@ -41,17 +42,21 @@ def verify_command(
         file=FILE,
         compute=lambda records: verify(candidate, records, settings=settings),
         write=lambda folder, verified: _write(folder, verified, title=f"{name} on unseen flight"),
-        refused=lambda error, records: refused_verification(error, records, candidate, settings=settings),
+        refused=lambda error, records: refused_verify_document(
+            refused_verification(error, records, candidate, settings=settings)
+        ),
+        document=verify_document,
         show=_print,
     )
 
 
 def _write(folder: Path, verified: Verified, *, title: str) -> None:
+    from rotorid.documents.verify import verify_document
     from rotorid.io.files import write_atomically
     from rotorid.report.files import to_json, write_together
     from rotorid.report.verification import render_verification
 
-    text = to_json(verified.document)
+    text = to_json(verify_document(verified))
     page = render_verification(verified, title=title)
     write_together(
         folder,

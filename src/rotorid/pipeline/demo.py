@@ -11,7 +11,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.pipeline.designs import plan_with
 from rotorid.pipeline.flight_settings import PlanChoices
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, require_seed
 from rotorid.pipeline.simulation import truth_of
 from rotorid.simulation.multirotor_flight import Aircraft
@@ -47,7 +47,7 @@ class Demonstration:
         The parameters of the vehicle that flew, as far as a rate model has them.
     """
 
-    identifications: tuple[Identification, ...]
+    identifications: tuple[IdentifiedModel, ...]
     truth: dict[str, float]
 
 
@@ -88,6 +88,6 @@ def identify_demo(record: FlightRecord, *, seed: int) -> Demonstration:
     for model, band in BANDS_RAD_S.items():
         settings = IdentifySettings(band_rad_s=band, seed=seed)
         results.append(identify([record], model, settings=settings))
-    names = {name for result in results for name in result.document.parameters}
-    truth = {name: one.value for name, one in truth_of(library_aircraft(VEHICLE)).items() if name in names}
+    names = {name for result in results for name in result.parameters}
+    truth = {name: true.value for name, true in truth_of(library_aircraft(VEHICLE)).items() if name in names}
     return Demonstration(identifications=tuple(results), truth=truth)

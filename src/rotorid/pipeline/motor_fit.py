@@ -15,6 +15,7 @@ import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -52,12 +53,14 @@ from rotorid.pipeline.frequency_fit import judge_parameters
 from rotorid.pipeline.motor_data import MotorData, MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.settings import MotorChoices
+from rotorid.pipeline.summary import Derived
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.propagation import covariance_of_all
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
+from rotorid.verification.verification import Scores
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -264,17 +267,7 @@ def fit_percents(moved: Sequence[Motion], channels: Sequence[str]) -> dict[str, 
     return percents
 
 
-class Scored(NamedTuple):
-    """How one channel of an unseen stretch was explained."""
-
-    nrmse_fit_percent: float
-    tic: float
-    rms: float
-    bias: float
-    reference_shift: float
-
-
-def scores(moved: Motion) -> dict[str, Scored]:
+def scores(moved: Motion) -> dict[str, Scores]:
     """Scores of the excited channels of a stretch."""
     found = {}
     for name in moved.counted:
@@ -282,12 +275,12 @@ def scores(moved: Motion) -> dict[str, Scored]:
         # Where an accelerometer has its zero is no matter of the motors.
         shift = float(np.mean(measured - modeled))
         modeled = modeled + shift
-        found[name] = Scored(
-            nrmse_fit_percent(measured, modeled),
-            theil_inequality(measured - measured.mean(), modeled - measured.mean()),
-            rms(measured - modeled),
-            0.0,
-            shift,
+        found[name] = Scores(
+            nrmse_fit_percent=nrmse_fit_percent(measured, modeled),
+            tic=theil_inequality(measured - measured.mean(), modeled - measured.mean()),
+            rms=rms(measured - modeled),
+            bias=0.0,
+            reference_shift=shift,
         )
     return found
 
@@ -316,16 +309,8 @@ _STAMPS_S = 0.01
 AXIS_WORDS = {"az": "thrust", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
-class Derived(NamedTuple):
-    """A quantity that follows from the parameters."""
-
-    value: float
-    std: float
-    unit: str
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotorIdentified(Immutable):
+class FittedMotors(Immutable):
     """Physical parameters of a vehicle, as far as its flights tell them.
 
     Parameters
@@ -368,6 +353,26 @@ class MotorIdentified(Immutable):
         """Axes that some stretch excites."""
         return tuple(axis for axis in self.fit.problem.axes if axis != "weight")
 
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels of these axes."""
+        return tuple(CHANNELS[axis] for axis in ("p", "q", "r", "az") if axis in self.axes)
+
+    @property
+    def listed(self) -> ParameterSet:
+        """All parameters."""
+        return self.parameters
+
+    @cached_property
+    def structure(self) -> LinearStructure:
+        """The vehicle around hover, see :func:`hover_model`."""
+        return hover_model(self)
+
+    @cached_property
+    def moved(self) -> tuple[Motion, ...]:
+        """Every stretch as it was measured and as the motors explain it."""
+        return motions(self.fit.problem, self.fit.solution.theta, self.data.stretches, self.fit.excitations)
+
 
 def levers_of(data: MotorData) -> FloatArray:
     """Roll, pitch and yaw moment of a newton of each rotor, shape ``(3, motors)``."""
@@ -375,7 +380,7 @@ def levers_of(data: MotorData) -> FloatArray:
     return np.stack([arms[0], arms[1], torque[2]])
 
 
-def fit_motor_data(data: MotorData, choices: MotorChoices) -> MotorIdentified:
+def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
     """Fit what was excited, and bound it.
 
     Axes of which the motors then explain nothing are left out: what was seen there was the controller, or motors that
@@ -408,7 +413,7 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> MotorIdentified:
     assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
     bounds = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=assumed and data.kind != "speed")
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
-    return MotorIdentified(
+    return FittedMotors(
         data=data,
         fit=fit,
         curve=curve,
@@ -452,7 +457,7 @@ def _fitted(
 
 def _unexplained(fit: MotorFit, data: MotorData) -> set[str]:
     """Axes of which the identified motors explain nothing, although both moved together."""
-    moved = motions(fit.problem, fit.solution.theta, data.flights, fit.excitations)
+    moved = motions(fit.problem, fit.solution.theta, data.stretches, fit.excitations)
     channels = {CHANNELS[axis]: axis for axis in fit.problem.axes if axis in CHANNELS}
     least = _EXPLAINED_BY_SLOW if data.slow else 0.0
     return {channels[name] for name, percent in fit_percents(moved, list(channels)).items() if percent <= least}
@@ -522,7 +527,7 @@ def _derived(
 
     def of_curve(terms: Mapping[str, float], unit: str, limits: Bounds = bounds) -> Derived:
         value = sum(parameters[name].value * factor for name, factor in terms.items() if name in parameters.names)
-        return Derived(float(value), _std(limits, terms), unit)
+        return Derived(value=float(value), std=_std(limits, terms), unit=unit)
 
     slope_unit = "N s/rad" if data.kind == "speed" else "N"
     found = {
@@ -535,7 +540,7 @@ def _derived(
     full, mass = found["thrust_full"].value, parameters["m"].value
     weight = mass * STANDARD_GRAVITY_M_S2 / data.layout.rotors
     gradient = {"c_0": 1.0 / weight, "c_1": 1.0 / weight, "c_2": 1.0 / weight, "m": -full / (weight * mass)}
-    found["thrust_to_weight"] = Derived(full / weight, _std(bounds, gradient), "1")
+    found["thrust_to_weight"] = Derived(value=full / weight, std=_std(bounds, gradient), unit="1")
     return found
 
 
@@ -550,7 +555,7 @@ _DOUBTFUL = 0.2
 
 
 def judge_motors(
-    identified: MotorIdentified, choices: MotorChoices, fit_percent: Mapping[str, float]
+    identified: FittedMotors, choices: MotorChoices, fit_percent: Mapping[str, float]
 ) -> tuple[Finding, ...]:
     """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
     return (
@@ -571,7 +576,7 @@ def judge_motors(
     )
 
 
-def _unexcited(identified: MotorIdentified) -> Iterator[Finding]:
+def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
     missing = [axis for axis in AXIS_WORDS if axis not in identified.axes]
     if not missing:
         return
@@ -587,7 +592,7 @@ def _unexcited(identified: MotorIdentified) -> Iterator[Finding]:
     )
 
 
-def _turned_around(identified: MotorIdentified) -> Iterator[Finding]:
+def _turned_around(identified: FittedMotors) -> Iterator[Finding]:
     """Axes along which the motors act against their levers."""
     for axis, word in AXIS_WORDS.items():
         lowest = min(one[axis].opposed for one in identified.fit.excitations)
@@ -602,7 +607,7 @@ def _turned_around(identified: MotorIdentified) -> Iterator[Finding]:
             )
 
 
-def _assumed(identified: MotorIdentified) -> Iterator[Finding]:
+def _assumed(identified: FittedMotors) -> Iterator[Finding]:
     if not identified.curve_assumed:
         return
     yield warn(
@@ -615,7 +620,7 @@ def _assumed(identified: MotorIdentified) -> Iterator[Finding]:
     )
 
 
-def _doubted(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+def _doubted(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
     """A curve that was named and leaves of the specific force what another curve would explain."""
     if choices.curve in ("auto", "polynomial") or "az" not in identified.axes:
         return
@@ -632,7 +637,7 @@ def _doubted(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Fin
     )
 
 
-def _unused(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+def _unused(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
     names = [name for name in choices.known if name not in identified.parameters.names]
     if names:
         yield warn(
@@ -643,7 +648,7 @@ def _unused(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Find
         )
 
 
-def _scale(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Finding]:
+def _scale(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
     if scale_of(choices.known, identified.axes) is not None:
         return
     yield warn(
@@ -654,7 +659,7 @@ def _scale(identified: MotorIdentified, choices: MotorChoices) -> Iterator[Findi
     )
 
 
-def _arm(identified: MotorIdentified) -> Iterator[Finding]:
+def _arm(identified: FittedMotors) -> Iterator[Finding]:
     if identified.data.layout.arm_known or not {"p", "q"} & set(identified.axes):
         return
     yield warn(
@@ -665,7 +670,7 @@ def _arm(identified: MotorIdentified) -> Iterator[Finding]:
     )
 
 
-def _yaw(identified: MotorIdentified) -> Iterator[Finding]:
+def _yaw(identified: FittedMotors) -> Iterator[Finding]:
     parameters = identified.parameters
     if "kappa_per_I_zz" not in parameters.names or "I_zz" in parameters.names:
         return
@@ -688,14 +693,14 @@ def _yaw(identified: MotorIdentified) -> Iterator[Finding]:
     )
 
 
-def _judged_parameters(identified: MotorIdentified) -> Iterator[Finding]:
+def _judged_parameters(identified: FittedMotors) -> Iterator[Finding]:
     """Guidelines of single parameters; coefficients of one curve trade against each other, and their sum counts."""
     for finding in judge_parameters(identified.parameters, identified.bounds):
         if not (identified.curve == "polynomial" and finding.where in CURVE_TERMS["polynomial"]):
             yield finding
 
 
-def _physics(identified: MotorIdentified, choices: MotorChoices) -> list[Finding]:
+def _physics(identified: FittedMotors, choices: MotorChoices) -> list[Finding]:
     data, values = identified.data, identified.parameters.values
     if scale_of(choices.known, identified.axes) is None:
         # All others are per kilogram.
@@ -712,7 +717,7 @@ def _physics(identified: MotorIdentified, choices: MotorChoices) -> list[Finding
     )
 
 
-def _merit(identified: MotorIdentified, choices: MotorChoices) -> list[Finding]:
+def _merit(identified: FittedMotors, choices: MotorChoices) -> list[Finding]:
     """The figure of merit of the rotors, where their speed was measured and their size is known."""
     data = identified.data
     weighed = scale_of(choices.known, identified.axes) is not None
@@ -726,7 +731,7 @@ def _merit(identified: MotorIdentified, choices: MotorChoices) -> list[Finding]:
     )
 
 
-def _ended(identified: MotorIdentified) -> Iterator[Finding]:
+def _ended(identified: FittedMotors) -> Iterator[Finding]:
     fit = identified.fit
     for name in fit.parameters.free:
         if name not in fit.moving:
@@ -762,7 +767,7 @@ _DAMPING = {"p": "L_p", "q": "M_q", "r": "N_r"}
 _INERTIA = {"p": "1/I_xx", "q": "1/I_yy", "r": "kappa_per_I_zz"}
 
 
-def hover_model(identified: MotorIdentified) -> LinearStructure:
+def hover_model(identified: FittedMotors) -> LinearStructure:
     r"""Small motions about hover, with the identified values.
 
     .. math:: \delta F_i = (c_1 + 2 c_2 x_0) \, \delta x_i
@@ -810,18 +815,18 @@ def _sum(terms: dict[str, float]) -> str:
     return " + ".join(f"({factor!r})*{name}" for name, factor in terms.items() if factor != 0.0)
 
 
-def _delays(identified: MotorIdentified) -> list[str]:
+def _delays(identified: FittedMotors) -> list[str]:
     motors = range(1, identified.data.layout.rotors + 1)
     return [f'motor_{i} = "{name}"' for name in _delayed(identified) for i in motors]
 
 
-def _delayed(identified: MotorIdentified) -> tuple[str, ...]:
+def _delayed(identified: FittedMotors) -> tuple[str, ...]:
     """The delay that stands for all: to the gyros, or where no rate was excited to the accelerometer."""
     names = [one for one in ("tau_gyro", "tau_accel") if one in identified.parameters.names]
     return tuple(names[:1])
 
 
-def _parameter_tables(identified: MotorIdentified, axes: Sequence[str]) -> list[str]:
+def _parameter_tables(identified: FittedMotors, axes: Sequence[str]) -> list[str]:
     slope = " + ".join(
         term for name, term in (("c_1", "c_1"), ("c_2", "2*c_2*x_0")) if name in identified.parameters.names
     )

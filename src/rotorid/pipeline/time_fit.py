@@ -43,18 +43,21 @@ from rotorid.fitting.time.output_error import (
 )
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.frequency_fit import Fitted, fit_with_bounds, judge_parameters
+from rotorid.pipeline.bootstrapping import Bootstrap
+from rotorid.pipeline.frequency_fit import FrequencyFit, fit_with_bounds, judge_parameters
 from rotorid.pipeline.instruments import Flown, is_command
 from rotorid.pipeline.inverse import pose_screened
 from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.resolve import black_box_order, chosen_parameters
+from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.searching import Searched, refuse_search, searched
 from rotorid.pipeline.segments import TimeRecords
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.summary import Compared, EquationFit, Information, RecordFit, Residuals
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.uncertainty.colored import autoregression, colored_covariance
 from rotorid.uncertainty.cramer_rao import Bounds
-from rotorid.verification.scores import GOOD_FIT_PERCENT
+from rotorid.verification.scores import GOOD_FIT_PERCENT, nrmse_fit_percent
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -138,7 +141,7 @@ _ROUNDS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TimeFitted(Immutable):
+class TimeFit(Immutable):
     """A model that was fitted in the time domain, with what is known about it.
 
     Parameters
@@ -171,6 +174,10 @@ class TimeFitted(Immutable):
         How well each equation of motion holds, where those were fitted.
     search
         The search that the fit began at, if any; also in the frequency domain.
+    bootstrap
+        Refits to noise drawn anew, where they were asked for.
+    simulated
+        Every record as it was measured and as the model has it.
     """
 
     method: TimeMethod
@@ -187,11 +194,24 @@ class TimeFitted(Immutable):
     findings: tuple[Finding, ...] = ()
     equations: tuple[EquationScore, ...] = ()
     search: Searched | None = None
+    bootstrap: Bootstrap | None = None
+    simulated: tuple[SimulatedRecord, ...] = ()
 
     @property
     def structure(self) -> LinearStructure:
         """What the values belong to, without states that a dropped lag has left without dynamics."""
         return self.problem.structure.condensed(self.parameters)
+
+    @property
+    def fit_percent(self) -> dict[str, float]:
+        """Output to the share of its motion about the mean of each record that the model explains, all together."""
+        percents = {}
+        for row, name in enumerate(self.structure.outputs):
+            pairs = [(record.measured[row], record.simulated[row]) for record in self.simulated]
+            missed = sum(float(np.sum((measured - simulated) ** 2)) for measured, simulated in pairs)
+            moved = sum(float(np.sum((measured - measured.mean()) ** 2)) for measured, _ in pairs)
+            percents[name] = 100.0 * (1.0 - math.sqrt(missed / moved)) if moved > 0.0 else 0.0
+        return percents
 
 
 class _Ended(NamedTuple):
@@ -214,8 +234,8 @@ def fit_in_time(
     settings: IdentifySettings,
     *,
     method: TimeMethod,
-    frequency: Fitted | None = None,
-) -> TimeFitted:
+    frequency: FrequencyFit | None = None,
+) -> TimeFit:
     """Fit a structure to records in time and bound its parameters.
 
     The search begins at the fit in the frequency domain, where there is one, and at the start values of the structure.
@@ -259,7 +279,7 @@ def fit_in_time(
 
 
 def _begun(
-    structure: LinearStructure, parameters: ParameterSet, frequency: Fitted
+    structure: LinearStructure, parameters: ParameterSet, frequency: FrequencyFit
 ) -> tuple[LinearStructure, ParameterSet]:
     """A structure at the values of the frequency domain.
 
@@ -362,7 +382,7 @@ def _by_equations(
     parameters: ParameterSet,
     records: TimeRecords,
     settings: IdentifySettings,
-    frequency: Fitted | None,
+    frequency: FrequencyFit | None,
 ) -> _Ended:
     """Equation error, over the band of the responses where there are any; the records are simulated to show it."""
     if black_box_order(structure) is not None:
@@ -457,13 +477,13 @@ def growth(structure: LinearStructure, parameters: ParameterSet) -> float:
     return max(0.0, float(poles.real.max(initial=0.0)))
 
 
-def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFitted:
+def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFit:
     parameters = ended.problem.parameters
     by = ended.by_equations
     bounds, memory = time_bounds(ended.parts, parameters) if by is None else (equation_bounds(by), 0)
     whole = whole if by is None else _without(whole, by.left)
     same = whole.free == parameters.free
-    return TimeFitted(
+    return TimeFit(
         method=method,
         problem=ended.problem,
         solution=ended.solution,
@@ -481,6 +501,94 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFitt
     )
 
 
+def simulated_records(fitted: TimeFit, records: TimeRecords) -> tuple[SimulatedRecord, ...]:
+    """Every record as it was measured and as the model has it; pieces are joined again."""
+    pieces = iter(fitted.problem.predicted(fitted.problem.parameters.with_values(fitted.parameters.values).pack()))
+    found = []
+    for segment, data in zip(records.segments, records.data, strict=True):
+        parts: list[FloatArray] = []
+        starts: list[int] = []
+        while (reached := sum(part.shape[1] for part in parts)) < data.samples:
+            starts.append(reached)
+            parts.append(next(pieces).predicted)
+        found.append(
+            SimulatedRecord(
+                record=segment.record,
+                maneuver=segment.maneuver,
+                time_s=segment.history.time_s,
+                inputs=data.inputs,
+                measured=data.outputs,
+                simulated=np.hstack(parts),
+                starts=tuple(starts),
+            )
+        )
+    return tuple(found)
+
+
+def record_fits(
+    simulated: Sequence[SimulatedRecord], records: TimeRecords, outputs: Sequence[str]
+) -> tuple[RecordFit, ...]:
+    """Fit of every record on its own."""
+    return tuple(
+        RecordFit(
+            record=record.record,
+            start_s=float(record.time_s[0]),
+            stop_s=float(record.time_s[-1]),
+            samples=record.time_s.size,
+            sample_rate_hz=data.sample_rate_hz,
+            pieces=len(record.starts),
+            fit_percent={
+                name: percent
+                for row, name in enumerate(outputs)
+                if math.isfinite(percent := nrmse_fit_percent(record.measured[row], record.simulated[row]))
+            },
+        )
+        for record, data in zip(simulated, records.data, strict=True)
+    )
+
+
+def information(fitted: TimeFit) -> Information:
+    r"""Criteria of Akaike and Schwarz, :math:`2 k - 2 \ln L` and :math:`k \ln N - 2 \ln L`, for white residuals."""
+    outputs = len(fitted.problem.structure.outputs)
+    numbers = len(fitted.parameters.free) + fitted.unknowns + fitted.noise_numbers + outputs * (outputs + 1) // 2
+    count = fitted.problem.samples * outputs
+    twice = -2.0 * fitted.log_likelihood
+    return Information(aic=2.0 * numbers + twice, bic=numbers * math.log(count) + twice, numbers=numbers)
+
+
+_LAGS = 60
+
+
+def residuals(fitted: TimeFit, records: TimeRecords) -> Residuals:
+    """Color of the residuals."""
+    sizes = [record.time_s.size for record in fitted.simulated]
+    lags = min(_LAGS, min(sizes) - 1)
+    return Residuals(
+        memory=fitted.memory,
+        inflation=fitted.bounds.inflation,
+        step_s=1.0 / records.data[0].sample_rate_hz,
+        chance=2.0 / math.sqrt(sum(sizes)),
+        autocorrelation={
+            name: _autocorrelation([one.measured[row] - one.simulated[row] for one in fitted.simulated], lags)
+            for row, name in enumerate(fitted.structure.outputs)
+        },
+    )
+
+
+def _autocorrelation(errors: Sequence[FloatArray], lags: int) -> tuple[float, ...]:
+    centered = [error - error.mean() for error in errors]
+    products = [sum(float(e[lag:] @ e[: e.size - lag]) for e in centered) for lag in range(lags + 1)]
+    return tuple(product / products[0] if products[0] > 0.0 else 0.0 for product in products)
+
+
+def equation_fits(fitted: TimeFit) -> tuple[EquationFit, ...]:
+    """How well each equation of motion holds, where those were fitted."""
+    return tuple(
+        EquationFit(name=score.name, r_squared=score.r_squared, press=score.press, misfit=score.misfit)
+        for score in fitted.equations
+    )
+
+
 class FrequencySide(NamedTuple):
     """What the frequency domain says about the same data.
 
@@ -495,7 +603,7 @@ class FrequencySide(NamedTuple):
     """
 
     measured: Measured | None = None
-    fitted: Fitted | None = None
+    fitted: FrequencyFit | None = None
     why_not: str = ""
 
 
@@ -550,15 +658,7 @@ _COLORED = 1.2
 _SETTLED = 1e-6
 
 
-class Compared(NamedTuple):
-    """One parameter in the frequency domain, and what of the difference the hold of the inputs explains."""
-
-    value: float
-    std: float | None
-    hold_s: float = 0.0
-
-
-def judge_time_fit(fitted: TimeFitted, records: TimeRecords, fit_percent: Mapping[str, float]) -> tuple[Finding, ...]:
+def judge_time_fit(fitted: TimeFit, records: TimeRecords, fit_percent: Mapping[str, float]) -> tuple[Finding, ...]:
     """Remarks on the fit, its residuals and its parameters; those of a black box mean nothing one by one."""
     black_box = black_box_order(fitted.problem.structure) is not None
     return (
@@ -571,7 +671,7 @@ def judge_time_fit(fitted: TimeFitted, records: TimeRecords, fit_percent: Mappin
     )
 
 
-def _pieces(fitted: TimeFitted) -> list[Finding]:
+def _pieces(fitted: TimeFit) -> list[Finding]:
     if fitted.pieces_s is None:
         return []
     rate = growth(fitted.problem.structure, fitted.parameters)
@@ -596,7 +696,7 @@ def _pieces(fitted: TimeFitted) -> list[Finding]:
     ]
 
 
-def _poor(fit_percent: Mapping[str, float], fitted: TimeFitted) -> list[Finding]:
+def _poor(fit_percent: Mapping[str, float], fitted: TimeFit) -> list[Finding]:
     simulated = fitted.method == "output_error"
     why = (
         "Dynamics are missing, or other things than the inputs move it."
@@ -616,7 +716,7 @@ def _poor(fit_percent: Mapping[str, float], fitted: TimeFitted) -> list[Finding]
     ]
 
 
-def _colored(fitted: TimeFitted, records: TimeRecords) -> list[Finding]:
+def _colored(fitted: TimeFit, records: TimeRecords) -> list[Finding]:
     factor = fitted.bounds.inflation
     if factor < _COLORED:
         return []
@@ -637,7 +737,7 @@ def _colored(fitted: TimeFitted, records: TimeRecords) -> list[Finding]:
     ]
 
 
-def _solver(fitted: TimeFitted) -> list[Finding]:
+def _solver(fitted: TimeFit) -> list[Finding]:
     solution, structure = fitted.solution, fitted.problem.structure
     delays = {str(entry) for entry in structure.input_delays}
     findings = [
@@ -673,7 +773,7 @@ def left_to_gain(solution: Solution) -> float:
 
 
 def compare_with(
-    frequency: Fitted, structure: LinearStructure, fitted: TimeFitted, records: TimeRecords
+    frequency: FrequencyFit, structure: LinearStructure, fitted: TimeFit, records: TimeRecords
 ) -> dict[str, Compared]:
     """Parameters of the frequency-domain fit that the time-domain fit has too.
 
@@ -684,13 +784,15 @@ def compare_with(
     delays = {str(entry) for entry in structure.input_delays}
     std = dict(zip(frequency.bounds.names, map(float, frequency.bounds.std), strict=True))
     return {
-        parameter.name: Compared(parameter.value, std.get(parameter.name), half_s * (parameter.name in delays))
+        parameter.name: Compared(
+            value=parameter.value, std=std.get(parameter.name), hold_s=half_s * (parameter.name in delays)
+        )
         for parameter in frequency.parameters
         if parameter.name in fitted.parameters.names and parameter.status != "dropped"
     }
 
 
-def judge_agreement(fitted: TimeFitted, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
+def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
     """A warning for each parameter that time and frequency domain know, and know differently."""
     std = dict(zip(fitted.bounds.names, map(float, fitted.bounds.std), strict=True))
     findings = []
