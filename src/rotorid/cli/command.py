@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from operator import attrgetter
+from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from rotorid.cli.options import Output
     from rotorid.data.record import FlightRecord
     from rotorid.errors import InsufficientDataError
-
-Value = TypeVar("Value")
 
 
 def carry_out(
@@ -30,8 +27,8 @@ def carry_out(
     compute: Callable[[Sequence[FlightRecord]], Any],
     write: Callable[[Path, Any], None],
     refused: Callable[[InsufficientDataError, Sequence[FlightRecord]], Any],
+    document: Callable[[Any], Any],
     show: Callable[[Any, Path], None],
-    document: Callable[[Any], Any] = attrgetter("document"),
     mapping: Path | None = None,
 ) -> None:
     """Read logs, compute a result of them, write its files, and print it as JSON or for a person.
@@ -52,10 +49,10 @@ def carry_out(
         Writes all files of a result into a folder.
     refused
         The document that says why there is no result.
-    show
-        Prints the document of a result for a person.
     document
-        That of a result.
+        Makes the document of a result, which ``--json`` prints.
+    show
+        Prints it for a person.
     mapping
         File that names the channels of other sources.
 
@@ -97,12 +94,9 @@ def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightReco
         yield read(log, mapping=mapping)
 
 
-def with_command(result: Value) -> Value:
+def with_command(result: Any) -> Any:
     """A result, or its document, with the words of the command line in its provenance."""
-    if hasattr(result, "document"):
-        return _changed(result, document=with_command(result.document))
-    provenance = result.provenance  # type: ignore[attr-defined]
-    return _changed(result, provenance=_changed(provenance, command=command_line()))
+    return _changed(result, provenance=_changed(result.provenance, command=command_line()))
 
 
 def command_line() -> list[str]:
@@ -110,8 +104,6 @@ def command_line() -> list[str]:
     return ["rotorid", *sys.argv[1:]]
 
 
-def _changed(value: Value, **fields: Any) -> Value:
+def _changed(value: Any, **fields: Any) -> Any:
     """A copy of a value or a document with other fields."""
-    if dataclasses.is_dataclass(value):
-        return dataclasses.replace(value, **fields)  # type: ignore[return-value]
-    return value.model_copy(update=fields)  # type: ignore[attr-defined, no-any-return]
+    return replace(value, **fields) if is_dataclass(value) else value.model_copy(update=fields)

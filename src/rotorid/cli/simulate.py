@@ -12,7 +12,7 @@ import typer
 from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress
 from rotorid.cli.options import Output
-from rotorid.pipeline.flight_settings import Air, SimulateChoices
+from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan
@@ -92,7 +92,7 @@ def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> No
 def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int) -> FlightPlan | None:
     """The plan that the user named, none, or a sweep and two doublets of each axis."""
     from rotorid.documents.design import read_plan
-    from rotorid.pipeline.designs import PlanChoices, plan_for, sweep_of
+    from rotorid.pipeline.designs import plan_for, sweep_of
 
     if given == _NO_PLAN:
         return None
