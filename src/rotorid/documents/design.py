@@ -1,23 +1,20 @@
-"""The document that holds a flight plan: what ``rotorid design`` writes, and ``rotorid simulate --plan`` flies.
-
-The document that ``rotorid design`` writes.
-
-The document that ``rotorid simulate`` writes.
-"""
+"""The documents of planned and simulated flights: ``plan.json``, ``design.json`` and ``simulation.json``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
 
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
-from rotorid.documents.base import Document
-from rotorid.documents.result import FindingDocument, ManeuverDocument, ProvenanceDocument
+from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument
 from rotorid.errors import UsageError
 from rotorid.typing import Axis
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.simulation import Simulation
 
 _LARGEST_FILE = 200_000_000
 _DIGITS = 9
@@ -170,6 +167,11 @@ class SimulationDocument(Document):
     truth: dict[str, TruthDocument]
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+
+def simulation_document(simulation: Simulation) -> SimulationDocument:
+    """What ``rotorid simulate`` writes."""
+    return SimulationDocument.model_validate(simulation)
 
 
 class TestInputDocument(Document):

@@ -1,12 +1,13 @@
-"""The public verb `design`: plans for a vehicle, as large as limits allow, and what each of them will tell.
+"""Plans for a vehicle, each test input as large as limits allow, and what the data of each plan will tell.
 
-What is believed of a vehicle before the flight that is being planned: its library entry, or a previous result.
-
-From wishes to a flight plan: shapes on axes one after the other, each as large as the limits allow.
+Amplitudes are searched for in the nonlinear simulator, one axis after the other and then the whole plan; what the
+flight will tell follows from the linear loop about hover. What is believed of the vehicle before the flight comes from
+its library entry, or from a previous result.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 from collections.abc import Mapping, Sequence
@@ -15,13 +16,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from pydantic import ValidationError
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.data.record import AXES
-from rotorid.documents.result import ResultDocument
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.excitation.plan import planned, sequence, together
 from rotorid.io.registry import format_of, log_rate_hz
@@ -31,12 +30,12 @@ from rotorid.pipeline.flight_settings import DOUBLET_S, DesignChoices, PlanChoic
 from rotorid.pipeline.resolve import named_model
 from rotorid.pipeline.scope import INERTIAL
 from rotorid.pipeline.simulation import truth_of
-from rotorid.planning.aircraft_loop import aircraft_loop
+from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, largest_amplitude, limit_words, reached
+from rotorid.planning.duration import Shortest, shortest
 from rotorid.planning.expected import FitChoices
 from rotorid.planning.loop import LoopModel, Responds
 from rotorid.planning.prediction import Prediction, predict
-from rotorid.planning.shortest import Shortest, shortest
 from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -85,18 +84,27 @@ def read_prior(path: Path) -> Prior:
     try:
         if file.stat().st_size > _LARGEST_FILE:
             raise UsageError(f"{file} has {file.stat().st_size} bytes", needed=f"a result of at most {_LARGEST_FILE}")
-        document = ResultDocument.model_validate_json(file.read_bytes())
+        content = file.read_bytes()
         text = file.with_name("model.toml").read_text(encoding="utf-8")
     except OSError as error:
         raise UsageError(
             f"{error.filename} cannot be read: {error.strerror}",
             needed="the result.json of an identification, with its model.toml beside it",
         ) from error
-    except ValidationError as error:
+    try:
+        values = _values(content)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise UsageError(f"{file} is no result of an identification", needed="a result.json") from error
     structure = from_toml(text, where=str(file.with_name("model.toml")))
-    values = {name: one.value for name, one in document.parameters.items()}
     return Prior(structure=structure, values=values, source=file.as_posix())
+
+
+def _values(content: bytes) -> dict[str, float]:
+    """Values of the parameters of a ``result.json``."""
+    result = json.loads(content)
+    if result["schema"] != "rotorid.result/1":
+        raise ValueError(f"the schema {result['schema']}")
+    return {name: float(parameter["value"]) for name, parameter in result["parameters"].items()}
 
 
 def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None = None) -> dict[str, float]:
@@ -107,7 +115,7 @@ def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None
     ModelError
         Neither knows a parameter.
     """
-    known = {name: one.value for name, one in truth_of(craft).items()}
+    known = {name: true.value for name, true in truth_of(craft).items()}
     known["T_motor"] = max(known["T_motor"], _SHORTEST_LAG_S)
     known |= {f"tau_{axis}": known[f"tau_{axis}"] + filtered_s(craft, axis) for axis in AXES}
     known |= dict(prior.values) if prior is not None else {}

@@ -1,38 +1,30 @@
-"""The public verb `simulate`: a vehicle of the library flies, and what an autopilot would have logged is written.
+"""A vehicle of the library flies, and its log is written as its autopilot would have; the rig moves on its pivot.
 
-The rig on its pivot in simulation: two of its motors swept at once, one upward in frequency and one downward.
+What comes back says what flew, what was true of it (the derivatives of the exact linear model about hover, in still
+air), what each flight reached, and where the maneuvers are on the clock of the logs.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from rotorid import __version__
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, warn
+from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.documents.design import (
-    ReachedDocument,
-    SimulatedLogDocument,
-    SimulationDocument,
-    TruthDocument,
-    VehicleDocument,
-)
-from rotorid.documents.result import ManeuverDocument, ProvenanceDocument
 from rotorid.io.files import sha256_of
 from rotorid.io.registry import START_S, write_log
 from rotorid.io.tables.csv import write_csv
 from rotorid.models.library import library_model
-from rotorid.pipeline.assemble import finding_documents
 from rotorid.pipeline.flight_settings import SimulateChoices
+from rotorid.pipeline.provenance import LoggedManeuver, Provenance
 from rotorid.pipeline.settings import require_seed
-from rotorid.planning.amplitude import reached
+from rotorid.planning.amplitude import Reached, reached
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.vehicles import rig
@@ -41,6 +33,76 @@ from rotorid.vehicles.catalog import VEHICLES
 _NOTICED = 1e-9
 _SEED_BITS_LEFT_OUT = 80
 _MODELS = ("hover.full", "hover.longitudinal", "hover.lateral")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueValue(Immutable):
+    """A number of the vehicle that flew, by the name that an identification would give it."""
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlownVehicle(Immutable):
+    """A vehicle of the library; ``changed`` holds what the user set otherwise than its source has it."""
+
+    name: str
+    description: str
+    source: str
+    autopilot: str
+    control_rate_hz: float | None = None
+    changed: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(changed=self.changed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedLog(Immutable):
+    """A log that was written: its seed, the numbers drawn for it (``changed``), and what the flight reached."""
+
+    file: str
+    format: str
+    sha256: str
+    seed: int
+    duration_s: float
+    changed: Mapping[str, float] = field(default_factory=dict)
+    reached: Reached | None = None
+
+    def __post_init__(self) -> None:
+        self._set(changed=self.changed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulation(Immutable):
+    """What flew, what was true, and the logs.
+
+    Parameters
+    ----------
+    vehicle
+        What flew.
+    logs
+        What was written.
+    maneuvers
+        On the clock of the logs.
+    truth
+        Parameter to its true value.
+    findings
+        Remarks, the grave ones first.
+    provenance
+        Where all of it came from.
+    """
+
+    vehicle: FlownVehicle
+    logs: tuple[SimulatedLog, ...]
+    maneuvers: tuple[LoggedManeuver, ...]
+    truth: Mapping[str, TrueValue]
+    provenance: Provenance
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(truth=self.truth)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,39 +124,35 @@ def fly_run(choices: SimulateChoices, number: int) -> Run:
     return Run(seed=seed, drawn=drawn, flown=flown)
 
 
-def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLogDocument:
+def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLog:
     """Write the log of a run, and say what it is."""
     shown = VEHICLES[choices.vehicle].shown
     seen = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
     write_log(path, seen, format=choices.log_format)
-    return SimulatedLogDocument(
+    return SimulatedLog(
         file=path.name,
         format=choices.log_format,
         sha256=sha256_of(path),
         seed=run.seed,
         duration_s=run.flown.samples / run.flown.sample_rate_hz,
-        changed=dict(run.drawn),
-        reached=ReachedDocument(**asdict(reached(run.flown))),
+        changed=run.drawn,
+        reached=reached(run.flown),
     )
 
 
-def simulation_document(
-    choices: SimulateChoices, logs: Sequence[SimulatedLogDocument], *, command: Sequence[str]
-) -> SimulationDocument:
+def simulation_of(choices: SimulateChoices, logs: Sequence[SimulatedLog], *, command: Sequence[str] = ()) -> Simulation:
     """What flew, what was true, and where the logs are."""
     craft = choices.aircraft
     start_s = START_S[choices.log_format]
-    maneuvers = [] if choices.plan is None else [_on_log(one, start_s, logs[0].file) for one in choices.plan.maneuvers]
-    return SimulationDocument(
-        vehicle=vehicle_document(choices.vehicle, craft, choices.changes),
-        logs=list(logs),
-        maneuvers=maneuvers,
+    planned = () if choices.plan is None else choices.plan.maneuvers
+    return Simulation(
+        vehicle=flown_vehicle(choices.vehicle, craft, choices.changes),
+        logs=tuple(logs),
+        maneuvers=tuple(_on_log(maneuver, start_s, logs[0].file) for maneuver in planned),
         truth=truth_of(craft),
-        findings=finding_documents(_findings(logs)),
-        provenance=ProvenanceDocument(
-            version=__version__,
-            command=list(command),
-            inputs={},
+        findings=worst_first(_findings(logs)),
+        provenance=Provenance(
+            command=tuple(command),
             settings={
                 "wind_north_m_s": choices.wind.north_m_s,
                 "wind_east_m_s": choices.wind.east_m_s,
@@ -108,7 +166,7 @@ def simulation_document(
     )
 
 
-def truth_of(craft: Aircraft) -> dict[str, TruthDocument]:
+def truth_of(craft: Aircraft) -> dict[str, TrueValue]:
     """Derivatives, lag and delays of an aircraft about hover in still air, by the names of the hover models.
 
     A delay is that of the path plus half a tick, for which commands are held on average; the filters of the autopilot's
@@ -116,7 +174,7 @@ def truth_of(craft: Aircraft) -> dict[str, TruthDocument]:
     delay of the path.
     """
     derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot)
-    units = {one.name: one.unit for model in _MODELS for one in library_model(model).parameters}
+    units = {parameter.name: parameter.unit for model in _MODELS for parameter in library_model(model).parameters}
     held_s = 0.5 / craft.autopilot.rate_hz
     delays = dict(zip(("roll", "pitch", "yaw", "thrust"), craft.autopilot.delay_s, strict=True))
     values = derivatives | {f"tau_{axis}": delay_s + held_s for axis, delay_s in delays.items()}
@@ -126,25 +184,23 @@ def truth_of(craft: Aircraft) -> dict[str, TruthDocument]:
     rotors = craft.vehicle.rotors
     # A rotor that speeds up and slows down with different lags shows the mean of the two.
     values["T_motor"] = 0.5 * (rotors.lag_up_s + (rotors.lag_down_s or 0.0))
-    return {
-        name: TruthDocument(value=_clean(values[name]), unit=unit) for name, unit in units.items() if name in values
-    }
+    return {name: TrueValue(value=_clean(values[name]), unit=unit) for name, unit in units.items() if name in values}
 
 
 def _clean(value: float) -> float:
     return 0.0 if abs(value) < _NOTICED else value
 
 
-def vehicle_document(name: str, craft: Aircraft, changes: Mapping[str, float]) -> VehicleDocument:
+def flown_vehicle(name: str, craft: Aircraft, changes: Mapping[str, float]) -> FlownVehicle:
     """A vehicle of the library with the numbers that were set otherwise."""
     known = VEHICLES[name]
-    return VehicleDocument(
+    return FlownVehicle(
         name=name,
         description=known.summary,
         source=known.source,
         autopilot=craft.autopilot.kind,
         control_rate_hz=craft.autopilot.rate_hz,
-        changed=dict(changes),
+        changed=changes,
     )
 
 
@@ -158,12 +214,12 @@ def _drawn(choices: SimulateChoices, seed: int) -> dict[str, float]:
     }
 
 
-def _on_log(maneuver: Maneuver, start_s: float, file: str) -> ManeuverDocument:
+def _on_log(maneuver: Maneuver, start_s: float, file: str) -> LoggedManeuver:
     later = replace(maneuver, start_s=maneuver.start_s + start_s, stop_s=maneuver.stop_s + start_s)
-    return ManeuverDocument(record=file, **asdict(later))
+    return LoggedManeuver(record=file, **asdict(later))
 
 
-def _findings(logs: Sequence[SimulatedLogDocument]) -> list[Finding]:
+def _findings(logs: Sequence[SimulatedLog]) -> list[Finding]:
     return [
         warn(
             "saturation",
@@ -194,40 +250,25 @@ def write_rig(path: Path, record: FlightRecord) -> None:
     write_csv(path, topic.time_s, {channel.name: topic.values[row] for row, channel in enumerate(topic.channels)})
 
 
-def rig_document(record: FlightRecord, path: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:
+def rig_simulation(record: FlightRecord, path: Path, *, seed: int, command: Sequence[str] = ()) -> Simulation:
     """What moved, what was true, and where the log is."""
     topic, known = record.topics[0], VEHICLES[RIG]
-    model = library_model("rig.roll")
-    return SimulationDocument(
-        vehicle=VehicleDocument(name=RIG, description=known.summary, source=known.source, autopilot="simple"),
-        logs=[
-            SimulatedLogDocument(
+    return Simulation(
+        vehicle=FlownVehicle(name=RIG, description=known.summary, source=known.source, autopilot="simple"),
+        logs=(
+            SimulatedLog(
                 file=path.name,
                 format="csv",
                 sha256=sha256_of(path),
                 seed=seed,
                 duration_s=float(topic.time_s[-1] - topic.time_s[0]),
-            )
-        ],
-        maneuvers=[
-            ManeuverDocument(
-                record=path.name,
-                axis=one.axis,
-                kind=one.kind,
-                start_s=one.start_s,
-                stop_s=one.stop_s,
-                band_rad_s=one.band_rad_s,
-                origin=one.origin,
-                signal=one.signal,
-            )
-            for one in record.declared
-        ],
+            ),
+        ),
+        maneuvers=tuple(LoggedManeuver(record=path.name, **asdict(maneuver)) for maneuver in record.declared),
         truth={
-            parameter.name: TruthDocument(value=rig.TRUTH[parameter.name], unit=parameter.unit)
-            for parameter in model.parameters
+            parameter.name: TrueValue(value=rig.TRUTH[parameter.name], unit=parameter.unit)
+            for parameter in library_model("rig.roll").parameters
             if parameter.name in rig.TRUTH
         },
-        provenance=ProvenanceDocument(
-            version=__version__, command=list(command), inputs={}, settings={"swept": list(SWEPT)}, seed=seed
-        ),
+        provenance=Provenance(command=tuple(command), settings={"swept": list(SWEPT)}, seed=seed),
     )

@@ -32,10 +32,11 @@ from rotorid.documents.design import (
     PredictionDocument,
     ReachedDocument,
     ShortestDocument,
-    SimulatedLogDocument,
     SimulationDocument,
     TestInputDocument,
+    VehicleDocument,
     plan_document,
+    simulation_document,
 )
 from rotorid.documents.response import response_document
 from rotorid.documents.result import measured_arrays, response_arrays, result_document
@@ -49,11 +50,12 @@ from rotorid.pipeline.responses import Responses
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.simulation import (
     LOG_NAME,
+    SimulatedLog,
+    flown_vehicle,
     fly_run,
     move_rig,
-    rig_document,
-    simulation_document,
-    vehicle_document,
+    rig_simulation,
+    simulation_of,
     write_rig,
     write_run,
 )
@@ -220,7 +222,7 @@ def write_design(
         write_together(place, {name: _writer(content) for name, content in files.items()})
         summaries.append(_summary(one, "" if place == folder else one.kind, sorted(files)))
     document = DesignDocument(
-        vehicle=vehicle_document(choices.vehicle, choices.aircraft, choices.changes),
+        vehicle=VehicleDocument.model_validate(flown_vehicle(choices.vehicle, choices.aircraft, choices.changes)),
         limits=asdict(choices.plan.limits),
         plans=summaries,
         best=best_of(designed),
@@ -342,7 +344,7 @@ def _summary(one: Designed, folder: str, files: Sequence[str]) -> PlanSummaryDoc
             )
             for part in planned.plan.inputs
         ],
-        reached=ReachedDocument(**asdict(planned.reached)),
+        reached=ReachedDocument.model_validate(planned.reached),
         predictions=[_prediction(told) for told in one.told],
         shortest=[
             ShortestDocument(
@@ -425,7 +427,7 @@ def write_simulation(
     command
         What the user typed, for the document.
     """
-    logs: list[SimulatedLogDocument] = []
+    logs: list[SimulatedLog] = []
     documents: list[SimulationDocument] = []
 
     def fly(number: int) -> Callable[[Path], None]:
@@ -439,7 +441,7 @@ def write_simulation(
         return write
 
     def conclude(path: Path) -> None:
-        documents.append(simulation_document(choices, logs, command=command))
+        documents.append(simulation_document(simulation_of(choices, logs, command=command)))
         write_atomically(path, to_json(documents[0]))
 
     # In the order of the mapping: the document needs the logs' hashes.
@@ -457,7 +459,8 @@ def write_rig_simulation(folder: Path, *, seed: int, command: Sequence[str]) -> 
     documents: list[SimulationDocument] = []
 
     def conclude(path: Path) -> None:
-        documents.append(rig_document(record, path.with_name(LOG_NAME), seed=seed, command=command))
+        moved = rig_simulation(record, path.with_name(LOG_NAME), seed=seed, command=command)
+        documents.append(simulation_document(moved))
         write_atomically(path, to_json(documents[0]))
 
     write_together(folder, {LOG_NAME: lambda path: write_rig(path, record), "simulation.json": conclude})
