@@ -1,8 +1,7 @@
-"""Levenberg–Marquardt with bounds, for small problems with an exact Jacobian.
+"""Nonlinear least squares: Levenberg–Marquardt with bounds, for small problems with an exact Jacobian.
 
-What a solver answers: where it ended, how, and how it came there.
-
-The best of several searches, and the other minima that they met.
+A solution says where a solver ended, how, and how it came there. Of several searches the lowest minimum counts, and the
+others that they met are kept beside it.
 """
 
 from __future__ import annotations

@@ -4,13 +4,9 @@ As in *System Identification of an S500 Quadrotor UAV*, section III, after Tisch
 insensitive parameter above 10 %, converge again; when none is left, the one of largest Cramér–Rao bound above 20 %;
 keep a parameter without which the mean cost rises by more than 2. What is essential to the structure is never dropped.
 
-What a reduction leaves behind: every step with its numbers and its reason, and the way back.
-
-What speaks against a parameter of a fit: CIFER's percents, its standard deviation, its partner.
-
-The sentences of a reduction: why a parameter was dropped, kept or protected.
-
-Leave out what the data do not show: a parameter that the cost does not miss, or one driven to zero by its bound.
+Beside CIFER's percents, a standard deviation as large as the value and a partner that a parameter cannot be told from
+speak against it. At the end, what the cost does not miss is left out too, and what its bound has driven to zero. Every
+step keeps its numbers and its reason, and the way back.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-r"""The cost of measured against modeled accelerations, from the outputs of the motors around hover.
+r"""Motor and inertia constants from accelerations around hover, as a genetic algorithm of the literature seeks them.
 
 .. math::
 
@@ -10,9 +10,8 @@ r"""The cost of measured against modeled accelerations, from the outputs of the 
 A gain of the motors, such as that of a transfer function in series with them, is one with :math:`c_t`. So are, to the
 data, κ and I_zz: yaw shows their ratio only.
 
-The local search of :class:`rotorid.search.acceleration.AccelerationProblem`, in closed form where there is one.
-
-With the lag of the motors held, what they carry is known, :math:`x_c`, and each acceleration has a gain :math:`g_c`:
+The local search has a closed form where there is one. With the lag of the motors held, what they carry is known,
+:math:`x_c`, and each acceleration has a gain :math:`g_c`:
 
 .. math:: f = \sum_c w_c \sum_k |a_c(k) - g_c x_c(k)|
 
@@ -21,16 +20,13 @@ at :math:`\sum a_c x_c / \sum x_c^2`. The logarithms of the gains are sums of th
 parameters with these gains are one linear solution away, or a few where bounds are in the way. Where there are none,
 because some are held, bounded or tied, or where the lag is free, steps of least squares lead down.
 
-Sums of errors over all samples as functions of one gain, in a time that does not depend on the samples.
-
-With :math:`r = a / x`, a sum of absolute errors is a sum of distances,
+Such sums take a time that does not depend on the samples. With :math:`r = a / x`, a sum of absolute errors is a sum of
+distances,
 
 .. math:: \sum_k |a(k) - g x(k)| = \sum_k |x(k)| \, |g - r(k)|
 
 which is piecewise linear in the gain. Once ratios are sorted and their weights are added up, it takes a search for the
 piece that the gain lies on. A sum of squares is one parabola.
-
-How well measured accelerations determine motor and inertia constants, and which of these they cannot tell apart.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@ r"""Many runs of one estimate on data drawn anew: one loop for every Monte Carlo
 Run k draws from a generator of its own, child k of the seed. What a run draws therefore depends neither on the other
 runs nor on how they are shared out, and a study of 100 runs is the first part of one of 1000.
 
-How far the answers of many runs lie apart, parameter by parameter.
+A table tells how far the answers lie apart, parameter by parameter.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Fly an identified airframe under its controller, and compare what both did with what both did in flight.
+"""Verification of the loop: an identified airframe flown under its controller, against what both did in flight.
 
-Whether a controller is the one that flew, which shows without any model of the airframe.
+Whether a controller is the one that flew shows without any model of the airframe, and is asked first.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Score a model with frozen parameters on a record: only what no model can know is estimated there.
+"""Scores of a model with fixed parameters on a record, where only what no model can know is estimated.
 
-Cross-validation: a model is identified on some records and scored on others, each record in its turn.
+Cross-validation is made of them: a model is identified on some records and scored on others, each in its turn.
 """
 
 from __future__ import annotations

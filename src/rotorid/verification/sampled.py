@@ -1,10 +1,8 @@
-"""A model on the samples of a record, with what a prediction may add to it: a start, and constants in the equations.
+"""A model on the samples of a record, and what a prediction may adjust of it.
 
-What a prediction may adjust because no model can know it: reference shifts, the initial state, steady biases.
-
-The filters that measurement and prediction pass alike before they are compared.
-
-Responses that stay bounded though the model is unstable: growing motions are computed backward in time.
+The initial state, steady biases and reference shifts are what no model can know, and they enter linearly. Measurement
+and prediction pass the same filters before they are compared. Of an unstable model growing motions are computed
+backward in time, so that its response stays bounded.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A verification: what was measured, what the model predicted, and how far apart they are.
 
-What the numbers of a verification mean: a good model, a poor one, or an unstable airframe that diverges.
+Its numbers mean a good model, a poor one, or an unstable airframe that diverges.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""Black boxes of an order by maximum likelihood: subspace starts, parallel sections, output error.
+"""Black boxes of an order by maximum likelihood: a state space whose parameters have no meaning of their own.
 
-From the samples back to continuous time: the exact inverse of the zero-order and of the first-order hold.
-
-Which order the data support: information criteria and the gap between singular values.
-
-Where the search for a black box begins: subspaces with several methods and horizons, and drawn poles.
+Starts are subspaces with several methods and horizons, and drawn poles; they are brought from the samples back to
+continuous time by the exact inverse of the zero-order or the first-order hold, written in parallel sections, and fitted
+by output error. Information criteria and the gap between singular values tell which order the data support.
 """
 
 from __future__ import annotations

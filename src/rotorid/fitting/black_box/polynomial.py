@@ -1,22 +1,17 @@
-r"""Discrete polynomial models with one output: what they are, and their simulation.
+r"""Discrete polynomial models with one output, rational in the shift.
 
 .. math:: y_k = \sum_j \frac{B_j(q)}{F(q)} u_{j,k}, \qquad F = 1 + f_1 q^{-1} + \dots, \quad
     B_j = (b_{j,0} + b_{j,1} q^{-1} + \dots) q^{-n_j}
 
-Discrete output-error models: rational in the shift, with the error at the output.
-
-.. math:: y_k = \sum_j \frac{B_j(q)}{F(q)} u_{j,k} + e_k
-
-The search is Levenberg and Marquardt's with the exact gradient, which filters give:
+With the error at the output, :math:`+ e_k`, they are fitted by Levenberg and Marquardt with the exact gradient, which
+filters give:
 
 .. math:: \frac{\partial \hat y}{\partial b_{j,i}} = \frac{q^{-n_j - i}}{F} u_j, \qquad
     \frac{\partial \hat y}{\partial f_i} = - \frac{q^{-i}}{F} \hat y
 
-ARX models by linear least squares, for comparison with models whose error stands at the output.
-
-.. math:: A(q) y_k = \sum_j B_j(q) u_{j,k} + e_k
-
-The noise passes through the poles of the system. Where it does not, the poles are biased towards those of the noise.
+ARX models, :math:`A(q) y_k = \sum_j B_j(q) u_{j,k} + e_k`, take linear least squares, and are here for comparison:
+their noise passes through the poles of the system, and where it does not, the poles are biased towards those of the
+noise.
 """
 
 from __future__ import annotations

@@ -15,15 +15,11 @@ Three published ways to the range of the observability matrix, all with one sing
 The first two take B, D and the initial states from the simulated output, the third from the predicted one; all are
 linear in them. None of the three minimizes anything that has to do with the model's use: they are starts.
 
-States from the coefficients of a long regression, which feedback does not bias.
-
-Long regressions of outputs on past outputs and inputs: what can be predicted, whatever the noise and the feedback.
+That regression of outputs on past outputs and inputs holds what can be predicted, whatever the noise and the feedback:
 
 .. math:: y_k = \sum_{i=1}^{p} (\Phi_i y_{k-i} + \Psi_i u_{k-i}) + D u_k + e_k
 
 With enough lags the residual is the innovation of the outputs, in open and in closed loop.
-
-What enters the outputs of a state space linearly once A and C are known: B, D, K and the initial states.
 """
 
 from __future__ import annotations

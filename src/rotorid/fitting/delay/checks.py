@@ -1,6 +1,7 @@
-"""Outputs that move before their inputs: the mark of a zero-phase filter on the outputs alone.
+"""Checks of an estimated delay: outputs that move before their inputs, and the delay in whole samples.
 
-A delay as a whole number of samples, as toolboxes estimate it: for comparison with published numbers.
+Outputs that move first bear the mark of a zero-phase filter on the outputs alone. A whole number of samples is what
+toolboxes estimate, for comparison with published numbers.
 """
 
 from __future__ import annotations

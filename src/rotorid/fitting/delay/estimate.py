@@ -5,9 +5,8 @@ A number of milliseconds therefore belongs to a model: it is the dead time that 
 taken its part of the phase, as the equivalent delay of handling-qualities work is. Orders are chosen among few, by an
 information criterion, and the delay that each of the others would have stands beside it.
 
-Delays of one pair of channels by one method each: by the records, by the frequency response, in whole samples.
-
-What a careful engineer would remark on an estimated delay.
+A pair of channels is asked by the records, by its frequency response and in whole samples; where these disagree, or the
+data cannot tell, a finding says so.
 """
 
 from __future__ import annotations

@@ -1,13 +1,4 @@
-r"""The search for a delay: on a grid first, because phases wrap, then all parameters at once, then along the profile.
-
-A late lag fitted to a frequency response, whose phase slope tells the delay.
-
-.. math:: r = \ln \frac{H(\omega)}{G(j\omega)\, e^{-j\omega\tau}}
-
-with real part the error of the magnitude and imaginary part that of the phase, weighed by the covariance of the
-response between its points.
-
-A delay in series with a lag of low order, as delays are told apart from what only looks like one.
+r"""A late lag: a delay in series with a lag of low order, as delays are told apart from what only looks like one.
 
 .. math:: G(s) = \frac{b_0 + b_1 x + \dots + b_m x^m}{(x + d)\,(x^2 + c_1 x + c_0)} \, e^{-\tau s},
     \qquad x = s / \omega_0
@@ -21,6 +12,14 @@ An input that is held between its samples reaches the vehicle as
     H(\omega) = \frac{1 - e^{-j\omega T}}{j\omega T}
 
 with all its images, of which the three nearest on either side count.
+
+The search goes over a grid of delays first, because phases wrap, then over all parameters at once, then along the
+profile of the cost for an interval. To a frequency response :math:`H` the residuals are
+
+.. math:: r = \ln \frac{H(\omega)}{G(j\omega)}
+
+with real part the error of the magnitude and imaginary part that of the phase, whose slope tells the delay, weighed by
+the covariance of the response between its points; records are fitted in :mod:`rotorid.fitting.delay.record`.
 """
 
 from __future__ import annotations

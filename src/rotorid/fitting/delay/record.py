@@ -8,13 +8,11 @@ projection. The spectrum :math:`S` is that of the residuals, so that colored noi
 (Whittle, *Estimation and information in stationary time series*, Arkiv för Matematik, 1953; Pintelon and Schoukens,
 *System Identification: A Frequency Domain Approach*, 2012, chapters 6 and 9).
 
-Spectral lines of one record; neighboring ones are merged where a long record has more of them than it needs.
-
-Within a narrow group of lines a response is straight, :math:`G(\omega) = \varphi_a(\omega)\, G(\omega_a)
-+ \varphi_b(\omega)\, G(\omega_b)`, and so is what the ends of the record add. All that the lines of the group say about
-four numbers, two of each, is in the four equations :math:`Q^H Y = R\, x` of the decomposition :math:`Q R` of their
-coefficients. A group is 1 % of its frequency wide, over which straight is true to :math:`10^{-4}` for lags of an order
-up to three.
+A long record has more spectral lines than it needs, and neighboring ones are merged. Within a narrow group a response
+is straight, :math:`G(\omega) = \varphi_a(\omega)\, G(\omega_a) + \varphi_b(\omega)\, G(\omega_b)`, and so is what the
+ends of the record add. All that the lines of the group say about four numbers, two of each, is in the four equations
+:math:`Q^H Y = R\, x` of the decomposition :math:`Q R` of their coefficients. A group is 1 % of its frequency wide, over
+which straight is true to :math:`10^{-4}` for lags of an order up to three.
 """
 
 from __future__ import annotations

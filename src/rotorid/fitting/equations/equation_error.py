@@ -11,11 +11,8 @@ domain; and where a controller answers to gusts, gusts go together with states a
 (:class:`rotorid.fitting.equations.regression.InBand`) only the noise inside counts and nothing is differentiated, so
 that this is the domain to prefer. The values are starts for output error and prediction error, and quick answers.
 
-The covariance of parameters that several equations share, whatever the color of their residuals.
-
-What an engineer remarks on an equation-error fit: noise in its regressors, and what it could not estimate.
-
-Which states and inputs one equation of a structure needs, found by stepwise regression on records.
+The covariance counts what equations share, whatever the color of their residuals. Findings name noise in regressors and
+what could not be estimated. Which states and inputs an equation needs at all, stepwise regression on records can tell.
 """
 
 from __future__ import annotations

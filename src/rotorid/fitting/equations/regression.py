@@ -1,4 +1,6 @@
-r"""Linear regression as the field does it: scaled columns, QR, and a covariance that knows colored residuals.
+r"""Linear regression as the field does it, and equations of motion as regressions, in time or over a band.
+
+Columns are scaled and decomposed by QR, and the covariance knows colored residuals:
 
 .. math:: y = X \theta + v, \qquad \hat\theta = (X^T X)^{-1} X^T y, \qquad
     \mathrm{PRESS} = \sum_i \left( \frac{v_i}{1 - h_{ii}} \right)^2
@@ -6,9 +8,9 @@ r"""Linear regression as the field does it: scaled columns, QR, and a covariance
 with the diagonal :math:`h_{ii}` of the hat matrix :math:`X (X^T X)^{-1} X^T`, the row lengths of Q. PRESS is the
 squared error of predicting each sample by all others; it rises with every regressor that explains only noise.
 
-Stepwise regression: which of many candidate terms a model needs, one step after the other.
+Stepwise regression takes the terms that a model needs from many candidates, one after the other.
 
-Finite Fourier transforms of sampled records over a band, and those of their derivatives without differentiating.
+Over a band, finite Fourier transforms stand for the records, and for their derivatives without differentiating:
 
 .. math:: \tilde x(\omega) = \int_0^T x(t) \, e^{-j\omega t} dt, \qquad
     \tilde{\dot x}(\omega) = j\omega \, \tilde x(\omega) + x(T) \, e^{-j\omega T} - x(0)
@@ -17,7 +19,7 @@ The terms of the ends are exact for records that do not repeat. Between samples 
 *High Accuracy Evaluation of the Finite Fourier Transform Using Sampled Data*, NASA TM-110340, 1997, goes on a cubic;
 what the straight line loses, :math:`\mathrm{sinc}^2(\omega h / 2)`, all channels lose alike).
 
-Equation error on records: each equation of motion as a linear regression, in time or over a band of frequencies.
+Each equation of motion is then a linear regression, in time or over the band:
 
 .. math:: \dot x = \sum_k \theta_k \, r_k(t - \tau_k) \qquad \text{or} \qquad
     \tilde{\dot x}(\omega) = \sum_k \theta_k \, \tilde r_k(\omega) \, e^{-j\omega\tau_k}

@@ -6,11 +6,10 @@ A state equation has :math:`A = M`, :math:`B = F`, :math:`C = G`. An output that
 :math:`y = H_0 x + H_1 \dot x`, has the right sides of the equations in its place: with :math:`c M = H_1` it is
 :math:`D = 1`, :math:`B = H_0 + c F`, :math:`C = c G`.
 
-Where the states of a structure come from, when they are read off records and not simulated.
-
-A state is measured where outputs without parameters show it by themselves or together; it is the slope of a measured
-one where an equation without parameters says so (:math:`\dot\theta = q`), and an integral where that is all there is.
-A motor lag that no sensor sees is simulated from its input at the values its parameters have.
+States are read off records and not simulated. A state is measured where outputs without parameters show it by
+themselves or together; it is the slope of a measured one where an equation without parameters says so
+(:math:`\dot\theta = q`), and an integral where that is all there is. A motor lag that no sensor sees is simulated from
+its input at the values its parameters have.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-r"""Fit a structure: start values, local solver, the best of several starts.
+r"""Fit a structure to frequency responses: in CIFER's cost from several starts, then with weights of the covariance.
 
-Local minima of many searches at once: the steps of Levenberg and Marquardt on arrays of parameter vectors.
-
-Fit with weights made of the measured covariance of all errors: generalized least squares.
+Many searches take their steps of Levenberg and Marquardt together, on arrays of parameter vectors. Responses that a
+structure cannot have, whatever its parameters are, are left out before.
 
 CIFER's cost counts every response alike and every point by itself. But errors go together: of the rate and of the
 angle each holds the same gust, and what they say about each other is known far better than either alone. With the
@@ -10,13 +9,12 @@ covariance :math:`C` of all residuals :math:`r`
 
 .. math:: \min_\theta \; r^T (C + C_0)^{-1} r
 
-lets what is common to several outputs cancel. Of the linear unbiased estimates it has the least variance (Aitken 1935).
-The covariance is taken about the fitted model and not about the estimate: an estimate has adapted to its disturbance,
-and weights that know of it would pull the fit along. :math:`C_0` keeps it from believing too much: one percent of error
-of the model at every point, and a tenth of each point's own variance that nothing else shares. On simulated closed-loop
-flights of a quadrotor in turbulence standard deviations fall to a half and down to a tenth of those of CIFER's weights.
-
-Responses that a structure cannot have, whatever its parameters are.
+of generalized least squares lets what is common to several outputs cancel. Of the linear unbiased estimates it has the
+least variance (Aitken 1935). The covariance is taken about the fitted model and not about the estimate: an estimate has
+adapted to its disturbance, and weights that know of it would pull the fit along. :math:`C_0` keeps it from believing
+too much: one percent of error of the model at every point, and a tenth of each point's own variance that nothing else
+shares. On simulated closed-loop flights of a quadrotor in turbulence standard deviations fall to a half and down to a
+tenth of those of CIFER's weights.
 """
 
 from __future__ import annotations

@@ -1,25 +1,19 @@
-r"""What is fitted to what: a structure to measured frequency responses.
-
-CIFER's frequency-domain cost, as residuals with an exact Jacobian.
+r"""A structure fitted to measured frequency responses: CIFER's cost, as residuals with an exact Jacobian.
 
 .. math:: J = \frac{20}{n_\omega} \sum W \left[ (\Delta |T|_{dB})^2 + 0.01745 \, (\Delta \angle T_{deg})^2 \right]
 
 Up to 100 is acceptable, up to 50 hardly to be told from the flight (Tischler and Remple, *Aircraft and Rotorcraft
 System Identification*, chapter 11).
 
-Logarithmic errors of a model at measured points, and their slopes, for many parameter vectors in one sweep.
-
-A parameter stands in few entries of the matrices. With :math:`A = j\omega M - F`, :math:`X = A^{-1} G` and
+Residuals are the logarithmic errors of a model at measured points, for many parameter vectors in one sweep. A parameter
+stands in few entries of the matrices. With :math:`A = j\omega M - F`, :math:`X = A^{-1} G` and
 :math:`L = (H_0 + j\omega H_1) A^{-1}`, one entry of a matrix changes the response by an outer product, for instance
 :math:`F_{ij}` by :math:`L_{yi} X_{ju}`. At the points alone, and entry by entry, this costs a few products per point
 and parameter.
 
-Which responses take part in a fit, by their names ``output/input``.
-
-What the measured errors of a response mean for the residuals of a fit: their covariance, and weights made of it.
-
-Points of one response share data with their neighbors, one gust moves several outputs at once, and one instrument may
-move several inputs. Of two outputs a and b, inputs u and v, and frequencies i and j
+The data state their errors, which have a covariance in the residuals. Points of one response share data with their
+neighbors, one gust moves several outputs at once, and one instrument may move several inputs. Of two outputs a and b,
+inputs u and v, and frequencies i and j
 
 .. math:: E[\delta H_{au}(\omega_i) \, \delta H_{bv}^*(\omega_j)]
           = \rho_{ui,vj} \, [K_i K_j^H]_{ab} \, \sigma_{au,i} \sigma_{bv,j}

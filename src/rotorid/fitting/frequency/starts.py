@@ -1,24 +1,21 @@
 r"""Start values from the data, so that nobody has to type them.
 
-Start values from the response as a fraction: linear least squares on numerator and denominator.
+*The response as a fraction.* A transfer function :math:`T = B / A` is no linear function of its coefficients, but
+:math:`A T_{data} - B` is. Levy's least squares on it weigh high frequencies too much, by :math:`|A|^2`; dividing by the
+denominator of the step before takes that away (Sanathanan and Koerner, *Transfer function synthesis as a ratio of two
+complex polynomials*, IEEE Transactions on Automatic Control, 1963). Any state space is such a fraction, with
+:math:`\det(j\omega M - F)` below the line. Where its parameters stand in products, a step is one of Gauss and Newton,
+not the whole way.
 
-A transfer function :math:`T = B / A` is no linear function of its coefficients, but :math:`A T_{data} - B` is. Levy's
-least squares on it weigh high frequencies too much, by :math:`|A|^2`; dividing by the denominator of the step before
-takes that away (Sanathanan and Koerner, *Transfer function synthesis as a ratio of two complex polynomials*, IEEE
-Transactions on Automatic Control, 1963). Any state space is such a fraction, with :math:`\det(j\omega M - F)` below the
-line. Where its parameters stand in products, a step is one of Gauss and Newton, not the whole way.
-
-Parameters by equation error: the states are taken from the measured responses, not from the model.
-
-Where the outputs and the equations without unknowns (:math:`\dot\theta = q`) determine the states :math:`X(\omega)`,
-every other state equation
+*Equation error.* The states are taken from the measured responses, not from the model. Where the outputs and the
+equations without unknowns (:math:`\dot\theta = q`) determine the states :math:`X(\omega)`, every other state equation
 
 .. math:: (j\omega M_i - F_i) X - G_i e^{-j\omega\tau} = 0
 
 is linear in its own parameters, and least squares need no start (Klein and Morelli, *Aircraft System Identification*,
 AIAA 2006, section 7.3). Noise on the states biases the result by a few percent, which a start value may be off by.
 
-Delays and lags for the equation error: on a grid first, because phases wrap, then between its points.
+Its delays and lags are looked for on a grid first, because phases wrap, then between its points.
 """
 
 from __future__ import annotations

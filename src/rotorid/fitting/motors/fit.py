@@ -17,9 +17,7 @@ Assumes motors and rates on one clock, torque bias constant over a record, small
 errors that an autoregression describes. What breaks it: motors logged slower than they act, saturated ones whose output
 is not what turns, clocks that drift.
 
-Fit motors, thrust and inertia to flights: by turns the parameters and the color of the errors.
-
-What a motor with a lag makes of held outputs, between the samples too.
+The fit takes turns between the parameters and the filters. An axis of a flight counts where the motors moved it enough.
 
 A motor takes its output :math:`u`, held from sample to sample and late by :math:`\tau`, with a first-order lag,
 
@@ -28,10 +26,6 @@ A motor takes its output :math:`u`, held from sample to sample and late by :math
 so that within a stretch of constant input :math:`x = u + (x_0 - u) e^{-t/T}`, and what thrust and torque need over a
 sample, :math:`\int x \, dt` and :math:`\int x^2 \, dt`, has closed forms. Everything here is analytic in T and
 :math:`\tau`: complex numbers pass, for exact derivatives by a complex step.
-
-Which axes of a flight the motors moved enough to tell their physics.
-
-Filters that make an error white.
 """
 
 from __future__ import annotations

@@ -10,9 +10,8 @@ noise of its own:
 - *jolts* :math:`n`: white forces, one for each equation. They stand for what no sample shows, such as the motion of a
   command between its samples.
 
-The steady Kalman predictor of a sampled system, with its exact derivatives.
-
-The covariance of the state's prediction error solves the Riccati equation
+The best predictor under this noise is a steady Kalman filter, with exact derivatives. The covariance of the state's
+prediction error solves the Riccati equation
 
 .. math:: P = \Phi P \Phi^T + Q - K S K^T, \qquad S = C P C^T + R, \qquad K = \Phi P C^T S^{-1}
 

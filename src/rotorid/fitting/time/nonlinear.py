@@ -1,7 +1,4 @@
-"""Fit a nonlinear structure to time histories, with the error at the output.
-
-Maximum likelihood for a nonlinear model: output error with the noise re-estimated.
-"""
+"""Output error of a nonlinear structure: maximum likelihood, with the noise estimated by turns."""
 
 from __future__ import annotations
 

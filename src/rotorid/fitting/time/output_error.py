@@ -1,10 +1,8 @@
-"""Records on which a model is fitted in the time domain.
+"""Output error: maximum likelihood of measured outputs about a simulation.
 
-Fit a structure to time histories: the residual of a simulation, free of what no model can know.
-
-Output error: maximum likelihood of measured outputs about a simulation.
-
-Where a fit in the time domain begins when nothing else is known: the start values of the structure.
+Residuals are those of a simulation over records, free of what no model can know: where a record began, offsets of its
+sensors, constants in the equations. The noise is at the outputs; under feedback it moves the inputs, and the values are
+biased. A fit begins at the start values of the structure when nothing else is known.
 """
 
 from __future__ import annotations

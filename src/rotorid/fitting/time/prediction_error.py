@@ -5,13 +5,9 @@ which :mod:`rotorid.fitting.time.noise_model` computes from a noise model of few
 of the past is known to it, so what it cannot predict depends on no input: estimates are consistent in closed loop, as
 long as the noise model can take the shape of the noise. The vehicle may be unstable; its predictor is not.
 
-Prediction error: maximum likelihood of what a predictor that follows the vehicle does not foresee.
-
-Products of unknowns, slopes and residuals of a record, gathered piece by piece: all that least squares needs.
-
-What a prediction-error fit answers.
-
-A model together with what disturbs it: its own states and those of the gusts, on the samples of a record.
+The fit is maximum likelihood of what the predictor does not foresee. Its states are those of the model and of the gusts
+on the samples of a record; products of unknowns, slopes and residuals are gathered piece by piece, which is all that
+least squares needs of a long record.
 """
 
 from __future__ import annotations
