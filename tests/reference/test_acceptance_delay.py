@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rotorid
-from rotorid.pipeline.delays import Delays, delays
+from rotorid.pipeline.delays import Delays, delay
 from rotorid.pipeline.settings import MeasureSettings, parse_segment
 
 LONGEST_S = 10.0
@@ -18,7 +18,7 @@ LONGEST_S = 10.0
 def bebop(shared_data: Path, folder: str, band_rad_s: tuple[float, float] | None = None) -> Delays:
     files = sorted((shared_data / "bebop" / folder).glob("*.mat"))
     records = [rotorid.read(file, mapping=shared_data / "bebop" / "map.toml") for file in files]
-    return delays(records, settings=MeasureSettings(band_rad_s=band_rad_s))
+    return delay(records, settings=MeasureSettings(band_rad_s=band_rad_s))
 
 
 def test_bebop_as_measured(shared_data: Path) -> None:
@@ -54,7 +54,7 @@ def test_bebop_filtered_is_explained(shared_data: Path) -> None:
 def test_rig_has_delay_and_lag(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "antx" / "prbs.mat", mapping=shared_data / "antx" / "map.toml")
     settings = MeasureSettings(segments=(parse_segment("pitch:50:76"),))
-    found = delays([record], input="pitch_command", output="q", settings=settings).analyses["q/pitch_command"]
+    found = delay([record], input="pitch_command", output="q", settings=settings).analyses["q/pitch_command"]
     by_records = next(one for one in (found.recommended, *found.others) if one.method == "records")
     (second,) = [fit for fit in by_records.orders if fit.order == (0, 2)]
     lag_s = 1.0 / max(abs(pole) for pole in second.poles_rad_s)
@@ -65,20 +65,20 @@ def test_rig_has_delay_and_lag(shared_data: Path) -> None:
 
 def test_simulated_airframe_in_closed_loop(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "s500" / "pitch_sweeps.csv")
-    found = delays([record], input="pitch_command", output="q").pairs["q/pitch_command"]
+    found = delay([record], input="pitch_command", output="q").pairs["q/pitch_command"]
     assert found.recommended.method == "response"
     assert found.recommended.delay_s == pytest.approx(37.5e-3, abs=0.5e-3)
 
 
 def test_simulated_autopilot(shared_data: Path, unpacked: Callable[[str], Path]) -> None:
     record = rotorid.read(unpacked("ardupilot_sitl/x_calm_roll.BIN"))
-    found = delays([record], input="roll_command", output="p").pairs["p/roll_command"]
+    found = delay([record], input="roll_command", output="p").pairs["p/roll_command"]
     # The simulator's delay is 2.4 to 2.5 ms; identified models of it are asked for theirs within 1.5 ms.
     assert found.recommended.delay_s == pytest.approx(2.45e-3, abs=1.5e-3)
 
 
 def test_a_log_of_20_megabytes_takes_seconds(unpacked: Callable[[str], Path]) -> None:
     begin = time.process_time()
-    found = delays([rotorid.read(unpacked("px4_sitl/roll.ulg"))])
+    found = delay([rotorid.read(unpacked("px4_sitl/roll.ulg"))])
     assert found.pairs
     assert time.process_time() - begin < LONGEST_S

@@ -34,7 +34,7 @@ def delay_command(
     """Estimate delays between channels as fractions of a sample, with an interval and what they mean."""
     from rotorid.documents.delay import delay_document
     from rotorid.io.files import write_atomically
-    from rotorid.pipeline.delays import delays, refused_delay
+    from rotorid.pipeline.delays import delay, refused_delay
     from rotorid.report.files import to_json, write_together
 
     carry_out(
@@ -43,7 +43,7 @@ def delay_command(
         output=output,
         folder=default_folder(logs[0], "delay"),
         file=FILE,
-        compute=lambda records: delays(records, input=input, output=answer, settings=settings),
+        compute=lambda records: delay(records, input=input, output=answer, settings=settings),
         write=lambda folder, result: write_together(
             folder, {FILE: lambda path: write_atomically(path, to_json(delay_document(result)))}
         ),

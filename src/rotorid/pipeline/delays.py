@@ -16,7 +16,8 @@ from rotorid.data.record import STANDARD_UNITS, FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
-from rotorid.pipeline.instruments import Flown, axes_of, find_instrument, is_command
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import axes_of, find_instrument, is_command
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Segment
@@ -51,7 +52,7 @@ class PairDelay(Immutable):
     analysis: DelayAnalysis
     feedback: bool
     instrument: str | None
-    flights: tuple[Flown, ...]
+    flights: tuple[Flight, ...]
     findings: tuple[Finding, ...]
 
     @property
@@ -87,7 +88,7 @@ class PairDelay(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Delays(Immutable):
-    """A finished run of :func:`delays`.
+    """A finished run of :func:`delay`.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ class Delays(Immutable):
         return rows + [(f"{f.severity} {f.kind}", f.where, f.message) for f in self.findings]
 
 
-def delays(
+def delay(
     records: Sequence[FlightRecord],
     *,
     input: str | None = None,
@@ -163,7 +164,7 @@ def delays(
     Examples
     --------
     >>> from rotorid.io.registry import read
-    >>> result = delays([read("flight.ulg")], input="phi_setpoint", output="phi")  # doctest: +SKIP
+    >>> result = delay([read("flight.ulg")], input="phi_setpoint", output="phi")  # doctest: +SKIP
     >>> result.pairs["phi/phi_setpoint"].recommended.delay_s  # doctest: +SKIP
     0.071
     """
@@ -267,7 +268,7 @@ def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: Me
 
 
 def _cut_apart(
-    flown: Sequence[Flown], input: str, output: str, settings: MeasureSettings
+    flown: Sequence[Flight], input: str, output: str, settings: MeasureSettings
 ) -> tuple[tuple[Segment, ...], tuple[Finding, ...]]:
     """Maneuvers of each record by itself, at its own rate: resampling would move the delay."""
     segments: list[Segment] = []
@@ -290,7 +291,7 @@ def _needs_one_rate(segments: Sequence[Segment], input: str) -> UsageError:
     )
 
 
-def _instrument(flown: Sequence[Flown], input: str, output: str, settings: MeasureSettings) -> str | None:
+def _instrument(flown: Sequence[Flight], input: str, output: str, settings: MeasureSettings) -> str | None:
     """The channel that holds no feedback: the input itself, one that excites it, or ``None`` where none is known."""
     if settings.instruments:
         return _given_instrument(flown, output, settings.instruments)
@@ -303,7 +304,7 @@ def _instrument(flown: Sequence[Flown], input: str, output: str, settings: Measu
     return input if not is_command(input) and outside and outside[0] == input else None
 
 
-def _given_instrument(flown: Sequence[Flown], output: str, names: Sequence[str]) -> str:
+def _given_instrument(flown: Sequence[Flight], output: str, names: Sequence[str]) -> str:
     if len(names) != 1:
         raise UsageError(f"{len(names)} instruments for one input came", needed="one")
     (name,) = names
@@ -320,7 +321,7 @@ def _given_instrument(flown: Sequence[Flown], output: str, names: Sequence[str])
 
 
 def _response(
-    flown: Sequence[Flown], input: str, output: str, instrument: str | None, settings: MeasureSettings
+    flown: Sequence[Flight], input: str, output: str, instrument: str | None, settings: MeasureSettings
 ) -> tuple[tuple[FrequencyResponse, BoolArray] | None, str]:
     """The frequency response of the pair, joint where there is an instrument, and its usable points; or why not."""
     chosen = replace(

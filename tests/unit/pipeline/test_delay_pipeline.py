@@ -9,7 +9,7 @@ from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slowe
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.documents.delay import DelayDocument, delay_document
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.delays import delays, refused_delay
+from rotorid.pipeline.delays import delay, refused_delay
 from rotorid.pipeline.selection import default_pairs
 from rotorid.pipeline.settings import MeasureSettings, parse_segment
 from rotorid.typing import FloatArray
@@ -47,7 +47,7 @@ def test_a_log_without_pairs_is_refused() -> None:
 
 
 def test_document_holds_the_delay_and_what_it_means(record: FlightRecord) -> None:
-    document = delay_document(delays([record]))
+    document = delay_document(delay([record]))
     (name,) = document.pairs
     pair = document.pairs[name]
     assert name == f"{OUTPUT}/{INPUT}"
@@ -63,8 +63,8 @@ def test_document_holds_the_delay_and_what_it_means(record: FlightRecord) -> Non
 
 
 def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
-    plain = delays([record], input=INPUT, output=OUTPUT)
-    moved = delays([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(shifts={OUTPUT: 0.03}))
+    plain = delay([record], input=INPUT, output=OUTPUT)
+    moved = delay([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(shifts={OUTPUT: 0.03}))
     name = f"{OUTPUT}/{INPUT}"
     change = moved.pairs[name].recommended.delay_s - plain.pairs[name].recommended.delay_s
     # The output is interpolated to move it, which costs it some of its highest frequencies.
@@ -82,13 +82,13 @@ def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
 )
 def test_slips_are_named(input: str | None, output: str | None, words: str, record: FlightRecord) -> None:
     with pytest.raises(UsageError, match=words):
-        delays([record], input=input, output=output)
+        delay([record], input=input, output=output)
 
 
 def test_segments_outside_of_the_log_are_refused(record: FlightRecord) -> None:
     settings = MeasureSettings(segments=(parse_segment("roll:900:950"),))
     with pytest.raises(InsufficientDataError, match="no given segment") as refused:
-        delays([record], input=INPUT, output=OUTPUT, settings=settings)
+        delay([record], input=INPUT, output=OUTPUT, settings=settings)
     document = delay_document(refused_delay(refused.value, [record], settings=settings))
     assert document.pairs == {}
     assert [finding.kind for finding in document.findings] == ["no_excitation"]
@@ -101,7 +101,7 @@ def test_logs_of_different_rates_keep_their_own() -> None:
         log({INPUT: one[INPUT], OUTPUT: one[OUTPUT]}, name, one.sample_rate_hz)
         for one, name in ((fast, "fast"), (slow, "slow"))
     ]
-    result = delays(logs, input=INPUT, output=OUTPUT)
+    result = delay(logs, input=INPUT, output=OUTPUT)
     pair = result.pairs[f"{OUTPUT}/{INPUT}"]
     assert pair.hold == "held"
     assert pair.recommended.std_s is not None
@@ -117,12 +117,12 @@ def test_feedback_in_logs_of_different_rates_is_refused() -> None:
     ]
     settings = MeasureSettings(instruments=("p",))
     with pytest.raises(UsageError, match="each rate by themselves"):
-        delays(logs, input=INPUT, output=OUTPUT, settings=settings)
+        delay(logs, input=INPUT, output=OUTPUT, settings=settings)
 
 
 def test_feedback_without_an_instrument_is_warned_of() -> None:
     history = late_lag(1, DELAY_SAMPLES)
-    found = delays([log({"roll_command": history[INPUT], "p": history[OUTPUT]})])
+    found = delay([log({"roll_command": history[INPUT], "p": history[OUTPUT]})])
     assert found.pairs["p/roll_command"].feedback
     (finding,) = [finding for finding in found.findings if finding.kind == "closed_loop_bias"]
     assert finding.where == "p/roll_command"
@@ -139,18 +139,18 @@ def test_feedback_without_an_instrument_is_warned_of() -> None:
 def test_wrong_instruments_are_named(instruments: tuple[str, ...], words: str, record: FlightRecord) -> None:
     settings = MeasureSettings(instruments=instruments)
     with pytest.raises(UsageError, match=words):
-        delays([record], input=INPUT, output=OUTPUT, settings=settings)
+        delay([record], input=INPUT, output=OUTPUT, settings=settings)
 
 
 def test_an_instrument_that_is_not_logged_is_missed(record: FlightRecord) -> None:
     with pytest.raises(InsufficientDataError, match="holds no roll_excitation"):
-        delays([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(instruments=("roll_excitation",)))
+        delay([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(instruments=("roll_excitation",)))
 
 
 def test_why_there_is_no_joint_response_is_said(record: FlightRecord) -> None:
     # The other set-point rests: nothing of the input is coherent with it.
     settings = MeasureSettings(instruments=("theta_setpoint",))
-    found = delays([record], input=INPUT, output=OUTPUT, settings=settings)
+    found = delay([record], input=INPUT, output=OUTPUT, settings=settings)
     (finding,) = [finding for finding in found.findings if finding.kind == "closed_loop_bias"]
     assert found.pairs[f"{OUTPUT}/{INPUT}"].recommended.method == "records"
     assert "no joint frequency response could be used (" in finding.message
@@ -160,9 +160,9 @@ def test_noise_shows_no_delay() -> None:
     history = late_lag(1, DELAY_SAMPLES)
     noise = np.random.default_rng(77).normal(size=history.values.shape[1])
     with pytest.raises(InsufficientDataError, match="no pair of channels shows a delay") as refused:
-        delays([log({INPUT: history[INPUT], OUTPUT: noise})])
+        delay([log({INPUT: history[INPUT], OUTPUT: noise})])
     assert [finding.kind for finding in refused.value.findings] == ["no_delay"]
-    seen = delays(
+    seen = delay(
         [log({INPUT: history[INPUT], OUTPUT: history[OUTPUT], "theta_setpoint": history[INPUT], "theta": noise})]
     )
     (finding,) = [finding for finding in seen.findings if finding.kind == "no_delay"]
@@ -172,11 +172,11 @@ def test_noise_shows_no_delay() -> None:
 def test_one_sample_is_refused() -> None:
     one = np.ones(1)
     with pytest.raises(InsufficientDataError, match="one moment"):
-        delays([log({INPUT: one, OUTPUT: one})], input=INPUT, output=OUTPUT)
+        delay([log({INPUT: one, OUTPUT: one})], input=INPUT, output=OUTPUT)
 
 
 def test_delays_show_themselves_in_a_few_lines(record: FlightRecord) -> None:
-    result = delays([record])
+    result = delay([record])
     shown = repr(result).splitlines()
     assert f"{OUTPUT}/{INPUT}" in shown[1]
     assert len(shown) <= 20

@@ -1,0 +1,101 @@
+"""Every package has a face: what its ``__init__.pyi`` lists is there, is no module, and stays so whatever is loaded."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import rotorid
+
+SOURCE = Path(rotorid.__file__).parent
+STUBS = sorted(SOURCE.rglob("__init__.pyi"))
+PACKAGES = [".".join(stub.parent.relative_to(SOURCE.parent).parts) for stub in STUBS]
+VERBS = (
+    *("bode", "bounds", "compare", "delay", "design", "find_excitations", "fit", "frequency_response", "identify"),
+    *("inspect", "load", "read", "resample", "response", "save", "verify"),
+)
+SLOWEST_IMPORT_S = 0.03
+"""Of ``import rotorid`` beyond what Python itself takes."""
+
+
+def listed(package: str) -> dict[str, str]:
+    """Name to home, by the stub."""
+    path = SOURCE.parent.joinpath(*package.split("."), "__init__.pyi")
+    lines = [node for node in ast.parse(path.read_text("utf-8")).body if isinstance(node, ast.ImportFrom)]
+    for node in lines:
+        assert node.level == 0
+        assert [name.asname for name in node.names] == [node.names[0].name], "one import a line, `NAME as NAME`"
+    return {node.names[0].name: str(node.module) for node in lines}
+
+
+def homes_of(name: str) -> list[str]:
+    """Modules that define a name, for a message that helps whoever moved it."""
+    defined = []
+    for path in SOURCE.rglob("*.py"):
+        for node in ast.parse(path.read_text("utf-8")).body:
+            targets = [t.id for t in getattr(node, "targets", []) if isinstance(t, ast.Name)]
+            if name in {getattr(node, "name", None), *targets}:
+                defined.append(".".join(path.relative_to(SOURCE.parent).with_suffix("").parts))
+    return defined
+
+
+@pytest.fixture(scope="module")
+def everything_loaded() -> None:
+    """Every module of the package, as a long session has them."""
+    for module in pkgutil.walk_packages(rotorid.__path__, "rotorid."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_listed_name_exists(package: str) -> None:
+    names = listed(package)
+    assert importlib.import_module(package).__all__ == sorted(names)
+    for name, home in names.items():
+        module = importlib.import_module(home)
+        there = home == package or hasattr(module, name)
+        assert there, f"{package} lists {name} of {home}; it is defined in {homes_of(name)}"
+        assert home == package or home.startswith(f"{package}.")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_hides_a_name_of_a_face(package: str, everything_loaded: None) -> None:
+    face = importlib.import_module(package)
+    for name, home in listed(package).items():
+        assert isinstance(getattr(face, name), ModuleType) == (home == package), f"{package}.{name} is a module"
+        assert name in dir(face)
+
+
+def test_every_verb_of_the_readme_is_one(everything_loaded: None) -> None:
+    for verb in VERBS:
+        assert callable(getattr(rotorid, verb)), verb
+        assert not isinstance(getattr(rotorid, verb), ModuleType), verb
+
+
+def test_every_package_has_a_face() -> None:
+    packages = {".".join(path.parent.relative_to(SOURCE.parent).parts) for path in SOURCE.rglob("__init__.py")}
+    rooms = {package for package in packages if package.startswith("rotorid.fitting.")}
+    # What a room of the fits holds is a name of ``rotorid.fitting``; commands and files of plans are no library.
+    assert packages - rooms - set(PACKAGES) <= {"rotorid.cli", "rotorid.plans"} | {
+        f"rotorid.io.{room}" for room in ("betaflight", "ros")
+    }
+
+
+def test_an_unknown_name_of_a_face_is_an_attribute_error() -> None:
+    import rotorid.spectral
+
+    with pytest.raises(AttributeError, match="no attribute 'frequency_respones'"):
+        _ = rotorid.spectral.frequency_respones  # type: ignore[attr-defined]
+
+
+def test_import_is_fast() -> None:
+    code = "import time; a = time.perf_counter(); import rotorid; print(time.perf_counter() - a)"
+    taken = [float(subprocess.check_output([sys.executable, "-c", code])) for _ in range(5)]
+    assert min(taken) < SLOWEST_IMPORT_S
