@@ -40,6 +40,8 @@ _KINDS: Mapping[Shape, Kind] = MappingProxyType(
     }
 )
 
+_ENTRY_UNITS: Mapping[Entry, str] = {"command": "1", "rate_setpoint": "rad/s", "attitude_setpoint": "rad", "stick": "1"}
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedInput(Immutable):
@@ -94,6 +96,11 @@ class PlannedInput(Immutable):
                 needed=f"finite samples, a positive rate, a start within {LONGEST_S:g} s",
             )
         self._set(values=values, settings=self.settings)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the samples; on the axis of thrust everything is a fraction."""
+        return "1" if self.axis == "thrust" else _ENTRY_UNITS[self.entry]
 
     @property
     def stop_s(self) -> float:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
 
+from rotorid.data.findings import Finding, worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument
 from rotorid.errors import UsageError
+from rotorid.pipeline.designs import Designed, Told, best_of
+from rotorid.pipeline.flight_settings import DesignChoices
+from rotorid.pipeline.provenance import Provenance
+from rotorid.pipeline.simulation import Simulation, flown_vehicle
 from rotorid.typing import Axis
-
-if TYPE_CHECKING:
-    from rotorid.pipeline.simulation import Simulation
 
 _LARGEST_FILE = 200_000_000
 _DIGITS = 9
@@ -261,3 +266,137 @@ class DesignDocument(Document):
     best: dict[str, str] = Field(default_factory=dict)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+
+def design_document(
+    choices: DesignChoices,
+    designed: Sequence[Designed],
+    written: Sequence[tuple[str, Sequence[str]]],
+    *,
+    findings: Sequence[Finding],
+    autopilot: str,
+    command: Sequence[str] = (),
+) -> DesignDocument:
+    """What ``rotorid design`` writes.
+
+    Parameters
+    ----------
+    choices, designed
+        What was asked for, and the answer.
+    written
+        Of each plan the folder and the names of its files.
+    findings
+        Remarks on plans and files.
+    autopilot
+        Whose files were written.
+    command
+        Words of the command line.
+    """
+    provenance = Provenance(
+        command=tuple(command),
+        settings={
+            "turbulence_m_s": choices.plan.wind.turbulence_m_s,
+            "wind_north_m_s": choices.plan.wind.north_m_s,
+            "wind_east_m_s": choices.plan.wind.east_m_s,
+            "prior": choices.prior.source if choices.prior is not None else None,
+            "gains": choices.gains_source or None,
+            "autopilot": autopilot,
+        },
+        seed=choices.plan.seed,
+    )
+    return DesignDocument(
+        vehicle=VehicleDocument.model_validate(flown_vehicle(choices.vehicle, choices.aircraft, choices.changes)),
+        limits=asdict(choices.plan.limits),
+        plans=[_plan_summary(plan, *files) for plan, files in zip(designed, written, strict=True)],
+        best=best_of(designed),
+        findings=_findings(findings),
+        provenance=ProvenanceDocument.model_validate(provenance),
+    )
+
+
+def _findings(findings: Sequence[Finding]) -> list[FindingDocument]:
+    return [FindingDocument.model_validate(finding) for finding in worst_first(findings)]
+
+
+def _plan_summary(designed: Designed, folder: str, files: Sequence[str]) -> PlanSummaryDocument:
+    planned = designed.planned
+    return PlanSummaryDocument(
+        kind=designed.kind,
+        folder=folder,
+        duration_s=planned.plan.duration_s,
+        inputs=[
+            TestInputDocument(
+                axis=part.axis,
+                shape=part.shape,
+                entry=part.entry,
+                start_s=part.start_s,
+                stop_s=part.stop_s,
+                amplitude=part.amplitude,
+                unit=part.unit,
+                band_rad_s=part.band_rad_s,
+                limited_by=planned.limited_by(part),
+            )
+            for part in planned.plan.inputs
+        ],
+        reached=ReachedDocument.model_validate(planned.reached),
+        predictions=[_prediction(told) for told in designed.told],
+        shortest=[
+            ShortestDocument(
+                model=model,
+                wanted_percent=dict(designed.wanted[model]),
+                duration_s=found.duration_s,
+                limiting=found.limiting,
+                words=found.words,
+            )
+            for model, found in designed.shortest.items()
+        ],
+        files=list(files),
+    )
+
+
+def _prediction(told: Told) -> PredictionDocument:
+    prediction = told.prediction
+    if prediction is None:
+        return PredictionDocument(model=told.model, refused=told.refused)
+    return PredictionDocument(
+        model=told.model,
+        parameters={
+            parameter.name: PredictedParameterDocument(
+                value=parameter.value,
+                unit=parameter.unit,
+                expected=parameter.expected,
+                std=parameter.std,
+                percent=_finite(parameter.percent),
+                lowest_std=parameter.lowest_std,
+                cramer_rao_percent=_finite(parameter.in_percent(parameter.cramer_rao)),
+                insensitivity_percent=_finite(parameter.in_percent(parameter.insensitivity)),
+            )
+            for parameter in prediction.parameters
+        },
+        responses={
+            f"{output}/{command}": _response(told, y, u)
+            for y, output in enumerate(prediction.response.outputs)
+            for u, command in enumerate(prediction.response.inputs)
+        },
+        inflation=prediction.inflation,
+        findings=_findings(prediction.findings),
+    )
+
+
+def _response(told: Told, output: int, command: int) -> PredictedResponseDocument:
+    prediction = told.prediction
+    assert prediction is not None
+    used = prediction.used[output, command]
+    if not used.any():
+        return PredictedResponseDocument(band_rad_s=None, points=0, coherence=None, random_error=None)
+    omega = prediction.response.omega_rad_s[used]
+    return PredictedResponseDocument(
+        band_rad_s=(float(omega[0]), float(omega[-1])),
+        points=int(used.sum()),
+        coherence=float(np.median(prediction.response.coherence[output, command][used])),
+        random_error=float(np.median(prediction.response.random_error[output, command][used])),
+    )
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.plans.facts import column_name, unit_of
+from rotorid.plans.facts import column_name
 from rotorid.typing import FloatArray
 
 FILE = "plan.csv"
@@ -52,7 +52,7 @@ def plan_csv(plan: FlightPlan, *, sample_rate_hz: float | None = None) -> dict[s
     1.5,0
     """
     time_s, columns = table(plan, sample_rate_hz=sample_rate_hz)
-    units = {column_name(planned): unit_of(planned) for planned in plan.inputs}
+    units = {column_name(planned): planned.unit for planned in plan.inputs}
     header = ",".join(["time [s]", *(f"{name} [{units[name]}]" for name in columns)])
     row = ",".join(["%.10g", *["%.7g"] * len(columns)])
     values = zip(time_s.tolist(), *(samples.tolist() for samples in columns.values()), strict=True)

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
+from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.simulation.multirotor_flight import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S
 
@@ -42,9 +42,6 @@ _LEAST_STOP_TILT_RAD, _MOST_STOP_TILT_RAD = math.radians(15.0), math.radians(60.
 _LEAST_STOP_RATE_RAD_S = math.radians(60.0)
 _STOP_ABOVE_GROUND = 1.25
 """Least height of the start over the loss of height that ends the flight."""
-_ENTRY_UNITS: Mapping[Entry, str] = MappingProxyType(
-    {"command": "1", "rate_setpoint": "rad/s", "attitude_setpoint": "rad", "stick": "1"}
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,11 +165,6 @@ def column_name(planned: PlannedInput) -> str:
     'roll_rate_setpoint'
     """
     return f"{planned.axis}_{'excitation' if planned.entry == 'command' else planned.entry}"
-
-
-def unit_of(planned: PlannedInput) -> str:
-    """SI unit of the samples of a test input; on the axis of thrust everything is a fraction."""
-    return "1" if planned.axis == "thrust" else _ENTRY_UNITS[planned.entry]
 
 
 def excited_s(planned: PlannedInput) -> tuple[float, float]:

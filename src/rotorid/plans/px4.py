@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.plans.csv import FILE, filled, number, number_above, one_line, plan_csv
-from rotorid.plans.facts import HOLD, FlightFacts, column_name, unit_of
+from rotorid.plans.facts import HOLD, FlightFacts, column_name
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 SCRIPT = "px4_fly_plan.py"
@@ -87,7 +87,7 @@ def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100
     kind = _kind(places)
     _require_rate(plan, send_rate_hz)
     words = {"plan": one_line(plan.name), "vehicle": one_line(facts.vehicle)}
-    columns = {name: f"{name} [{unit_of(planned)}]" for name, planned in places.items()}
+    columns = {name: f"{name} [{planned.unit}]" for name, planned in places.items()}
     return {
         **plan_csv(plan),
         SCRIPT: filled(

@@ -1,8 +1,6 @@
-"""The page of a design: what to fly, what it reaches, and what its data will be able to tell.
+"""The page of a design: what to fly, what it reaches in the simulator, and what its data will be able to tell.
 
-What the page of a design says of plans: text for its tables, and sentences.
-
-The pictures of the page of a design: the flight of each plan, what it excites, what its data will tell.
+Tables and sentences of every plan, pictures of its flight and of what it excites, and plans side by side.
 """
 
 from __future__ import annotations
@@ -15,16 +13,15 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.data.findings import worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
-from rotorid.pipeline.assemble import finding_documents
 from rotorid.pipeline.designs import STEPS, Designed, Planned, Told
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.planning.amplitude import Limits, Reached
+from rotorid.planning.duration import Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction
-from rotorid.planning.shortest import Shortest
-from rotorid.plans.facts import unit_of
 from rotorid.plot.design import (
     Excited,
     Signal,
@@ -111,7 +108,7 @@ def input_rows(planned: Planned) -> tuple[InputRow, ...]:
 
 def _input_row(planned: Planned, one: PlannedInput) -> InputRow:
     found = planned.amplitudes.get(f"{one.shape} of {one.axis}")
-    symbol = unit(unit_of(one))
+    symbol = unit(one.unit)
     limit = "" if found is None else found.limited_by
     low, high = one.band_rad_s or (math.nan, math.nan)
     return InputRow(
@@ -755,7 +752,7 @@ def _model_section(told: Told, choices: DesignChoices, *, anchor: str) -> ModelS
         usable=usable_rows(prediction),
         inflation=inflation_words(prediction),
         pictures=expected_pictures(prediction, least_coherence=choices.fit.least_coherence, key=anchor),
-        findings=finding_rows(finding_documents(prediction.findings)),
+        findings=finding_rows(worst_first(prediction.findings)),
     )
 
 

@@ -1,40 +1,22 @@
-"""Write what an identification answers: all files complete, or none.
-
-Write what a run of ``response`` answers: all files complete, or none.
-
-Write what a design answers: plans, their files for pilot and autopilot, and what they will tell; all or none.
-
-Write simulated flights: all logs and what was true of them, or none.
-"""
+"""Write what a verb answers into a folder, all files complete or none: results, responses, designs, simulations."""
 
 from __future__ import annotations
 
 import logging
-import math
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from rotorid import __version__
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.documents.base import ProvenanceDocument
 from rotorid.documents.design import (
     DesignDocument,
-    PlanSummaryDocument,
-    PredictedParameterDocument,
-    PredictedResponseDocument,
-    PredictionDocument,
-    ReachedDocument,
-    ShortestDocument,
     SimulationDocument,
-    TestInputDocument,
-    VehicleDocument,
+    design_document,
     plan_document,
     simulation_document,
 )
@@ -43,15 +25,13 @@ from rotorid.documents.result import measured_arrays, response_arrays, result_do
 from rotorid.documents.result import to_json as to_json
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
-from rotorid.pipeline.assemble import finding_documents
-from rotorid.pipeline.designs import Designed, Told, best_of, beyond_limits
+from rotorid.pipeline.designs import Designed, beyond_limits
 from rotorid.pipeline.flight_settings import DesignChoices, SimulateChoices
 from rotorid.pipeline.responses import Responses
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.simulation import (
     LOG_NAME,
     SimulatedLog,
-    flown_vehicle,
     fly_run,
     move_rig,
     rig_simulation,
@@ -62,7 +42,7 @@ from rotorid.pipeline.simulation import (
 from rotorid.plans.ardupilot import ardupilot_files
 from rotorid.plans.betaflight import betaflight_files
 from rotorid.plans.csv import plan_csv
-from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, unit_of
+from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound
 from rotorid.plans.px4 import px4_files
 from rotorid.report.design import render_design
 from rotorid.report.flight_card import flight_card, flight_card_pdf
@@ -167,7 +147,7 @@ def write_responses(folder: Path, result: Responses, *, title: str) -> None:
 def arrays(result: Responses) -> dict[str, np.ndarray]:
     """Arrays of ``responses.npz``; no pickles, names as plain text."""
     diagnostics = result.measured.diagnostics
-    found = measured_arrays(result.response, result.measured.beside) | {
+    found = measured_arrays(result.response, result.measured.direct) | {
         "used": result.used,
         "window_share": diagnostics.share,
         "window_error": diagnostics.window_error,
@@ -214,34 +194,14 @@ def write_design(
     words: Autopilot = _AUTOPILOTS.get(kind, "other")
     require_autopilot(autopilot)
     findings: list[Finding] = []
-    summaries: list[PlanSummaryDocument] = []
-    for one in designed:
-        place = folder / one.kind if len(designed) > 1 else folder
-        files, remarks = _files(one, choices, words, explicit=autopilot is not None)
+    written: list[tuple[str, Sequence[str]]] = []
+    for plan in designed:
+        place = folder / plan.kind if len(designed) > 1 else folder
+        files, remarks = _files(plan, choices, words, explicit=autopilot is not None)
         findings += remarks
         write_together(place, {name: _writer(content) for name, content in files.items()})
-        summaries.append(_summary(one, "" if place == folder else one.kind, sorted(files)))
-    document = DesignDocument(
-        vehicle=VehicleDocument.model_validate(flown_vehicle(choices.vehicle, choices.aircraft, choices.changes)),
-        limits=asdict(choices.plan.limits),
-        plans=summaries,
-        best=best_of(designed),
-        findings=finding_documents(findings),
-        provenance=ProvenanceDocument(
-            version=__version__,
-            command=list(command),
-            inputs={},
-            settings={
-                "turbulence_m_s": choices.plan.wind.turbulence_m_s,
-                "wind_north_m_s": choices.plan.wind.north_m_s,
-                "wind_east_m_s": choices.plan.wind.east_m_s,
-                "prior": choices.prior.source if choices.prior is not None else None,
-                "gains": choices.gains_source or None,
-                "autopilot": words,
-            },
-            seed=choices.plan.seed,
-        ),
-    )
+        written.append(("" if place == folder else plan.kind, sorted(files)))
+    document = design_document(choices, designed, written, findings=findings, autopilot=words, command=command)
     page = render_design(designed, choices, title=_title(designed, choices), document=document)
     write_together(folder, {"design.json": _writer(to_json(document)), "design.html": _writer(page)})
     return document
@@ -322,92 +282,6 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> Fligh
         motors=(max(reached.motor_low, 0.0), min(reached.motor_high, 1.0)),
         bounds=tuple(bounds),
     )
-
-
-def _summary(one: Designed, folder: str, files: Sequence[str]) -> PlanSummaryDocument:
-    planned = one.planned
-    return PlanSummaryDocument(
-        kind=one.kind,
-        folder=folder,
-        duration_s=planned.plan.duration_s,
-        inputs=[
-            TestInputDocument(
-                axis=part.axis,
-                shape=part.shape,
-                entry=part.entry,
-                start_s=part.start_s,
-                stop_s=part.stop_s,
-                amplitude=part.amplitude,
-                unit=unit_of(part),
-                band_rad_s=part.band_rad_s,
-                limited_by=planned.limited_by(part),
-            )
-            for part in planned.plan.inputs
-        ],
-        reached=ReachedDocument.model_validate(planned.reached),
-        predictions=[_prediction(told) for told in one.told],
-        shortest=[
-            ShortestDocument(
-                model=model,
-                wanted_percent=dict(one.wanted[model]),
-                duration_s=found.duration_s,
-                limiting=found.limiting,
-                words=found.words,
-            )
-            for model, found in one.shortest.items()
-        ],
-        files=list(files),
-    )
-
-
-def _prediction(told: Told) -> PredictionDocument:
-    prediction = told.prediction
-    if prediction is None:
-        return PredictionDocument(model=told.model, refused=told.refused)
-    return PredictionDocument(
-        model=told.model,
-        parameters={
-            one.name: PredictedParameterDocument(
-                value=one.value,
-                unit=one.unit,
-                expected=one.expected,
-                std=one.std,
-                percent=_finite(one.percent),
-                lowest_std=one.lowest_std,
-                cramer_rao_percent=_finite(one.in_percent(one.cramer_rao)),
-                insensitivity_percent=_finite(one.in_percent(one.insensitivity)),
-            )
-            for one in prediction.parameters
-        },
-        responses={
-            f"{output}/{command}": _response(told, y, u)
-            for y, output in enumerate(prediction.response.outputs)
-            for u, command in enumerate(prediction.response.inputs)
-        },
-        inflation=prediction.inflation,
-        findings=finding_documents(prediction.findings),
-    )
-
-
-def _response(told: Told, output: int, command: int) -> PredictedResponseDocument:
-    import numpy as np
-
-    prediction = told.prediction
-    assert prediction is not None
-    used = prediction.used[output, command]
-    if not used.any():
-        return PredictedResponseDocument(band_rad_s=None, points=0, coherence=None, random_error=None)
-    omega = prediction.response.omega_rad_s[used]
-    return PredictedResponseDocument(
-        band_rad_s=(float(omega[0]), float(omega[-1])),
-        points=int(used.sum()),
-        coherence=float(np.median(prediction.response.coherence[output, command][used])),
-        random_error=float(np.median(prediction.response.random_error[output, command][used])),
-    )
-
-
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None
 
 
 def write_simulation(

@@ -1,8 +1,6 @@
 """The flight card: one page for the pilot, to be read outdoors. What to fly, how long, when to stop.
 
-What a flight card says to the pilot, for each autopilot.
-
-Small drawings of test inputs, as SVG inside a page.
+Its words suit each autopilot; its drawings of test inputs are SVG inside the page.
 """
 
 from __future__ import annotations
