@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,4 +106,4 @@ def command_line() -> list[str]:
 
 def _changed(value: Any, **fields: Any) -> Any:
     """A copy of a value or a document with other fields."""
-    return replace(value, **fields) if is_dataclass(value) else value.model_copy(update=fields)
+    return value.model_copy(update=fields) if hasattr(value, "model_copy") else replace(value, **fields)

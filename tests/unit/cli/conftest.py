@@ -9,7 +9,7 @@ from tests.unit.cli.commands import ROLL, Ran, fly_roll_sweeps, rotorid
 
 from rotorid.io.registry import read
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import Identification
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings
 
 
@@ -21,7 +21,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def by_api(flight: Path) -> Identification:
+def by_api(flight: Path) -> IdentifiedModel:
     """What the Python API answers."""
     return identify([read(flight)], "rate.roll", settings=IdentifySettings(band_rad_s=(12.0, 50.0)))
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, rotorid
 
-from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.results import Identification
+from rotorid.documents.result import ResultDocument, result_document
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.report.frame import with_error
 
 FILES = {"result.json", "responses.npz", "report.html", "model.toml"}
@@ -35,13 +35,13 @@ def test_json_is_all_that_standard_output_gets(results: tuple[Path, Ran]) -> Non
 
 
 def test_same_numbers_by_python_by_json_by_file_and_by_report(
-    results: tuple[Path, Ran], by_api: Identification
+    results: tuple[Path, Ran], by_api: IdentifiedModel
 ) -> None:
     folder, ran = results
     assert ran.out == (folder / "result.json").read_text(encoding="utf-8")
-    assert numbers(ResultDocument.model_validate_json(ran.out)) == numbers(by_api.document)
+    assert numbers(ResultDocument.model_validate_json(ran.out)) == numbers(result_document(by_api))
     report = (folder / "report.html").read_text(encoding="utf-8")
-    spread = {name: p for name, p in by_api.document.parameters.items() if p.std is not None}
+    spread = {name: p for name, p in by_api.parameters.items() if p.std is not None}
     assert {"L_roll", "tau_roll"} <= spread.keys()
     for name, parameter in spread.items():
         # Delays are shown in ms, everything else in its unit.
@@ -50,12 +50,12 @@ def test_same_numbers_by_python_by_json_by_file_and_by_report(
         assert any(text in report for text in shown), name
 
 
-def test_responses_hold_what_was_fitted(results: tuple[Path, Ran], by_api: Identification) -> None:
+def test_responses_hold_what_was_fitted(results: tuple[Path, Ran], by_api: IdentifiedModel) -> None:
     folder, _ = results
     with np.load(folder / "responses.npz", allow_pickle=False) as arrays:
-        np.testing.assert_array_equal(arrays["values"], by_api.response.values)
-        np.testing.assert_array_equal(arrays["model"], by_api.model_response)
-        np.testing.assert_array_equal(arrays["fitted"], by_api.fitted)
+        np.testing.assert_array_equal(arrays["values"], by_api.data.response.values)
+        np.testing.assert_array_equal(arrays["model"], by_api.data.model_response)
+        np.testing.assert_array_equal(arrays["fitted"], by_api.data.used)
         assert arrays["values"].shape == (1, 1, arrays["omega_rad_s"].size)
         assert arrays["inputs"].tolist() == ["roll_command"]
 
@@ -66,10 +66,10 @@ def test_quiet_says_nothing(flight: Path, tmp_path: Path) -> None:
 
 
 def test_a_person_sees_parameters_cost_and_where_the_report_is(
-    flight: Path, by_api: Identification, tmp_path: Path
+    flight: Path, by_api: IdentifiedModel, tmp_path: Path
 ) -> None:
     ran = rotorid("identify", flight, *ROLL, "--out", tmp_path)
-    gain = by_api.document.parameters["L_roll"].value
+    gain = by_api.parameters["L_roll"].value
     assert f"{gain:.5g}" in ran.out
     assert "cost of p/roll_command" in ran.out
     assert f"report: {tmp_path / 'report.html'}" in ran.out
@@ -87,17 +87,17 @@ def test_default_folder_is_named_after_log_and_model(
 
 
 def test_model_of_a_result_reproduces_the_result(
-    flight: Path, results: tuple[Path, Ran], by_api: Identification, tmp_path: Path
+    flight: Path, results: tuple[Path, Ran], by_api: IdentifiedModel, tmp_path: Path
 ) -> None:
     model = results[0] / "model.toml"
     ran = rotorid("identify", flight, "--model", model, "--band", "12:50", "--out", tmp_path, "--json")
     assert ran.code == 0
     again = ResultDocument.model_validate_json(ran.out)
     assert again.model == "rate.roll"
-    assert by_api.document.parameters["T_motor"].status == "dropped"
-    assert set(again.parameters) == set(by_api.document.parameters) - {"T_motor"}
+    assert by_api.parameters["T_motor"].status == "dropped"
+    assert set(again.parameters) == set(by_api.parameters) - {"T_motor"}
     for name in again.parameters:
-        parameter = by_api.document.parameters[name]
+        parameter = by_api.parameters[name]
         # The same minimum, approached from elsewhere: equal to a small part of the standard deviation.
         assert again.parameters[name].status == parameter.status
         assert again.parameters[name].value == pytest.approx(parameter.value, abs=0.01 * (parameter.std or 0.0))

@@ -8,19 +8,20 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import Ran, rotorid
 
-from rotorid.pipeline.results import Identification
-from rotorid.pipeline.verify_document import VerifyDocument
+from rotorid.documents.result import result_document
+from rotorid.documents.verify import VerifyDocument
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.report.files import to_json
 
 SEGMENT = ("--segment", "roll:56.2:105.9")
 
 
 @pytest.fixture(scope="module")
-def result(by_api: Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def result(by_api: IdentifiedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What ``verify`` reads of the files that ``identify`` writes."""
     folder = tmp_path_factory.mktemp("result")
-    (folder / "result.json").write_text(to_json(by_api.document))
-    (folder / "model.toml").write_text(by_api.model_toml)
+    (folder / "result.json").write_text(to_json(result_document(by_api)))
+    (folder / "model.toml").write_text(by_api.to_toml())
     return folder
 
 
