@@ -94,7 +94,11 @@ def expansion_point(model: ComplexArray, data: ComplexArray) -> ComplexArray:
     model means anything (80 dB); below, the slope leads from a response of zero toward the data, where the logarithm
     has none.
     """
-    small = np.abs(model) < _SMALLEST_RATIO * np.abs(data)
+    return _expansion_point(model, data, _SMALLEST_RATIO * np.abs(data))
+
+
+def _expansion_point(model: ComplexArray, data: ComplexArray, floor: FloatArray) -> ComplexArray:
+    small = np.abs(model) < floor
     return np.where(small, _SMALLEST_RATIO * data, model) if small.any() else model
 
 
@@ -160,18 +164,24 @@ class Points:
         return np.asarray(1j * self.omega_rad_s[self.frequency])
 
     @cached_property
-    def of_output(self) -> tuple[FloatArray, ...]:
+    def floor(self) -> FloatArray:
+        """Below this size of the model its logarithm goes on as a straight line, shape ``(n,)``."""
+        return np.asarray(_SMALLEST_RATIO * np.abs(self.values))
+
+    @cached_property
+    def of_output(self) -> tuple[ComplexArray, ...]:
         """For each output, one at its points and zero at the others, shape ``(n,)``."""
         return _one_hot(self.output, self.outputs)
 
     @cached_property
-    def of_input(self) -> tuple[FloatArray, ...]:
+    def of_input(self) -> tuple[ComplexArray, ...]:
         """For each input, one at its points and zero at the others, shape ``(n,)``."""
         return _one_hot(self.input, self.inputs)
 
 
-def _one_hot(channel: IntArray, count: int) -> tuple[FloatArray, ...]:
-    return tuple(np.asarray(channel == one, dtype=np.float64) for one in range(count))
+def _one_hot(channel: IntArray, count: int) -> tuple[ComplexArray, ...]:
+    # Complex, as what they multiply: a cast at every product is a whole sweep over the points.
+    return tuple(np.asarray(channel == place, dtype=np.complex128) for place in range(count))
 
 
 class _Response(NamedTuple):
@@ -210,7 +220,7 @@ def log_errors(parameter_map: ParameterMap, thetas: FloatArray, points: Points) 
     """
     system, slopes = parameter_map.tangents(thetas)
     model = _response(system, points)
-    place = expansion_point(model.values, points.values)
+    place = _expansion_point(model.values, points.values, points.floor)
     error = log_error_from(model.values, place, points.values)
     return error, _slopes(slopes, thetas.shape[1], model, place, points)
 
