@@ -38,6 +38,7 @@ from rotorid.pipeline.settings import ResponseSettings as ResponseSettings
 from rotorid.pipeline.settings import VerifySettings as VerifySettings
 from rotorid.pipeline.verification import verify as verify
 from rotorid.plot.frequency import bode as bode
+from rotorid.reduction.guided import reduce as reduce
 from rotorid.report.files import write_results as write_results
 from rotorid.signal.clock import resample as resample
 from rotorid.signal.excitations import find_excitations as find_excitations

@@ -449,7 +449,7 @@ class _State:
         return mean_cost(self.problem, self.solution)
 
 
-def reduce_guided(
+def reduce(
     problem: FrequencyProblem, solution: Solution, *, distances: Mapping[str, float] | None = None
 ) -> Reduction:
     """Drop what the data do not show, one parameter at a time, and keep every step.

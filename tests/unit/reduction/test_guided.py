@@ -17,7 +17,7 @@ from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
-from rotorid.reduction.guided import LARGEST_RISE, Reduction, Step, mean_cost, reduce_guided
+from rotorid.reduction.guided import LARGEST_RISE, Reduction, Step, mean_cost, reduce
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import bounds
 from rotorid.vehicles.s500 import LATERAL, LONGITUDINAL, longitudinal
@@ -108,7 +108,7 @@ def problem(
 
 
 def reduced(posed: FrequencyProblem) -> Reduction:
-    return reduce_guided(posed, fit_frequency(posed))
+    return reduce(posed, fit_frequency(posed))
 
 
 def values(reduction: Reduction) -> dict[str, float]:
@@ -263,7 +263,7 @@ def test_good_data_say_when_a_dropped_parameter_is_real() -> None:
     limits = bounds(posed, solution)
     place = limits.names.index("L_p")
     assert abs(solution.theta[place]) > 3.0 * limits.std[place]
-    reduction = reduce_guided(posed, solution)
+    reduction = reduce(posed, solution)
     step = of(reduction, "L_p")
     assert step.action == "dropped"
     assert "of its standard deviations from zero all the same" in step.reason
@@ -282,6 +282,6 @@ def test_a_fit_that_has_not_converged_is_finished_first() -> None:
     posed = problem(model, truth, np.geomspace(2.0, 50.0, 40), level=0.01)
     rough = fit_frequency(posed, solver=LevenbergMarquardt(iterations=1))
     assert rough.outcome is Outcome.OUT_OF_ITERATIONS
-    reduction = reduce_guided(posed, rough)
+    reduction = reduce(posed, rough)
     assert reduction.dropped == ()
     assert reduction.solution.cost == pytest.approx(fit_frequency(posed).cost, rel=1e-6)
