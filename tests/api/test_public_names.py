@@ -66,8 +66,9 @@ def test_misspelt_keyword_is_refused(name: str) -> None:
     takes_options = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
     needed = [parameter for parameter in parameters if takes_options and parameter.default is parameter.empty]
     given = [()] * sum(parameter.kind is parameter.POSITIONAL_OR_KEYWORD for parameter in needed)
+    named = {parameter.name: () for parameter in needed if parameter.kind is parameter.KEYWORD_ONLY}
     with pytest.raises(TypeError, match="misspelt"):
-        PUBLIC[name](*given, misspelt=1)
+        PUBLIC[name](*given, **named, misspelt=1)
 
 
 @pytest.mark.parametrize("name", VALUES)

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +21,10 @@ from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.instruments import axes_of, find_instrument, is_command
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
-from rotorid.pipeline.results import Segment
+from rotorid.pipeline.results import Records, Segment
 from rotorid.pipeline.segments import cut, histories, other_sources
 from rotorid.pipeline.selection import chosen_maneuvers, default_pairs, each_once
-from rotorid.pipeline.settings import MeasureSettings
+from rotorid.pipeline.settings import MeasureSettings, as_records, as_settings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import excitation_signals
 from rotorid.typing import BoolArray
@@ -127,11 +128,12 @@ class Delays(Immutable):
 
 
 def delay(
-    records: Sequence[FlightRecord],
+    records: Records,
     *,
     input: str | None = None,
     output: str | None = None,
     settings: MeasureSettings | None = None,
+    **options: Any,
 ) -> Delays:
     """Delays between channels of flight records: what ``rotorid delay`` does.
 
@@ -142,12 +144,14 @@ def delay(
     Parameters
     ----------
     records
-        Logs as :func:`rotorid.read` gives them.
+        Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
     input, output
         Channels; without them every logged set-point that moves and its response, or the commands and their rates
         where no set-point is logged.
     settings
         Choices; everything has a default.
+    **options
+        Fields of :class:`rotorid.pipeline.settings.MeasureSettings`, which go before ``settings``.
 
     Returns
     -------
@@ -163,12 +167,11 @@ def delay(
 
     Examples
     --------
-    >>> from rotorid.io.registry import read
-    >>> result = delay([read("flight.ulg")], input="phi_setpoint", output="phi")  # doctest: +SKIP
+    >>> result = delay("flight.ulg", input="phi_setpoint", output="phi")  # doctest: +SKIP
     >>> result.pairs["phi/phi_setpoint"].recommended.delay_s  # doctest: +SKIP
     0.071
     """
-    settings = settings or MeasureSettings()
+    settings, records = as_settings(MeasureSettings, settings, options), as_records(records)
     each_once(records)
     _require_known(settings.instruments, records)
     pairs = _pairs(records, input, output)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +29,9 @@ from rotorid.pipeline.inverse import without_inverse_controller
 from rotorid.pipeline.loops import ATTITUDE, AxisLoop, axis_loop
 from rotorid.pipeline.measure import Measured, feedback_bias, measure, without_known_filters
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
-from rotorid.pipeline.results import Segment
+from rotorid.pipeline.results import Records, Segment
 from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside, of_axes, whole_flights
-from rotorid.pipeline.settings import ResponseSettings
+from rotorid.pipeline.settings import ResponseSettings, as_names, as_records, as_settings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis, BoolArray, FloatArray
 
@@ -375,11 +376,12 @@ class Responses(Immutable):
 
 
 def response(
-    records: Sequence[FlightRecord],
+    records: Records,
     *,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
+    inputs: str | Sequence[str],
+    outputs: str | Sequence[str],
     settings: ResponseSettings | None = None,
+    **options: Any,
 ) -> Responses:
     """Frequency responses of flight records: what ``rotorid response`` does.
 
@@ -390,11 +392,13 @@ def response(
     Parameters
     ----------
     records
-        Logs as :func:`rotorid.read` gives them.
+        Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
     inputs, outputs
-        Channels. What a log lacks and can be reconstructed (``u_dot``, ``p_dot``, body velocities) is.
+        Channels, or one. What a log lacks and can be reconstructed (``u_dot``, ``p_dot``, body velocities) is.
     settings
         Choices; everything has a default.
+    **options
+        Fields of :class:`rotorid.pipeline.settings.ResponseSettings`, which go before ``settings``.
 
     Returns
     -------
@@ -411,13 +415,12 @@ def response(
 
     Examples
     --------
-    >>> from rotorid.io.registry import read
-    >>> result = response([read("flight.BIN")], inputs=["roll_command"], outputs=["p"])  # doctest: +SKIP
+    >>> result = response("flight.BIN", inputs="roll_command", outputs="p", band_rad_s=(1, 90))  # doctest: +SKIP
     >>> result.pairs["p/roll_command"].band_rad_s  # doctest: +SKIP
     (1.2, 88.0)
     """
-    settings = settings or ResponseSettings()
-    inputs, outputs = tuple(inputs), tuple(outputs)
+    settings, records = as_settings(ResponseSettings, settings, options), as_records(records)
+    inputs, outputs = as_names(inputs), as_names(outputs)
     _require_channels(records, inputs, outputs, settings)
     chosen = choose(records, inputs, outputs, settings)
     measured = measure(

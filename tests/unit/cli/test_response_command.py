@@ -10,7 +10,6 @@ import pytest
 from tests.unit.cli.commands import Ran, rotorid
 
 from rotorid.documents.response import ResponseDocument
-from rotorid.io.registry import read
 from rotorid.pipeline.responses import response
 
 PAIR = ("--inputs", "roll_command", "--outputs", "p")
@@ -38,7 +37,7 @@ def test_standard_output_is_the_document_and_nothing_else(results: tuple[Path, R
 
 def test_is_what_the_python_function_answers(results: tuple[Path, Ran], flight: Path) -> None:
     folder, _ = results
-    by_api = response([read(flight)], inputs=["roll_command"], outputs=["p"])
+    by_api = response(flight, inputs="roll_command", outputs="p", estimate="auto")
     with np.load(folder / "responses.npz", allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["values"], by_api.response.values)
         np.testing.assert_array_equal(arrays["used"], by_api.used)
