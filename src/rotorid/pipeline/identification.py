@@ -29,7 +29,6 @@ def identify(
     *,
     settings: IdentifySettings | None = None,
     verify: Records = (),
-    command: Sequence[str] = (),
     **options: Any,
 ) -> IdentifiedModel:
     """Identify a model from flight records.
@@ -50,8 +49,6 @@ def identify(
         Choices; everything has a default.
     verify
         Further records, kept unseen, to judge the model on.
-    command
-        For the provenance of the result.
     **options
         Fields of :class:`rotorid.pipeline.settings.IdentifySettings`, which go before ``settings``.
 
@@ -76,7 +73,7 @@ def identify(
     """
     logs, unseen = as_records(records), as_records(verify)
     method = method_of(model, logs, as_settings(IdentifySettings, settings, options))
-    return identify_by(method, logs, verify=unseen, command=command)
+    return identify_by(method, logs, verify=unseen)
 
 
 def identify_by(
@@ -84,7 +81,6 @@ def identify_by(
     records: Sequence[FlightRecord],
     *,
     verify: Sequence[FlightRecord] = (),
-    command: Sequence[str] = (),
 ) -> IdentifiedModel:
     """Identify by a given method, see :func:`identify`."""
     data = method.prepare(records)
@@ -117,7 +113,6 @@ def identify_by(
         provenance=provenance(
             (*records, *verify),
             method.settings,
-            command=command,
             flights=data.flights,
             response=data.response,
             sources=data.sources,
@@ -125,9 +120,7 @@ def identify_by(
     )
 
 
-def identify_motors(
-    records: Records, choices: MotorChoices | None = None, *, verify: Records = (), command: Sequence[str] = ()
-) -> IdentifiedModel:
+def identify_motors(records: Records, choices: MotorChoices | None = None, *, verify: Records = ()) -> IdentifiedModel:
     """Identify inertia, thrust, motor lag and torque constant from motor outputs, gyros and accelerometer.
 
     The same as :func:`identify` of ``physical.motors``, with all choices that this model has.
@@ -140,8 +133,6 @@ def identify_motors(
         What is known of it, and how to read the logs.
     verify
         Further logs, kept unseen.
-    command
-        For the provenance.
 
     Raises
     ------
@@ -151,7 +142,7 @@ def identify_motors(
         A choice is wrong.
     """
     method = Motors(choices or MotorChoices())
-    return identify_by(method, as_records(records), verify=as_records(verify), command=command)
+    return identify_by(method, as_records(records), verify=as_records(verify))
 
 
 def method_of(
@@ -190,7 +181,6 @@ def refused(
     model: str | Path | LinearStructure,
     *,
     settings: IdentifySettings,
-    command: Sequence[str] = (),
 ) -> Refused:
     """What to say of data that cannot support a model."""
     structure = None
@@ -204,5 +194,5 @@ def refused(
         name=name,
         structure=structure,
         findings=worst_first([*(finding for record in records for finding in record.findings), *reasons]),
-        provenance=provenance(records, settings, command=command),
+        provenance=provenance(records, settings),
     )
