@@ -12,6 +12,7 @@ import rotorid
 from rotorid.data.record import AXES, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.consistency import ChannelSkew, Consistency, check_consistency, stretches
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.segments import cut
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.excitations import find_excitations
@@ -81,13 +82,13 @@ def test_late_stamps_beyond_the_filter_are_found(px4: FlightRecord, seconds: flo
 
 
 def test_body_velocities_of_a_flight_are_reconstructed(px4: FlightRecord) -> None:
-    (segment,), findings = cut([(px4, SWEPT)], channels=("u", "v", "phi"))
+    (segment,), findings = cut([Flight(px4, SWEPT)], channels=("u", "v", "phi"))
     assert segment.history.names == ("u", "v", "phi")
     assert {finding.where for finding in findings if finding.kind == "reconstructed"} == {"u", "v"}
 
 
 def test_a_segment_that_reaches_beyond_the_flight_is_cut(px4: FlightRecord) -> None:
     given = Maneuver(axis="roll", kind="other", start_s=5.0, stop_s=122.54, origin="given")
-    (segment,), findings = cut([(px4, given)], channels=("roll_command", "p"))
+    (segment,), findings = cut([Flight(px4, given)], channels=("roll_command", "p"))
     assert 13.0 < segment.maneuver.start_s < 16.0
     assert [f.severity for f in findings if f.kind == "airborne"] == ["warning"]

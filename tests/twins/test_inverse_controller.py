@@ -11,6 +11,7 @@ from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sweep import pilot_sweep
 from rotorid.models.library import rate_model
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.inverse import Screened, pose_screened
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
@@ -65,7 +66,7 @@ def fly(*, excitation: FloatArray | None = None, gains: dict[str, float] = GAINS
 def screened(record: FlightRecord, *, name: str = "rate.yaw") -> Screened:
     """What the pipeline would fit of a flight; under another name the model need not reach above the speed modes."""
     maneuver = Maneuver(axis="yaw", kind="other", start_s=0.0, stop_s=DURATION_S - 1.0, origin="given")
-    flown = ((record, maneuver),)
+    flown = (Flight(record, maneuver),)
     measured = measure(flown, inputs=("yaw_command",), outputs=("r",), settings=SETTINGS)
     return pose_screened(replace(rate_model("rate.yaw"), name=name), measured, SETTINGS, flown)
 

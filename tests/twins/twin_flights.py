@@ -18,6 +18,7 @@ from rotorid.excitation.sweep import pilot_sweep
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.library import library_model
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import pose
 from rotorid.pipeline.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
@@ -283,7 +284,7 @@ def problem_of(twin: Twin, record: FlightRecord) -> FrequencyProblem:
     settings = IdentifySettings(fix=twin.held, outputs=twin.outputs, **twin.settings)  # type: ignore[arg-type]
     whole = library_model(twin.model).select(outputs=twin.outputs, inputs=twin.inputs)
     data = measure(
-        [(record, maneuver) for maneuver in record.declared],
+        [Flight(record, maneuver) for maneuver in record.declared],
         inputs=whole.inputs,
         outputs=whole.outputs,
         settings=settings,

@@ -8,7 +8,7 @@ from rotorid.data.findings import Finding, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import FindingDocument, ManeuverDocument, ProvenanceDocument
-from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.provenance import hashes as hashes
 from rotorid.pipeline.provenance import logged, provenance
 from rotorid.pipeline.settings import MeasureSettings
@@ -24,7 +24,7 @@ def provenance_document(
     settings: MeasureSettings,
     *,
     command: Sequence[str],
-    flown: Sequence[Flown] = (),
+    flown: Sequence[Flight] = (),
     response: FrequencyResponse | None = None,
     sources: Mapping[str, str] | None = None,
 ) -> ProvenanceDocument:

@@ -21,8 +21,9 @@ from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.pipeline.candidate import motors_refused
-from rotorid.pipeline.cross_validation import common_horizon_s, fitted_band, score_flown
-from rotorid.pipeline.instruments import Flown, axes_of, is_command
+from rotorid.pipeline.cross_validation import common_horizon_s, fitted_band, score_flights
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import axes_of, is_command
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
 from rotorid.pipeline.selection import RICH_KINDS, each_once, select_records, wholly_flown
@@ -141,23 +142,23 @@ def score_on_logs(
         Whose segments, shifts and hold count.
     """
     findings: list[Finding] = []
-    flown: dict[str, list[Flown]] = {}
+    flights: dict[str, list[Flight]] = {}
     for entry in entries:
-        flown[entry.label] = []
+        flights[entry.label] = []
         for record in records:
             try:
-                flown[entry.label] += _maneuvers(entry, record, settings)
+                flights[entry.label] += _maneuvers(entry, record, settings)
             except InsufficientDataError as error:
                 findings.append(_not_scored(entry, record, error))
     band_rad_s = fitted_band([entry.model for entry in entries])
-    found, failed = _scores(entries, flown, settings, None, band_rad_s)
+    found, failed = _scores(entries, flights, settings, None, band_rad_s)
     horizon_s = common_horizon_s([one for each in found for group in each.scores.values() for one in group])
     if horizon_s is not None:
-        found, failed = _scores(entries, flown, settings, horizon_s, band_rad_s)
+        found, failed = _scores(entries, flights, settings, horizon_s, band_rad_s)
     return OnLogs(maneuvers=tuple(found), band_rad_s=band_rad_s, findings=(*findings, *failed))
 
 
-def _maneuvers(entry: Entry, record: FlightRecord, settings: IdentifySettings) -> list[Flown]:
+def _maneuvers(entry: Entry, record: FlightRecord, settings: IdentifySettings) -> list[Flight]:
     if not entry.scored:
         raise InsufficientDataError("no model.toml stands beside its result.json")
     structure = entry.model.structure
@@ -168,49 +169,49 @@ def _maneuvers(entry: Entry, record: FlightRecord, settings: IdentifySettings) -
         raise InsufficientDataError(f"no given segment is of {' or '.join(axes)}")
     if own or not commands:
         return list(select_records(structure, [record], replace(settings, segments=own)).selection.fitted)
-    found = wholly_flown([(record, m) for axis in axes for m in find_excitations(record, axis)])
+    found = wholly_flown([Flight(record, m) for axis in axes for m in find_excitations(record, axis)])
     if not found:
         raise InsufficientDataError(f"it holds no excitation of {' or '.join(axes)}")
     return _with_rest(record, found)
 
 
-def _with_rest(record: FlightRecord, flown: Sequence[Flown]) -> list[Flown]:
+def _with_rest(record: FlightRecord, flights: Sequence[Flight]) -> list[Flight]:
     """Short maneuvers with the time around them, up to half way to their neighbors: what follows one answers to it."""
-    ordered = sorted({(m.start_s, m.stop_s): m for _, m in flown}.values(), key=lambda m: m.start_s)
+    ordered = sorted({(m.start_s, m.stop_s): m for _, m in flights}.values(), key=lambda m: m.start_s)
     wider = []
     for number, m in enumerate(ordered):
         before_s = (ordered[number - 1].stop_s + m.start_s) / 2.0 if number else record.start_s
         after_s = (m.stop_s + ordered[number + 1].start_s) / 2.0 if number + 1 < len(ordered) else record.stop_s
         around = (max(m.start_s - _REST_S, before_s), min(m.stop_s + _REST_S, after_s))
         start_s, stop_s = (m.start_s, m.stop_s) if m.kind in RICH_KINDS else around
-        wider.append((record, replace(m, start_s=min(m.start_s, start_s), stop_s=max(m.stop_s, stop_s))))
+        wider.append(Flight(record, replace(m, start_s=min(m.start_s, start_s), stop_s=max(m.stop_s, stop_s))))
     return wider
 
 
 def _scores(
     entries: Sequence[Entry],
-    flown: Mapping[str, Sequence[Flown]],
+    flights: Mapping[str, Sequence[Flight]],
     settings: IdentifySettings,
     horizon_s: float | None,
     band_rad_s: tuple[float, float] | None,
 ) -> tuple[list[ComparedManeuver], list[Finding]]:
     by_label = {entry.label: entry for entry in entries}
-    places: dict[tuple[str, float, float], Flown] = {}
+    places: dict[tuple[str, float, float], Flight] = {}
     scores: dict[tuple[str, float, float], dict[str, tuple[FixedParameterScores, ...]]] = {}
     findings = []
-    for label, items in flown.items():
+    for label, items in flights.items():
         structure = by_label[label].model.structure
         for record, maneuver in items:
             _PROGRESS.info(f"{label} on {record.source.name}")
             place = (record.source.sha256, maneuver.start_s, maneuver.stop_s)
             try:
-                group = score_flown(
-                    structure, [(record, maneuver)], settings, horizon_s=horizon_s, band_rad_s=band_rad_s
+                group = score_flights(
+                    structure, [Flight(record, maneuver)], settings, horizon_s=horizon_s, band_rad_s=band_rad_s
                 )
             except (InsufficientDataError, ModelError) as error:
                 findings.append(_not_scored(by_label[label], record, error))
                 continue
-            places.setdefault(place, (record, maneuver))
+            places.setdefault(place, Flight(record, maneuver))
             scores.setdefault(place, {})[label] = group
     return [
         ComparedManeuver(

@@ -14,7 +14,7 @@ import numpy as np
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.results import Segment
 from rotorid.signal.airborne import Airborne
 from rotorid.signal.autopilot_filters import known_filters
@@ -432,23 +432,23 @@ def _skew_finding(item: ChannelSkew) -> Finding:
 _REMARKED_SAG_PERCENT = 1.0
 
 
-def data_quality(flown: Sequence[Flown], segments: Sequence[Segment], inputs: Sequence[str]) -> tuple[Finding, ...]:
+def data_quality(flights: Sequence[Flight], segments: Sequence[Segment], inputs: Sequence[str]) -> tuple[Finding, ...]:
     """Remarks on all maneuvers, each kind and place once; of several maneuvers the first that shows it speaks."""
     remarks = [
         finding
         for segment in segments
         for finding in quality_findings(segment.history, axis=segment.maneuver.axis, accounted=inputs)
     ]
-    sags = (battery_sag(record, maneuver) for record, maneuver in flown)
+    sags = (battery_sag(record, maneuver) for record, maneuver in flights)
     remarks += [sag for sag in sags if sag and abs(sag.numbers["change_percent"]) >= _REMARKED_SAG_PERCENT]
-    remarks += _consistency(flown)
+    remarks += _consistency(flights)
     return tuple({(finding.kind, finding.where): finding for finding in reversed(remarks)}.values())
 
 
-def _consistency(flown: Sequence[Flown]) -> list[Finding]:
+def _consistency(flights: Sequence[Flight]) -> list[Finding]:
     """Whether sensors and clocks agree over the longest maneuver of each axis, in each log."""
-    records = {id(record): record for record, _ in flown}
-    groups = [(record, [m for r, m in flown if r is record]) for record in records.values()]
+    records = {id(record): record for record, _ in flights}
+    groups = [(record, [m for r, m in flights if r is record]) for record in records.values()]
     return [
         finding
         for record, maneuvers in groups

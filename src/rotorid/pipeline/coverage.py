@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
+from rotorid.data.record import AXES, TimeHistory
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.summary import Range, Trim
 from rotorid.typing import FloatArray
 
@@ -48,35 +48,26 @@ def covered(histories: Sequence[TimeHistory]) -> dict[str, Range]:
     return _ranges(samples)
 
 
-def covered_by(flown: Sequence[Flown]) -> dict[str, Range]:
+def covered_by(flights: Sequence[Flight]) -> dict[str, Range]:
     """The same straight from the logs, so that channels count that no model uses, such as the battery.
 
     Parameters
     ----------
-    flown
+    flights
         Records and maneuvers.
     """
     samples = []
-    for record, maneuver in flown:
-        for name in _in(record.channel_names):
-            for values, unit in _samples(record, maneuver, name):
-                samples.append((values, unit, name))
-                break
+    for flight in flights:
+        for name in _in(flight.record.channel_names):
+            for found in flight.samples(name):
+                if found.values.size:
+                    samples.append((found.values, found.unit, name))
+                    break
     return _ranges(samples)
 
 
 def _in(names: Sequence[str]) -> list[str]:
     return [name for name in COVERED if name in names]
-
-
-def _samples(record: FlightRecord, maneuver: Maneuver, name: str) -> list[tuple[FloatArray, str]]:
-    found = []
-    for topic, row in record.holding(name):
-        inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
-        values = topic.values[row, inside & np.isfinite(topic.values[row])]
-        if values.size:
-            found.append((values, topic.channels[row].unit))
-    return found
 
 
 def _ranges(samples: Sequence[tuple[FloatArray, str, str]]) -> dict[str, Range]:

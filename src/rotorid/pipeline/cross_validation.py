@@ -21,8 +21,9 @@ from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.identification import identify, logged_by_all
-from rotorid.pipeline.instruments import Flown, is_command
+from rotorid.pipeline.instruments import is_command
 from rotorid.pipeline.resolve import resolve_model
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.segments import require_channels, time_records
@@ -45,9 +46,9 @@ from rotorid.verification.sampled import band_pass
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
-def score_flown(
+def score_flights(
     structure: LinearStructure,
-    flown: Sequence[Flown],
+    flights: Sequence[Flight],
     settings: IdentifySettings,
     *,
     horizon_s: float | None = None,
@@ -67,7 +68,7 @@ def score_flown(
     ----------
     structure
         The model; its parameters have their values.
-    flown
+    flights
         Maneuvers.
     settings
         Whose hold and shifts count.
@@ -81,9 +82,9 @@ def score_flown(
     InsufficientDataError
         A log lacks an input or all outputs, is too short, or moves no input.
     """
-    there = held_outputs(structure, flown)
+    there = held_outputs(structure, flights)
     kept = structure if there == structure.outputs else structure.select(outputs=there)
-    records = time_records(kept, flown, settings, every_input=False)
+    records = time_records(kept, flights, settings, every_input=False)
     # A record in which nothing moves says nothing of the model, and would be scored on its noise.
     moved = [one for one in zip(records.segments, records.data, strict=True) if one[1].inputs.any()]
     scores = (
@@ -125,7 +126,7 @@ def fitted_band(models: Sequence[IdentifiedModel]) -> tuple[float, float] | None
     return (low, high) if 0.0 < low < high else None
 
 
-def held_outputs(structure: LinearStructure, flown: Sequence[Flown]) -> tuple[str, ...]:
+def held_outputs(structure: LinearStructure, flights: Sequence[Flight]) -> tuple[str, ...]:
     """Outputs of a model that all logs hold.
 
     Raises
@@ -133,18 +134,18 @@ def held_outputs(structure: LinearStructure, flown: Sequence[Flown]) -> tuple[st
     InsufficientDataError
         An input is missing, or there is no output.
     """
-    for record, _ in flown:
+    for record, _ in flights:
         require_channels(record, structure.inputs)
-    there = tuple(name for name in structure.outputs if _holds(name, flown))
+    there = tuple(name for name in structure.outputs if _holds(name, flights))
     if not there:
-        for record, _ in flown:
+        for record, _ in flights:
             require_channels(record, structure.outputs)
     return there
 
 
-def _holds(name: str, flown: Sequence[Flown]) -> bool:
+def _holds(name: str, flights: Sequence[Flight]) -> bool:
     try:
-        for record, _ in flown:
+        for record, _ in flights:
             require_channels(record, [name])
     except InsufficientDataError:
         return False
@@ -190,7 +191,7 @@ class _Group:
     """What is kept together: the maneuvers of one log, or one maneuver where there is one log."""
 
     name: str
-    flown: tuple[Flown, ...]
+    flights: tuple[Flight, ...]
 
 
 def cross_validate(
@@ -231,21 +232,21 @@ def cross_validate(
     each_once(records)
     structure = resolve_model(model)
     groups, findings = _groups(structure, records, settings)
-    every_axis = {maneuver.axis for group in groups for _, maneuver in group.flown}
+    every_axis = {maneuver.axis for group in groups for _, maneuver in group.flights}
     commands = all(is_command(name) for name in structure.inputs)
 
     def fit(training: tuple[_Group, ...]) -> IdentifiedModel:
-        flown = [item for group in training for item in group.flown]
-        missing = sorted(every_axis - {maneuver.axis for _, maneuver in flown})
+        flights = [item for group in training for item in group.flights]
+        missing = sorted(every_axis - {maneuver.axis for _, maneuver in flights})
         if missing and commands:
             names = ", ".join(group.name for group in training)
             raise InsufficientDataError(f"{names} does not excite {' and '.join(missing)}")
-        kept = [record for record in records if any(record is one for one, _ in flown)]
-        chosen = replace(settings, segments=tuple(m for _, m in flown)) if len(records) == 1 else settings
+        kept = [record for record in records if any(record is one for one, _ in flights)]
+        chosen = replace(settings, segments=tuple(m for _, m in flights)) if len(records) == 1 else settings
         return identify(kept, chosen)
 
     def score(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
-        return score_flown(model.structure, group.flown, settings)
+        return score_flights(model.structure, group.flights, settings)
 
     folds = count()
 
@@ -260,7 +261,7 @@ def cross_validate(
     if horizon_s is not None or band_rad_s is not None:
         # Known only when all models are: what they have in common.
         def alike(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
-            return score_flown(model.structure, group.flown, settings, horizon_s=horizon_s, band_rad_s=band_rad_s)
+            return score_flights(model.structure, group.flights, settings, horizon_s=horizon_s, band_rad_s=band_rad_s)
 
         found = engine.rescored(found, groups, alike)
     return CrossValidated(
@@ -346,11 +347,11 @@ def _groups(
                 remedy="give more logs, or parts of this one with --segment",
             )
         _require_apart([m for _, m in fitted])
-        return [_Group(name=f"{m.axis} {m.kind} at {m.start_s:.1f} s", flown=((r, m),)) for r, m in fitted], []
+        return [_Group(name=f"{m.axis} {m.kind} at {m.start_s:.1f} s", flights=(Flight(r, m),)) for r, m in fitted], []
     groups, findings = [], []
     for name, record in zip(_names(records), records, strict=True):
         try:
-            groups.append(_Group(name=name, flown=select_records(structure, [record], settings).selection.fitted))
+            groups.append(_Group(name=name, flights=select_records(structure, [record], settings).selection.fitted))
         except InsufficientDataError as error:
             findings.append(_left_out(name, f"{name} takes no part in the cross-validation: {error.came}"))
     return groups, findings

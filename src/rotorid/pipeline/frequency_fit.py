@@ -48,13 +48,13 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.bootstrapping import Bootstrap
-from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.measure import Measured, feedback_bias, measure
 from rotorid.pipeline.resolve import chosen_parameters
 from rotorid.pipeline.searching import Searched, judge_minima, searched
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import Cost, DelayBudget, PairCost
-from rotorid.reduction.guided import Step, fit_and_drop, reduce_guided
+from rotorid.reduction.guided import Step, fit_and_drop, reduce
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.cramer_rao import (
     CRAMER_RAO_GUIDELINE_PERCENT,
@@ -494,7 +494,7 @@ def fit_with_bounds(
     problem, solution, findings = reduced.problem, reduced.solution, reduced.findings
     steps: tuple[Step, ...] = ()
     if settings.reduce:
-        reduction = reduce_guided(problem, solution, distances=_distances(problem, solution, settings))
+        reduction = reduce(problem, solution, distances=_distances(problem, solution, settings))
         problem, solution, steps = reduction.problem, reduction.solution, reduction.steps
         findings = (*findings, *reduction.findings)
     weights = _weights(problem, settings)
@@ -564,14 +564,14 @@ class FirstStep:
     findings: tuple[Finding, ...]
 
 
-def first_step(structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings) -> FirstStep:
+def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> FirstStep:
     """X_u and Y_v, as far as the structure has them, each from the sweeps of its own axis.
 
     Parameters
     ----------
     structure
         What will be fitted in the second step.
-    flown
+    flights
         Maneuvers; attitude and acceleration along the body must be logged or follow from what is.
     settings
         Choices of the run; bands and instruments are those of the second step and not used here.
@@ -589,15 +589,15 @@ def first_step(structure: LinearStructure, flown: Sequence[Flown], settings: Ide
             f"two steps of speed damping for {structure.name} came, which has no free X_u and no free Y_v",
             needed="a model with one of them, such as hover.longitudinal",
         )
-    found = {name: _one(name, flown, settings) for name in names}
+    found = {name: _one(name, flights, settings) for name in names}
     return FirstStep(
         fix={name: value for name, (value, _) in found.items()}, findings=tuple(f for _, f in found.values())
     )
 
 
-def _one(name: str, flown: Sequence[Flown], settings: IdentifySettings) -> tuple[float, Finding]:
+def _one(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[float, Finding]:
     output, source, axis = _STEPS[name]
-    own = [item for item in flown if item[1].axis == axis] or list(flown)
+    own = [item for item in flights if item[1].axis == axis] or list(flights)
     plain = replace(settings, instruments=(), estimate="direct", pairs={}, pair_weights={}, shifts={})
     measured = measure(own, inputs=(source,), outputs=(output,), settings=plain)
     structure = speed_damping(output, source)

@@ -19,6 +19,7 @@ from rotorid.data.record import AXES, LOWEST_RATE_HZ, FlightRecord, Maneuver, To
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import RATE_AXES
 from rotorid.pipeline.consistency import ChannelSkew, check_consistency, stretches
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import LOWEST_TOP_RAD_S
 from rotorid.pipeline.instruments import axis_of, find_instrument
 from rotorid.pipeline.provenance import LoggedManeuver, logged
@@ -117,7 +118,7 @@ def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, can
     rich = [maneuver for maneuver in found[name] if maneuver.kind in RICH_KINDS]
     tried = max(candidates[name], key=lambda maneuver: maneuver.duration_s, default=None)
     moved = rich or ([tried] if tried else [])
-    instrument = find_instrument([(record, maneuver) for maneuver in moved], name) if moved else None
+    instrument = find_instrument([Flight(record, maneuver) for maneuver in moved], name) if moved else None
     verdict = _unlogged(record, rates) or _unflown(record, name, rich, found[name], tried)
     if verdict is None:
         estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"

@@ -13,13 +13,12 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import LEAST_MOTION, excitation_signals
 from rotorid.typing import Axis
-
-Flown = tuple[FlightRecord, Maneuver]
 
 
 def axis_of(input: str) -> Axis:
@@ -69,20 +68,20 @@ def axes_of(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Axis, ...]:
     return tuple(dict.fromkeys(named or guessed))
 
 
-def find_instrument(flown: Sequence[Flown], axis: Axis) -> str | None:
+def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     """The channel that excites ``axis`` in every maneuver of it and contains no feedback, or ``None``.
 
     The best candidate that moves. Candidates are what the reader knows to be free of feedback, then set-points from
     the outermost loop inward: as soon as an outer loop is excited, the set-points inside it contain its feedback.
     """
-    own = [(record, maneuver) for record, maneuver in flown if maneuver.axis == axis] or list(flown)
+    own = [flight for flight in flights if flight.axis == axis] or list(flights)
     candidates = [set(excitation_signals(record, axis)) for record, _ in own]
     shared = set.intersection(*candidates) if candidates else set()
     for name in excitation_signals(own[0][0], axis):
-        if name not in shared or name.endswith("_command") or not all(_moves(r, m, name) for r, m in own):
+        if name not in shared or name.endswith("_command") or not all(_moves(flight, name) for flight in own):
             continue
         # Other axes' maneuvers need the channel too, at rest as it may be. What was not injected is known without.
-        if is_injection(name) or all(name in record.channel_names for record, _ in flown):
+        if is_injection(name) or all(name in record.channel_names for record, _ in flights):
             return name
     return None
 
@@ -98,18 +97,15 @@ def is_injection(name: str) -> bool:
     return name.endswith("_excitation")
 
 
-def _moves(record: FlightRecord, maneuver: Maneuver, name: str) -> bool:
-    for topic, row in record.holding(name):
-        inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
-        values = topic.values[row, inside]
-        values = values[np.isfinite(values)]
-        if values.size > 10:
-            return float(np.ptp(values)) > LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02)
+def _moves(flight: Flight, name: str) -> bool:
+    for samples in flight.samples(name):
+        if samples.values.size > 10:
+            return float(np.ptp(samples.values)) > LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02)
     return False
 
 
 def choose_instruments(
-    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], settings: MeasureSettings
+    flights: Sequence[Flight], inputs: Sequence[str], outputs: Sequence[str], settings: MeasureSettings
 ) -> tuple[str, ...]:
     """Instruments for all inputs, or none.
 
@@ -121,13 +117,13 @@ def choose_instruments(
     if settings.estimate == "direct":
         return ()
     if settings.instruments:
-        _require_instruments(flown, inputs, outputs, settings.instruments)
+        _require_instruments(flights, inputs, outputs, settings.instruments)
         if len(settings.instruments) != len(inputs):
             raise UsageError(
                 f"{len(settings.instruments)} instruments for {len(inputs)} inputs came", needed="one for each input"
             )
         return settings.instruments
-    found = [find_instrument(flown, axis_of(name)) if is_command(name) else None for name in inputs]
+    found = [find_instrument(flights, axis_of(name)) if is_command(name) else None for name in inputs]
     if all(found):
         return tuple(name for name in found if name)
     if settings.estimate == "joint":
@@ -141,7 +137,7 @@ def choose_instruments(
 
 
 def _require_instruments(
-    flown: Sequence[Flown], inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str]
+    flights: Sequence[Flight], inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str]
 ) -> None:
     for name in instruments:
         if name in (*inputs, *outputs):
@@ -150,7 +146,7 @@ def _require_instruments(
                 needed="an instrument: a channel that excites the input and contains no feedback",
                 remedy="name another one, or use --estimate direct",
             )
-        for record, _ in flown:
+        for record, _ in flights:
             if name not in record.channel_names:
                 raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
 
@@ -171,16 +167,16 @@ _SHORTEST_LEFT = 0.5
 """A maneuver that flies for less than this share of it is more likely mistaken for landed than landed."""
 
 
-def while_flying(flown: Sequence[Flown]) -> tuple[list[Flown], list[Finding]]:
+def while_flying(flights: Sequence[Flight]) -> tuple[list[Flight], list[Finding]]:
     """Maneuvers without what lies before take-off or after landing, and a warning for each that lost something."""
-    flights: dict[str, Airborne | None] = {}
+    airborne_parts: dict[str, Airborne | None] = {}
     cut_down, findings = [], []
-    for record, maneuver in flown:
+    for record, maneuver in flights:
         key = record.source.sha256 or record.source.name
-        if key not in flights:
-            flights[key] = flights_by_thrust(record)
-        kept, remark = _flying_part(maneuver, flights[key])
-        cut_down.append((record, kept))
+        if key not in airborne_parts:
+            airborne_parts[key] = flights_by_thrust(record)
+        kept, remark = _flying_part(maneuver, airborne_parts[key])
+        cut_down.append(Flight(record, kept))
         findings += remark
     return cut_down, findings
 

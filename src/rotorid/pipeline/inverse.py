@@ -16,8 +16,9 @@ from rotorid.fitting.inverse_controller import SubBand, inverse_controller
 from rotorid.models.controller import RateController, rate_controller
 from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import pose, require_support
-from rotorid.pipeline.instruments import Flown, axis_of
+from rotorid.pipeline.instruments import axis_of
 from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.typing import BoolArray, FloatArray
@@ -66,7 +67,7 @@ class _Trap(NamedTuple):
 
 
 def pose_screened(
-    structure: LinearStructure, measured: Measured, settings: IdentifySettings, flown: Sequence[Flown]
+    structure: LinearStructure, measured: Measured, settings: IdentifySettings, flights: Sequence[Flight]
 ) -> Screened:
     """Pose a problem without the points that are the inverse of the controller and not the vehicle.
 
@@ -83,7 +84,7 @@ def pose_screened(
         The responses.
     settings
         Choices of the run.
-    flown
+    flights
         Records and maneuvers behind them; gains are read from the parameters of the records.
 
     Raises
@@ -95,9 +96,9 @@ def pose_screened(
     try:
         problem = pose(structure, measured, settings)
     except InsufficientDataError as error:
-        _blame_controller(error, measured, settings, flown)
+        _blame_controller(error, measured, settings, flights)
         raise
-    traps = _traps(problem.data, problem.used, flown)
+    traps = _traps(problem.data, problem.used, flights)
     if not traps:
         return Screened(problem=problem, findings=())
     used = np.array(problem.used)
@@ -110,7 +111,7 @@ def pose_screened(
 
 
 def without_inverse_controller(
-    measured: Measured, used: BoolArray, settings: MeasureSettings, flown: Sequence[Flown]
+    measured: Measured, used: BoolArray, settings: MeasureSettings, flights: Sequence[Flight]
 ) -> tuple[BoolArray, tuple[Finding, ...]]:
     """Used points without those that are the inverse of the controller, and the remarks on them.
 
@@ -123,17 +124,17 @@ def without_inverse_controller(
         The responses.
     used
         Points that can be trusted otherwise, shape ``(y, u, f)``.
-    settings, flown
+    settings, flights
         See :func:`pose_screened`.
     """
     data = measured.response
-    if not used.any() and measured.beside is not None:
-        data = measured.beside
+    if not used.any() and measured.direct is not None:
+        data = measured.direct
         limit = settings.least_coherence(joint=False)
-        traps = _traps(data, measured.trusted_points(data, limit), flown)
+        traps = _traps(data, measured.trusted_points(data, limit), flights)
         return used, tuple(_finding(data, trap, "error", _NOTHING_LEFT_TO_USE) for trap in traps)
     kept, findings = np.array(used), []
-    for trap in _traps(data, used, flown):
+    for trap in _traps(data, used, flights):
         for output in range(used.shape[0]):
             kept[output, trap.input] = _longest_rest(used[output, trap.input], trap.inverse)
         gone = not kept[trap.output, trap.input].any()
@@ -143,24 +144,24 @@ def without_inverse_controller(
 
 
 def _blame_controller(
-    error: InsufficientDataError, measured: Measured, settings: MeasureSettings, flown: Sequence[Flown]
+    error: InsufficientDataError, measured: Measured, settings: MeasureSettings, flights: Sequence[Flight]
 ) -> None:
     """Raise the better reason for missing data: no excitation reached the axis, and the controller alone moved it."""
-    direct = measured.beside or measured.response
+    direct = measured.direct or measured.response
     limit = settings.least_coherence(joint=direct.estimate == "joint")
     used = measured.trusted_points(direct, limit)
-    for trap in _traps(direct, used, flown):
+    for trap in _traps(direct, used, flights):
         findings = (_finding(direct, trap, "error", _NOTHING_LEFT), *error.findings)
         came = f"{_sentence(direct, trap)} {_NOTHING_LEFT}"
         raise InsufficientDataError(came, needed=_NEEDED, remedy=_REMEDY, findings=findings) from error
 
 
-def _traps(data: FrequencyResponse, used: BoolArray, flown: Sequence[Flown]) -> list[_Trap]:
-    found = (_trap(data, used, index, flown) for index in range(len(data.inputs)))
+def _traps(data: FrequencyResponse, used: BoolArray, flights: Sequence[Flight]) -> list[_Trap]:
+    found = (_trap(data, used, index, flights) for index in range(len(data.inputs)))
     return [trap for trap in found if trap is not None]
 
 
-def _trap(data: FrequencyResponse, used: BoolArray, index: int, flown: Sequence[Flown]) -> _Trap | None:
+def _trap(data: FrequencyResponse, used: BoolArray, index: int, flights: Sequence[Flight]) -> _Trap | None:
     name = data.inputs[index]
     fed_back, sign = _FED_BACK.get(name, ("", 0.0))
     if fed_back not in data.outputs:
@@ -171,7 +172,7 @@ def _trap(data: FrequencyResponse, used: BoolArray, index: int, flown: Sequence[
         data.omega_rad_s[tested],
         sign * data.values[output, index, tested],
         data.coherence[output, index, tested],
-        controllers=_controllers(flown, name),
+        controllers=_controllers(flights, name),
         # An instrument keeps the controller out, unless it contains feedback itself: that only its own gains may tell.
         unknown_gains=data.estimate == "direct",
     )
@@ -182,9 +183,9 @@ def _trap(data: FrequencyResponse, used: BoolArray, index: int, flown: Sequence[
     return _Trap(output=output, input=index, inverse=inverse, bands=tuple(b for b in verdict.bands if b.inverse))
 
 
-def _controllers(flown: Sequence[Flown], name: str) -> tuple[RateController, ...]:
+def _controllers(flights: Sequence[Flight], name: str) -> tuple[RateController, ...]:
     """The controllers in the logs, with and without their angle loop: which one flew depends on the flight mode."""
-    found = (rate_controller(record.parameters, axis_of(name)) for record, _ in flown)
+    found = (rate_controller(record.parameters, axis_of(name)) for record, _ in flights)
     return tuple(dict.fromkeys(c for controller in found if controller for c in (controller, controller.rate_loop)))
 
 

@@ -11,7 +11,7 @@ from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.models.controller import rate_controller
-from rotorid.pipeline.instruments import Flown
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.measure import Measured
 from rotorid.pipeline.segments import histories
 from rotorid.spectral.derived import Estimated, selected
@@ -88,7 +88,7 @@ def _public_name(part: LoopMargins | DisturbanceRejection | AttitudeBandwidth, n
     return f"attitude_{name}" if isinstance(part, AttitudeBandwidth) else name
 
 
-def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flown]) -> AxisLoop | None:
+def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> AxisLoop | None:
     """The loop around an axis, from whatever the flight offers; ``None`` where it offers nothing.
 
     An injection at the mixer gives the broken loop directly. Otherwise the measured rate response times the gains in
@@ -118,7 +118,7 @@ def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flown]) -> AxisLoo
 
 
 def _injected(
-    axis: Axis, measured: Measured, flown: Sequence[Flown], records: Sequence[TimeHistory]
+    axis: Axis, measured: Measured, flown: Sequence[Flight], records: Sequence[TimeHistory]
 ) -> tuple[FrequencyResponse, str] | None:
     excitation, response = f"{axis}_excitation", measured.response
     if excitation not in response.instruments:
@@ -141,7 +141,7 @@ def _loop_rate_hz(record: FlightRecord) -> float:
     return record.parameters.get("SCHED_LOOP_RATE", 0.0) if "SID_AXIS" in record.parameters else 0.0
 
 
-def _computed(axis: Axis, measured: Measured, flown: Sequence[Flown]) -> tuple[FrequencyResponse, str] | None:
+def _computed(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> tuple[FrequencyResponse, str] | None:
     response, rate = measured.response, _RATE.get(axis, "")
     parameters = flown[0][0].parameters
     controller = rate_controller(parameters, axis)

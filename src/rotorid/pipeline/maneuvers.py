@@ -19,7 +19,8 @@ from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.models.state_space import StateSpace
 from rotorid.pipeline.candidate import RATES, Candidate, Controllers, no_controller, other_controller
-from rotorid.pipeline.instruments import Flown, axis_of, is_command
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import axis_of, is_command
 from rotorid.pipeline.measure import Measured, default_band
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.segments import cut, source_of
@@ -260,7 +261,7 @@ _SHORTEST_S = 1.0
 
 def predict_maneuvers(
     candidate: Candidate,
-    short: Sequence[Flown],
+    short: Sequence[Flight],
     settings: MeasureSettings,
     *,
     outputs: tuple[str, ...],
@@ -307,7 +308,7 @@ def predict_maneuvers(
         system, said = with_known_delays(
             candidate.system_of(outputs), record, outputs, fitted=candidate.sources or {}, judged=judged
         )
-        band = candidate.band_rad_s or default_band([(record, segment.maneuver)], history.sample_rate_hz)
+        band = candidate.band_rad_s or default_band([Flight(record, segment.maneuver)], history.sample_rate_hz)
         around = _around(segment, short)
         check = verify_in_time(
             system,
@@ -354,7 +355,7 @@ def _active(segment: Segment) -> tuple[float, float]:
     return max(maneuver.start_s, float(moving[0])), maneuver.stop_s
 
 
-def _around(segment: Segment, short: Sequence[Flown]) -> TimeHistory:
+def _around(segment: Segment, short: Sequence[Flight]) -> TimeHistory:
     """A maneuver with the quiet time around it: as far as the maneuvers before and after it have died out."""
     maneuver, history = segment.maneuver, segment.history
     before = [m.stop_s + _SETTLED_S for _, m in short if m.stop_s <= maneuver.start_s]
@@ -514,10 +515,10 @@ def usual_motion(measured: Measured, band_rad_s: tuple[float, float]) -> dict[st
     return largest
 
 
-def telling(
+def excited_outputs(
     checks: Sequence[Verification], candidate: Candidate, usual: Mapping[str, float]
 ) -> tuple[Verification, ...]:
-    """Verifications with those outputs as ``moved`` that tell about the model; those without any are left out.
+    """Verifications with the outputs that their maneuver excites as ``moved``; only these are scored.
 
     An output tells where it moves clearly more than before the maneuver, see
     :func:`rotorid.verification.time_domain.verify_in_time`, and where it should move or does: the model connects it
@@ -538,11 +539,11 @@ def telling(
     for check in checks:
         for name, values in zip(check.output_names, check.measured, strict=True):
             largest[name] = max(largest.get(name, 0.0), float(values.std()))
-    told = (replace(check, moved=_telling(check, candidate, largest)) for check in checks)
+    told = (replace(check, moved=_excited(check, candidate, largest)) for check in checks)
     return tuple(check for check in told if check.moved)
 
 
-def _telling(check: Verification, candidate: Candidate, largest: Mapping[str, float]) -> tuple[str, ...]:
+def _excited(check: Verification, candidate: Candidate, largest: Mapping[str, float]) -> tuple[str, ...]:
     expected = _connected(check, candidate.system_of(check.output_names))
     return tuple(
         name

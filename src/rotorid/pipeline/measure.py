@@ -19,7 +19,8 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
 from rotorid.pipeline.consistency import data_quality
-from rotorid.pipeline.instruments import Flown, choose_instruments, no_instrument
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import choose_instruments, no_instrument
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.segments import cut, histories, require_known, source_of, with_surroundings
 from rotorid.pipeline.settings import MeasureSettings
@@ -49,7 +50,7 @@ class Measured:
     ----------
     response
         The estimate to fit.
-    beside
+    direct
         The direct estimate, when ``response`` is a joint one.
     segments
         The data behind them.
@@ -65,7 +66,7 @@ class Measured:
     """
 
     response: FrequencyResponse
-    beside: FrequencyResponse | None
+    direct: FrequencyResponse | None
     diagnostics: Diagnostics
     segments: tuple[Segment, ...]
     asked_rad_s: tuple[float, float]
@@ -115,7 +116,7 @@ class Measured:
 
 
 def measure(
-    flown: Sequence[Flown],
+    flights: Sequence[Flight],
     *,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
@@ -134,18 +135,18 @@ def measure(
     UsageError
         A shift is of a channel that takes no part, or longer than a maneuver.
     """
-    instruments = choose_instruments(flown, inputs, outputs, settings)
+    instruments = choose_instruments(flights, inputs, outputs, settings)
     channels = (*inputs, *outputs)
-    extra = [n for n in also if n not in channels and all(n in record.channel_names for record, _ in flown)]
-    followers = tuple(dict.fromkeys((*instruments, *_other_commands(flown, inputs), *extra)))
+    extra = [n for n in also if n not in channels and all(n in record.channel_names for record, _ in flights)]
+    followers = tuple(dict.fromkeys((*instruments, *_other_commands(flights, inputs), *extra)))
     require_known(settings.shifts, (*channels, *followers))
     # Without an instrument the quiet time would only add what feedback makes of gusts.
-    wider = flown
+    wider = flights
     if instruments:
-        wider = with_surroundings(flown, _margin_s(flown, settings), (*channels, *instruments))
+        wider = with_surroundings(flights, _margin_s(flights, settings), (*channels, *instruments))
     segments, findings = cut(wider, channels=channels, followers=followers, shifts=settings.shifts)
     records = histories(segments)
-    band = settings.band_rad_s or default_band(flown, records[0].sample_rate_hz)
+    band = settings.band_rad_s or default_band(flights, records[0].sample_rate_hz)
     plan = _windows(records, band, settings)
     omega = _grid(band, plan)
     _PROGRESS.info("frequency responses")
@@ -154,18 +155,18 @@ def measure(
     if instruments:
         joint, diagnostics = _respond(records, inputs, outputs, omega, plan, instruments)
     # An input that is the excitation itself needs no instrument.
-    open_loop = all(maneuver.signal in inputs and maneuver.origin == "declared" for _, maneuver in flown)
+    open_loop = all(maneuver.signal in inputs and maneuver.origin == "declared" for _, maneuver in flights)
     unknown = settings.estimate == "auto" and not instruments and not open_loop
     return Measured(
         response=joint or direct,
-        beside=direct if joint else None,
+        direct=direct if joint else None,
         diagnostics=diagnostics,
         segments=segments,
         asked_rad_s=band,
-        excited_rad_s={name: _excited_to(_of_input(flown, name)) for name in inputs},
+        excited_rad_s={name: _excited_to(_of_input(flights, name)) for name in inputs},
         findings=(
             *findings,
-            *data_quality(flown, segments, inputs),
+            *data_quality(flights, segments, inputs),
             *plan.findings,
             *((no_instrument(inputs),) if unknown else ()),
         ),
@@ -190,11 +191,11 @@ def _respond(
     )
 
 
-def _margin_s(flown: Sequence[Flown], settings: MeasureSettings) -> float:
+def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
     """How much quiet time to take along: that of the longest window, as far as it is known yet."""
     if settings.windows_s:
         return max(settings.windows_s)
-    return min(0.5 * max(maneuver.duration_s for _, maneuver in flown), _LONGEST_MARGIN_S)
+    return min(0.5 * max(maneuver.duration_s for _, maneuver in flights), _LONGEST_MARGIN_S)
 
 
 def _windows(records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: MeasureSettings) -> WindowPlan:
@@ -216,40 +217,40 @@ def _grid(band_rad_s: tuple[float, float], plan: WindowPlan) -> FloatArray:
     return np.geomspace(min(low, 0.9 * high), high, POINTS)
 
 
-def default_band(flown: Sequence[Flown], sample_rate_hz: float) -> tuple[float, float]:
+def default_band(flights: Sequence[Flight], sample_rate_hz: float) -> tuple[float, float]:
     """Band to look at: that of the sweeps, or whatever the sample rate carries for other excitations."""
     carried = min(0.25 * np.pi * sample_rate_hz, HIGHEST_DEFAULT_RAD_S)
-    bands = [m.band_rad_s for _, m in flown if m.band_rad_s is not None]
-    sweeps_only = all(m.kind == "sweep" and m.band_rad_s is not None for _, m in flown)
+    bands = [m.band_rad_s for _, m in flights if m.band_rad_s is not None]
+    sweeps_only = all(m.kind == "sweep" and m.band_rad_s is not None for _, m in flights)
     low = min((band[0] for band in bands), default=0.5)
     high = max((band[1] for band in bands), default=carried) if sweeps_only else carried
     return low, min(high, 0.8 * np.pi * sample_rate_hz)
 
 
-def _of_input(flown: Sequence[Flown], input: str) -> Sequence[Flown]:
+def _of_input(flights: Sequence[Flight], input: str) -> Sequence[Flight]:
     """The maneuvers of an input's own axis; all, where it has none."""
-    return [item for item in flown if input == f"{item[1].axis}_command"] or flown
+    return [item for item in flights if input == f"{item[1].axis}_command"] or flights
 
 
-def _excited_to(flown: Sequence[Flown]) -> float:
-    tops = [m.band_rad_s[1] for _, m in flown if m.kind in ("sweep", "multisine") and m.band_rad_s is not None]
-    return max(tops) if len(tops) == len(flown) else np.inf
+def _excited_to(flights: Sequence[Flight]) -> float:
+    tops = [m.band_rad_s[1] for _, m in flights if m.kind in ("sweep", "multisine") and m.band_rad_s is not None]
+    return max(tops) if len(tops) == len(flights) else np.inf
 
 
-def _other_commands(flown: Sequence[Flown], inputs: Sequence[str]) -> tuple[str, ...]:
+def _other_commands(flights: Sequence[Flight], inputs: Sequence[str]) -> tuple[str, ...]:
     """Commands of the other axes that every record holds."""
     names = [f"{axis}_command" for axis in AXES]
-    return tuple(n for n in names if n not in inputs and all(n in record.channel_names for record, _ in flown))
+    return tuple(n for n in names if n not in inputs and all(n in record.channel_names for record, _ in flights))
 
 
-def without_known_filters(measured: Measured, flown: Sequence[Flown]) -> Measured:
+def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Measured:
     """Responses as they would be without the filters that the logs say stood in front of their outputs.
 
     Parameters
     ----------
     measured
         The responses.
-    flown
+    flights
         Records and maneuvers behind them; the filters follow from the parameters of the records.
 
     Raises
@@ -261,7 +262,7 @@ def without_known_filters(measured: Measured, flown: Sequence[Flown]) -> Measure
     findings: list[Finding] = []
     for output in measured.response.outputs:
         sources = {source_of(segment, output) for segment in measured.segments}
-        found = [known_filters(record, source) for source in sorted(sources) for record, _ in flown]
+        found = [known_filters(record, source) for source in sorted(sources) for record, _ in flights]
         if any(chain != found[0] for chain in found):
             raise UsageError(
                 f"{output} was filtered differently in the logs",
@@ -270,28 +271,28 @@ def without_known_filters(measured: Measured, flown: Sequence[Flown]) -> Measure
             )
         if found[0]:
             chains[output] = found[0]
-        findings += [f for source in sorted(sources) for f in filter_findings(flown[0][0], source)]
+        findings += [f for source in sorted(sources) for f in filter_findings(flights[0][0], source)]
     remarked = replace(measured, findings=(*measured.findings, *findings))
     if not chains:
         return remarked
-    beside = None if measured.beside is None else corrected(measured.beside, chains)
-    return replace(remarked, response=corrected(measured.response, chains), beside=beside)
+    direct = None if measured.direct is None else corrected(measured.direct, chains)
+    return replace(remarked, response=corrected(measured.response, chains), direct=direct)
 
 
-def filter_delays(measured: Measured, flown: Sequence[Flown]) -> dict[str, float]:
+def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, float]:
     """Output to the delay in seconds of the known filters in front of it, where all logs had the same ones.
 
     Parameters
     ----------
     measured
         The responses.
-    flown
+    flights
         Records and maneuvers behind them.
     """
     delays: dict[str, float] = {}
     for output in measured.response.outputs:
         sources = sorted({source_of(segment, output) for segment in measured.segments})
-        chains = [known_filters(record, source) for source in sources for record, _ in flown]
+        chains = [known_filters(record, source) for source in sources for record, _ in flights]
         if chains[0] and all(chain == chains[0] for chain in chains):
             delays[output] = sum(known.delay_s for known in chains[0])
     return delays
@@ -305,17 +306,17 @@ def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
 
     One warning for each response that feedback biases seriously; where there is none, one remark on the worst.
     """
-    if measured.beside is None or not used.any():
+    if measured.direct is None or not used.any():
         return ()
     pairs = np.argwhere(used.any(axis=-1))
-    judged = [_judged(measured.response, measured.beside, used, int(y), int(u)) for y, u in pairs]
+    judged = [_judged(measured.response, measured.direct, used, int(y), int(u)) for y, u in pairs]
     serious = tuple(finding for finding in judged if finding.severity == "warning")
     return serious or (max(judged, key=lambda finding: finding.numbers["rms_db"]),)
 
 
-def _judged(response: FrequencyResponse, beside: FrequencyResponse, used: BoolArray, y: int, u: int) -> Finding:
+def _judged(response: FrequencyResponse, direct: FrequencyResponse, used: BoolArray, y: int, u: int) -> Finding:
     points = used[y, u]
-    decibel = 20.0 * np.log10(np.abs(beside.values[y, u, points] / response.values[y, u, points]))
+    decibel = 20.0 * np.log10(np.abs(direct.values[y, u, points] / response.values[y, u, points]))
     worst = float(decibel[np.argmax(np.abs(decibel))])
     typical = float(np.sqrt(np.mean(decibel**2)))
     serious = typical > _BIAS_LIMIT_DB

@@ -27,6 +27,7 @@ from rotorid.pipeline.candidate import output_sources
 from rotorid.pipeline.checks import checks_of
 from rotorid.pipeline.consistency import data_quality
 from rotorid.pipeline.coverage import covered_by
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import (
     FrequencyFit,
     cost_of,
@@ -35,7 +36,7 @@ from rotorid.pipeline.frequency_fit import (
     fit_with_bounds,
     judge_combinations,
 )
-from rotorid.pipeline.instruments import Flown, is_command
+from rotorid.pipeline.instruments import is_command
 from rotorid.pipeline.inverse import Screened, pose_screened
 from rotorid.pipeline.measure import Measured, filter_delays, measure
 from rotorid.pipeline.provenance import Choices
@@ -90,7 +91,7 @@ class Prepared(Protocol):
     """Data of a fit: what was flown, on one clock."""
 
     @property
-    def flights(self) -> Sequence[Flown]:
+    def flights(self) -> Sequence[Flight]:
         """Records and maneuvers that are fitted."""
         ...
 
@@ -275,7 +276,7 @@ class ResponseData(NamedTuple):
     findings: tuple[Finding, ...]
 
     @property
-    def flights(self) -> tuple[Flown, ...]:
+    def flights(self) -> tuple[Flight, ...]:
         """Records and maneuvers that are fitted."""
         return self.selection.fitted
 
@@ -344,7 +345,7 @@ class Frequency(_Linear[ResponseData]):
             ),
             data=FittedData(
                 response=response,
-                direct=measured.beside,
+                direct=measured.direct,
                 model_response=structure.response(fitted.parameters.values, response.omega_rad_s),
                 used=used,
                 least_coherence=data.settings.least_coherence(joint=response.estimate == "joint"),
@@ -401,7 +402,7 @@ class TimeDomainData(NamedTuple):
     findings: tuple[Finding, ...]
 
     @property
-    def flights(self) -> tuple[Flown, ...]:
+    def flights(self) -> tuple[Flight, ...]:
         """Records and maneuvers that are fitted."""
         return self.selection.fitted
 
@@ -534,7 +535,7 @@ class InTime(_Linear[TimeDomainData]):
         exact = structure.response(fitted.parameters.values, response.omega_rad_s)
         return FittedData(
             response=response,
-            direct=side.measured.beside if side.measured else None,
+            direct=side.measured.direct if side.measured else None,
             model_response=exact * held_response(response.omega_rad_s, data.records),
             used=np.asarray(used),
             least_coherence=limit,

@@ -19,9 +19,10 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRec
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import LEAST_SAMPLES
 from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
-from rotorid.pipeline.instruments import Flown, while_flying
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import while_flying
 from rotorid.pipeline.segments import built
-from rotorid.pipeline.selection import described, each_once, inside
+from rotorid.pipeline.selection import described, each_once
 from rotorid.pipeline.settings import MotorChoices, chosen_layout
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
@@ -274,7 +275,7 @@ class MotorData(NamedTuple):
     stretches: tuple[MotorFlight, ...]
     layout: RotorLayout
     histories: tuple[MotorHistory, ...]
-    flights: tuple[Flown, ...]
+    flights: tuple[Flight, ...]
     findings: tuple[Finding, ...]
     straightened: bool = False
     reference_v: float | None = None
@@ -358,7 +359,7 @@ def motor_data(
         tuple(flights),
         layout,
         tuple({id(one.record): one.motors.history for one in flown}.values()),
-        tuple((one.record, one.stretch) for one in flown),
+        tuple(Flight(one.record, one.stretch) for one in flown),
         _each_once(findings),
         straightened=all(_straightened(record, flights[0].kind) for record in records),
         reference_v=voltage.reference_v,
@@ -387,14 +388,14 @@ def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayo
 def _stretches(record: FlightRecord, choices: MotorChoices) -> tuple[list[Maneuver], list[Finding]]:
     """What was given; else excitations, joined where they follow each other; else the flight."""
     if choices.segments:
-        given = [described(record, one) for one in choices.segments if inside(record, one)]
+        given = [described(record, one) for one in choices.segments if Flight(record, one).inside]
         if not given:
             span = f"{record.start_s:.1f} to {record.stop_s:.1f} s of {record.source.name}"
             raise UsageError("no given segment lies inside the record", needed=f"segments within {span}")
         return given, []
     moved = [one for axis in _AXES for one in find_excitations(record, axis) if one.kind in _TELLING]
     if moved:
-        flown, remarks = while_flying([(record, one) for one in _joined(moved)])
+        flown, remarks = while_flying([Flight(record, one) for one in _joined(moved)])
         return [one for _, one in flown], remarks
     start_s, stop_s = _flight(record)
     whole = Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")

@@ -24,13 +24,14 @@ from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.instruments import Flown, axes_of, axis_of, is_command
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import axes_of, axis_of, is_command
 from rotorid.pipeline.inverse import without_inverse_controller
 from rotorid.pipeline.loops import ATTITUDE, AxisLoop, axis_loop
 from rotorid.pipeline.measure import Measured, feedback_bias, measure, without_known_filters
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Records, Segment
-from rotorid.pipeline.selection import RICH_KINDS, described, each_once, inside, of_axes, whole_flights
+from rotorid.pipeline.selection import RICH_KINDS, described, each_once, of_axes, whole_flights
 from rotorid.pipeline.settings import ResponseSettings, as_names, as_records, as_settings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis, BoolArray, FloatArray
@@ -78,9 +79,9 @@ class Chosen:
     findings: tuple[Finding, ...]
 
     @property
-    def flown(self) -> tuple[Flown, ...]:
+    def flown(self) -> tuple[Flight, ...]:
         """Records and maneuvers that are used."""
-        return tuple((item.record, item.maneuver) for item in self.candidates if item.used)
+        return tuple(Flight(item.record, item.maneuver) for item in self.candidates if item.used)
 
 
 def choose(
@@ -110,11 +111,11 @@ def choose(
     return _by_coherence([_candidate(item, inputs, outputs, settings) for item in flown])
 
 
-def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flown]:
+def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flight]:
     if not settings.segments:
         return []
     segments = of_axes(settings.segments, axes)
-    flown = [(record, described(record, m)) for record in records for m in segments if inside(record, m)]
+    flown = [Flight(record, described(record, m)) for record in records for m in segments if Flight(record, m).inside]
     if not flown:
         spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
         message = f"No given segment lies inside {spans}."
@@ -127,9 +128,9 @@ def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: Resp
     return flown
 
 
-def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flown]:
-    found = [(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
-    return [(record, m) for record, m in found if m.kind in RICH_KINDS or m.origin == "given"]
+def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
+    found = [Flight(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
+    return [Flight(record, m) for record, m in found if m.kind in RICH_KINDS or m.origin == "given"]
 
 
 def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> Chosen:
@@ -151,12 +152,12 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> Cho
     return Chosen(candidates=tuple(candidates), findings=tuple(findings))
 
 
-def _plain(flown: Flown) -> Candidate:
+def _plain(flown: Flight) -> Candidate:
     record, maneuver = flown
     return Candidate(record=record, maneuver=maneuver, coherence={})
 
 
-def _candidate(flown: Flown, inputs: Sequence[str], outputs: tuple[str, ...], settings: ResponseSettings) -> Candidate:
+def _candidate(flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], settings: ResponseSettings) -> Candidate:
     """A maneuver with the coherence that it has alone, to the input of its own axis."""
     record, maneuver = flown
     own = tuple(name for name in inputs if name == f"{maneuver.axis}_command") or tuple(inputs)
@@ -169,7 +170,7 @@ def _candidate(flown: Flown, inputs: Sequence[str], outputs: tuple[str, ...], se
         # Too short or too still to be judged alone: it may still add to the others.
         return _plain(flown)
     # That of input and output, with an instrument or without, so that maneuvers can be compared.
-    response = measured.beside or measured.response
+    response = measured.direct or measured.response
     coherence = {
         f"{output}/{name}": float(np.mean(response.coherence[y, u]))
         for y, output in enumerate(response.outputs)
@@ -347,7 +348,7 @@ class Responses(Immutable):
     @property
     def largest_condition(self) -> float | None:
         """Largest condition number of the inputs' spectra where anything can be used; ``None`` for one input."""
-        if len(self.inputs) == 1:
+        if len(self.inputs) == 1 or not self.used.any():
             return None
         return float(self.measured.diagnostics.condition[self.used.any(axis=(0, 1))].max())
 
@@ -578,7 +579,7 @@ def pairs_of(measured: Measured, used: BoolArray) -> dict[str, Pair]:
 
 
 def _pair(measured: Measured, chosen: BoolArray, row: tuple[int, int]) -> Pair:
-    response, direct = measured.response, measured.beside
+    response, direct = measured.response, measured.direct
     input, values = response.inputs[row[1]], response.values[row]
     pair = Pair(
         unit=unit_of_ratio(response.outputs[row[0]], input),

@@ -17,7 +17,8 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.expression import Expression
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.pipeline.coverage import HOVER_M_S
-from rotorid.pipeline.instruments import Flown, axis_of, is_command
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import axis_of, is_command
 from rotorid.pipeline.resolve import require_known
 from rotorid.pipeline.segments import require_channels
 from rotorid.pipeline.selection import Selection
@@ -74,8 +75,8 @@ def scoped(
         A parameter was given that takes no part in what is left of the model.
     """
     require_known(structure, settings)
-    flown = {maneuver.axis for _, maneuver in selection.fitted}
-    excited = [name for name in structure.inputs if not is_command(name) or axis_of(name) in flown]
+    axes = {flight.axis for flight in selection.fitted}
+    excited = [name for name in structure.inputs if not is_command(name) or axis_of(name) in axes]
     moved = connected(structure.select(inputs=excited))
     outputs = settings.outputs or _outputs_there(moved, records)
     for record in records:
@@ -202,7 +203,7 @@ class Trimmed:
     findings: tuple[Finding, ...] = ()
 
 
-def trimmed(structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings) -> Trimmed:
+def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> Trimmed:
     """A structure with its trim constants set.
 
     Given constants count. The others are means over the maneuvers, where the record holds them: speeds below 0.5 m/s
@@ -212,7 +213,7 @@ def trimmed(structure: LinearStructure, flown: Sequence[Flown], settings: Identi
     ----------
     structure
         Its constants ``U0 V0 W0 theta0 phi0`` are set; one without them stays as it is.
-    flown
+    flights
         Maneuvers.
     settings
         Whose ``constants`` were given.
@@ -226,7 +227,7 @@ def trimmed(structure: LinearStructure, flown: Sequence[Flown], settings: Identi
     for name, channel in _CHANNELS.items():
         if name in structure.constants and name not in settings.constants:
             limit = HOVER_M_S if name in _SPEEDS else _LEVEL_RAD
-            value = _mean(flown, channel)
+            value = _mean(flights, channel)
             if abs(value) >= limit:
                 measured[name] = value
     constants = {**measured, **settings.constants}
@@ -235,13 +236,8 @@ def trimmed(structure: LinearStructure, flown: Sequence[Flown], settings: Identi
     return Trimmed(structure=structure.with_constants(constants), findings=(_finding(measured),) if measured else ())
 
 
-def _mean(flown: Sequence[Flown], channel: str) -> float:
-    parts = []
-    for record, maneuver in flown:
-        for topic, row in islice(record.holding(channel), 1):
-            inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
-            values = topic.values[row, inside]
-            parts.append(values[np.isfinite(values)])
+def _mean(flights: Sequence[Flight], channel: str) -> float:
+    parts = [samples.values for flight in flights for samples in islice(flight.samples(channel), 1)]
     together = np.concatenate(parts) if parts else np.zeros(0)
     return float(together.mean()) if together.size else 0.0
 

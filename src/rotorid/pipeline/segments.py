@@ -22,7 +22,8 @@ from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Man
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.instruments import Flown, flights_by_thrust, is_injection, while_flying
+from rotorid.pipeline.flights import Flight, overlap
+from rotorid.pipeline.instruments import flights_by_thrust, is_injection, while_flying
 from rotorid.pipeline.resolve import black_box_order
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import IdentifySettings
@@ -155,7 +156,7 @@ _SAME_RATE = 1.02
 
 
 def cut(
-    flown: Sequence[Flown],
+    flights: Sequence[Flight],
     *,
     channels: Sequence[str],
     followers: Sequence[str] = (),
@@ -169,7 +170,7 @@ def cut(
 
     Parameters
     ----------
-    flown
+    flights
         Records and maneuvers.
     channels, followers
         See :func:`rotorid.signal.clock.resample`; of ``channels`` those too that
@@ -187,11 +188,11 @@ def cut(
     UsageError
         A shift is longer than a maneuver.
     """
-    for record, _ in flown:
+    for record, _ in flights:
         require_channels(record, channels)
-    flown, landed = while_flying(flown)
+    flights, landed = while_flying(flights)
 
-    def conditioned(item: Flown, sample_rate_hz: float | None) -> Conditioned:
+    def conditioned(item: Flight, sample_rate_hz: float | None) -> Conditioned:
         record, maneuver = item
         _PROGRESS.info(f"{record.source.name}: {maneuver.axis} {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s")
         start_s, stop_s = maneuver.start_s - rest_s, maneuver.stop_s + rest_s
@@ -206,18 +207,18 @@ def cut(
         )
         return replace(found, histories=tuple(with_zeros(history, silent) for history in found.histories))
 
-    first = [conditioned(item, None) for item in flown]
+    first = [conditioned(item, None) for item in flights]
     rates = [history.sample_rate_hz for part in first for history in part.histories]
     if not rates:
-        raise _nothing_left(flown)
+        raise _nothing_left(flights)
     slowest = min(rates)
     parts = first
     if any(rate != slowest for rate in rates):
-        parts = [conditioned(item, slowest) for item in flown]
+        parts = [conditioned(item, slowest) for item in flights]
     wanted = tuple(dict.fromkeys((*channels, *followers)))
     segments = tuple(
         Segment(record=record.source.name, maneuver=maneuver, history=shifted(built(history, wanted), shifts or {}))
-        for (record, maneuver), part in zip(flown, parts, strict=True)
+        for (record, maneuver), part in zip(flights, parts, strict=True)
         for history in part.histories
     )
     remarks = (*landed, *(f for part in parts for f in part.findings), *_rates(rates, slowest))
@@ -244,8 +245,8 @@ def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:
     )
 
 
-def _nothing_left(flown: Sequence[Flown]) -> InsufficientDataError:
-    names = ", ".join(dict.fromkeys(record.source.name for record, _ in flown))
+def _nothing_left(flights: Sequence[Flight]) -> InsufficientDataError:
+    names = ", ".join(dict.fromkeys(record.source.name for record, _ in flights))
     return InsufficientDataError(
         f"no stretch of a second without a gap is left in the maneuvers of {names}",
         needed="maneuvers logged without gaps",
@@ -285,7 +286,7 @@ def histories(segments: Sequence[Segment]) -> tuple[TimeHistory, ...]:
     return tuple(segment.history for segment in segments)
 
 
-def with_surroundings(flown: Sequence[Flown], margin_s: float, channels: Sequence[str] = ()) -> tuple[Flown, ...]:
+def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequence[str] = ()) -> tuple[Flight, ...]:
     """Maneuvers with some of the time before and after them; those that then touch become one.
 
     A record that ends with its maneuver is seen by windows that all fade out there: the answer to the last of the
@@ -298,25 +299,25 @@ def with_surroundings(flown: Sequence[Flown], margin_s: float, channels: Sequenc
 
     Parameters
     ----------
-    flown
+    flights
         Records and maneuvers.
     margin_s
         How much to take along on either side, where the record has it.
     channels
         What will be read.
     """
-    wider: list[Flown] = []
-    for record in dict.fromkeys(record for record, _ in flown):
-        own = sorted((m for r, m in flown if r is record), key=lambda m: m.start_s)
-        barriers = [m for m in _all_excitations(record) if not any(_overlap(m, mine) for mine in own)]
-        flights = flights_by_thrust(record)
-        around = (_widened(record, m, margin_s, barriers, channels, _flight_around(flights, m)) for m in own)
+    wider: list[Flight] = []
+    for record in dict.fromkeys(record for record, _ in flights):
+        own = sorted((m for r, m in flights if r is record), key=lambda m: m.start_s)
+        barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine) for mine in own)]
+        in_air = flights_by_thrust(record)
+        around = (_widened(record, m, margin_s, barriers, channels, _flight_around(in_air, m)) for m in own)
         for maneuver in around:
             last = wider[-1] if wider else None
             if last is not None and last[0] is record and maneuver.start_s < last[1].stop_s:
-                wider[-1] = (record, replace(last[1], stop_s=max(last[1].stop_s, maneuver.stop_s)))
+                wider[-1] = Flight(record, replace(last[1], stop_s=max(last[1].stop_s, maneuver.stop_s)))
             else:
-                wider.append((record, maneuver))
+                wider.append(Flight(record, maneuver))
     return tuple(wider)
 
 
@@ -324,9 +325,9 @@ def _all_excitations(record: FlightRecord) -> list[Maneuver]:
     return [maneuver for axis in AXES for maneuver in find_excitations(record, axis)]  # type: ignore[arg-type]
 
 
-def _flight_around(flights: Airborne | None, maneuver: Maneuver) -> tuple[float, float]:
+def _flight_around(in_air: Airborne | None, maneuver: Maneuver) -> tuple[float, float]:
     """Start and stop of the flight in which a maneuver was flown, where thrust tells."""
-    for start_s, stop_s in flights.intervals if flights else ():
+    for start_s, stop_s in in_air.intervals if in_air else ():
         if start_s <= 0.5 * (maneuver.start_s + maneuver.stop_s) <= stop_s:
             return start_s, stop_s
     return -math.inf, math.inf
@@ -358,10 +359,6 @@ def _widened(
         start_s=min(own.start_s, max(own.start_s - margin_s, earliest)),
         stop_s=max(own.stop_s, min(own.stop_s + margin_s, latest)),
     )
-
-
-def _overlap(a: Maneuver, b: Maneuver) -> bool:
-    return a.start_s < b.stop_s and b.start_s < a.stop_s
 
 
 _EVEN = 0.5
@@ -397,7 +394,7 @@ class TimeRecords(NamedTuple):
 
 def time_records(
     structure: LinearStructure,
-    flown: Sequence[Flown],
+    flights: Sequence[Flight],
     settings: IdentifySettings,
     *,
     every_input: bool = True,
@@ -411,7 +408,7 @@ def time_records(
     ----------
     structure
         Whose channels are cut out.
-    flown
+    flights
         Records and maneuvers.
     settings
         Whose hold and shifts count.
@@ -426,9 +423,9 @@ def time_records(
         Some records hold their commands and others do not, so that no hold is right for all.
     """
     channels = (*structure.inputs, *structure.outputs)
-    for record, _ in flown:
+    for record, _ in flights:
         require_channels(record, channels)
-    even = [(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flown]
+    even = [Flight(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flights]
     parts = [_cut([item], channels, settings) for item in even]
     if black_box_order(structure) is not None and not _of_one_rate([one for part in parts for one in part.segments]):
         parts = [_cut(even, channels, settings)]
@@ -444,7 +441,7 @@ def time_records(
 class _Cut(NamedTuple):
     """Maneuvers of one rate, with the records that they were cut out of."""
 
-    flown: Sequence[Flown]
+    flights: Sequence[Flight]
     segments: tuple[Segment, ...]
     findings: tuple[Finding, ...]
 
@@ -454,7 +451,7 @@ class _Cut(NamedTuple):
         A set-point is held until the next one comes. What goes to the mixer a controller computes in a loop that runs
         faster than most logs: only a log that says otherwise shows every value of it.
         """
-        records = {record.source.name: record for record, _ in self.flown}
+        records = {record.source.name: record for record, _ in self.flights}
         return [
             all(
                 (name.endswith(_SENT) or _every_loop(records[one.record], one))
@@ -465,8 +462,8 @@ class _Cut(NamedTuple):
         ]
 
 
-def _cut(flown: Sequence[Flown], channels: Sequence[str], settings: IdentifySettings) -> _Cut:
-    return _Cut(flown, *cut(flown, channels=channels, shifts=settings.shifts))
+def _cut(flights: Sequence[Flight], channels: Sequence[str], settings: IdentifySettings) -> _Cut:
+    return _Cut(flights, *cut(flights, channels=channels, shifts=settings.shifts))
 
 
 def _of_one_rate(segments: Sequence[Segment]) -> bool:

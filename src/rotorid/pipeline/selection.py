@@ -17,7 +17,8 @@ from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.instruments import Flown, axes_of, find_instrument, flights_by_thrust, is_command, is_injection
+from rotorid.pipeline.flights import Flight, overlap
+from rotorid.pipeline.instruments import axes_of, find_instrument, flights_by_thrust, is_command, is_injection
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import missing_channel
@@ -45,13 +46,12 @@ class Selection:
         Doublets and multisteps of the same logs, kept for verification.
     """
 
-    fitted: tuple[Flown, ...]
-    unseen: tuple[Flown, ...]
+    fitted: tuple[Flight, ...]
+    unseen: tuple[Flight, ...]
 
     def fits(self, record: FlightRecord, maneuver: Maneuver) -> bool:
         """Whether any part of a maneuver is fitted, also when its log was read again."""
-        sha256 = record.source.sha256
-        return any(_overlap(maneuver, m) for r, m in self.fitted if r is record or r.source.sha256 == sha256)
+        return any(Flight(record, maneuver).overlaps(flight) for flight in self.fitted)
 
 
 def select_maneuvers(
@@ -77,13 +77,13 @@ def select_maneuvers(
         No record came, or the same one twice.
     """
     each_once(records)
-    found = [(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
+    found = [Flight(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
     if settings.segments:
         given = of_axes(settings.segments, axes)
-        fitted = [(record, described(record, m)) for record in records for m in given if inside(record, m)]
+        fitted = _described_inside(records, given)
     else:
         fitted = [
-            (record, described(record, m) if m.origin == "given" else m)
+            Flight(record, described(record, m) if m.origin == "given" else m)
             for record, m in found
             if m.kind in RICH_KINDS or m.origin == "given"
         ]
@@ -92,30 +92,30 @@ def select_maneuvers(
     if not fitted:
         raise _nothing_flown(records, axes, [m for _, m in found], settings)
     unseen = [
-        (record, m)
+        Flight(record, m)
         for record, m in found
         if m.kind in ("doublet", "multistep")
-        and not any(_overlap(m, f) for r, f in fitted if r is record)
+        and not any(overlap(m, f) for r, f in fitted if r is record)
         and not _answers(record, m, fitted)
     ]
     return Selection(fitted=tuple(fitted), unseen=wholly_flown(unseen))
 
 
-def wholly_flown(flown: Sequence[Flown]) -> tuple[Flown, ...]:
+def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
     """Maneuvers that begin and end in the air, as far as thrust tells."""
-    flights = {id(record): flights_by_thrust(record) for record, _ in flown}
+    airborne_parts = {id(record): flights_by_thrust(record) for record, _ in flights}
 
-    def flies(item: Flown) -> bool:
+    def flies(item: Flight) -> bool:
         record, maneuver = item
-        flight = flights[id(record)]
+        flight = airborne_parts[id(record)]
         return flight is None or any(
             start_s <= maneuver.start_s and maneuver.stop_s <= stop_s for start_s, stop_s in flight.intervals
         )
 
-    return tuple(item for item in flown if flies(item))
+    return tuple(item for item in flights if flies(item))
 
 
-def _answers(record: FlightRecord, maneuver: Maneuver, fitted: Sequence[Flown]) -> bool:
+def _answers(record: FlightRecord, maneuver: Maneuver, fitted: Sequence[Flight]) -> bool:
     """Whether a set-point only passes on what an outer loop wants, while whoever flew the sweeps rests."""
     names = excitation_signals(record, maneuver.axis)
     # An injection enters far inside, and says nothing of the loops around it.
@@ -127,13 +127,15 @@ def _answers(record: FlightRecord, maneuver: Maneuver, fitted: Sequence[Flown]) 
     return bool(outer) and maneuver.signal in names and names.index(maneuver.signal) > max(outer)
 
 
-def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flown]:
+def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
     """The airborne part of each record, where nothing in it stands out as an excitation."""
-    flown = []
+    flights = []
     for record in records:
         start_s, stop_s = airborne(record).longest
-        flown.append((record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found")))
-    return flown
+        flights.append(
+            Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
+        )
+    return flights
 
 
 def of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:
@@ -161,25 +163,20 @@ def each_once(records: Sequence[FlightRecord]) -> None:
         seen[record.source.sha256] = name
 
 
-def inside(record: FlightRecord, maneuver: Maneuver) -> bool:
-    """Whether any part of a maneuver lies within a record."""
-    return maneuver.start_s < record.stop_s and maneuver.stop_s > record.start_s
-
-
-def _overlap(a: Maneuver, b: Maneuver) -> bool:
-    return a.start_s < b.stop_s and b.start_s < a.stop_s
+def _described_inside(records: Sequence[FlightRecord], given: Sequence[Maneuver]) -> list[Flight]:
+    """Given segments in every record that they reach into."""
+    every = (Flight(record, maneuver) for record in records for maneuver in given)
+    return [Flight(flight.record, described(*flight)) for flight in every if flight.inside]
 
 
 def described(record: FlightRecord, given: Maneuver) -> Maneuver:
     """A given segment with the kind and band of what its best excitation signal does there, unless it has them."""
     if given.kind != "other":
         return given
-    name = find_instrument([(record, given)], given.axis) or f"{given.axis}_command"
-    for topic, row in record.holding(name):
-        inside = (topic.time_s >= given.start_s) & (topic.time_s <= given.stop_s) & np.isfinite(topic.values[row])
-        if np.count_nonzero(inside) > 10:
-            motion = topic.values[row, inside]
-            kind, band = classify(topic.time_s[inside], motion - np.median(motion))
+    name = find_instrument([Flight(record, given)], given.axis) or f"{given.axis}_command"
+    for samples in Flight(record, given).samples(name):
+        if samples.values.size > 10:
+            kind, band = classify(samples.time_s, samples.values - np.median(samples.values))
             return replace(given, kind=kind, band_rad_s=band, signal=name)
     return given
 
@@ -246,7 +243,7 @@ def select_records(
     if settings.segments:
         return TimeSelection(Selection(fitted=_given_records(records, settings.segments), unseen=()))
     single = structure.inputs[0] if len(structure.inputs) == 1 else ""
-    found = [(record, m) for record in records for m in _seen_in(record, single)]
+    found = [Flight(record, m) for record in records for m in _seen_in(record, single)]
     if found:
         return TimeSelection(Selection(fitted=tuple(found), unseen=()))
     whole = [_whole_record(record, axes) for record in records]
@@ -266,12 +263,12 @@ def _require_duration(record: FlightRecord) -> None:
     )
 
 
-def _given_records(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flown, ...]:
-    flown = tuple((record, described(record, m)) for record in records for m in segments if inside(record, m))
-    if not flown:
+def _given_records(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flight, ...]:
+    flights = tuple(_described_inside(records, segments))
+    if not flights:
         spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
         raise UsageError("no given segment lies inside the records", needed=f"segments within {spans}")
-    return flown
+    return flights
 
 
 def _seen_in(record: FlightRecord, input: str) -> list[Maneuver]:
@@ -280,7 +277,7 @@ def _seen_in(record: FlightRecord, input: str) -> list[Maneuver]:
     return sorted({(m.start_s, m.stop_s): m for m in found}.values(), key=lambda m: m.start_s)
 
 
-def _whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flown:
+def _whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
     try:
         start_s, stop_s = airborne(record).longest
     except InsufficientDataError as error:
@@ -288,7 +285,7 @@ def _whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flown:
             raise
         # Nothing in the log tells take-off and landing, as in records that were cut for identification.
         start_s, stop_s = record.start_s, record.stop_s
-    return record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found")
+    return Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
 
 
 def _fitted_whole(record: FlightRecord, maneuver: Maneuver) -> Finding:
@@ -333,7 +330,7 @@ def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...
 
 def chosen_maneuvers(
     records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings
-) -> tuple[tuple[Flown, ...], tuple[Finding, ...]]:
+) -> tuple[tuple[Flight, ...], tuple[Finding, ...]]:
     """Stretches to use for one pair: given ones, excitations, what looks like one, or else whole records.
 
     Raises
@@ -345,13 +342,13 @@ def chosen_maneuvers(
     if settings.segments:
         return _given_delays(records, axes, settings), ()
     parts = [_of_record(record, axes, input) for record in records]
-    return tuple(item for flown, _ in parts for item in flown), tuple(f for _, findings in parts for f in findings)
+    return tuple(item for flights, _ in parts for item in flights), tuple(f for _, findings in parts for f in findings)
 
 
-def _of_record(record: FlightRecord, axes: Sequence[Axis], input: str) -> tuple[list[Flown], list[Finding]]:
+def _of_record(record: FlightRecord, axes: Sequence[Axis], input: str) -> tuple[list[Flight], list[Finding]]:
     """Excitations of one record, or what looks like some, or all of it with a remark."""
-    rich = [(record, m) for axis in axes for m in find_excitations(record, axis) if _is_rich(m)]
-    likely = rich or [(record, m) for axis in axes for m in candidate_excitations(record, axis)]
+    rich = [Flight(record, m) for axis in axes for m in find_excitations(record, axis) if _is_rich(m)]
+    likely = rich or [Flight(record, m) for axis in axes for m in candidate_excitations(record, axis)]
     if likely:
         return likely, []
     whole = _whole_for_delay(record, axes)
@@ -364,11 +361,11 @@ def _is_rich(maneuver: Maneuver) -> bool:
 
 def _given_delays(
     records: Sequence[FlightRecord], axes: Sequence[Axis], settings: MeasureSettings
-) -> tuple[Flown, ...]:
+) -> tuple[Flight, ...]:
     segments = of_axes(settings.segments, axes)
-    flown = tuple((record, described(record, m)) for record in records for m in segments if inside(record, m))
-    if flown:
-        return flown
+    flights = tuple(_described_inside(records, segments))
+    if flights:
+        return flights
     spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
     message = f"No given segment lies inside {spans}."
     raise InsufficientDataError(
@@ -379,7 +376,7 @@ def _given_delays(
     )
 
 
-def _whole_for_delay(record: FlightRecord, axes: Sequence[Axis]) -> list[Flown]:
+def _whole_for_delay(record: FlightRecord, axes: Sequence[Axis]) -> list[Flight]:
     try:
         return whole_flights([record], axes)
     except InsufficientDataError:
@@ -387,7 +384,7 @@ def _whole_for_delay(record: FlightRecord, axes: Sequence[Axis]) -> list[Flown]:
         start_s, stop_s = record.start_s, record.stop_s
         if stop_s <= start_s:
             raise _one_sample(record) from None
-        return [(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))]
+        return [Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))]
 
 
 def _one_sample(record: FlightRecord) -> InsufficientDataError:

@@ -44,8 +44,9 @@ from rotorid.fitting.time.output_error import (
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.bootstrapping import Bootstrap
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import FrequencyFit, fit_with_bounds, judge_parameters
-from rotorid.pipeline.instruments import Flown, is_command
+from rotorid.pipeline.instruments import is_command
 from rotorid.pipeline.inverse import pose_screened
 from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.resolve import black_box_order, chosen_parameters
@@ -609,7 +610,7 @@ class FrequencySide(NamedTuple):
 
 def frequency_side(
     structure: LinearStructure,
-    flown: Sequence[Flown],
+    flights: Sequence[Flight],
     settings: IdentifySettings,
     *,
     fits: bool = True,
@@ -619,7 +620,7 @@ def frequency_side(
 
     Parameters
     ----------
-    structure, flown, settings
+    structure, flights, settings
         As for :func:`rotorid.pipeline.identification.identify`.
     fits
         Whether to fit the structure; one without start values of its own cannot be.
@@ -628,11 +629,11 @@ def frequency_side(
     """
     measured = None
     try:
-        measured = measure(flown, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
         if not fits:
             return FrequencySide(measured)
         _PROGRESS.info(f"fitting {structure.name} in the frequency domain")
-        problem = pose_screened(structure, measured, settings, flown).problem
+        problem = pose_screened(structure, measured, settings, flights).problem
         own = settings if searches else replace(settings, search=None, evaluations=None, starts="default")
         return FrequencySide(measured, fit_with_bounds(problem, measured, own))
     except (InsufficientDataError, ModelError) as error:

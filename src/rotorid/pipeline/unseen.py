@@ -29,15 +29,16 @@ from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.candidate import Candidate, candidate_of
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import FrequencyFit, fitted_band
-from rotorid.pipeline.instruments import Flown, axes_of, axis_of, is_command
+from rotorid.pipeline.instruments import axes_of, axis_of, is_command
 from rotorid.pipeline.inverse import pose_screened
-from rotorid.pipeline.maneuvers import predict_maneuvers, remarks_on, telling, usual_motion
+from rotorid.pipeline.maneuvers import excited_outputs, predict_maneuvers, remarks_on, usual_motion
 from rotorid.pipeline.measure import Measured, default_band, measure
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import FrequencyCheck, Segment, Verifications
 from rotorid.pipeline.segments import TimeRecords, require_channels, source_of, time_records
-from rotorid.pipeline.selection import RICH_KINDS, Selection, described, inside, of_axes, select_records, wholly_flown
+from rotorid.pipeline.selection import RICH_KINDS, Selection, described, of_axes, select_records, wholly_flown
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.pipeline.summary import PairCost
 from rotorid.pipeline.time_fit import TimeFit, growth, nothing_unseen
@@ -54,7 +55,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 def check_sweeps(
     structure: LinearStructure,
     parameters: ParameterSet,
-    sweeps: Sequence[Flown],
+    sweeps: Sequence[Flight],
     *,
     band_rad_s: tuple[float, float],
     settings: MeasureSettings,
@@ -119,13 +120,13 @@ def check_sweeps(
     )
 
 
-def _swept(inputs: Sequence[str], sweeps: Sequence[Flown]) -> tuple[str, ...]:
+def _swept(inputs: Sequence[str], sweeps: Sequence[Flight]) -> tuple[str, ...]:
     """Inputs of a model that sweeps excite; one that is no command may be moved by any."""
     axes = {maneuver.axis for _, maneuver in sweeps}
     return tuple(name for name in inputs if not is_command(name) or axis_of(name) in axes)
 
 
-def _moves(name: str, sweeps: Sequence[Flown]) -> bool:
+def _moves(name: str, sweeps: Sequence[Flight]) -> bool:
     """Whether a channel is anything but constant in the logs of some sweeps."""
     return any(np.ptp(topic.values[row]) > 0.0 for record, _ in sweeps for topic, row in record.holding(name))
 
@@ -209,7 +210,7 @@ def _poor(records: Sequence[str], pairs: Mapping[str, PairCost]) -> list[Finding
 _ADVICE = "Fly doublets, or give another log with --verify."
 
 
-def hold_out(structure: LinearStructure, flown: Sequence[Flown], settings: IdentifySettings) -> FrequencyCheck:
+def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> FrequencyCheck:
     """Fit a structure to all maneuvers but one, and judge that second model on that one.
 
     Held out is the last maneuver of an axis that was flown more than once: without the only sweep of an axis its
@@ -220,16 +221,16 @@ def hold_out(structure: LinearStructure, flown: Sequence[Flown], settings: Ident
     ----------
     structure
         What to fit.
-    flown
+    flights
         All maneuvers that the model of the result was fitted to.
     settings
         Choices of the run.
     """
-    axes = [maneuver.axis for _, maneuver in flown]
+    axes = [maneuver.axis for _, maneuver in flights]
     again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]
     if not again:
         return FrequencyCheck(findings=(nothing_left(),))
-    rest, held = [*flown[: again[-1]], *flown[again[-1] + 1 :]], flown[again[-1]]
+    rest, held = [*flights[: again[-1]], *flights[again[-1] + 1 :]], flights[again[-1]]
     name = f"{held[0].source.name} at {held[1].start_s:.1f} s"
     _PROGRESS.info(f"holding out {name}")
     try:
@@ -284,8 +285,8 @@ class UnseenLog:
 
     record: FlightRecord
     outputs: tuple[str, ...] = ()
-    short: tuple[Flown, ...] = ()
-    sweeps: tuple[Flown, ...] = ()
+    short: tuple[Flight, ...] = ()
+    sweeps: tuple[Flight, ...] = ()
     cause: str = ""
 
 
@@ -344,7 +345,7 @@ def check_logs(
     vibration_filter
         See :func:`rotorid.verification.time_domain.verify_in_time`.
     usual
-        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.maneuvers.telling`.
+        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.maneuvers.excited_outputs`.
     """
     parts: list[Verifications] = []
     heard: list[UnseenLog] = []
@@ -400,17 +401,17 @@ def unseen_logs(
         # Without an input nothing can be predicted; of the outputs those that are there will do.
         lacking = _lacking(record, (*structure.inputs, *(there or structure.outputs)))
         found = [m for axis in axes for m in find_excitations(record, axis)]
-        wanted = [described(record, m) for m in given if inside(record, m)] if segments else found
-        flown = [(record, m) for m in wanted if not fits(record, m)]
+        wanted = [described(record, m) for m in given if Flight(record, m).inside] if segments else found
+        flights = [Flight(record, m) for m in wanted if not fits(record, m)]
         if lacking:
             logs.append(UnseenLog(record=record, cause=lacking))
-        elif not flown:
+        elif not flights:
             what = "no given segment" if segments else f"no excitation of {' or '.join(axes)} beyond what was fitted"
             logs.append(UnseenLog(record=record, cause=f"it holds {what}"))
         else:
-            short = tuple((r, m) for r, m in flown if m.kind not in RICH_KINDS)
+            short = tuple(flight for flight in flights if flight.maneuver.kind not in RICH_KINDS)
             short = short if segments else wholly_flown(short)
-            sweeps = tuple((r, m) for r, m in flown if m.kind in RICH_KINDS)
+            sweeps = tuple(flight for flight in flights if flight.maneuver.kind in RICH_KINDS)
             logs.append(UnseenLog(record=record, outputs=there, short=short, sweeps=sweeps))
     return tuple(logs)
 
@@ -454,7 +455,7 @@ def _predict(
     checks, findings = predict_maneuvers(
         candidate, log.short, settings, outputs=log.outputs, vibration_filter=vibration_filter
     )
-    told = telling(checks, candidate, usual)
+    told = excited_outputs(checks, candidate, usual)
     if not told:
         raise InsufficientDataError("its short maneuvers move no output more than it moves before them")
     # Only what tells about the model is remarked on.
@@ -465,7 +466,7 @@ def _predict(
 
 
 def _judge(candidate: Candidate, logs: Sequence[UnseenLog], settings: MeasureSettings) -> Verifications:
-    sweeps = [flown for log in logs for flown in log.sweeps]
+    sweeps = [flight for log in logs for flight in log.sweeps]
     outputs = tuple(name for name in candidate.structure.outputs if all(name in log.outputs for log in logs))
     if not outputs:
         raise InsufficientDataError("the logs have no output of the model in common")
@@ -626,9 +627,9 @@ def _simulated(
     plain = replace(settings, segments=())
     seen: list[Finding] = []
     try:
-        flown = select_records(structure, [record], plain).selection.fitted
-        new = [item for item in flown if not selection.fits(*item)]
-        seen += [seen_data(*item) for item in flown if selection.fits(*item)]
+        flights = select_records(structure, [record], plain).selection.fitted
+        new = [item for item in flights if not selection.fits(*item)]
+        seen += [seen_data(*item) for item in flights if selection.fits(*item)]
         if not new:
             return [], seen
         # The hold is that of the fit.

@@ -14,7 +14,8 @@ from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.candidate import Candidate, candidate_model, read_candidate
 from rotorid.pipeline.checks import maneuver_check
 from rotorid.pipeline.coverage import covered_by, trim_of
-from rotorid.pipeline.instruments import Flown, axes_of
+from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.instruments import axes_of
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, Verifications
 from rotorid.pipeline.segments import cut
@@ -129,8 +130,8 @@ def verify(
 def _seen(candidate: Candidate, logs: Sequence[UnseenLog]) -> list[Finding]:
     """Maneuvers that the model was fitted to."""
     known = candidate.provenance
-    flown = [item for log in logs for item in (*log.short, *log.sweeps)]
-    return [] if known is None else [seen_data(*item) for item in flown if has_seen(known, *item)]
+    flights = [item for log in logs for item in (*log.short, *log.sweeps)]
+    return [] if known is None else [seen_data(*item) for item in flights if has_seen(known, *item)]
 
 
 def chosen(model: Judged, settings: VerifySettings) -> Candidate:
@@ -145,9 +146,9 @@ def chosen(model: Judged, settings: VerifySettings) -> Candidate:
     )
 
 
-def _trim(check: Verification, flown: Sequence[Flown]) -> Trim | None:
+def _trim(check: Verification, flights: Sequence[Flight]) -> Trim | None:
     """Trim before a maneuver, of what its log holds of speeds and angles."""
-    for record, maneuver in flown:
+    for record, maneuver in flights:
         if (
             record.source.name != check.record
             or maneuver.start_s > check.time_s[-1]
@@ -156,7 +157,7 @@ def _trim(check: Verification, flown: Sequence[Flown]) -> Trim | None:
             continue
         channels = [name for name in _SPEEDS_AND_ANGLES if name in record.channel_names]
         try:
-            segments, _ = cut([(record, maneuver)], channels=channels, rest_s=_QUIET_S) if channels else ((), ())
+            segments, _ = cut([Flight(record, maneuver)], channels=channels, rest_s=_QUIET_S) if channels else ((), ())
             return trim_of(segments[0].history, until_s=maneuver.start_s) if segments else None
         except InsufficientDataError:
             return None

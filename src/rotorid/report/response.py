@@ -214,7 +214,7 @@ def response_pictures(result: Responses) -> tuple[Picture, ...]:
                 result.response,
                 output=output,
                 input=input,
-                beside=result.measured.beside,
+                beside=result.measured.direct,
                 fitted=result.used,
                 least_coherence=result.least_coherence,
             ),

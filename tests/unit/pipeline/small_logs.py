@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.selection import Selection
 from rotorid.typing import Axis, FloatArray
 
@@ -33,4 +34,4 @@ def log(*topics: Topic, name: str = "flight.csv") -> FlightRecord:
 
 def sweeps(record: FlightRecord, axes: Sequence[Axis]) -> Selection:
     maneuvers = [Maneuver(axis=axis, kind="sweep", start_s=0.0, stop_s=DURATION_S, origin="found") for axis in axes]
-    return Selection(fitted=tuple((record, maneuver) for maneuver in maneuvers), unseen=())
+    return Selection(fitted=tuple(Flight(record, maneuver) for maneuver in maneuvers), unseen=())

@@ -14,6 +14,7 @@ from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
 from rotorid.models.library import response_model
 from rotorid.pipeline.bootstrapping import Bootstrap, bootstrap
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.segments import time_records
@@ -38,7 +39,7 @@ def by_responses() -> IdentifiedModel:
 def fitted() -> TimeFit:
     record = flight(samples=800)
     maneuver = Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s)
-    records = time_records(SECOND, [(record, maneuver)], IdentifySettings())
+    records = time_records(SECOND, [Flight(record, maneuver)], IdentifySettings())
     return fit_in_time(SECOND, records, IdentifySettings(), method="output_error")
 
 

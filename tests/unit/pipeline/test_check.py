@@ -18,9 +18,9 @@ from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.io.registry import read
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import FrequencyFit, fit_with_bounds, pose
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.measure import Measured, measure
 from rotorid.pipeline.results import FrequencyCheck, Verifications
 from rotorid.pipeline.selection import Selection, select_maneuvers
@@ -51,7 +51,7 @@ class Fit(NamedTuple):
     measured: Measured
     selection: Selection
     settings: IdentifySettings
-    second: Flown
+    second: Flight
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def deaf(record: FlightRecord, name: str) -> FlightRecord:
     return replace(named(record, name), topics=(replace(topic, values=values),))
 
 
-def judged(fit: Fit, flown: Flown, *, band: tuple[float, float] | None = None) -> FrequencyCheck:
+def judged(fit: Fit, flown: Flight, *, band: tuple[float, float] | None = None) -> FrequencyCheck:
     fitted = fit.fitted
     return check_sweeps(
         fitted.structure,
@@ -141,8 +141,8 @@ def test_a_wrong_model_is_said_to_be_wrong_on_what_was_held_out(record: FlightRe
     assert {"poor_fit", "poor_verification"} <= kinds(document)
 
 
-def ending(flown: Flown, top_rad_s: float) -> Flown:
-    return flown[0], replace(flown[1], band_rad_s=(1.0, top_rad_s))
+def ending(flown: Flight, top_rad_s: float) -> Flight:
+    return Flight(flown.record, replace(flown.maneuver, band_rad_s=(1.0, top_rad_s)))
 
 
 def test_a_sweep_is_judged_only_as_far_as_it_goes(first: Fit) -> None:
@@ -190,7 +190,7 @@ def test_a_good_log_does_not_hide_a_bad_one(first: Fit, record: FlightRecord) ->
 def test_remarks_on_unseen_sweeps_are_kept(first: Fit, record: FlightRecord) -> None:
     # Without an instrument the estimate is a direct one, which is remarked on.
     bare = changed(record, "bare.csv", roll_excitation=None, phi_setpoint=None)
-    assert "roll_command" in of_kind("closed_loop_bias", judged(first, (bare, first.second[1])).findings)
+    assert "roll_command" in of_kind("closed_loop_bias", judged(first, Flight(bare, first.second.maneuver)).findings)
 
 
 def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,7 +211,7 @@ def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatc
 
 
 def test_why_nothing_could_be_held_out_is_said(first: Fit, record: FlightRecord) -> None:
-    rest = (record, parse_segment("roll:0.2:2.4"))
+    rest = Flight(record, parse_segment("roll:0.2:2.4"))
     held = hold_out(first.fitted.structure, [rest, first.second], first.settings)
     (message,) = of_kind("not_verified", held.findings).values()
     measured = measure([rest], inputs=("roll_command",), outputs=("p",), settings=first.settings)
@@ -226,8 +226,8 @@ def test_a_single_maneuver_cannot_be_held_out(first: Fit) -> None:
     assert "Everything that was flown was fitted" in of_kind("not_verified", held.findings)["verification"]
 
 
-def of_axis(flown: Flown, axis: Axis) -> Flown:
-    return flown[0], replace(flown[1], axis=axis)
+def of_axis(flown: Flight, axis: Axis) -> Flight:
+    return Flight(flown.record, replace(flown.maneuver, axis=axis))
 
 
 def test_the_only_maneuver_of_an_axis_is_not_held_out(first: Fit) -> None:
@@ -239,8 +239,8 @@ def test_the_only_maneuver_of_an_axis_is_not_held_out(first: Fit) -> None:
 def test_the_last_maneuver_of_an_axis_flown_twice_is_held_out(first: Fit) -> None:
     flown = [*first.selection.fitted, first.second, of_axis(first.selection.fitted[0], "pitch")]
     (where,) = of_kind("held_out", hold_out(*held(first, flown)).findings)
-    assert where == f"sweeps.csv at {first.second[1].start_s:.1f} s"
+    assert where == f"sweeps.csv at {first.second.maneuver.start_s:.1f} s"
 
 
-def held(fit: Fit, flown: list[Flown]) -> tuple[LinearStructure, list[Flown], IdentifySettings]:
+def held(fit: Fit, flown: list[Flight]) -> tuple[LinearStructure, list[Flight], IdentifySettings]:
     return rate_model("rate.roll"), flown, fit.settings

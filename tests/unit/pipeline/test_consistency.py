@@ -9,6 +9,7 @@ import pytest
 from tests.unit.cli.commands import fly_roll_sweeps, rotorid
 
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.documents.result import result_document
 from rotorid.io.registry import read
 from rotorid.pipeline.consistency import Consistency, check_consistency, stretches
 from rotorid.pipeline.identification import identify
@@ -146,7 +147,7 @@ def test_a_log_that_allows_no_check_is_inspected_all_the_same() -> None:
 def test_identify_takes_a_skew_out_that_it_is_told(record: FlightRecord) -> None:
     late = split(record, "p", seconds=SKEW_S)
     results = [
-        identify([log], "rate.roll", settings=IdentifySettings(band_rad_s=BAND, shifts=shifts)).document
+        result_document(identify([log], "rate.roll", settings=IdentifySettings(band_rad_s=BAND, shifts=shifts)))
         for log, shifts in ((record, {}), (late, {}), (late, {"p": -SKEW_S}))
     ]
     plain, skewed, mended = (r.parameters["tau_roll"].value + r.parameters["T_motor"].value for r in results)

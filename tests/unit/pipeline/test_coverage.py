@@ -8,6 +8,7 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.coverage import covered, covered_by, trim_of
+from rotorid.pipeline.flights import Flight
 
 RATE_HZ = 50.0
 TIME_S = np.arange(0.0, 10.0, 1.0 / RATE_HZ)
@@ -42,7 +43,7 @@ def test_a_log_is_read_where_it_was_fitted_only() -> None:
         name="battery", time_s=time_s, channels=(Channel(name="battery_voltage", unit="V"),), values=volts[None]
     )
     record = FlightRecord(source=Source(name="a", format="CSV", sha256="a"), topics=(battery,))
-    (voltage,) = covered_by([(record, Maneuver(axis="roll", kind="sweep", start_s=3.5, stop_s=8.5))]).values()
+    (voltage,) = covered_by([Flight(record, Maneuver(axis="roll", kind="sweep", start_s=3.5, stop_s=8.5))]).values()
     assert voltage.lowest == pytest.approx(15.2)
     assert voltage.highest == pytest.approx(15.6)
     assert voltage.unit == "V"

@@ -7,6 +7,7 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.segments import cut
 from rotorid.typing import FloatArray
 
@@ -35,7 +36,7 @@ FLIGHT = np.where((TIME_S >= 10.0) & (TIME_S < 50.0), 0.4, 0.0)
     ("given", "kept"), [((5.0, 45.0), (10.0, 45.0)), ((20.0, 58.0), (20.0, 49.99)), ((20.0, 40.0), (20.0, 40.0))]
 )
 def test_a_maneuver_ends_where_the_flight_does(given: tuple[float, float], kept: tuple[float, float]) -> None:
-    segments, findings = cut([(record(p=np.sin(TIME_S), thrust_command=FLIGHT), roll(*given))], channels=("p",))
+    segments, findings = cut([Flight(record(p=np.sin(TIME_S), thrust_command=FLIGHT), roll(*given))], channels=("p",))
     (segment,) = segments
     assert (segment.maneuver.start_s, segment.maneuver.stop_s) == pytest.approx(kept)
     assert segment.history.time_s[[0, -1]] == pytest.approx(kept)
@@ -44,19 +45,21 @@ def test_a_maneuver_ends_where_the_flight_does(given: tuple[float, float], kept:
 
 
 def test_a_maneuver_on_the_ground_is_used_and_said_so() -> None:
-    segments, findings = cut([(record(p=np.sin(TIME_S), thrust_command=FLIGHT), roll(0.0, 11.0))], channels=("p",))
+    segments, findings = cut(
+        [Flight(record(p=np.sin(TIME_S), thrust_command=FLIGHT), roll(0.0, 11.0))], channels=("p",)
+    )
     assert segments[0].maneuver.start_s == 0.0
     assert ["mostly on the ground" in f.message for f in findings if f.kind == "airborne"] == [True]
 
 
 def test_a_thrust_around_hover_cuts_nothing() -> None:
     lone = record(p=np.sin(TIME_S), thrust_command=0.1 * np.sin(TIME_S))
-    assert [f for f in cut([(lone, roll(0.0, 59.0))], channels=("p",))[1] if f.kind == "airborne"] == []
+    assert [f for f in cut([Flight(lone, roll(0.0, 59.0))], channels=("p",))[1] if f.kind == "airborne"] == []
 
 
 def test_an_acceleration_is_reconstructed_beside_what_is_logged() -> None:
     lone = record(p=np.sin(TIME_S), roll_command=np.cos(TIME_S))
-    (segment,), findings = cut([(lone, roll(5.0, 55.0))], channels=("roll_command", "p_dot"))
+    (segment,), findings = cut([Flight(lone, roll(5.0, 55.0))], channels=("roll_command", "p_dot"))
     assert segment.history.names == ("roll_command", "p_dot")
     # The gain of the spline's derivative at 0.01 rad per sample is one within 1e-10; its ends fade.
     inside = slice(50, -50)
@@ -72,7 +75,7 @@ def test_body_velocities_are_reconstructed_by_rotation() -> None:
     level = np.zeros(TIME_S.size)
     north, east = np.sin(TIME_S), np.cos(TIME_S)
     lone = record(velocity_north=north, velocity_east=east, velocity_down=level, phi=level, theta=level, psi=yaw)
-    (segment,), _ = cut([(lone, roll(5.0, 55.0))], channels=("u", "v"))
+    (segment,), _ = cut([Flight(lone, roll(5.0, 55.0))], channels=("u", "v"))
     # Heading east: forward is east, and right is south.
     np.testing.assert_allclose(segment.history["u"], np.cos(segment.history.time_s), atol=1e-9)
     np.testing.assert_allclose(segment.history["v"], -np.sin(segment.history.time_s), atol=1e-9)
@@ -80,14 +83,16 @@ def test_body_velocities_are_reconstructed_by_rotation() -> None:
 
 def test_missing_ingredients_are_named() -> None:
     with pytest.raises(InsufficientDataError) as caught:
-        cut([(record(phi=np.zeros(TIME_S.size), velocity_north=np.sin(TIME_S)), roll(5.0, 55.0))], channels=("u",))
+        cut(
+            [Flight(record(phi=np.zeros(TIME_S.size), velocity_north=np.sin(TIME_S)), roll(5.0, 55.0))], channels=("u",)
+        )
     assert [finding.kind for finding in caught.value.findings] == ["missing_channel"]
     assert "velocity_east, velocity_down, theta, psi too" in caught.value.remedy
 
 
 def test_a_shift_moves_one_channel_and_is_written_down() -> None:
     lone = record(p=np.sin(TIME_S), q=np.sin(TIME_S))
-    (segment,), _ = cut([(lone, roll(5.0, 55.0))], channels=("p", "q"), shifts={"p": 0.037, "r": 1.0})
+    (segment,), _ = cut([Flight(lone, roll(5.0, 55.0))], channels=("p", "q"), shifts={"p": 0.037, "r": 1.0})
     inside = slice(100, -100)
     np.testing.assert_allclose(segment.history["p"][inside], np.sin(segment.history.time_s - 0.037)[inside], atol=1e-4)
     np.testing.assert_allclose(segment.history["q"], np.sin(segment.history.time_s), atol=1e-12)
@@ -96,4 +101,4 @@ def test_a_shift_moves_one_channel_and_is_written_down() -> None:
 
 def test_a_shift_longer_than_the_maneuver_is_refused() -> None:
     with pytest.raises(UsageError, match="a shift of p by 90 s came, and a maneuver of 50 s"):
-        cut([(record(p=np.sin(TIME_S)), roll(5.0, 55.0))], channels=("p",), shifts={"p": 90.0})
+        cut([Flight(record(p=np.sin(TIME_S)), roll(5.0, 55.0))], channels=("p",), shifts={"p": 90.0})

@@ -21,6 +21,7 @@ from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.library import response_model
 from rotorid.models.toml import from_toml
 from rotorid.pipeline import frequency_fit as fitting
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.resolve import named_model
 from rotorid.pipeline.results import IdentifiedModel
@@ -80,7 +81,7 @@ def with_basins(found: Searched, *basins: Basin) -> Searched:
 def records() -> TimeRecords:
     record = flight(samples=600)
     maneuver = Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s)
-    return time_records(SECOND, [(record, maneuver)], IdentifySettings())
+    return time_records(SECOND, [Flight(record, maneuver)], IdentifySettings())
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Kind, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.instruments import find_instrument
 from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
@@ -143,18 +144,21 @@ def test_what_is_fitted_is_known_again_in_another_copy_of_the_log() -> None:
 
 def test_the_injection_is_the_instrument_before_any_set_point() -> None:
     log = record(SWEEP, moving=["p_setpoint", "phi_setpoint", "roll_excitation"])
-    assert find_instrument([(log, SWEEP)], "roll") == "roll_excitation"
+    assert find_instrument([Flight(log, SWEEP)], "roll") == "roll_excitation"
 
 
 def test_a_channel_that_rests_is_no_instrument() -> None:
     log = record(SWEEP, moving=["phi_setpoint"], resting=["roll_excitation"])
-    assert find_instrument([(log, SWEEP)], "roll") == "phi_setpoint"
+    assert find_instrument([Flight(log, SWEEP)], "roll") == "phi_setpoint"
 
 
 def test_the_command_itself_is_never_the_instrument() -> None:
-    assert find_instrument([(record(SWEEP), SWEEP)], "roll") is None
+    assert find_instrument([Flight(record(SWEEP), SWEEP)], "roll") is None
 
 
 def test_the_instrument_must_move_in_every_maneuver() -> None:
-    flown = [(record(SWEEP, moving=["roll_excitation"]), SWEEP), (record(SWEEP, name="other.csv"), SWEEP)]
+    flown = [
+        Flight(record(SWEEP, moving=["roll_excitation"]), SWEEP),
+        Flight(record(SWEEP, name="other.csv"), SWEEP),
+    ]
     assert find_instrument(flown, "roll") is None

@@ -8,8 +8,8 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.library import library_model, rate_model
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.frequency_fit import FirstStep, first_step
-from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.typing import Axis, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -19,7 +19,7 @@ SAMPLES = 6000
 X_U, Y_V = -0.6, -0.35
 
 
-def flight(*axes: Axis, noise: float = 0.02, without: str = "") -> list[Flown]:
+def flight(*axes: Axis, noise: float = 0.02, without: str = "") -> list[Flight]:
     """One log with a stretch of each axis in turn; attitudes are noise up to 2 Hz, accelerations what follows."""
     rng = np.random.default_rng(3)
     omega = 2.0 * np.pi * np.fft.rfftfreq(SAMPLES, 1.0 / RATE_HZ)
@@ -50,10 +50,10 @@ def flight(*axes: Axis, noise: float = 0.02, without: str = "") -> list[Flown]:
         values=values,
     )
     record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256="a"), topics=(topic,))
-    return [(record, maneuver) for maneuver in maneuvers]
+    return [Flight(record, maneuver) for maneuver in maneuvers]
 
 
-def step(model: str, flown: list[Flown], **choices: object) -> FirstStep:
+def step(model: str, flown: list[Flight], **choices: object) -> FirstStep:
     return first_step(library_model(model), flown, IdentifySettings(**choices))  # type: ignore[arg-type]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import Channel, FlightRecord, Kind, Maneuver, Origin, Source, Topic
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.segments import with_surroundings
 from rotorid.typing import Axis
 
@@ -31,32 +32,32 @@ def spans(flown: tuple[tuple[FlightRecord, Maneuver], ...]) -> list[tuple[float,
 
 def test_a_maneuver_takes_its_surroundings_along() -> None:
     sweep = maneuver(50.0, 80.0)
-    assert spans(with_surroundings([(record(sweep), sweep)], 10.0)) == [(40.0, 90.0)]
+    assert spans(with_surroundings([Flight(record(sweep), sweep)], 10.0)) == [(40.0, 90.0)]
 
 
 def test_the_record_is_the_limit() -> None:
     sweep = maneuver(3.0, 198.0)
-    assert spans(with_surroundings([(record(sweep), sweep)], 10.0)) == [(0.0, pytest.approx(199.99))]
+    assert spans(with_surroundings([Flight(record(sweep), sweep)], 10.0)) == [(0.0, pytest.approx(199.99))]
 
 
 def test_neighbors_that_touch_become_one_and_are_not_counted_twice() -> None:
     sweeps = (maneuver(20.0, 50.0), maneuver(60.0, 90.0), maneuver(130.0, 160.0))
     log = record(*sweeps)
-    assert spans(with_surroundings([(log, m) for m in reversed(sweeps)], 10.0)) == [(10.0, 100.0), (120.0, 170.0)]
+    assert spans(with_surroundings([Flight(log, m) for m in reversed(sweeps)], 10.0)) == [(10.0, 100.0), (120.0, 170.0)]
 
 
 def test_other_maneuvers_are_barriers() -> None:
     sweep = maneuver(50.0, 80.0)
     doublet, pitch = maneuver(84.0, 86.0, kind="doublet"), maneuver(10.0, 45.0, axis="pitch")
-    assert spans(with_surroundings([(record(pitch, sweep, doublet), sweep)], 10.0)) == [(45.0, 84.0)]
+    assert spans(with_surroundings([Flight(record(pitch, sweep, doublet), sweep)], 10.0)) == [(45.0, 84.0)]
 
 
 def test_what_the_user_gave_is_obeyed() -> None:
     given = maneuver(50.0, 80.0, origin="given")
-    assert spans(with_surroundings([(record(), given)], 10.0)) == [(50.0, 80.0)]
+    assert spans(with_surroundings([Flight(record(), given)], 10.0)) == [(50.0, 80.0)]
 
 
 def test_records_stay_apart() -> None:
     sweep = maneuver(50.0, 80.0)
     logs = [record(sweep, name="a"), record(sweep, name="b")]
-    assert [r.source.name for r, _ in with_surroundings([(log, sweep) for log in logs], 60.0)] == ["a", "b"]
+    assert [r.source.name for r, _ in with_surroundings([Flight(log, sweep) for log in logs], 60.0)] == ["a", "b"]

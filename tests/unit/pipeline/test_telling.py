@@ -7,7 +7,7 @@ import numpy as np
 from rotorid.data.record import Maneuver
 from rotorid.models.library import library_model
 from rotorid.pipeline.candidate import Candidate
-from rotorid.pipeline.maneuvers import SHARE, telling
+from rotorid.pipeline.maneuvers import SHARE, excited_outputs
 from rotorid.typing import Axis
 from rotorid.verification.verification import Scores, Verification
 
@@ -42,7 +42,7 @@ def doublet(axis: Axis, *, moves: tuple[float, float], moved: tuple[str, ...] = 
 
 
 def judged_on(*checks: Verification, usual: dict[str, float] | None = None) -> list[tuple[str, ...]]:
-    return [check.moved for check in telling(checks, candidate(), usual or {})]
+    return [check.moved for check in excited_outputs(checks, candidate(), usual or {})]
 
 
 def test_an_output_that_the_maneuver_did_not_move_is_not_judged() -> None:

@@ -16,6 +16,7 @@ from rotorid.models.equations import structure_from_equations
 from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.identification import identify, method_of
 from rotorid.pipeline.methods import InTime
 from rotorid.pipeline.resolve import named_model
@@ -89,7 +90,7 @@ def test_records_are_handed_on_for_the_pictures(result: IdentifiedModel) -> None
 def test_jittery_stamps_leave_the_samples_as_they_are() -> None:
     plain, jittery = flight(), flight(jitter_s=0.004)
     maneuver = Maneuver(axis="roll", kind="other", start_s=plain.start_s - 1.0, stop_s=plain.stop_s + 1.0)
-    records = time_records(SECOND, [(jittery, replace(maneuver, start_s=jittery.start_s))], IdentifySettings())
+    records = time_records(SECOND, [Flight(jittery, replace(maneuver, start_s=jittery.start_s))], IdentifySettings())
     assert records.hold == "zero"
     np.testing.assert_array_equal(records.data[0].outputs[0], jittery.topics[0].values[1])
     steps = np.diff(evenly_stamped(jittery, maneuver, ("phi", "phi_setpoint")).topics[0].time_s)
@@ -194,7 +195,7 @@ def test_what_no_measured_equation_holds_stays_where_it_was() -> None:
             ]
         ),
     )
-    records = time_records(lagged, [(record, maneuver)], IdentifySettings())
+    records = time_records(lagged, [Flight(record, maneuver)], IdentifySettings())
     fitted = fit_in_time(lagged, records, IdentifySettings(), method="equation_error")
     assert fitted.bounds.names == ("a", "b")
     assert (fitted.listed["T"].status, fitted.listed["T"].value) == ("fixed", 0.1)
@@ -248,7 +249,7 @@ def test_pieces_that_were_asked_for_are_obeyed() -> None:
 def test_starts_respect_bounds() -> None:
     record = flight(samples=400)
     maneuver = Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s)
-    records = time_records(SECOND, [(record, maneuver)], IdentifySettings())
+    records = time_records(SECOND, [Flight(record, maneuver)], IdentifySettings())
     problem = TimeProblem(structure=SECOND, parameters=SECOND.parameters, records=records.data)
     low, high = problem.box
     for theta in own_starts(problem):

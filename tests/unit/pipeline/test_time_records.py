@@ -9,11 +9,12 @@ import pytest
 from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, flight
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory
+from rotorid.documents.result import result_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.library import response_model
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.instruments import Flown
 from rotorid.pipeline.resolve import named_model
 from rotorid.pipeline.segments import TimeRecords, time_records
 from rotorid.pipeline.selection import select_records
@@ -24,8 +25,8 @@ SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")]
 BOX = named_model("black_box:2", inputs=["phi_setpoint"], outputs=["phi"])
 
 
-def whole(record: FlightRecord) -> Flown:
-    return record, Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s)
+def whole(record: FlightRecord) -> Flight:
+    return Flight(record, Maneuver(axis="roll", kind="other", start_s=record.start_s, stop_s=record.stop_s))
 
 
 def slower(record: FlightRecord, every: int = 2) -> FlightRecord:
@@ -76,7 +77,7 @@ def test_every_log_keeps_its_rate_and_its_held_commands() -> None:
 
 def test_the_delay_is_the_same_from_logs_of_two_rates() -> None:
     fast, slow = flight(seed=1, samples=1000), slower(flight(seed=0, samples=1000))
-    found = identify([fast, slow], "response.second_order_delay").document
+    found = result_document(identify([fast, slow], "response.second_order_delay"))
     delay = found.parameters["tau_phi"]
     assert found.hold == "zero"
     assert delay.std is not None

@@ -9,6 +9,7 @@ from tests.unit.pipeline.small_logs import DURATION_S, log, sweeps, topic
 from rotorid.data.record import Maneuver
 from rotorid.errors import ModelError
 from rotorid.models.library import library_model, rate_model
+from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.scope import trimmed
 from rotorid.pipeline.settings import IdentifySettings
 
@@ -57,7 +58,7 @@ def test_means_are_over_all_maneuvers_by_their_samples_and_nothing_else() -> Non
     def flown(start_s: float, stop_s: float) -> Maneuver:
         return Maneuver(axis="pitch", kind="sweep", start_s=start_s, stop_s=stop_s, origin="found")
 
-    trim = trimmed(STRUCTURE, [(record, flown(0.0, 4.0)), (other, flown(0.0, 2.0))], IdentifySettings())
+    trim = trimmed(STRUCTURE, [Flight(record, flown(0.0, 4.0)), Flight(other, flown(0.0, 2.0))], IdentifySettings())
     # 201 samples of which one is none, and 101.
     assert trim.structure.constants["U0"] == pytest.approx((200 * 1.0 + 101 * 4.0) / 301, rel=1e-12)
 
