@@ -304,7 +304,6 @@ def compare(
     records: Records = (),
     *,
     settings: IdentifySettings | None = None,
-    command: Sequence[str] = (),
     **options: Any,
 ) -> Comparison:
     """Compare identified models.
@@ -321,8 +320,6 @@ def compare(
         Logs to score every model on, or their files.
     settings
         Segments, shifts and hold for the logs.
-    command
-        For the provenance.
     **options
         Fields of :class:`rotorid.pipeline.settings.IdentifySettings`, which go before ``settings``.
 
@@ -336,7 +333,7 @@ def compare(
     settings, records = as_settings(IdentifySettings, settings, options), as_records(records)
     entries = entries_of(models)
     if not records:
-        return _comparison(entries, (), OnLogs(maneuvers=()), settings, command)
+        return _comparison(entries, (), OnLogs(maneuvers=()), settings)
     if motors := [entry.label for entry in entries if entry.model.motors is not None]:
         raise motors_refused(motors[0])
     each_once(records)
@@ -349,7 +346,7 @@ def compare(
             remedy="see what rotorid inspect finds, or name an interval with --segment",
             findings=scored.findings,
         )
-    return _comparison(entries, records, scored, settings, command)
+    return _comparison(entries, records, scored, settings)
 
 
 def refused_comparison(
@@ -358,11 +355,10 @@ def refused_comparison(
     records: Sequence[FlightRecord],
     *,
     settings: IdentifySettings,
-    command: Sequence[str] = (),
 ) -> Comparison:
     """The comparison of what models say of themselves, with the findings why logs say nothing."""
     nothing = OnLogs(maneuvers=(), findings=tuple(error.findings))
-    return _comparison(entries_of(models), records, nothing, settings, command)
+    return _comparison(entries_of(models), records, nothing, settings)
 
 
 def entries_of(models: Sequence[Compared]) -> tuple[Entry, ...]:
@@ -391,7 +387,6 @@ def _comparison(
     records: Sequence[FlightRecord],
     scored: OnLogs,
     settings: IdentifySettings,
-    command: Sequence[str],
 ) -> Comparison:
     maneuvers, shared = scored.maneuvers, common_outputs(entries, scored.maneuvers)
     summaries = _on_logs(entries, maneuvers, shared)
@@ -404,7 +399,6 @@ def _comparison(
         band_rad_s=scored.band_rad_s,
         findings=worst_first([*scored.findings, *_remarks(entries, maneuvers, shared, summaries)]),
         provenance=Provenance(
-            command=tuple(command),
             inputs={**results, **{record.source.name: record.source.sha256 for record in records}},
             settings={name: settings.as_json()[name] for name in ("segments", "shifts", "hold")},
             seed=settings.seed,

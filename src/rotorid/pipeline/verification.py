@@ -68,7 +68,6 @@ def verify(
     records: Records,
     *,
     settings: VerifySettings | None = None,
-    command: Sequence[str] = (),
     **options: Any,
 ) -> Verified:
     """Judge an identified model on other data.
@@ -87,8 +86,6 @@ def verify(
         Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
     settings
         Choices; everything has a default.
-    command
-        For the provenance.
     **options
         Fields of :class:`rotorid.pipeline.settings.VerifySettings`, which go before ``settings``.
 
@@ -123,7 +120,7 @@ def verify(
         covered=covered_by(flights),
         scale=settings.scale,
         findings=worst_first(findings),
-        provenance=provenance(records, settings, command=command, flights=flights),
+        provenance=provenance(records, settings, flights=flights),
     )
 
 
@@ -170,7 +167,6 @@ def refused_verification(
     model: Judged,
     *,
     settings: VerifySettings,
-    command: Sequence[str] = (),
 ) -> Refused:
     """What to say of logs that cannot judge a model."""
     structure = chosen(model, settings).structure
@@ -179,5 +175,5 @@ def refused_verification(
         name=structure.name,
         structure=structure,
         findings=worst_first(error.findings or [*remarks, refusal("not_verified", structure.name, str(error))]),
-        provenance=provenance(records, settings, command=command),
+        provenance=provenance(records, settings),
     )
