@@ -15,6 +15,7 @@ from rotorid.cli.app import app
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "tutorials"
 PAGES = sorted(FOLDER.glob("*.md"))
 TUTORIALS = [page for page in PAGES if page.name != "README.md"]
+PYTHON_PAGE = FOLDER.parent / "python.md"
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 LARGEST_PICTURE_BYTES = 150_000
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -42,7 +43,7 @@ def commands_of(text: str) -> list[str]:
     return [line.removeprefix("$ ") for line in lines if line.startswith("$ rotorid ")]
 
 
-@pytest.mark.parametrize("page", TUTORIALS, ids=name_of)
+@pytest.mark.parametrize("page", [*TUTORIALS, PYTHON_PAGE], ids=name_of)
 def test_every_block_prints_what_the_page_shows(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = page.read_text(encoding="utf-8")
