@@ -106,11 +106,11 @@ def responses(
 ) -> Responses:
     """The run; ``used`` overrides what can be used, shape ``(2, 2, 80)``."""
     response = measured_response(estimate=estimate)
-    beside = measured_response(seed=1, estimate="direct") if estimate == "joint" else None
+    direct = measured_response(seed=1, estimate="direct") if estimate == "joint" else None
     usable = response.coherence >= 0.3 if used is None else used
     measured = Measured(
         response=response,
-        beside=beside,
+        direct=direct,
         diagnostics=diagnostics(),
         segments=segments(record),
         asked_rad_s=(0.4, 90.0),
