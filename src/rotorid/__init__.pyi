@@ -36,6 +36,7 @@ from rotorid.pipeline.settings import MeasureSettings as MeasureSettings
 from rotorid.pipeline.settings import MotorChoices as MotorChoices
 from rotorid.pipeline.settings import ResponseSettings as ResponseSettings
 from rotorid.pipeline.settings import VerifySettings as VerifySettings
+from rotorid.pipeline.simulation import simulate as simulate
 from rotorid.pipeline.verification import verify as verify
 from rotorid.plot.frequency import bode as bode
 from rotorid.reduction.guided import reduce as reduce

@@ -19,7 +19,7 @@ STUBS = sorted(SOURCE.rglob("__init__.pyi"))
 PACKAGES = [".".join(stub.parent.relative_to(SOURCE.parent).parts) for stub in STUBS]
 VERBS = (
     *("bode", "bounds", "compare", "delay", "design", "find_excitations", "fit", "frequency_response", "identify"),
-    *("inspect", "load", "read", "resample", "response", "save", "verify"),
+    *("inspect", "load", "read", "reduce", "resample", "response", "save", "simulate", "verify"),
 )
 SLOWEST_IMPORT_S = 0.03
 """Of ``import rotorid`` beyond what Python itself takes."""

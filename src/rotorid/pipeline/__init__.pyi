@@ -30,6 +30,7 @@ from rotorid.pipeline.settings import MotorChoices as MotorChoices
 from rotorid.pipeline.settings import ResponseSettings as ResponseSettings
 from rotorid.pipeline.settings import VerifySettings as VerifySettings
 from rotorid.pipeline.simulation import fly_run as fly_run
+from rotorid.pipeline.simulation import simulate as simulate
 from rotorid.pipeline.simulation import write_run as write_run
 from rotorid.pipeline.verification import Verified as Verified
 from rotorid.pipeline.verification import verify as verify

@@ -10,12 +10,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
-from rotorid.data.flight_plan import SimulatedFlight
+from rotorid.data.flight_plan import FlightPlan, SimulatedFlight
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.io.files import sha256_of
 from rotorid.io.registry import START_S, write_log
@@ -23,7 +24,7 @@ from rotorid.io.tables.csv import write_csv
 from rotorid.models.library import library_model
 from rotorid.pipeline.flight_settings import SimulateChoices
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance
-from rotorid.pipeline.settings import require_seed
+from rotorid.pipeline.settings import as_settings, require_seed
 from rotorid.planning.amplitude import Reached, reached
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
@@ -112,6 +113,37 @@ class Run(Immutable):
     seed: int
     drawn: Mapping[str, float]
     flown: SimulatedFlight
+
+
+def simulate(vehicle: str, plan: FlightPlan | None = None, **options: Any) -> SimulatedFlight:
+    """Fly a vehicle of the library under its autopilot; :func:`rotorid.write_log` makes a log of the flight.
+
+    Parameters
+    ----------
+    vehicle
+        Its name, see :func:`rotorid.vehicles.aircraft_names`.
+    plan
+        What to fly; without one the vehicle hovers for ``duration_s``.
+    **options
+        Fields of :class:`rotorid.pipeline.flight_settings.SimulateChoices`: ``wind``, ``seed``, ``duration_s``,
+        ``changes``.
+
+    Raises
+    ------
+    TypeError
+        There is no such option.
+    UsageError, ModelError
+        A choice is wrong, or the library has no such vehicle.
+    LostError
+        The flight was lost.
+
+    Examples
+    --------
+    >>> flight = simulate("x500", duration_s=0.1)  # doctest: +SKIP
+    >>> flight.columns["p"].size  # doctest: +SKIP
+    100
+    """
+    return fly_run(as_settings(SimulateChoices, SimulateChoices(vehicle=vehicle, plan=plan), options), 0).flown
 
 
 def fly_run(choices: SimulateChoices, number: int) -> Run:
