@@ -19,6 +19,9 @@ BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
 
+STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME"}
+"""A logger, and any command."""
+
 EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
 """Paths that stand for any."""
 
@@ -70,6 +73,15 @@ def code_of(block: str) -> str:
 def test_every_dotted_name_exists(page: Path) -> None:
     named = {f"rotorid{match[1]}" for match in DOTTED.finditer(page.read_text("utf-8"))}
     assert not sorted(name for name in named if not exists(name))
+
+
+def test_every_dotted_name_in_the_source_exists() -> None:
+    named = {
+        f"rotorid{match[1]}"
+        for path in (ROOT / "src").rglob("*.py")
+        for match in DOTTED.finditer(path.read_text("utf-8"))
+    }
+    assert not sorted(name for name in named - STANDING_FOR if not exists(name))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
