@@ -24,7 +24,7 @@ from rotorid.io.tables.csv import write_csv
 from rotorid.models.library import library_model
 from rotorid.pipeline.flight_settings import SimulateChoices
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance
-from rotorid.pipeline.settings import as_settings, require_seed
+from rotorid.pipeline.settings import require_seed
 from rotorid.planning.amplitude import Reached, reached
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
@@ -143,7 +143,7 @@ def simulate(vehicle: str, plan: FlightPlan | None = None, **options: Any) -> Si
     >>> flight.columns["p"].size  # doctest: +SKIP
     100
     """
-    return fly_run(as_settings(SimulateChoices, SimulateChoices(vehicle=vehicle, plan=plan), options), 0).flown
+    return fly_run(SimulateChoices(vehicle=vehicle, plan=plan, **options), 0).flown
 
 
 def fly_run(choices: SimulateChoices, number: int) -> Run:
