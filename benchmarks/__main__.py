@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from benchmarks import accuracy, dataflash, flight, frequency_response, genetic, output_error, state_space, ulog
+from benchmarks import (
+    accuracy,
+    commands,
+    dataflash,
+    flight,
+    frequency_response,
+    genetic,
+    output_error,
+    state_space,
+    ulog,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +59,7 @@ def rows() -> Iterator[Row | str]:
     yield from _flights()
     yield from _accuracy()
     yield from _searches()
+    yield from _commands()
     missing = [log.name for log in (dataflash.LOG, ulog.LOG) if not log.is_file()]
     if missing:
         yield f"logs skipped: there is no {' and no '.join(missing)}; set ROTORID_DATA to the folder of flight data"
@@ -140,6 +151,12 @@ def _searches() -> Iterator[Row | str]:
             )
     if genetic.MISSING:
         yield genetic.SKIPPED
+
+
+def _commands() -> Iterator[str]:
+    """Whole commands as multiples of the start of Python, the fewer the better; long ones run by themselves."""
+    for cost in commands.rows(commands.QUICK):
+        yield f"  {cost}"
 
 
 def _accuracy() -> Iterator[str]:
