@@ -21,7 +21,7 @@ def size(png: bytes) -> tuple[int, int]:
 
 def test_one_column_for_each_identification() -> None:
     one = identification()
-    unverified = dataclasses.replace(one, verifications=())
+    unverified = dataclasses.replace(one, verifications=dataclasses.replace(one.verifications, maneuvers=()))
     narrow, wide = size(overview_png([one], dots_per_inch=40)), size(overview_png([one, unverified], dots_per_inch=40))
     assert wide[0] > narrow[0]
     assert wide[1] == narrow[1]
@@ -30,7 +30,9 @@ def test_one_column_for_each_identification() -> None:
 def test_line_of_coherence_is_the_limit_in_force(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[float] = []
     monkeypatch.setattr("matplotlib.axes.Axes.axhline", lambda self, y, **style: drawn.append(y))
-    overview_png([dataclasses.replace(identification(), least_coherence=0.45)], dots_per_inch=40)
+    one = identification()
+    strict = dataclasses.replace(one, data=dataclasses.replace(one.data, least_coherence=0.45))
+    overview_png([strict], dots_per_inch=40)
     assert drawn == [0.45]
 
 
