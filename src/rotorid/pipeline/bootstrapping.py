@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
 from rotorid.errors import UsageError
+from rotorid.fitting.least_squares import Solution
+from rotorid.fitting.problem import Problem
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import BootstrapSummary, Correlation, Spread, finite
-from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.cramer_rao import Bounds, Weights
 from rotorid.uncertainty.resampling import SpreadTable
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -74,21 +75,33 @@ def _correlation(table: SpreadTable) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(value) for value in row) for row in matrix)
 
 
+class Draws(Protocol):
+    """How often noise is drawn anew."""
+
+    @property
+    def bootstrap(self) -> int | None:
+        """Runs, ``None`` for none."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of the draws."""
+        ...
+
+
 def bootstrap(
-    refit: Callable[..., SpreadTable], bounds: Bounds, settings: IdentifySettings, *, source: Source
+    problem: Problem, solution: Solution, bounds: Bounds, settings: Draws, *, weights: Weights = "cifer"
 ) -> Bootstrap | None:
     """Refit noise drawn anew as often as the settings ask; nothing where they ask for none.
 
     Parameters
     ----------
-    refit
-        Draws and fits; takes ``runs``, ``seed`` and ``progress``, see :mod:`rotorid.uncertainty.bootstrapping`.
+    problem, solution, weights
+        What was fitted, and how it ended; see :func:`rotorid.uncertainty.bootstrapping.bootstrap`.
     bounds
         The stated standard deviations.
     settings
         ``bootstrap`` runs from ``seed``.
-    source
-        Where the noise is drawn.
 
     Raises
     ------
@@ -97,12 +110,15 @@ def bootstrap(
     """
     if settings.bootstrap is None:
         return None
+    from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
     from rotorid.uncertainty.bootstrapping import judge_spread
 
-    table = refit(runs=settings.bootstrap, seed=settings.seed, progress=_say)
+    table = drawn_anew(problem, solution, runs=settings.bootstrap, seed=settings.seed, weights=weights, progress=_say)
     # A parameter on its bound may not scatter at all.
     with np.errstate(divide="ignore", invalid="ignore"):
-        return Bootstrap(source=source, table=table, findings=judge_spread(table, bounds.std))
+        findings = judge_spread(table, bounds.std)
+    source: Source = "responses" if problem.method == "frequency" else "outputs"
+    return Bootstrap(source=source, table=table, findings=findings)
 
 
 def require_bootstrap(settings: IdentifySettings, method: str) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -314,12 +313,7 @@ class Frequency(_Linear[ResponseData]):
     def fit(self, data: ResponseData) -> FrequencyFit:
         """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
         fitted = fit_with_bounds(data.screened.problem, data.measured, data.settings)
-        if data.settings.bootstrap is None:
-            return fitted
-        from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
-
-        refit = partial(drawn_anew, fitted.problem, fitted.final, weights=fitted.weights)
-        again = bootstrap(refit, fitted.bounds, data.settings, source="responses")
+        again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
         return replace(fitted, bootstrap=again)
 
     def verify(self, data: ResponseData, fitted: FrequencyFit, records: Sequence[FlightRecord]) -> Verifications:
@@ -461,12 +455,7 @@ class InTime(_Linear[TimeDomainData]):
             data.structure, data.records, data.settings, method=self.kind, frequency=data.frequency.fitted
         )
         fitted = replace(fitted, simulated=simulated_records(fitted, data.records))
-        if data.settings.bootstrap is None:
-            return fitted
-        from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
-
-        refit = partial(drawn_anew, fitted.problem, fitted.solution)
-        again = bootstrap(refit, fitted.bounds, data.settings, source="outputs")
+        again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         return replace(fitted, bootstrap=again)
 
     def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:

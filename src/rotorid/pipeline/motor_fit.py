@@ -49,6 +49,7 @@ from rotorid.models.motors import (
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
+from rotorid.pipeline.bootstrapping import Bootstrap, bootstrap
 from rotorid.pipeline.frequency_fit import judge_parameters
 from rotorid.pipeline.motor_data import MotorData, MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
@@ -335,6 +336,8 @@ class FittedMotors(Immutable):
         Mean output of the motors.
     derived
         Thrust of a rotor and its slope at that output, at full output, and thrust over weight there.
+    bootstrap
+        Refits to noise drawn anew, where they were asked for. Their spread is that of random errors alone.
     """
 
     data: MotorData
@@ -347,6 +350,7 @@ class FittedMotors(Immutable):
     both: tuple[InertiaRegression, ...]
     hover_output: float
     derived: Mapping[str, Derived]
+    bootstrap: Bootstrap | None = None
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -411,6 +415,10 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
     # The weight tells thrust at hover whatever the curve is; its slope is another matter.
     at_hover = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=False)
     assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
+    again = None
+    if choices.bootstrap is not None:
+        held = fit.problem.with_parameters(parameters)
+        again = bootstrap(held, replace(fit.solution, theta=parameters.pack()), bounds, choices)
     bounds = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=assumed and data.kind != "speed")
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
     return FittedMotors(
@@ -424,6 +432,7 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
         both=inertia_regressions(fit),
         hover_output=hover,
         derived=_derived(parameters, bounds, at_hover, hover, data),
+        bootstrap=again,
     )
 
 

@@ -106,6 +106,7 @@ class Motors:
                 ),
                 fit_percent=fit_percents(fitted.moved, fitted.channels),
                 hold="zero",
+                bootstrap=fitted.bootstrap.summary if fitted.bootstrap else None,
                 records=tuple(_record_fit(motion) for motion in fitted.moved),
             ),
             data=FittedData(
@@ -124,6 +125,7 @@ class Motors:
         return (
             *judge_motors(fitted, self.settings, told.fit.fit_percent or {}),
             *judge_combinations(told.combinations),
+            *(fitted.bootstrap.findings if fitted.bootstrap else ()),
         )
 
 

@@ -402,7 +402,7 @@ class IdentifiedModel(Immutable):
 
     def _rows(self) -> list[tuple[str, ...]]:
         most = 12
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (name, value, f"± {std}" if std else "", unit, "" if status == "free" else status)
             for name, value, std, unit, *_, status in self._table()
         ]

@@ -16,7 +16,7 @@ from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.problem import Problem
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings
-from rotorid.pipeline.summary import Minimum, SearchMinimum, SearchSummary
+from rotorid.pipeline.summary import Minimum, Objective, SearchMinimum, SearchSummary
 from rotorid.search.result import Basin, Progress, SearchResult
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -58,6 +58,11 @@ class Searched(Immutable):
     cost: str
     parameters: ParameterSet
     result: SearchResult
+
+    @property
+    def objective(self) -> Objective:
+        """What was minimized, as results name it."""
+        return "frequency" if self.cost == "frequency" else "output_error"
 
     @property
     def minima(self) -> tuple[Basin, ...]:
@@ -163,7 +168,7 @@ def search_summary(found: Searched | None) -> SearchSummary | None:
     result = found.result
     return SearchSummary(
         name=found.name,
-        objective=found.cost,
+        objective=found.objective,
         evaluations=result.evaluations,
         polishing=result.polishing,
         local_searches=result.local_searches,

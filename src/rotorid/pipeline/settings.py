@@ -778,8 +778,10 @@ class MotorChoices:
         Stretches to use instead of the excitations that are found.
     voltage
         Whether thrust follows the voltage of the battery, where outputs of motors were logged.
+    bootstrap
+        Refits to noise drawn anew, beside the stated standard deviations.
     seed
-        Nothing is drawn; it stands in the provenance.
+        Of what a bootstrap draws.
 
     Raises
     ------
@@ -794,6 +796,7 @@ class MotorChoices:
     rotor_diameter_m: float | None = None
     segments: "tuple[Maneuver, ...]" = ()
     voltage: bool = True
+    bootstrap: int | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -820,11 +823,11 @@ class MotorChoices:
             "rotor_diameter_m": self.rotor_diameter_m,
             "segments": [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in self.segments],
             "voltage": self.voltage,
-        }
+        } | ({} if self.bootstrap is None else {"bootstrap": self.bootstrap})
 
 
 _OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
-_ALSO_OF_MOTORS = ("fix", "segments", "seed", "method")
+_ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "bootstrap")
 
 
 def motor_choices(
@@ -859,13 +862,14 @@ def motor_choices(
     if wrong:
         raise UsageError(
             f"{', '.join(name.replace('_', ' ') for name in wrong)} came with {MODEL}, which has no such choice",
-            needed="--fix, --layout, --arm, --curve, --segment, --verify",
+            needed="--fix, --layout, --arm, --curve, --segment, --bootstrap, --verify",
             remedy="leave it out, or choose another model",
         )
     return MotorChoices(
         known=settings.fix,
         segments=settings.segments,
         seed=settings.seed,
+        bootstrap=settings.bootstrap,
         **{name: getattr(settings, name) for name in _OF_MOTORS},
     )
 

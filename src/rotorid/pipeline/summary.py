@@ -14,6 +14,8 @@ from rotorid.models.parameter import Status
 from rotorid.verification.fixed_parameters import Kind
 from rotorid.verification.verification import Scores, Verdict
 
+Objective: TypeAlias = Literal["frequency", "output_error"]
+
 FitWeights: TypeAlias = Literal["cifer", "covariance", "likelihood"]
 
 MethodName: TypeAlias = Literal["frequency", "output_error", "prediction_error", "equation_error"]
@@ -383,7 +385,7 @@ class SearchSummary:
     """
 
     name: str
-    objective: Literal["frequency", "output_error"]
+    objective: Objective
     evaluations: int
     polishing: int
     local_searches: int

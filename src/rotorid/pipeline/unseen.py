@@ -290,6 +290,47 @@ class UnseenLog:
     cause: str = ""
 
 
+def verify_unseen(
+    candidate: Candidate,
+    selection: Selection,
+    verify: Sequence[FlightRecord],
+    settings: IdentifySettings,
+    *,
+    usual: Mapping[str, float] | None = None,
+) -> Verifications:
+    """Judge a model on whatever its fit has not seen: maneuvers of the same logs, and further logs.
+
+    Short maneuvers are predicted in the time domain, sweeps of further logs compared in the frequency domain. A log
+    that was given to verify and adds nothing is said to add nothing.
+
+    Parameters
+    ----------
+    candidate
+        The model.
+    selection
+        What it was fitted to, and what of the same logs was kept unseen.
+    verify
+        Further logs.
+    settings
+        Choices of the run.
+    usual
+        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.maneuvers.excited_outputs`.
+    """
+    structure = candidate.structure
+    axes = axes_of(structure.inputs, structure.outputs)
+    own = {id(flight.record): flight.record for flight in selection.unseen}.values()
+    logs = [
+        UnseenLog(
+            record=record,
+            outputs=structure.outputs,
+            short=tuple(flight for flight in selection.unseen if flight.record is record),
+        )
+        for record in own
+    ]
+    logs += unseen_logs(candidate, verify, axes, fits=selection.fits)
+    return check_logs(candidate, logs, settings, usual=usual)
+
+
 def verify_fitted(
     fitted: FrequencyFit,
     measured: Measured,
@@ -297,31 +338,17 @@ def verify_fitted(
     verify: Sequence[FlightRecord],
     settings: IdentifySettings,
 ) -> Verifications:
-    """Judge a fitted model on whatever it has not seen.
+    """Judge a model of responses on whatever it has not seen.
 
-    Short maneuvers of the same logs and of further ones are predicted in the time domain, sweeps of further ones in
-    the frequency domain. Where nothing was left over, the last fitted maneuver is held out of a second fit. A log that
-    was given to verify and adds nothing is said to add nothing.
+    Where nothing was left over, the last fitted maneuver is held out of a second fit.
     """
-    candidate = candidate_of(fitted, measured)
-    axes = axes_of(fitted.structure.inputs, fitted.structure.outputs)
-    own = {id(record): record for record, _ in selection.unseen}.values()
-    logs = [
-        *(
-            UnseenLog(
-                record=mine, outputs=fitted.structure.outputs, short=tuple(f for f in selection.unseen if f[0] is mine)
-            )
-            for mine in own
-        ),
-        *unseen_logs(candidate, verify, axes, fits=selection.fits),
-    ]
     usual = usual_motion(measured, fitted.band_rad_s)
-    found = check_logs(candidate, logs, settings, usual=usual)
+    found = verify_unseen(candidate_of(fitted, measured), selection, verify, settings, usual=usual)
     if found.maneuvers or found.sweeps or verify:
         return found
     held = hold_out(fitted.problem.structure, selection.fitted, settings)
-    judged = (held,) if held.response is not None else ()
-    return Verifications(frequency=held.costs, findings=(*held.findings, *found.findings), sweeps=judged)
+    sweeps = (held,) if held.response is not None else ()
+    return Verifications(frequency=held.costs, findings=(*held.findings, *found.findings), sweeps=sweeps)
 
 
 def check_logs(
@@ -577,7 +604,13 @@ def verify_fitted_in_time(
     """
     structure = fitted.structure
     if all(is_command(name) for name in structure.inputs):
-        return _as_flown(fitted, records, selection, verify, settings, band_rad_s)
+        if not selection.unseen and not verify:
+            return Verifications(findings=(nothing_unseen([segment.record for segment in records.segments]),))
+        sources = {name: source_of(records.segments[0], name) for name in structure.outputs}
+        candidate = Candidate(
+            structure=structure, parameters=structure.parameters, band_rad_s=band_rad_s, sources=sources
+        )
+        return verify_unseen(candidate, selection, verify, settings)
     parts = [_simulated(fitted, records, selection, record, settings) for record in verify]
     if not parts:
         return Verifications(findings=(nothing_unseen([one.record for one in records.segments]),))
@@ -585,34 +618,6 @@ def verify_fitted_in_time(
         maneuvers=tuple(check for checks, _ in parts for check in checks),
         findings=tuple(finding for _, findings in parts for finding in findings),
     )
-
-
-def _as_flown(
-    fitted: TimeFit,
-    records: TimeRecords,
-    selection: Selection,
-    verify: Sequence[FlightRecord],
-    settings: IdentifySettings,
-    band_rad_s: tuple[float, float] | None,
-) -> Verifications:
-    structure = fitted.structure
-    candidate = Candidate(
-        structure=structure,
-        parameters=structure.parameters,
-        band_rad_s=band_rad_s,
-        sources={name: source_of(records.segments[0], name) for name in structure.outputs},
-    )
-    own = {id(record): record for record, _ in selection.unseen}.values()
-    logs = [
-        *(
-            UnseenLog(record=one, outputs=structure.outputs, short=tuple(f for f in selection.unseen if f[0] is one))
-            for one in own
-        ),
-        *unseen_logs(candidate, verify, axes_of(structure.inputs, structure.outputs), fits=selection.fits),
-    ]
-    if not logs:
-        return Verifications(findings=(nothing_unseen([one.record for one in records.segments]),))
-    return check_logs(candidate, logs, settings)
 
 
 def _simulated(

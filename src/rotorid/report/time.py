@@ -264,7 +264,7 @@ def crossed(document: CrossValidationSummary | None) -> Crossed | None:
     )
 
 
-def _row(fold: FoldSummary, records: list[str]) -> CrossedRow:
+def _row(fold: FoldSummary, records: Sequence[str]) -> CrossedRow:
     return CrossedRow(
         name=", ".join(fold.identified) if len(fold.identified) == 1 else f"all but {', '.join(fold.unseen)}",
         cells=tuple(_cell(fold, name) for name in records),

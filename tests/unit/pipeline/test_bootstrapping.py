@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ from rotorid.pipeline.segments import time_records
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.pipeline.summary import BootstrapSummary
 from rotorid.pipeline.time_fit import TimeFit, fit_in_time
-from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
 from rotorid.uncertainty.resampling import SpreadTable
 
 MODEL = "response.second_order_delay"
@@ -44,7 +42,7 @@ def fitted() -> TimeFit:
 
 
 def drawn(fitted: TimeFit, settings: IdentifySettings) -> Bootstrap | None:
-    return bootstrap(partial(drawn_anew, fitted.problem, fitted.solution), fitted.bounds, settings, source="outputs")
+    return bootstrap(fitted.problem, fitted.solution, fitted.bounds, settings)
 
 
 def of(identified: IdentifiedModel) -> BootstrapSummary:
@@ -120,4 +118,4 @@ def test_what_does_not_scatter_has_no_relative_spread_and_no_correlation() -> No
     document = Bootstrap(source="responses", table=table, findings=()).summary
     assert (document.runs, document.left_out) == (5, {"no value": 2})
     assert document.parameters["a"].relative_percent is None
-    assert document.correlation.matrix == [[1.0, 0.0], [0.0, 1.0]]
+    assert document.correlation.matrix == ((1.0, 0.0), (0.0, 1.0))

@@ -52,7 +52,7 @@ def each() -> CrossValidated:
 
 def test_every_flight_is_identified_on_and_scored(each: CrossValidated) -> None:
     document = each.summary
-    assert document.records == NAMES
+    assert list(document.records) == NAMES
     assert document.outputs == ["phi"]
     assert document.horizon_s is None
     for name, fold in zip(NAMES, document.folds, strict=True):
@@ -84,7 +84,7 @@ def test_a_poorer_structure_scores_lower_on_what_it_has_not_seen(each: CrossVali
 
 def test_one_flight_is_left_out(each: CrossValidated) -> None:
     document = run("leave_one_out").summary
-    assert [fold.unseen for fold in document.folds] == [[name] for name in NAMES]
+    assert [list(fold.unseen) for fold in document.folds] == [[name] for name in NAMES]
     assert document.best is None
     assert all(fold.spread_percent is None for fold in document.folds)
 
