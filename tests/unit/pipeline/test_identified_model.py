@@ -109,3 +109,13 @@ def test_without_python_control_it_says_what_to_install(model: IdentifiedModel) 
 def test_what_is_no_result_does_not_load(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be read"):
         load(tmp_path)
+
+
+def test_python_control_gets_the_same_model(model: IdentifiedModel) -> None:
+    pytest.importorskip("control")
+    exact = model.response(OMEGA)
+    plant = model.to_control()
+    np.testing.assert_allclose(np.asarray(plant(1j * OMEGA)).reshape(exact.shape), exact, rtol=1e-6)
+    assert list(plant.input_labels) == list(model.structure.inputs)
+    measured = model.measured_to_control()
+    assert list(measured.output_labels) == list(model.data.response.outputs)
