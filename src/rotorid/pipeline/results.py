@@ -395,10 +395,10 @@ class IdentifiedModel(Immutable):
         return f"{self.name}: {', '.join(self.structure.inputs)} to {', '.join(self.fit.outputs)}, by {method}"
 
     def _table(self) -> Iterator[tuple[str, ...]]:
-        for name, one in self.parameters.items():
-            if one.status != "dropped":
-                percents = _number(one.cramer_rao_percent, 2), _number(one.insensitivity_percent, 2)
-                yield name, f"{one.value:.5g}", _number(one.std, 2), one.unit, *percents, one.status
+        for name, found in self.parameters.items():
+            if found.status != "dropped":
+                percents = _number(found.cramer_rao_percent, 2), _number(found.insensitivity_percent, 2)
+                yield name, f"{found.value:.5g}", _number(found.std, 2), found.unit, *percents, found.status
 
     def _rows(self) -> list[tuple[str, ...]]:
         most = 12

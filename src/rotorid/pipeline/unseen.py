@@ -1,12 +1,8 @@
-"""Verification on maneuvers that the fit has not seen.
+"""What unseen flights say about a model: maneuvers that are predicted, sweeps that are compared, one that is held out.
 
-Unseen records, simulated by a model that was fitted in time.
-
-Where all that was flown was fitted: fit again without one maneuver, and judge that model on it.
-
-Data that a model was identified on: they flatter it, and are no test of it.
-
-Judge a frozen model on sweeps that it has not seen, in the frequency domain.
+What was fitted flatters a model. Short maneuvers are predicted in the time domain (:mod:`rotorid.pipeline.maneuvers`),
+sweeps compared in the frequency domain, responses to set-points simulated. Where all that was flown was fitted, a
+second model is fitted without one maneuver and compared with it.
 """
 
 from __future__ import annotations
