@@ -16,21 +16,21 @@ NAMES = {
         *("method", "hold", "pieces_s", "records", "noise", "log_likelihood", "information", "residuals", "minima"),
         *("frequency_fit", "cross_validation", "equations", "search", "bootstrap", "motors"),
     },
-    "ParameterDocument": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
-    "CostDocument": {"average", "pairs"},
+    "ParameterEstimate": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
+    "Cost": {"average", "pairs"},
     "PairCost": {"value", "band_rad_s", "points"},
     "MatricesDocument": {"M", "F", "G", "H0", "H1", "delays_s"},
     "DelaysDocument": {"inputs", "outputs"},
-    "PoleDocument": {"real", "imag", "damping", "frequency_rad_s"}
+    "PoleEstimate": {"real", "imag", "damping", "frequency_rad_s"}
     | {"real_std", "imag_std", "damping_std", "frequency_std_rad_s"},
-    "VerificationDocument": {"records", "frequency", "maneuvers", "sweeps"},
-    "ScoreDocument": {"nrmse_fit_percent", "tic", "rms", "bias", "reference_shift"},
-    "CombinationDocument": {"words", "vector"},
-    "EquationDocument": {"name", "r_squared", "press", "misfit"},
-    "SearchDocument": {"name", "objective", "evaluations", "polishing", "local_searches", "minima", "trace"},
-    "BasinDocument": {"cost", "share", "parameters"},
-    "BootstrapDocument": {"source", "runs", "seed", "left_out", "parameters", "correlation"},
-    "SpreadDocument": {"mean", "std", "relative_percent", "low", "median", "high"},
+    "Checks": {"records", "frequency", "maneuvers", "sweeps"},
+    "Scores": {"nrmse_fit_percent", "tic", "rms", "bias", "reference_shift"},
+    "UnseenCombination": {"words", "vector"},
+    "EquationFit": {"name", "r_squared", "press", "misfit"},
+    "SearchSummary": {"name", "objective", "evaluations", "polishing", "local_searches", "minima", "trace"},
+    "SearchMinimum": {"cost", "share", "parameters"},
+    "BootstrapSummary": {"source", "runs", "seed", "left_out", "parameters", "correlation"},
+    "Spread": {"mean", "std", "relative_percent", "low", "median", "high"},
     "FindingDocument": {"kind", "severity", "where", "message", "numbers"},
 }
 
@@ -52,13 +52,13 @@ def test_schema_names_itself(definitions: dict[str, Any]) -> None:
 
 
 def test_a_parameter_is_free_fixed_tied_or_dropped(definitions: dict[str, Any]) -> None:
-    status = definitions["ParameterDocument"]["properties"]["status"]
+    status = definitions["ParameterEstimate"]["properties"]["status"]
     assert status["enum"] == ["free", "fixed", "tied", "dropped"]
 
 
 def test_what_may_be_unknown_is_null(definitions: dict[str, Any]) -> None:
     for name in ("std", "cramer_rao_percent", "insensitivity_percent"):
-        kinds = {option.get("type") for option in definitions["ParameterDocument"]["properties"][name]["anyOf"]}
+        kinds = {option.get("type") for option in definitions["ParameterEstimate"]["properties"][name]["anyOf"]}
         assert kinds == {"number", "null"}
 
 
