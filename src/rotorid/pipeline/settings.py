@@ -815,7 +815,7 @@ class MotorChoices:
 
     def as_json(self) -> dict[str, Setting]:
         """The choices for a provenance."""
-        return {
+        choices: dict[str, Setting] = {
             "known": [f"{name}={value:g}" for name, value in self.known.items()],
             "layout": self.layout,
             "arm_m": self.arm_m,
@@ -823,7 +823,9 @@ class MotorChoices:
             "rotor_diameter_m": self.rotor_diameter_m,
             "segments": [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in self.segments],
             "voltage": self.voltage,
-        } | ({} if self.bootstrap is None else {"bootstrap": self.bootstrap})
+        }
+        # Told only where there is one, as the values do not depend on it.
+        return choices if self.bootstrap is None else choices | {"bootstrap": self.bootstrap}
 
 
 _OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
