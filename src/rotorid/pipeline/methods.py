@@ -351,7 +351,7 @@ class Frequency(_Linear[ResponseData]):
             covered=covered_by(data.flights),
         )
 
-    def remarks(self, data: ResponseData, fitted: FrequencyFit, told: Described) -> Sequence[Finding]:
+    def remarks(self, data: ResponseData, fitted: FrequencyFit, told: Described) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
         """On data, fit and parameters."""
         again = fitted.bootstrap.findings if fitted.bootstrap else ()
         return (*fitted.findings, *judge_combinations(told.combinations), *again)

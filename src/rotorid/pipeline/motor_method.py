@@ -81,7 +81,7 @@ class Motors:
             findings += remarks
         return Verifications(maneuvers=tuple(checks), findings=tuple(findings))
 
-    def checks(self, fitted: FittedMotors, found: Verifications) -> Checks:
+    def checks(self, fitted: FittedMotors, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
         """Scores of the excited axes of each stretch."""
         return Checks(
             records={
@@ -89,7 +89,7 @@ class Motors:
             }
         )
 
-    def describe(self, data: MotorData, fitted: FittedMotors) -> Described:
+    def describe(self, data: MotorData, fitted: FittedMotors) -> Described:  # noqa: ARG002 - as all methods
         """Fits of the stretches, rotors and thrust."""
         response, solution = no_response(fitted.structure), fitted.fit.solution
         combinations = unseen_combinations(fitted.parameters, fitted.bounds)
@@ -120,7 +120,7 @@ class Motors:
             motors=_physics(fitted, self.settings.known),
         )
 
-    def remarks(self, data: MotorData, fitted: FittedMotors, told: Described) -> Sequence[Finding]:
+    def remarks(self, data: MotorData, fitted: FittedMotors, told: Described) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
         """On what was excited, what stays undetermined, and what physics does not allow."""
         return (
             *judge_motors(fitted, self.settings, told.fit.fit_percent or {}),
