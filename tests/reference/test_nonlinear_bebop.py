@@ -12,8 +12,8 @@ from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.library import nonlinear_library_text, nonlinear_model
 from rotorid.models.nonlinear import NonlinearStructure
-from rotorid.models.toml import nonlinear_from_toml
 from rotorid.models.parameter import ParameterSet
+from rotorid.models.toml import nonlinear_from_toml
 from rotorid.simulation.nonlinear import Scheme, simulate_adaptive, simulate_nonlinear
 from rotorid.typing import FloatArray
 from rotorid.verification.scores import nrmse_fit_percent

@@ -20,8 +20,8 @@ from rotorid.excitation.plan import planned, sequence, together
 from rotorid.pipeline.designs import Designed, Planned, Told
 from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, reached
+from rotorid.planning.duration import Attempt, Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction
-from rotorid.planning.shortest import Attempt, Shortest
 from rotorid.report.design import compared, density, design_summary, flown, input_channel, reached_rows, render_design
 from rotorid.report.files import write_design
 from rotorid.simulation.wind import Wind
