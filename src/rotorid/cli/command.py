@@ -61,8 +61,8 @@ def carry_out(
     typer.Exit
         With code 1: the data cannot support a result.
     """
+    from rotorid.documents.base import to_json
     from rotorid.errors import InsufficientDataError
-    from rotorid.report.files import to_json
 
     folder = output.out or folder
     records: list[FlightRecord] = []

@@ -19,6 +19,11 @@ class Document(BaseModel):
     )
 
 
+def to_json(document: Document) -> str:
+    """A document as JSON text, with the names of its schema."""
+    return document.model_dump_json(by_alias=True, indent=2) + "\n"
+
+
 def _listed(values: Any) -> Any:
     return values.tolist() if hasattr(values, "tolist") else values
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from rotorid.data.findings import Finding
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, to_json
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
 from rotorid.models.expression import Expression
@@ -184,11 +184,6 @@ def matrices_document(system: StateSpace) -> MatricesDocument:
         H1=system.H1.tolist(),
         delays_s=DelaysDocument(inputs=system.input_delays_s.tolist(), outputs=system.output_delays_s.tolist()),
     )
-
-
-def to_json(document: Document) -> str:
-    """A document as JSON text, with the names of its schema."""
-    return document.model_dump_json(by_alias=True, indent=2) + "\n"
 
 
 def save(model: IdentifiedModel, folder: str | Path) -> None:

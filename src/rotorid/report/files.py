@@ -8,46 +8,23 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.flight_plan import FlightPlan
-from rotorid.documents.design import (
-    DesignDocument,
-    SimulationDocument,
-    design_document,
-    plan_document,
-    simulation_document,
-)
-from rotorid.documents.response import response_document
-from rotorid.documents.result import measured_arrays, response_arrays, result_document
-from rotorid.documents.result import to_json as to_json
+from rotorid.documents.base import to_json as to_json
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
-from rotorid.pipeline.designs import Designed, beyond_limits
-from rotorid.pipeline.flight_settings import DesignChoices, SimulateChoices
-from rotorid.pipeline.responses import Responses
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.simulation import (
-    LOG_NAME,
-    SimulatedLog,
-    fly_run,
-    move_rig,
-    rig_simulation,
-    simulation_of,
-    write_rig,
-    write_run,
-)
-from rotorid.plans.ardupilot import ardupilot_files
-from rotorid.plans.betaflight import betaflight_files
-from rotorid.plans.csv import plan_csv
-from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound
-from rotorid.plans.px4 import px4_files
-from rotorid.report.design import render_design
-from rotorid.report.flight_card import flight_card, flight_card_pdf
-from rotorid.report.identification import render_report
-from rotorid.report.response import render_responses
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from rotorid.data.flight_plan import FlightPlan
+    from rotorid.documents.design import DesignDocument, SimulationDocument
+    from rotorid.pipeline.designs import Designed
+    from rotorid.pipeline.flight_settings import DesignChoices, SimulateChoices
+    from rotorid.pipeline.responses import Responses
+    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.plans.facts import Autopilot, FlightFacts
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -68,6 +45,9 @@ def write_results(
     truth
         True values of parameters, where they are known.
     """
+    from rotorid.documents.result import response_arrays, result_document
+    from rotorid.report.identification import render_report
+
     write_together(
         folder,
         {
@@ -119,6 +99,8 @@ def write_overview_report(
     path: Path, models: Sequence[IdentifiedModel], *, title: str, truth: Mapping[str, float] | None = None
 ) -> None:
     """Write one report about several identifications."""
+    from rotorid.report.identification import render_report
+
     write_atomically(path, render_report(models, title=title, truth=truth))
 
 
@@ -134,6 +116,9 @@ def write_responses(folder: Path, result: Responses, *, title: str) -> None:
     title
         Heading of the report.
     """
+    from rotorid.documents.response import response_document
+    from rotorid.report.response import render_responses
+
     write_together(
         folder,
         {
@@ -146,6 +131,8 @@ def write_responses(folder: Path, result: Responses, *, title: str) -> None:
 
 def arrays(result: Responses) -> dict[str, np.ndarray]:
     """Arrays of ``responses.npz``; no pickles, names as plain text."""
+    from rotorid.documents.result import measured_arrays
+
     diagnostics = result.measured.diagnostics
     found = measured_arrays(result.response, result.measured.direct) | {
         "used": result.used,
@@ -190,6 +177,9 @@ def write_design(
     command
         What the user typed, for the document.
     """
+    from rotorid.documents.design import design_document
+    from rotorid.report.design import render_design
+
     kind = autopilot or choices.aircraft.autopilot.kind
     words: Autopilot = _AUTOPILOTS.get(kind, "other")
     require_autopilot(autopilot)
@@ -225,6 +215,11 @@ def _files(
     one: Designed, choices: DesignChoices, autopilot: Autopilot, *, explicit: bool
 ) -> tuple[dict[str, str | bytes], list[Finding]]:
     """Files of a plan by name; what an autopilot cannot fly is remarked on, and an error where it was asked for."""
+    from rotorid.documents.design import plan_document
+    from rotorid.pipeline.designs import beyond_limits
+    from rotorid.plans.csv import plan_csv
+    from rotorid.report.flight_card import flight_card, flight_card_pdf
+
     plan, facts = one.planned.plan, _facts(one, choices, autopilot)
     card = flight_card(plan, facts)
     files: dict[str, str | bytes] = {"plan.json": to_json(plan_document(plan)), **plan_csv(plan), **card}
@@ -248,10 +243,18 @@ def _files(
 
 def _autopilot_files(autopilot: Autopilot, plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     if autopilot == "ArduPilot":
+        from rotorid.plans.ardupilot import ardupilot_files
+
         return ardupilot_files(plan, facts)
     if autopilot == "PX4":
+        from rotorid.plans.px4 import px4_files
+
         return px4_files(plan, facts)
-    return betaflight_files(plan, facts) if autopilot == "Betaflight" else {}
+    if autopilot == "Betaflight":
+        from rotorid.plans.betaflight import betaflight_files
+
+        return betaflight_files(plan, facts)
+    return {}
 
 
 def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
@@ -259,6 +262,8 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
 
 
 def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> FlightFacts:
+    from rotorid.plans.facts import FlightFacts, PredictedBound
+
     reached = one.planned.reached
     bounds = [
         PredictedBound(
@@ -301,6 +306,9 @@ def write_simulation(
     command
         What the user typed, for the document.
     """
+    from rotorid.documents.design import plan_document, simulation_document
+    from rotorid.pipeline.simulation import SimulatedLog, fly_run, simulation_of, write_run
+
     logs: list[SimulatedLog] = []
     documents: list[SimulationDocument] = []
 
@@ -329,6 +337,9 @@ def write_simulation(
 
 def write_rig_simulation(folder: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:
     """Move the rig on its pivot, and write its log and ``simulation.json`` into a folder."""
+    from rotorid.documents.design import simulation_document
+    from rotorid.pipeline.simulation import LOG_NAME, move_rig, rig_simulation, write_rig
+
     record = move_rig(seed)
     documents: list[SimulationDocument] = []
 
