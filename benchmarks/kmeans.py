@@ -25,7 +25,7 @@ from rotorid.data import FlightRecord
 from rotorid.fitting import FrequencyProblem, Scale, StartBox, fit_frequency, search_box, without_structural_zeros
 from rotorid.models import LinearStructure, ParameterSet, StateSpace, from_toml, library_model
 from rotorid.pipeline import IdentifySettings
-from rotorid.pipeline.measure import measure
+from rotorid.pipeline.preparation.measure import measure
 from rotorid.search import Progress, search
 from rotorid.typing import FloatArray
 from rotorid.vehicles import rig

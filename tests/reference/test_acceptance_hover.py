@@ -16,12 +16,12 @@ from rotorid.data.record import Channel, FlightRecord
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.fitting.frequency.problem import pair_costs
 from rotorid.models.library import library_model, rate_model, speed_damping
-from rotorid.pipeline.frequency_fit import first_step
+from rotorid.pipeline.checking.unseen import check_sweeps
+from rotorid.pipeline.fits.frequency import first_step
+from rotorid.pipeline.preparation.selection import select_maneuvers
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.pipeline.summary import ParameterEstimate
-from rotorid.pipeline.unseen import check_sweeps
 from rotorid.typing import Axis
 from rotorid.verification.verification import Verification
 

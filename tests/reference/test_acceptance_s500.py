@@ -26,12 +26,14 @@ CASES = (Case("roll", "lateral", "L_roll"), Case("pitch", "longitudinal", "M_pit
 def test_gain_and_delay_above_the_speed_modes(case: Case, band: tuple[float, float], shared_data: Path) -> None:
     folder = shared_data / "s500"
     truth = json.loads((folder / "truth.json").read_text())[case.motion]
-    document = result_document(rotorid.identify(
-        [rotorid.read(folder / f"{case.axis}_sweeps.csv")],
-        f"rate.{case.axis}",
-        settings=rotorid.IdentifySettings(band_rad_s=band),
-        verify=[rotorid.read(folder / f"{case.axis}_doublets.csv")],
-    ))
+    document = result_document(
+        rotorid.identify(
+            [rotorid.read(folder / f"{case.axis}_sweeps.csv")],
+            f"rate.{case.axis}",
+            settings=rotorid.IdentifySettings(band_rad_s=band),
+            verify=[rotorid.read(folder / f"{case.axis}_doublets.csv")],
+        )
+    )
     tau = f"tau_{case.axis}"
     assert document.parameters[case.gain].value == pytest.approx(truth[case.gain], rel=0.03)
     assert document.parameters[tau].value == pytest.approx(truth[tau], abs=3e-3)

@@ -11,9 +11,9 @@ import pytest
 import rotorid
 from rotorid.data.record import AXES, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.consistency import ChannelSkew, Consistency, check_consistency, stretches
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.segments import cut
+from rotorid.pipeline.preparation.consistency import ChannelSkew, Consistency, check_consistency, stretches
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.segments import cut
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.excitations import find_excitations
 

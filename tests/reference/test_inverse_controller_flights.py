@@ -13,9 +13,9 @@ import rotorid
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import RATE_AXES, rate_model
-from rotorid.pipeline.inverse import Screened, pose_screened
-from rotorid.pipeline.measure import measure
-from rotorid.pipeline.selection import select_maneuvers
+from rotorid.pipeline.preparation.inverse import Screened, pose_screened
+from rotorid.pipeline.preparation.measure import measure
+from rotorid.pipeline.preparation.selection import select_maneuvers
 from rotorid.pipeline.settings import EstimateChoice, IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.typing import Axis

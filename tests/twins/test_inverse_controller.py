@@ -11,9 +11,9 @@ from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sweep import pilot_sweep
 from rotorid.models.library import rate_model
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.inverse import Screened, pose_screened
-from rotorid.pipeline.measure import measure
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.inverse import Screened, pose_screened
+from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.typing import FloatArray
 

@@ -18,9 +18,9 @@ from rotorid.excitation.sweep import pilot_sweep
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.library import library_model
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.frequency_fit import pose
-from rotorid.pipeline.measure import measure
+from rotorid.pipeline.fits.frequency import pose
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.simulation.hover_flight import Excitation, fly
 from rotorid.simulation.linear_loop import LinearLoop, fly_linear

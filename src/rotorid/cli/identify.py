@@ -87,7 +87,7 @@ def identify_command(
 
 def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:
     """The structure, or the name of one that takes its channels from the logs."""
-    from rotorid.pipeline.resolve import finds_its_channels, require_known, resolve_model
+    from rotorid.pipeline.preparation.resolve import finds_its_channels, require_known, resolve_model
 
     drivers = parse_names(inputs) if inputs else ()
     if finds_its_channels(model, drivers):

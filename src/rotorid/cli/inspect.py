@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from rotorid.data.findings import Finding
     from rotorid.data.record import Maneuver
-    from rotorid.pipeline.consistency import ChannelSkew
     from rotorid.pipeline.inspection import Inspection, LoggedChannel
+    from rotorid.pipeline.preparation.consistency import ChannelSkew
 
 Plot: TypeAlias = Annotated[
     Path | None, typer.Option("--plot", help="Write a picture of the log: FILE.html or FILE.png.")
@@ -35,10 +35,10 @@ def inspect_command(
     log: Log, *, map: Map = None, plot: Plot = None, output: Annotated[Output, Only("json", "quiet")]
 ) -> None:
     """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
+    from rotorid.documents.base import to_json
     from rotorid.documents.inspection import inspect_document
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
-    from rotorid.report.files import to_json
     from rotorid.report.inspection import require_suffix, write_inspection
 
     if plot is not None:

@@ -109,7 +109,7 @@ def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple
     from rotorid.errors import UsageError
     from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_text, model_names
     from rotorid.models.toml import from_toml, to_toml
-    from rotorid.pipeline.resolve import named_model
+    from rotorid.pipeline.preparation.resolve import named_model
 
     if name == MODEL:
         raise UsageError(

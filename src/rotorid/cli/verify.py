@@ -29,7 +29,7 @@ def verify_command(
 ) -> None:
     """Judge an identified model on data that it has not seen."""
     from rotorid.documents.verify import refused_verify_document, verify_document
-    from rotorid.pipeline.candidate import read_candidate
+    from rotorid.pipeline.checking.candidate import read_candidate
     from rotorid.pipeline.verification import refused_verification, verify
 
     candidate = read_candidate(result)

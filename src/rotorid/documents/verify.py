@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
-from rotorid.pipeline.checks import sweep_check
+from rotorid.pipeline.checking.checks import sweep_check
 from rotorid.pipeline.results import Refused
 from rotorid.pipeline.summary import ManeuverCheck, Range, SweepCheck
 from rotorid.pipeline.verification import Verified

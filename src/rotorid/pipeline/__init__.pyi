@@ -1,5 +1,5 @@
-from rotorid.pipeline.candidate import GivenController as GivenController
-from rotorid.pipeline.candidate import read_controllers as read_controllers
+from rotorid.pipeline.checking.candidate import GivenController as GivenController
+from rotorid.pipeline.checking.candidate import read_controllers as read_controllers
 from rotorid.pipeline.comparison import Comparison as Comparison
 from rotorid.pipeline.comparison import compare as compare
 from rotorid.pipeline.cross_validation import cross_validate as cross_validate

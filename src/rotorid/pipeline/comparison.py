@@ -20,15 +20,15 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.pipeline.candidate import motors_refused
+from rotorid.pipeline.checking.candidate import motors_refused
+from rotorid.pipeline.checking.unseen import fitted_logs, has_seen
 from rotorid.pipeline.cross_validation import common_horizon_s, fitted_band, score_flights
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import axes_of, is_command
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axes_of, is_command
+from rotorid.pipeline.preparation.selection import RICH_KINDS, each_once, select_records, wholly_flown
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
-from rotorid.pipeline.selection import RICH_KINDS, each_once, select_records, wholly_flown
 from rotorid.pipeline.settings import IdentifySettings, as_records, as_settings
-from rotorid.pipeline.unseen import fitted_logs, has_seen
 from rotorid.signal.excitations import find_excitations
 from rotorid.verification.fixed_parameters import FixedParameterScores, fit_percent
 
@@ -57,7 +57,7 @@ class Entry(Immutable):
     scored: bool = True
 
     def has_seen(self, record: FlightRecord, maneuver: Maneuver) -> bool:
-        """Whether any part of a maneuver was fitted, see :func:`rotorid.pipeline.unseen.has_seen`."""
+        """Whether any part of a maneuver was fitted, see :func:`rotorid.pipeline.checking.unseen.has_seen`."""
         return has_seen(self.model.provenance, record, maneuver)
 
     @cached_property

@@ -21,17 +21,17 @@ from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.checking.unseen import nothing_left
+from rotorid.pipeline.fits.time import nothing_unseen, unknowns_of
 from rotorid.pipeline.identification import identify, logged_by_all
-from rotorid.pipeline.instruments import is_command
-from rotorid.pipeline.resolve import resolve_model
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import is_command
+from rotorid.pipeline.preparation.resolve import resolve_model
+from rotorid.pipeline.preparation.segments import require_channels, time_records
+from rotorid.pipeline.preparation.selection import each_once, select_records
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.segments import require_channels, time_records
-from rotorid.pipeline.selection import each_once, select_records
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import BestFold, CrossValidationSummary, FoldParameter, FoldSummary, SignalScore, finite
-from rotorid.pipeline.time_fit import nothing_unseen, unknowns_of
-from rotorid.pipeline.unseen import nothing_left
 from rotorid.verification import fixed_parameters as engine
 from rotorid.verification.fixed_parameters import (
     CrossValidation,

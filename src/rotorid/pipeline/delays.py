@@ -17,13 +17,13 @@ from rotorid.data.record import STANDARD_UNITS, FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import axes_of, find_instrument, is_command
-from rotorid.pipeline.measure import measure
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axes_of, find_instrument, is_command
+from rotorid.pipeline.preparation.measure import measure
+from rotorid.pipeline.preparation.segments import cut, histories, other_sources
+from rotorid.pipeline.preparation.selection import chosen_maneuvers, default_pairs, each_once
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Records, Segment
-from rotorid.pipeline.segments import cut, histories, other_sources
-from rotorid.pipeline.selection import chosen_maneuvers, default_pairs, each_once
 from rotorid.pipeline.settings import MeasureSettings, as_records, as_settings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import excitation_signals

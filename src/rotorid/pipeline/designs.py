@@ -27,8 +27,8 @@ from rotorid.io.registry import format_of, log_rate_hz
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.pipeline.flight_settings import DOUBLET_S, DesignChoices, PlanChoices
-from rotorid.pipeline.resolve import named_model
-from rotorid.pipeline.scope import INERTIAL
+from rotorid.pipeline.preparation.resolve import named_model
+from rotorid.pipeline.preparation.scope import INERTIAL
 from rotorid.pipeline.simulation import truth_of
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, largest_amplitude, limit_words, reached

@@ -407,7 +407,7 @@ class DesignChoices(Immutable):
     def model_names(self) -> tuple[str, ...]:
         """The models in force."""
         from rotorid.models.library import RATE_AXES
-        from rotorid.pipeline.resolve import named_model
+        from rotorid.pipeline.preparation.resolve import named_model
 
         if self.models:
             return self.models

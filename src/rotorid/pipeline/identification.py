@@ -11,10 +11,10 @@ from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.methods import Fitted, Frequency, InTime, Method, Prepared
-from rotorid.pipeline.motor_method import Motors
+from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
+from rotorid.pipeline.fits.motor_method import Motors
+from rotorid.pipeline.preparation.resolve import answers_setpoints, resolve_model
 from rotorid.pipeline.provenance import provenance
-from rotorid.pipeline.resolve import answers_setpoints, resolve_model
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
 from rotorid.pipeline.settings import MODEL, IdentifySettings, MotorChoices, as_records, as_settings, motor_choices
 from rotorid.pipeline.summary import UnseenCombination

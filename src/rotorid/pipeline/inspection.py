@@ -18,12 +18,12 @@ from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import RATE_AXES
-from rotorid.pipeline.consistency import ChannelSkew, check_consistency, stretches
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.frequency_fit import LOWEST_TOP_RAD_S
-from rotorid.pipeline.instruments import axis_of, find_instrument
+from rotorid.pipeline.fits.frequency import LOWEST_TOP_RAD_S
+from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axis_of, find_instrument
+from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import LoggedManeuver, logged
-from rotorid.pipeline.selection import RICH_KINDS
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.excitations import candidate_excitations, find_excitations
 from rotorid.signal.kinematics import KinematicCheck

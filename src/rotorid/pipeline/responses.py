@@ -24,14 +24,14 @@ from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import axes_of, axis_of, is_command
-from rotorid.pipeline.inverse import without_inverse_controller
-from rotorid.pipeline.loops import ATTITUDE, AxisLoop, axis_loop
-from rotorid.pipeline.measure import Measured, feedback_bias, measure, without_known_filters
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command
+from rotorid.pipeline.preparation.inverse import without_inverse_controller
+from rotorid.pipeline.preparation.loops import ATTITUDE, AxisLoop, axis_loop
+from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure, without_known_filters
+from rotorid.pipeline.preparation.selection import RICH_KINDS, described, each_once, of_axes, whole_flights
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Records, Segment
-from rotorid.pipeline.selection import RICH_KINDS, described, each_once, of_axes, whole_flights
 from rotorid.pipeline.settings import ResponseSettings, as_names, as_records, as_settings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis, BoolArray, FloatArray

@@ -11,18 +11,18 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.candidate import Candidate, candidate_model, read_candidate
-from rotorid.pipeline.checks import maneuver_check
-from rotorid.pipeline.coverage import covered_by, trim_of
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import axes_of
+from rotorid.pipeline.checking.candidate import Candidate, candidate_model, read_candidate
+from rotorid.pipeline.checking.checks import maneuver_check
+from rotorid.pipeline.checking.unseen import UnseenLog, check_logs, has_seen, seen_data, unseen_logs
+from rotorid.pipeline.preparation.coverage import covered_by, trim_of
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axes_of
+from rotorid.pipeline.preparation.segments import cut
+from rotorid.pipeline.preparation.selection import each_once
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, Verifications
-from rotorid.pipeline.segments import cut
-from rotorid.pipeline.selection import each_once
 from rotorid.pipeline.settings import VerifySettings, as_records, as_settings
 from rotorid.pipeline.summary import ManeuverCheck, Range, Trim
-from rotorid.pipeline.unseen import UnseenLog, check_logs, has_seen, seen_data, unseen_logs
 from rotorid.verification.verification import Verification
 
 Judged: TypeAlias = str | Path | Candidate | IdentifiedModel

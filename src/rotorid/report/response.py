@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from rotorid.documents.response import EstimatedDocument, LoopDocument
-from rotorid.pipeline.loops import AxisLoop
+from rotorid.pipeline.preparation.loops import AxisLoop
 from rotorid.pipeline.responses import Pair, Responses
 from rotorid.plot.curves import runs
 from rotorid.plot.figure import quantity

@@ -10,7 +10,7 @@ from tests.unit.cli.commands import rotorid
 
 from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_text, model_names, rate_model
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.resolve import resolve_model
+from rotorid.pipeline.preparation.resolve import resolve_model
 
 NAMES = (*RATE_AXES, *model_names())
 

@@ -13,9 +13,9 @@ from rotorid.models.equations import structure_from_equations
 from rotorid.models.expression import Expression
 from rotorid.models.library import nonlinear_library_text, nonlinear_model, nonlinear_model_names
 from rotorid.models.nonlinear import AXES, flight_structure, nonlinear_structure
-from rotorid.models.toml import nonlinear_from_toml
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import nonlinear_from_toml
 from rotorid.simulation.nonlinear import simulate_nonlinear
 
 TEXT = """

@@ -12,14 +12,14 @@ from rotorid.data.record import Maneuver
 from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
 from rotorid.models.library import response_model
-from rotorid.pipeline.bootstrapping import Bootstrap, bootstrap
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
+from rotorid.pipeline.fits.time import TimeFit, fit_in_time
 from rotorid.pipeline.identification import identify
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.segments import time_records
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.segments import time_records
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.pipeline.summary import BootstrapSummary
-from rotorid.pipeline.time_fit import TimeFit, fit_in_time
 from rotorid.uncertainty.resampling import SpreadTable
 
 MODEL = "response.second_order_delay"

@@ -18,14 +18,14 @@ from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.io.registry import read
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.frequency_fit import FrequencyFit, fit_with_bounds, pose
+from rotorid.pipeline.checking.unseen import check_sweeps, hold_out, verify_fitted
+from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds, pose
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.measure import Measured, measure
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.measure import Measured, measure
+from rotorid.pipeline.preparation.selection import Selection, select_maneuvers
 from rotorid.pipeline.results import FrequencyCheck, Verifications
-from rotorid.pipeline.selection import Selection, select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.unseen import check_sweeps, hold_out, verify_fitted
 from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.typing import Axis
 
@@ -200,7 +200,7 @@ def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatc
         posed.append(problem)
         return fit_and_drop(problem)
 
-    monkeypatch.setattr("rotorid.pipeline.unseen.fit_and_drop", seen)
+    monkeypatch.setattr("rotorid.pipeline.checking.unseen.fit_and_drop", seen)
     structure = rate_model("rate.roll")
     hold_out(structure, [*first.selection.fitted, first.second], first.settings)
     (problem,) = posed

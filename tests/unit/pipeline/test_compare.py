@@ -14,7 +14,7 @@ from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.documents.compare import CompareDocument, compare_document, read_results
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.comparison import Comparison, _with_rest, compare, refused_comparison
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.report.files import to_json
 

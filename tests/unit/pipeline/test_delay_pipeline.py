@@ -10,7 +10,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, T
 from rotorid.documents.delay import DelayDocument, delay_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.delays import delay, refused_delay
-from rotorid.pipeline.selection import default_pairs
+from rotorid.pipeline.preparation.selection import default_pairs
 from rotorid.pipeline.settings import MeasureSettings, parse_segment
 from rotorid.typing import FloatArray
 

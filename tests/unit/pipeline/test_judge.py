@@ -8,7 +8,7 @@ import pytest
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.frequency_fit import judge_parameters, require_known_gain
+from rotorid.pipeline.fits.frequency import judge_parameters, require_known_gain
 from rotorid.uncertainty.cramer_rao import Bounds
 
 FOUND = rate_model("rate.roll").parameters

@@ -9,7 +9,7 @@ import pytest
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.toml import from_toml, to_toml
-from rotorid.pipeline.resolve import (
+from rotorid.pipeline.preparation.resolve import (
     answers_setpoints,
     black_box_order,
     chosen_parameters,

@@ -9,7 +9,7 @@ from tests.unit.pipeline.small_logs import at_rest, log, sweeps
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.models.library import library_model, transfer_function
 from rotorid.models.structure import connected
-from rotorid.pipeline.scope import Scoped, scoped
+from rotorid.pipeline.preparation.scope import Scoped, scoped
 from rotorid.pipeline.settings import IdentifySettings
 
 LONGITUDINAL = library_model("hover.longitudinal")

@@ -20,16 +20,23 @@ from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.library import response_model
 from rotorid.models.toml import from_toml
-from rotorid.pipeline import frequency_fit as fitting
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.fits import frequency as fitting
+from rotorid.pipeline.fits.searching import (
+    NEARLY_AS_GOOD,
+    Searched,
+    judge_minima,
+    search_summary,
+    searched,
+    searched_minima,
+)
+from rotorid.pipeline.fits.time import fit_in_time
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.resolve import named_model
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.resolve import named_model
+from rotorid.pipeline.preparation.segments import TimeRecords, time_records
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.searching import NEARLY_AS_GOOD, Searched, judge_minima, search_summary, searched, searched_minima
-from rotorid.pipeline.segments import TimeRecords, time_records
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings, parse_segment
 from rotorid.pipeline.summary import SearchSummary
-from rotorid.pipeline.time_fit import fit_in_time
 from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.search.result import Basin
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -193,7 +200,7 @@ def test_starts_and_the_search_of_their_name_end_in_one_place(records: TimeRecor
     plain = fit_in_time(SECOND, records, IdentifySettings(), method="output_error")
     assert plain.search is None
     assert search_summary(plain.search) is None
-    assert searched_minima(plain.search) == []
+    assert searched_minima(plain.search) == ()
 
 
 def test_of_two_minima_with_one_cost_the_one_near_the_model_leads() -> None:

@@ -10,9 +10,9 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Kind, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import find_instrument
-from rotorid.pipeline.selection import select_maneuvers
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import find_instrument
+from rotorid.pipeline.preparation.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.signal.excitations import find_excitations
 

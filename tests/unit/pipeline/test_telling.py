@@ -6,8 +6,8 @@ import numpy as np
 
 from rotorid.data.record import Maneuver
 from rotorid.models.library import library_model
-from rotorid.pipeline.candidate import Candidate
-from rotorid.pipeline.maneuvers import SHARE, excited_outputs
+from rotorid.pipeline.checking.candidate import Candidate
+from rotorid.pipeline.checking.maneuvers import SHARE, excited_outputs
 from rotorid.typing import Axis
 from rotorid.verification.verification import Scores, Verification
 

@@ -16,15 +16,15 @@ from rotorid.models.equations import structure_from_equations
 from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.fits.methods import InTime
+from rotorid.pipeline.fits.time import fit_in_time, following, judge_agreement, judge_following, judge_time_fit
 from rotorid.pipeline.identification import identify, method_of
-from rotorid.pipeline.methods import InTime
-from rotorid.pipeline.resolve import named_model
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.resolve import named_model
+from rotorid.pipeline.preparation.segments import TimeRecords, evenly_stamped, time_records
 from rotorid.pipeline.results import IdentifiedModel, Segment
-from rotorid.pipeline.segments import TimeRecords, evenly_stamped, time_records
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import Compared
-from rotorid.pipeline.time_fit import fit_in_time, following, judge_agreement, judge_following, judge_time_fit
 from rotorid.simulation.linear import simulate_linear
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])

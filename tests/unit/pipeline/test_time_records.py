@@ -13,11 +13,11 @@ from rotorid.documents.result import result_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.library import response_model
-from rotorid.pipeline.flights import Flight
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.resolve import named_model
-from rotorid.pipeline.segments import TimeRecords, time_records
-from rotorid.pipeline.selection import select_records
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.resolve import named_model
+from rotorid.pipeline.preparation.segments import TimeRecords, time_records
+from rotorid.pipeline.preparation.selection import select_records
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.typing import FloatArray
 

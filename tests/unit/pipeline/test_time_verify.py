@@ -13,10 +13,10 @@ from rotorid.documents.result import result_document
 from rotorid.errors import ModelError
 from rotorid.fitting.time.output_error import Fitted, TimeData, TimeProblem
 from rotorid.models.library import response_model
+from rotorid.pipeline.checking.unseen import estimated_shifts
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.unseen import estimated_shifts
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 

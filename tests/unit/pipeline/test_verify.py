@@ -16,8 +16,8 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.excitation.switching import doublet
 from rotorid.models.library import rate_model
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.candidate import Candidate, read_candidate
-from rotorid.pipeline.maneuvers import with_known_delays
+from rotorid.pipeline.checking.candidate import Candidate, read_candidate
+from rotorid.pipeline.checking.maneuvers import with_known_delays
 from rotorid.pipeline.settings import VerifySettings, parse_segment
 from rotorid.pipeline.verification import verify
 from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation, Flight, fly

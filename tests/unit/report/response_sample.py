@@ -9,8 +9,8 @@ from tests.unit.report.sample import sweep
 
 from rotorid.data.findings import Finding
 from rotorid.data.response import Estimate, FrequencyResponse
-from rotorid.pipeline.loops import AxisLoop
-from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.preparation.loops import AxisLoop
+from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.responses import ResponseRecord, Responses
 from rotorid.pipeline.results import Segment

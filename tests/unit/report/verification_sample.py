@@ -7,7 +7,7 @@ import dataclasses
 from tests.unit.report.sample import document, doublet, judged, maneuver
 
 from rotorid.documents.verify import VerifyDocument, guideline_document
-from rotorid.pipeline.checks import sweep_check
+from rotorid.pipeline.checking.checks import sweep_check
 from rotorid.pipeline.results import Verifications
 from rotorid.pipeline.summary import ClosedLoopScores, SignalScore
 from rotorid.verification.closed_loop import ClosedLoop, LoopScores

@@ -18,12 +18,12 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.models.state_space import StateSpace
-from rotorid.pipeline.candidate import RATES, Candidate, Controllers, no_controller, other_controller
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import axis_of, is_command
-from rotorid.pipeline.measure import Measured, default_band
+from rotorid.pipeline.checking.candidate import RATES, Candidate, Controllers, no_controller, other_controller
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axis_of, is_command
+from rotorid.pipeline.preparation.measure import Measured, default_band
+from rotorid.pipeline.preparation.segments import cut, source_of
 from rotorid.pipeline.results import Segment
-from rotorid.pipeline.segments import cut, source_of
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.filters import KnownFilter

@@ -16,12 +16,12 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.expression import Expression
 from rotorid.models.structure import LinearStructure, connected
-from rotorid.pipeline.coverage import HOVER_M_S
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import axis_of, is_command
-from rotorid.pipeline.resolve import require_known
-from rotorid.pipeline.segments import require_channels
-from rotorid.pipeline.selection import Selection
+from rotorid.pipeline.preparation.coverage import HOVER_M_S
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axis_of, is_command
+from rotorid.pipeline.preparation.resolve import require_known
+from rotorid.pipeline.preparation.segments import require_channels
+from rotorid.pipeline.preparation.selection import Selection
 from rotorid.pipeline.settings import IdentifySettings
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az")

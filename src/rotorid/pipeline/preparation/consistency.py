@@ -14,7 +14,7 @@ import numpy as np
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.results import Segment
 from rotorid.signal.airborne import Airborne
 from rotorid.signal.autopilot_filters import known_filters

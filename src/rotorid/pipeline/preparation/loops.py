@@ -11,9 +11,9 @@ from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.models.controller import rate_controller
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.measure import Measured
-from rotorid.pipeline.segments import histories
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.measure import Measured
+from rotorid.pipeline.preparation.segments import histories
 from rotorid.spectral.derived import Estimated, selected
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.loops import injected_loop, sensitivity, series

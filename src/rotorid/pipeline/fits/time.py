@@ -43,16 +43,16 @@ from rotorid.fitting.time.output_error import (
 )
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.bootstrapping import Bootstrap
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.frequency_fit import FrequencyFit, fit_with_bounds, judge_parameters
-from rotorid.pipeline.instruments import is_command
-from rotorid.pipeline.inverse import pose_screened
-from rotorid.pipeline.measure import Measured, measure
-from rotorid.pipeline.resolve import black_box_order, chosen_parameters
+from rotorid.pipeline.fits.bootstrapping import Bootstrap
+from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds, judge_parameters
+from rotorid.pipeline.fits.searching import Searched, refuse_search, searched
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import is_command
+from rotorid.pipeline.preparation.inverse import pose_screened
+from rotorid.pipeline.preparation.measure import Measured, measure
+from rotorid.pipeline.preparation.resolve import black_box_order, chosen_parameters
+from rotorid.pipeline.preparation.segments import TimeRecords
 from rotorid.pipeline.results import SimulatedRecord
-from rotorid.pipeline.searching import Searched, refuse_search, searched
-from rotorid.pipeline.segments import TimeRecords
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import Compared, EquationFit, Information, RecordFit, Residuals
 from rotorid.typing import ComplexArray, FloatArray

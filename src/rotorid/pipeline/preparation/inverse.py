@@ -16,10 +16,10 @@ from rotorid.fitting.inverse_controller import SubBand, inverse_controller
 from rotorid.models.controller import RateController, rate_controller
 from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.frequency_fit import pose, require_support
-from rotorid.pipeline.instruments import axis_of
-from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.fits.frequency import pose, require_support
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axis_of
+from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.typing import BoolArray, FloatArray
 

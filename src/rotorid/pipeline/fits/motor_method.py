@@ -13,10 +13,9 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import MotorProblem, excitations
 from rotorid.models.motors import CURVE_TERMS, scale_of
-from rotorid.pipeline.frequency_fit import judge_combinations
-from rotorid.pipeline.methods import Described
-from rotorid.pipeline.motor_data import MotorData, motor_data
-from rotorid.pipeline.motor_fit import (
+from rotorid.pipeline.fits.frequency import judge_combinations
+from rotorid.pipeline.fits.methods import Described
+from rotorid.pipeline.fits.motors import (
     FittedMotors,
     Motion,
     fit_motor_data,
@@ -27,6 +26,7 @@ from rotorid.pipeline.motor_fit import (
     scores,
     simulated_record,
 )
+from rotorid.pipeline.preparation.motor_data import MotorData, motor_data
 from rotorid.pipeline.results import FittedData, Verifications, no_response
 from rotorid.pipeline.settings import MotorChoices
 from rotorid.pipeline.summary import Checks, ExcitedFlight, Fit, FitEnd, InertiaEstimate, MotorPhysics, RecordFit

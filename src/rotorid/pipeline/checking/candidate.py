@@ -25,11 +25,11 @@ from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.models.toml_source import Source
-from rotorid.pipeline.frequency_fit import FrequencyFit
-from rotorid.pipeline.measure import Measured
+from rotorid.pipeline.fits.frequency import FrequencyFit
+from rotorid.pipeline.preparation.measure import Measured
+from rotorid.pipeline.preparation.segments import source_of
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.segments import source_of
 from rotorid.pipeline.settings import MODEL as MOTORS
 from rotorid.typing import Axis
 from rotorid.verification.closed_loop import Loop, LoopScores, controller_alone

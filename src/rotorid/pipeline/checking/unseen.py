@@ -1,8 +1,8 @@
 """What unseen flights say about a model: maneuvers that are predicted, sweeps that are compared, one that is held out.
 
-What was fitted flatters a model. Short maneuvers are predicted in the time domain (:mod:`rotorid.pipeline.maneuvers`),
-sweeps compared in the frequency domain, responses to set-points simulated. Where all that was flown was fitted, a
-second model is fitted without one maneuver and compared with it.
+What was fitted flatters a model. Short maneuvers are predicted in the time domain
+(:mod:`rotorid.pipeline.checking.maneuvers`), sweeps compared in the frequency domain, responses to set-points
+simulated. Where all that was flown was fitted, a second model is fitted without one maneuver and compared with it.
 """
 
 from __future__ import annotations
@@ -24,20 +24,27 @@ from rotorid.fitting.time.output_error import Fitted as Simulated
 from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.candidate import Candidate, candidate_of
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.frequency_fit import FrequencyFit, fitted_band
-from rotorid.pipeline.instruments import axes_of, axis_of, is_command
-from rotorid.pipeline.inverse import pose_screened
-from rotorid.pipeline.maneuvers import excited_outputs, predict_maneuvers, remarks_on, usual_motion
-from rotorid.pipeline.measure import Measured, default_band, measure
+from rotorid.pipeline.checking.candidate import Candidate, candidate_of
+from rotorid.pipeline.checking.maneuvers import excited_outputs, predict_maneuvers, remarks_on, usual_motion
+from rotorid.pipeline.fits.frequency import FrequencyFit, fitted_band
+from rotorid.pipeline.fits.time import TimeFit, growth, nothing_unseen
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command
+from rotorid.pipeline.preparation.inverse import pose_screened
+from rotorid.pipeline.preparation.measure import Measured, default_band, measure
+from rotorid.pipeline.preparation.segments import TimeRecords, require_channels, source_of, time_records
+from rotorid.pipeline.preparation.selection import (
+    RICH_KINDS,
+    Selection,
+    described,
+    of_axes,
+    select_records,
+    wholly_flown,
+)
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import FrequencyCheck, Segment, Verifications
-from rotorid.pipeline.segments import TimeRecords, require_channels, source_of, time_records
-from rotorid.pipeline.selection import RICH_KINDS, Selection, described, of_axes, select_records, wholly_flown
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.pipeline.summary import PairCost
-from rotorid.pipeline.time_fit import TimeFit, growth, nothing_unseen
 from rotorid.reduction.guided import fit_and_drop
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
@@ -310,7 +317,8 @@ def verify_unseen(
     settings
         Choices of the run.
     usual
-        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.maneuvers.excited_outputs`.
+        Motion of each output where the model was fitted, see
+        :func:`rotorid.pipeline.checking.maneuvers.excited_outputs`.
     """
     structure = candidate.structure
     axes = axes_of(structure.inputs, structure.outputs)
@@ -368,7 +376,8 @@ def check_logs(
     vibration_filter
         See :func:`rotorid.verification.time_domain.verify_in_time`.
     usual
-        Motion of each output where the model was fitted, see :func:`rotorid.pipeline.maneuvers.excited_outputs`.
+        Motion of each output where the model was fitted, see
+        :func:`rotorid.pipeline.checking.maneuvers.excited_outputs`.
     """
     parts: list[Verifications] = []
     heard: list[UnseenLog] = []

@@ -22,9 +22,9 @@ from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Man
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.flights import Flight, overlap
-from rotorid.pipeline.instruments import flights_by_thrust, is_injection, while_flying
-from rotorid.pipeline.resolve import black_box_order
+from rotorid.pipeline.preparation.flights import Flight, overlap
+from rotorid.pipeline.preparation.instruments import flights_by_thrust, is_injection, while_flying
+from rotorid.pipeline.preparation.resolve import black_box_order
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.airborne import Airborne

@@ -17,8 +17,14 @@ from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.flights import Flight, overlap
-from rotorid.pipeline.instruments import axes_of, find_instrument, flights_by_thrust, is_command, is_injection
+from rotorid.pipeline.preparation.flights import Flight, overlap
+from rotorid.pipeline.preparation.instruments import (
+    axes_of,
+    find_instrument,
+    flights_by_thrust,
+    is_command,
+    is_injection,
+)
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import missing_channel

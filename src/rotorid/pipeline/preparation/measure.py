@@ -18,11 +18,11 @@ from rotorid.data.record import AXES, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
-from rotorid.pipeline.consistency import data_quality
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import choose_instruments, no_instrument
+from rotorid.pipeline.preparation.consistency import data_quality
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import choose_instruments, no_instrument
+from rotorid.pipeline.preparation.segments import cut, histories, require_known, source_of, with_surroundings
 from rotorid.pipeline.results import Segment
-from rotorid.pipeline.segments import cut, histories, require_known, source_of, with_surroundings
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.filters import KnownFilter

@@ -13,7 +13,7 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.clock import missing_channel

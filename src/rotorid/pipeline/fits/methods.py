@@ -2,7 +2,7 @@
 
 Each method has the same few verbs, so that :func:`rotorid.identify` is one way for all of them. Responses are fitted in
 the frequency domain; output error, prediction error and equation error fit the records themselves, and compare with
-the frequency domain where that can answer too. Physics of motors is in :mod:`rotorid.pipeline.motor_method`.
+the frequency domain where that can answer too. Physics of motors is in :mod:`rotorid.pipeline.fits.motor_method`.
 """
 
 from __future__ import annotations
@@ -21,13 +21,11 @@ from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.bootstrapping import bootstrap, require_bootstrap
-from rotorid.pipeline.candidate import output_sources
-from rotorid.pipeline.checks import checks_of
-from rotorid.pipeline.consistency import data_quality
-from rotorid.pipeline.coverage import covered_by
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.frequency_fit import (
+from rotorid.pipeline.checking.candidate import output_sources
+from rotorid.pipeline.checking.checks import checks_of
+from rotorid.pipeline.checking.unseen import verify_fitted, verify_fitted_in_time
+from rotorid.pipeline.fits.bootstrapping import bootstrap, require_bootstrap
+from rotorid.pipeline.fits.frequency import (
     FrequencyFit,
     cost_of,
     delay_budget,
@@ -35,31 +33,8 @@ from rotorid.pipeline.frequency_fit import (
     fit_with_bounds,
     judge_combinations,
 )
-from rotorid.pipeline.instruments import is_command
-from rotorid.pipeline.inverse import Screened, pose_screened
-from rotorid.pipeline.measure import Measured, filter_delays, measure
-from rotorid.pipeline.provenance import Choices
-from rotorid.pipeline.resolve import answers_setpoints, black_box_order
-from rotorid.pipeline.results import FittedData, Verifications, no_response
-from rotorid.pipeline.scope import scoped, trimmed
-from rotorid.pipeline.searching import judge_minima, refuse_search, search_summary, searched_minima
-from rotorid.pipeline.segments import TimeRecords, source_of, time_records
-from rotorid.pipeline.selection import Selection, select_records
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.summary import (
-    Checks,
-    Cost,
-    DelayBudget,
-    Fit,
-    FitEnd,
-    FitWeights,
-    Minimum,
-    MotorPhysics,
-    Range,
-    ReductionStep,
-    finite,
-)
-from rotorid.pipeline.time_fit import (
+from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
+from rotorid.pipeline.fits.time import (
     FrequencySide,
     TimeFit,
     TimeMethod,
@@ -77,7 +52,32 @@ from rotorid.pipeline.time_fit import (
     residuals,
     simulated_records,
 )
-from rotorid.pipeline.unseen import verify_fitted, verify_fitted_in_time
+from rotorid.pipeline.preparation.consistency import data_quality
+from rotorid.pipeline.preparation.coverage import covered_by
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import is_command
+from rotorid.pipeline.preparation.inverse import Screened, pose_screened
+from rotorid.pipeline.preparation.measure import Measured, filter_delays, measure
+from rotorid.pipeline.preparation.resolve import answers_setpoints, black_box_order
+from rotorid.pipeline.preparation.scope import scoped, trimmed
+from rotorid.pipeline.preparation.segments import TimeRecords, source_of, time_records
+from rotorid.pipeline.preparation.selection import Selection, select_records
+from rotorid.pipeline.provenance import Choices
+from rotorid.pipeline.results import FittedData, Verifications, no_response
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.summary import (
+    Checks,
+    Cost,
+    DelayBudget,
+    Fit,
+    FitEnd,
+    FitWeights,
+    Minimum,
+    MotorPhysics,
+    Range,
+    ReductionStep,
+    finite,
+)
 from rotorid.reduction.guided import Step
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations

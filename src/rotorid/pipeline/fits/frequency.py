@@ -47,11 +47,11 @@ from rotorid.models.library import MOTOR_LAG, RATE_AXES, speed_damping
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.bootstrapping import Bootstrap
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.measure import Measured, feedback_bias, measure
-from rotorid.pipeline.resolve import chosen_parameters
-from rotorid.pipeline.searching import Searched, judge_minima, searched
+from rotorid.pipeline.fits.bootstrapping import Bootstrap
+from rotorid.pipeline.fits.searching import Searched, judge_minima, searched
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure
+from rotorid.pipeline.preparation.resolve import chosen_parameters
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import Cost, DelayBudget, PairCost
 from rotorid.reduction.guided import Step, fit_and_drop, reduce

@@ -19,10 +19,10 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRec
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import LEAST_SAMPLES
 from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
-from rotorid.pipeline.flights import Flight
-from rotorid.pipeline.instruments import while_flying
-from rotorid.pipeline.segments import built
-from rotorid.pipeline.selection import described, each_once
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import while_flying
+from rotorid.pipeline.preparation.segments import built
+from rotorid.pipeline.preparation.selection import described, each_once
 from rotorid.pipeline.settings import MotorChoices, chosen_layout
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
@@ -318,7 +318,7 @@ def motor_data(
     Parameters
     ----------
     records, choices
-        As for :func:`rotorid.pipeline.motor_method.Motors`.
+        As for :func:`rotorid.pipeline.fits.motor_method.Motors`.
     reference_v
         Voltage at which thrust is told; the median of all stretches by default.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from rotorid.data.record import AXES, TimeHistory
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.summary import Range, Trim
 from rotorid.typing import FloatArray
 

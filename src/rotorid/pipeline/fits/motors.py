@@ -49,9 +49,9 @@ from rotorid.models.motors import (
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.bootstrapping import Bootstrap, bootstrap
-from rotorid.pipeline.frequency_fit import judge_parameters
-from rotorid.pipeline.motor_data import MotorData, MotorFlight
+from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
+from rotorid.pipeline.fits.frequency import judge_parameters
+from rotorid.pipeline.preparation.motor_data import MotorData, MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.settings import MotorChoices
 from rotorid.pipeline.summary import Derived

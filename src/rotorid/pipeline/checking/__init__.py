@@ -1,0 +1,1 @@
+"""A model on flights that it has not seen."""

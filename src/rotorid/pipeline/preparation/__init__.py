@@ -1,0 +1,1 @@
+"""From logs to data: flights that are fitted, on one clock, with the model's channels and their responses."""
