@@ -175,10 +175,9 @@ def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
 
 
 def _moving_mean(values: FloatArray, window: int) -> FloatArray:
-    """Means over windows around each sample; beyond the ends the first and last sample go on."""
-    padded = np.pad(values, ((0, 0), (window // 2, window - 1 - window // 2)), mode="edge")
-    first, changes = padded[:, :window], padded[:, window:] - padded[:, :-window]
-    return np.asarray(np.cumsum(np.concatenate([first, changes], axis=1), axis=1)[:, window - 1 :] / window)
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(values, window, axis=1, mode="nearest"))
 
 
 def _intervals(time_s: FloatArray, flying: BoolArray, margin_s: float) -> tuple[tuple[float, float], ...]:

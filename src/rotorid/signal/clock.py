@@ -16,7 +16,6 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.signal.spline import cubic_spline
 from rotorid.typing import FloatArray
 
 LONGEST_BRIDGED_GAP_S = 0.1
@@ -302,7 +301,9 @@ def _spline(time_s: FloatArray, values: FloatArray, clock_s: FloatArray) -> Floa
     nearest = np.clip(np.searchsorted(time_s, clock_s - _SAME_STAMP_S), 0, time_s.size - 1)
     if np.abs(time_s[nearest] - clock_s).max() <= _SAME_STAMP_S:
         return values[nearest]
-    return cubic_spline(time_s, values, clock_s)
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(time_s, values)(clock_s))
 
 
 def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float, factor: int) -> FloatArray:
@@ -358,7 +359,9 @@ class Interpolated(Immutable):
 
         Holds for motion that the true samples follow; what was faster is lost, and the spline invents nothing for it.
         """
-        return cubic_spline(self.time_s, self.values, time_s)
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.time_s, self.values, axis=1)(time_s), dtype=np.float64)
 
     def finding(self, where: str) -> Finding:
         """A remark that the channels are slower than they look."""

@@ -18,7 +18,6 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.skew import CrossSpectrum, Relation, coherent_lines, cross_spectrum, time_skew
-from rotorid.signal.spline import cubic_spline
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -57,8 +56,10 @@ def derivative(values: FloatArray, sample_rate_hz: float) -> FloatArray:
         raise InsufficientDataError(
             f"{values.shape[-1]} samples came, to be differentiated", needed="two and more, all finite"
         )
+    from scipy.interpolate import CubicSpline
+
     time_s = np.arange(values.shape[-1]) / sample_rate_hz
-    return cubic_spline(time_s, values, time_s, derivative=1)
+    return np.asarray(CubicSpline(time_s, values, axis=-1)(time_s, 1))
 
 
 def has_channels(history: TimeHistory, names: tuple[str, ...]) -> bool:

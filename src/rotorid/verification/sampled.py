@@ -16,7 +16,6 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
 from rotorid.models.state_space import StateSpace
-from rotorid.signal.zero_phase import forward_backward, section
 from rotorid.simulation.linear import WHOLE_SAMPLE, discretize
 from rotorid.typing import BoolArray, FloatArray
 
@@ -388,6 +387,7 @@ VIBRATING = 0.1
 
 _LEAST_PERIODS = 1.5
 _LEAST_PADDING_S = 3.0
+_ORDER = 2
 _HIGHEST = 0.9
 
 
@@ -403,20 +403,24 @@ def band_pass(band_rad_s: tuple[float, float], rate_hz: float, duration_s: float
     rate_hz, duration_s
         Of the record.
     """
+    from scipy.signal import butter, sosfiltfilt
+
     low, high = (edge / (np.pi * rate_hz) for edge in band_rad_s)
     sections = []
     if high < _HIGHEST:
-        sections.append(section(high, "lowpass"))
+        sections.append(butter(_ORDER, high, output="sos"))
     least_s = _LEAST_PERIODS * 2.0 * np.pi / band_rad_s[0]
     high_pass = duration_s >= least_s and low < min(high, _HIGHEST)
     if high_pass:
-        sections.append(section(low, "highpass"))
+        sections.append(butter(_ORDER, low, btype="high", output="sos"))
     if not sections:
         return np.asarray
     stacked = np.vstack(sections)
     # The high-pass filter rings at the ends of a trend; a padding as long as its slowest wave keeps that outside.
     padding_s = max(_LEAST_PADDING_S, least_s if high_pass else 0.0)
-    return lambda values: forward_backward(stacked, values, min(values.shape[-1] - 1, round(padding_s * rate_hz)))
+    return lambda values: np.asarray(
+        sosfiltfilt(stacked, values, axis=-1, padlen=min(values.shape[-1] - 1, round(padding_s * rate_hz)))
+    )
 
 
 def low_pass(cutoff_rad_s: float, rate_hz: float) -> Filter:
