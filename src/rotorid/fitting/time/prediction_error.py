@@ -417,16 +417,18 @@ class InnovationsProblem(RecordsProblem):
         model, noise = self.split(theta)
         parameters = self.parameters.unpack(model)
         system, slopes = self.structure.matrices_and_jacobian(parameters.values, parameters.directions)
-        known: dict[float, Followed] = {}
+        still = np.zeros(len(self.noise_model.disturbed))
+        known: dict[float, tuple[Followed, FloatArray]] = {}
         found = []
         for record in self.records:
             rate = record.sample_rate_hz
             if rate not in known:
-                known[rate] = follow(
-                    system, Slopes(*slopes), self.noise_model, noise, sample_rate_hz=rate, hold=self.hold
-                )
-            one = known[rate]
-            still = np.zeros(len(self.noise_model.disturbed))
+                one = follow(system, Slopes(*slopes), self.noise_model, noise, sample_rate_hz=rate, hold=self.hold)
+                # What is unknown moves all records of a rate alike; a short one shows the beginning of it.
+                longest = max(other.samples for other in self.records if other.sample_rate_hz == rate)
+                free = free_innovations(one.model, one.steady.gain, longest, constants=still.size)
+                known[rate] = one, np.ascontiguousarray(free[:, :, self._columns(len(one.steady.gain))])
+            one, unknown = known[rate]
             run = innovations(
                 one.model,
                 one.steady.gain,
@@ -435,8 +437,7 @@ class InnovationsProblem(RecordsProblem):
                 before=np.append(np.asarray(record.before), still),
                 start=np.zeros(len(one.steady.gain)),
             )
-            free = free_innovations(one.model, one.steady.gain, record.samples, constants=still.size)
-            found.append(_Run(record, one, run.values, free[:, :, self._columns(len(one.steady.gain))]))
+            found.append(_Run(record, one, run.values, unknown[: record.samples]))
         return found
 
     def _columns(self, order: int) -> list[int]:
@@ -460,16 +461,25 @@ class InnovationsProblem(RecordsProblem):
     def _estimate(self, runs: list[_Run]) -> tuple[FloatArray, list[FloatArray]]:
         r"""Covariance :math:`\hat R` of the innovations beside all unknowns, and the unknowns of each record."""
         R = np.diag(self.noise_model.sensors**2)
-        for _ in range(_REWEIGHTED):
-            W, before = np.linalg.inv(np.linalg.cholesky(R)), R
-            unknown = [_unknowns(one, W) for one in runs]
-            left = [one.values + one.unknown @ beta for one, beta in zip(runs, unknown, strict=True)]
-            R = sum((e.T @ e for e in left), start=np.zeros_like(W)) / self.samples
+        inner = _inner_products(runs)
+        # Products of what a first estimate leaves, so that large offsets do not cancel in them.
+        first = [_unknowns(own, _cross(run, run.values), R) for run, own in zip(runs, inner, strict=True)]
+        left = [run.values + run.unknown @ beta for run, beta in zip(runs, first, strict=True)]
+        cross = [_cross(run, e) for run, e in zip(runs, left, strict=True)]
+        squares = [e.T @ e for e in left]
+        moved = [np.zeros_like(beta) for beta in first]
+        for weighted in range(_REWEIGHTED):
+            if weighted:
+                moved = [_unknowns(own, seen, R) for own, seen in zip(inner, cross, strict=True)]
+            before = R
+            rest = (_left(*products) for products in zip(squares, cross, inner, moved, strict=True))
+            R = sum(rest, start=np.zeros_like(R)) / self.samples
             if not np.isfinite(R).all() or np.linalg.eigvalsh(R).min() <= 0.0:
                 raise ModelError("the innovations are no numbers or have no covariance", remedy="give another start")
+            W = np.linalg.inv(np.linalg.cholesky(before))
             if np.abs(W @ (R - before) @ W.T).max() <= _AT_REST:
                 break
-        return R, unknown
+        return R, [beta + more for beta, more in zip(first, moved, strict=True)]
 
     def parts(self, theta: FloatArray) -> list[Part]:
         """Each record with whitened innovations beside all unknowns and their slopes, in full."""
@@ -487,15 +497,44 @@ def _with_constants(u: FloatArray, constants: FloatArray) -> FloatArray:
     return np.vstack([u, np.repeat(constants[:, None], u.shape[1], axis=1)])
 
 
-def _unknowns(one: _Run, whitening: FloatArray) -> FloatArray:
-    """What fits the innovations best, shape ``(k,)``."""
-    count = one.unknown.shape[2]
-    columns = np.matmul(whitening, one.unknown).reshape(-1, count)
-    normal, right = columns.T @ columns, columns.T @ (one.values @ whitening.T).ravel()
-    size = np.sqrt(np.where(normal.diagonal() > 0.0, normal.diagonal(), 1.0))
-    if not (np.isfinite(normal).all() and np.isfinite(right).all()):
+def _inner_products(runs: Sequence[_Run]) -> list[FloatArray]:
+    """Sums over each record of products of what moves its innovations, shape ``(k, y, k, y)``.
+
+    Records of one rate begin alike, so that each sample of the longest is counted once.
+    """
+    found: dict[tuple[int, int], FloatArray] = {}
+    kinds = {id(run.followed): run for run in sorted(runs, key=lambda run: len(run.values))}
+    for kind, longest in kinds.items():
+        _, outputs, count = longest.unknown.shape
+        total, begin = np.zeros((count * outputs, count * outputs)), 0
+        for end in sorted({len(run.values) for run in runs if id(run.followed) == kind}):
+            columns = longest.unknown[begin:end].reshape(end - begin, -1)
+            total, begin = total + columns.T @ columns, end
+            found[kind, end] = total.reshape(outputs, count, outputs, count).transpose(1, 0, 3, 2)
+    return [found[id(run.followed), len(run.values)] for run in runs]
+
+
+def _cross(run: _Run, values: FloatArray) -> FloatArray:
+    """Sum over a record of products of what moves its innovations with values ``(n, y)``, shape ``(k, y, y)``."""
+    samples, outputs, count = run.unknown.shape
+    return np.asarray((run.unknown.reshape(samples, -1).T @ values).reshape(outputs, count, outputs).swapaxes(0, 1))
+
+
+def _unknowns(inner: FloatArray, cross: FloatArray, covariance: FloatArray) -> FloatArray:
+    """What fits innovations of a covariance best, shape ``(k,)``."""
+    if not (np.isfinite(inner).all() and np.isfinite(cross).all()):
         raise ModelError("the innovations are no numbers", remedy="give another start")
+    weights = np.linalg.inv(covariance)
+    normal, right = np.einsum("iajb,ab->ij", inner, weights), np.einsum("iab,ab->i", cross, weights)
+    size = np.sqrt(np.where(normal.diagonal() > 0.0, normal.diagonal(), 1.0))
     return np.asarray(-np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=1e-10)[0] / size)
+
+
+def _left(squares: FloatArray, cross: FloatArray, inner: FloatArray, moved: FloatArray) -> FloatArray:
+    """Sum of products of innovations ``(y, y)`` when the unknowns move."""
+    mixed = np.tensordot(moved, cross, 1)
+    twice = np.tensordot(np.tensordot(moved, inner, 1), moved, axes=(1, 0))
+    return np.asarray(squares + mixed + mixed.T + twice)
 
 
 def _basis(columns: FloatArray) -> FloatArray:
