@@ -241,6 +241,14 @@ class _Run(NamedTuple):
     unknown: FloatArray
 
 
+class _Estimated(NamedTuple):
+    """All records from rest, with the covariance of the innovations and the unknowns ``(k,)`` that fit each best."""
+
+    runs: list[_Run]
+    covariance: FloatArray
+    unknown: list[FloatArray]
+
+
 class Settled(NamedTuple):
     r"""All records with what was unknown of each estimated.
 
@@ -370,21 +378,50 @@ class InnovationsProblem(RecordsProblem):
         Both are not a number where there is no predictor, so that a search turns back.
         """
         try:
-            settled = self.settled(theta)
+            estimated = self._estimated(theta)
         except ModelError:
             return np.full(theta.size + 1, np.nan), np.full((theta.size + 1, theta.size), np.nan)
+        return self._condensed(estimated)
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def _condensed(self, estimated: _Estimated) -> tuple[FloatArray, FloatArray]:
+        settled = self._again(estimated)
         grams = [settled.gram(record).beside() for record in range(len(self.records))]
-        total = sum(grams, start=np.zeros((theta.size + 1, theta.size + 1)))
-        root = self._size(settled.covariance) * _root(total)
+        root = self._size(settled.covariance) * _root(np.sum(grams, axis=0))
         return root[:, -1], root[:, :-1]
 
     def cost(self, theta: FloatArray) -> float:
         """The sum of squares alone; infinite where there is no predictor."""
         try:
-            size = self._size(self.settled(theta).covariance)
+            return self._sum_of_squares(self._estimated(theta))
         except ModelError:
             return float(np.inf)
-        return self.samples * len(self.structure.outputs) * size**2
+
+    def _sum_of_squares(self, estimated: _Estimated) -> float:
+        return self.samples * len(self.structure.outputs) * self._size(estimated.covariance) ** 2
+
+    def minimized(self, solver: LevenbergMarquardt, start: FloatArray) -> Solution:
+        """The minimum that a solver finds from some start, shape ``(p,)``.
+
+        Steps that fail are not worth the slopes; those that do not share what their cost has cost.
+        """
+        latest: tuple[FloatArray, _Estimated | None] = (np.zeros(0), None)
+
+        def cost_alone(theta: FloatArray) -> float:
+            nonlocal latest
+            latest = (theta, None)
+            try:
+                estimated = self._estimated(theta)
+            except ModelError:
+                return float(np.inf)
+            latest = (theta, estimated)
+            return self._sum_of_squares(estimated)
+
+        def residuals(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+            known, estimated = latest
+            return self._condensed(estimated) if estimated and known is theta else self.residuals(theta)
+
+        return solver.minimize(residuals, start, *self.box, cost_alone=cost_alone)
 
     def _size(self, covariance: FloatArray) -> float:
         """How large the innovations are, against the natural noise of the sensors."""
@@ -400,8 +437,16 @@ class InnovationsProblem(RecordsProblem):
         ModelError
             There is no stable predictor.
         """
+        return self._again(self._estimated(theta))
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def _estimated(self, theta: FloatArray) -> _Estimated:
         runs = self._from_rest(theta)
-        covariance, unknown = self._estimate(runs)
+        return _Estimated(runs, *self._estimate(runs))
+
+    def _again(self, estimated: _Estimated) -> Settled:
+        """The predictor over every record once more, with the unknowns in place."""
+        runs, covariance, unknown = estimated
         inputs, again = [], []
         for one, beta in zip(runs, unknown, strict=True):
             start, constants, shifts = self._told_apart(beta, len(one.followed.steady.gain))
@@ -788,18 +833,18 @@ def _search(problem: InnovationsProblem, start: FloatArray, solver: LevenbergMar
     """The minimum from one start: with jolts alone, then with the gusts that promise most."""
     noise = problem.noise_model
     if not (noise.gusts and noise.jolts):
-        return solver.minimize(problem.residuals, start, *problem.box)
+        return problem.minimized(solver, start)
     count = len(problem.parameters.free)
     model, gusts, jolts = np.split(start, [count, count + noise.of_gusts])
     plain = problem.without_gusts()
     # Far from the model a wrong noise leads astray; its natural size is known from the data, and always tried too.
     tried = [jolts] if np.array_equal(jolts, plain.noise_model.start) else [jolts, plain.noise_model.start]
-    firsts = [solver.minimize(plain.residuals, np.concatenate([model, one]), *plain.box) for one in tried]
+    firsts = [plain.minimized(solver, np.concatenate([model, one])) for one in tried]
     first = min(firsts, key=lambda one: one.cost)
     if not np.isfinite(first.cost):
-        return solver.minimize(problem.residuals, start, *problem.box)
+        return problem.minimized(solver, start)
     model, jolts = np.split(first.theta, [count])
     gusty = [noise.theta(gusts=size, correlation_s=T)[: noise.of_gusts] for size in _SIZES for T in _TIMES_S]
     candidates = [np.concatenate([model, one, jolts]) for one in (gusts, *gusty)]
     best = min(candidates, key=problem.cost)
-    return solver.minimize(problem.residuals, best, *problem.box)
+    return problem.minimized(solver, best)
