@@ -87,11 +87,12 @@ def resample(
     for name, (time_s, _) in series.items():
         if time_s.size < 2 or time_s[-1] <= start_s or time_s[0] >= stop_s:
             raise _absent(record, name, start_s, stop_s)
-    base = min(channels, key=lambda name: _rate(series[name][0], start_s, stop_s))
-    if not _rate(series[base][0], start_s, stop_s) > 0.0:
+    rates = _rates({name: series[name][0] for name in channels}, start_s, stop_s)
+    base = min(rates, key=rates.__getitem__)
+    if not rates[base] > 0.0:
         raise _absent(record, base, start_s, stop_s)
-    rate = sample_rate_hz or _rate(series[base][0], start_s, stop_s)
-    findings += _rate_findings(channels, series, start_s, stop_s)
+    rate = sample_rate_hz or rates[base]
+    findings += _rate_findings(rates)
     holes, remarks = _holes(series, start_s, stop_s)
     findings += remarks
     low = max([start_s, *(float(time_s[0]) for time_s, _ in series.values())])
@@ -106,10 +107,9 @@ def resample(
         if count / rate < min(_SHORTEST_PART_S, 0.5 * (stop_s - start_s)):
             continue
         clock = first + np.arange(count) / rate
-        rows = [_sample(*series[name], clock, rate) for name in sources]
         histories.append(
             TimeHistory(
-                values=np.stack(rows),
+                values=_sampled(series, clock, rate),
                 channels=tuple(topic.channels[row] for topic, row in sources.values()),
                 sample_rate_hz=rate,
                 start_s=float(first),
@@ -183,7 +183,8 @@ def _ordered(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray,
     """Samples with finite values and rising stamps; what was left out is counted."""
     time_s, values = topic.time_s, topic.values[row]
     finite = np.isfinite(values) & np.isfinite(time_s)
-    time_s, values = time_s[finite], values[finite]
+    if not finite.all():
+        time_s, values = time_s[finite], values[finite]
     latest = np.maximum.accumulate(time_s)
     rising = np.concatenate([[True], time_s[1:] > latest[:-1]])
     if rising.all():
@@ -212,10 +213,14 @@ def _rate(time_s: FloatArray, start_s: float, stop_s: float) -> float:
     return float(1.0 / ordinary.mean()) if ordinary.size else float(1.0 / np.median(steps))
 
 
-def _rate_findings(
-    channels: Sequence[str], series: dict[str, tuple[FloatArray, FloatArray]], start_s: float, stop_s: float
-) -> list[Finding]:
-    rates = {name: _rate(series[name][0], start_s, stop_s) for name in channels}
+def _rates(stamps: Mapping[str, FloatArray], start_s: float, stop_s: float) -> dict[str, float]:
+    """Rate of each channel; channels of one topic share their stamps, and these are looked at once."""
+    of_stamps = {id(time_s): time_s for time_s in stamps.values()}
+    known = {key: _rate(time_s, start_s, stop_s) for key, time_s in of_stamps.items()}
+    return {name: known[id(time_s)] for name, time_s in stamps.items()}
+
+
+def _rate_findings(rates: Mapping[str, float]) -> list[Finding]:
     fastest = max(rates.values())
     slow = [
         warn(
@@ -283,13 +288,26 @@ def _parts(low: float, high: float, holes: Sequence[tuple[float, float]]) -> lis
     return [(a, b) for a, b in parts if b > a]
 
 
+def _sampled(series: Mapping[str, tuple[FloatArray, FloatArray]], clock_s: FloatArray, rate_hz: float) -> FloatArray:
+    """Channels on one clock, shape ``(channels, samples)``, those that share their stamps at once."""
+    together: dict[int, list[int]] = {}
+    for row, (time_s, _) in enumerate(series.values()):
+        together.setdefault(id(time_s), []).append(row)
+    channels = list(series.values())
+    found = np.empty((len(channels), clock_s.size))
+    for rows in together.values():
+        time_s = channels[rows[0]][0]
+        found[rows] = _sample(time_s, np.stack([channels[row][1] for row in rows]), clock_s, rate_hz)
+    return found
+
+
 def _sample(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float) -> FloatArray:
     margin = 50.0 / rate_hz
     inside = slice(
         max(int(np.searchsorted(time_s, clock_s[0] - margin)) - 1, 0),
         int(np.searchsorted(time_s, clock_s[-1] + margin)) + 1,
     )
-    time_s, values = time_s[inside], values[inside]
+    time_s, values = time_s[inside], values[:, inside]
     own = 1.0 / float(np.median(np.diff(time_s)))
     factor = round(own / rate_hz)
     if factor < 2:
@@ -300,10 +318,10 @@ def _sample(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz
 def _spline(time_s: FloatArray, values: FloatArray, clock_s: FloatArray) -> FloatArray:
     nearest = np.clip(np.searchsorted(time_s, clock_s - _SAME_STAMP_S), 0, time_s.size - 1)
     if np.abs(time_s[nearest] - clock_s).max() <= _SAME_STAMP_S:
-        return values[nearest]
+        return np.asarray(values[:, nearest])
     from scipy.interpolate import CubicSpline
 
-    return np.asarray(CubicSpline(time_s, values)(clock_s))
+    return np.asarray(CubicSpline(time_s, values, axis=1)(clock_s))
 
 
 def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float, factor: int) -> FloatArray:
@@ -314,7 +332,8 @@ def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_h
     taps /= taps.sum()
     fast = clock_s[0] + np.arange(-reach, clock_s.size * factor + reach) / (rate_hz * factor)
     fine = _spline(time_s, values, np.clip(fast, time_s[0], time_s[-1]))
-    return np.asarray(np.convolve(fine, taps, mode="valid")[: clock_s.size * factor : factor])
+    smooth = [np.convolve(channel, taps, mode="valid")[: clock_s.size * factor : factor] for channel in fine]
+    return np.stack(smooth)
 
 
 def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
