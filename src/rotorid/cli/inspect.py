@@ -35,19 +35,21 @@ def inspect_command(
     log: Log, *, map: Map = None, plot: Plot = None, output: Annotated[Output, Only("json", "quiet")]
 ) -> None:
     """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
-    from rotorid.documents.base import to_json
-    from rotorid.documents.inspection import inspect_document
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
-    from rotorid.report.inspection import require_suffix, write_inspection
 
     if plot is not None:
+        from rotorid.report.inspection import require_suffix, write_inspection
+
         require_suffix(plot)
     record = read(log, mapping=map)
     inspection = inspect(record)
     if plot is not None:
         write_inspection(plot, record, inspection)
     if output.json:
+        from rotorid.documents.base import to_json
+        from rotorid.documents.inspection import inspect_document
+
         sys.stdout.write(to_json(inspect_document(inspection)))
     elif not output.quiet:
         _print(inspection, plot)
