@@ -4,6 +4,9 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 DEMO   ?= rotorid-out/demo
 
+# Hundreds of tests start the program: what Python compiled once is kept.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test quick study bench clean
 
 demo: $(VENV)/.installed
