@@ -100,13 +100,22 @@ def numbers(values: FloatArray, *, digits: int = 5) -> list[float | None]:
     [3.1416, None, 1e-09]
     """
     # Rounded before it is judged: the largest doubles round up to infinity.
-    rounded = (float(f"{value:.{digits}g}") for value in values.tolist())
-    return [value if math.isfinite(value) else None for value in rounded]
+    return _finite(_rounded(values, f"%.{digits}g"))
 
 
 def stamps(time_s: FloatArray) -> list[float | None]:
     """Times as JSON numbers, to 0.1 ms: significant digits would coarsen late stamps of a long log."""
-    return [round(value, 4) if math.isfinite(value) else None for value in time_s.tolist()]
+    return _finite(_rounded(time_s, "%.4f"))
+
+
+def _rounded(values: FloatArray, form: str) -> list[float]:
+    # One text of all of them: a page holds hundreds of thousands of numbers.
+    written = f"{form} " * values.size % tuple(values.tolist())
+    return [float(number) for number in written.split()]
+
+
+def _finite(rounded: list[float]) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in rounded]
 
 
 def envelope(time: FloatArray, values: FloatArray, *, most: int = MOST_POINTS) -> tuple[FloatArray, FloatArray]:

@@ -111,7 +111,7 @@ def _layout(figure: Figure) -> dict[str, Any]:
 
 
 # Characters that could end a script element or start a comment; inside JSON strings they may be written as escapes.
-_ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
+_ESCAPES = {character: f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
 def render(name: str, *, pictures: Iterable[Picture], **values: Any) -> str:
@@ -174,7 +174,10 @@ def json_for_script(value: Any) -> Markup:
     from markupsafe import Markup
 
     plain = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
-    return Markup(plain.translate(_ESCAPES))
+    # Megabytes of numbers with a handful of these characters: searching for each of them is faster than translating.
+    for character, escape in _ESCAPES.items():
+        plain = plain.replace(character, escape)
+    return Markup(plain)
 
 
 def policy(*scripts: str) -> str:
