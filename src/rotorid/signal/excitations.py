@@ -83,15 +83,15 @@ def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     found = _from_outside(record, axis)
     if found:
         return Maneuvers(found)
+    # The short answers to gusts that a command shows while everything outside of the loop is seen to rest are none.
+    watched = _free_signals(record, axis) != (f"{axis}_command",)
+    moved = _purposeful(record, axis, [f"{axis}_command"])
+    shown = [m for m in moved if not (watched and m.kind in _SHORT_KINDS)]
+    if not shown:
+        return Maneuvers()
     # A controller answers an excitation of one axis on the others too: that is no excitation of theirs.
     elsewhere = [m for other in AXES if other != axis for m in _from_outside(record, other)]  # type: ignore[arg-type]
-    # Nor are the short answers to gusts that a command shows while everything outside of the loop is seen to rest.
-    watched = _free_signals(record, axis) != (f"{axis}_command",)
-    return Maneuvers(
-        m
-        for m in _purposeful(record, axis, [f"{axis}_command"])
-        if not any(_mostly_inside(m, e) for e in elsewhere) and not (watched and m.kind in _SHORT_KINDS)
-    )
+    return Maneuvers(m for m in shown if not any(_mostly_inside(m, e) for e in elsewhere))
 
 
 def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
@@ -118,19 +118,18 @@ def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, .
         In order of time; none overlaps an excitation that was found on this axis.
     """
     known = find_excitations(record, axis)
-    elsewhere = [m for other in AXES if other != axis for m in find_excitations(record, other)]  # type: ignore[arg-type]
     for name in _free_signals(record, axis):
         for topic, row in record.holding(name):
             values = topic.values[row]
             moving = _in_signal(topic.time_s, values, axis, name, rest=_middle_of_levels(values))
             if moving:
-                rich = [m for m in moving if _is_rich(m, topic.time_s, values)]
+                rich = [m for m in moving if _is_rich(m, topic.time_s, values) and not _any_shared(m, known)]
+                if all(m.kind != "other" for m in rich):
+                    return tuple(rich)
                 # Two clean levels are no controller's answer to another axis; anything else beside one may be.
-                return tuple(
-                    m
-                    for m in rich
-                    if not _any_shared(m, known) and (m.kind != "other" or not _any_shared(m, elsewhere))
-                )
+                others = [other for other in AXES if other != axis]
+                elsewhere = [m for other in others for m in find_excitations(record, other)]  # type: ignore[arg-type]
+                return tuple(m for m in rich if m.kind != "other" or not _any_shared(m, elsewhere))
     return ()
 
 
