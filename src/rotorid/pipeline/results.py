@@ -424,10 +424,10 @@ class IdentifiedModel(Immutable):
             said.append(f"unseen sweeps: cost {max(checks.frequency.values()):.1f} at most")
         if not checks.records and not checks.frequency:
             said.append("not verified on unseen flights")
-        counts = {
-            severity: sum(f.severity == severity for f in self.findings) for severity in ("error", "warning", "info")
-        }
-        said.append(f"findings: {', '.join(f'{count} {word}' for word, count in counts.items() if count) or 'none'}")
+        words = {"error": "error", "warning": "warning", "info": "remark"}
+        counts = {word: sum(finding.severity == kind for finding in self.findings) for kind, word in words.items()}
+        told = [f"{count} {word}{'s' if count > 1 else ''}" for word, count in counts.items() if count]
+        said.append(f"findings: {', '.join(told) or 'none'}")
         return said
 
 
