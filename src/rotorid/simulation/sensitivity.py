@@ -330,6 +330,19 @@ def proper_tangent(system: StateSpace, slopes: Slopes) -> tuple[Proper, Proper]:
     ModelError
         ``M`` is singular: a state follows the input at once.
     """
+    if np.array_equal(system.M, np.eye(len(system.M))) and not slopes.M.any():
+        # Every equation is solved for its rate already.
+        still = np.zeros_like(slopes.M)
+        own = Proper(system.F, system.G, system.H0 + system.H1 @ system.F, system.H1 @ system.G, system.M, system.H1)
+        moving = Proper(
+            slopes.F,
+            slopes.G,
+            slopes.H0 + slopes.H1 @ system.F + system.H1 @ slopes.F,
+            slopes.H1 @ system.G + system.H1 @ slopes.G,
+            still,
+            slopes.H1,
+        )
+        return own, moving
     if np.linalg.cond(system.M) * _SINGULAR > 1.0:
         raise ModelError(
             "a state follows the input at once, because its lag is zero",
