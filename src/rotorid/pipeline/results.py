@@ -426,8 +426,8 @@ class IdentifiedModel(Immutable):
             said.append("not verified on unseen flights")
         words = {"error": "error", "warning": "warning", "info": "remark"}
         counts = {word: sum(finding.severity == kind for finding in self.findings) for kind, word in words.items()}
-        told = [f"{count} {word}{'s' if count > 1 else ''}" for word, count in counts.items() if count]
-        said.append(f"findings: {', '.join(told) or 'none'}")
+        counted = [f"{count} {word}{'s' if count > 1 else ''}" for word, count in counts.items() if count]
+        said.append(f"findings: {', '.join(counted) or 'none'}")
         return said
 
 
