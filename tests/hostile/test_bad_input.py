@@ -250,7 +250,7 @@ def test_a_report_that_fails_leaves_no_half_result(flight: Path, here: Path, mon
     def fail(*_: object, **__: object) -> str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rotorid.report.files.render_report", fail)
+    monkeypatch.setattr("rotorid.report.identification.render_report", fail)
     ran = rotorid("identify", flight, *ROLL, "--out", "results")
     assert ran.code == 130
     assert list((here / "results").iterdir()) == []
