@@ -449,9 +449,7 @@ class _State:
         return mean_cost(self.problem, self.solution)
 
 
-def reduce(
-    problem: FrequencyProblem, solution: Solution, *, distances: Mapping[str, float] | None = None
-) -> Reduction:
+def reduce(problem: FrequencyProblem, solution: Solution, *, distances: Mapping[str, float] | None = None) -> Reduction:
     """Drop what the data do not show, one parameter at a time, and keep every step.
 
     A parameter near zero has a large bound in percent of its value, so it goes first. One with a large Cramér–Rao bound

@@ -10,7 +10,6 @@ import pytest
 from tests.unit.cli.commands import Ran, rotorid
 from tests.unit.pipeline.motor_logs import flight
 
-from rotorid.cli import options as motor_options
 from rotorid.pipeline import settings as motor_choices
 
 
