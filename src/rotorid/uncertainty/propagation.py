@@ -5,14 +5,23 @@ with exact derivatives. For a pole :math:`\lambda` with :math:`F x = \lambda M x
 
 .. math:: \frac{\partial \lambda}{\partial \theta} = \frac{y^H (\dot F - \lambda \dot M) x}{y^H M x}
 
-where a dot stands for the derivative of a matrix. Where two poles lie so near that the parameters may make them meet,
-this has no meaning, because poles that meet move like a square root; such poles are given without a covariance.
+where a dot stands for the derivative of a matrix. Poles that are equal, or that the errors of the parameters may make
+meet, have no such derivative: they move like a root. What stays smooth is their common invariant subspace. With bases
+:math:`X` and :math:`Y` of it, :math:`Y^H M X = 1`, they are the eigenvalues of the small matrix
+
+.. math:: A = Y^H F X, \qquad \dot A = Y^H (\dot F X - \dot M X A)
+
+whose errors are carried to its eigenvalues by points spread over a normal distribution, not by a slope (G. W. Stewart,
+J. Sun, "Matrix Perturbation Theory", Academic Press, 1990, sections V.2 and VI.2).
 """
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,12 +30,16 @@ from rotorid.errors import UsageError
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 
 # Poles a +- sqrt(d) lie 2 sqrt(d) apart, known to std(d) / sqrt(d): four of these make d two of its own from zero.
 _DISTINCT_STDS = 4.0
 _COINCIDENT = 1e-6
+# Points that stand for a normal distribution of the errors; second moments are then good to a few percent.
+_POINTS = 512
+_FLAT = 1e-9
+_DEFECTIVE = 1e10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,11 +51,15 @@ class Pole(Immutable):
     value
         In 1/s.
     covariance
-        Of its real and imaginary part, shape ``(2, 2)``; ``None`` where it lies too near to another pole.
+        Of its real and imaginary part, shape ``(2, 2)``; ``None`` where nobody stated one.
+    meets
+        Whether it lies so near to another pole that within the errors of the parameters they may meet. The covariance
+        then holds the mean squares of how far the pole may move, a pair that becomes two real poles included.
     """
 
     value: complex
     covariance: FloatArray | None
+    meets: bool = False
 
     def __post_init__(self) -> None:
         if self.covariance is not None:
@@ -67,11 +84,15 @@ class Pole(Immutable):
 
     @property
     def damping_std(self) -> float | None:
-        """Standard deviation of the damping ratio; zero for a real pole."""
+        """Standard deviation of the damping ratio; zero for a real pole that meets no other."""
         if not self.value:
             return None
         real, imaginary, size = self.value.real, self.value.imag, abs(self.value)
-        return self._std(-(imaginary**2) / size**3, real * imaginary / size**3)
+        std = self._std(-(imaginary**2) / size**3, real * imaginary / size**3)
+        if std is None or self.covariance is None or not self.meets:
+            return std
+        # Two real poles that may become a pair lose damping with the square of their imaginary part.
+        return math.hypot(std, float(self.covariance[1, 1]) / (math.sqrt(2.0) * size**2))
 
     def _std(self, *gradient: float) -> float | None:
         if self.covariance is None:
@@ -90,9 +111,12 @@ class Pole(Immutable):
         real, imaginary = self.value.real, self.value.imag
         place = f"{real:.4g} 1/s" if imaginary == 0.0 else f"{real:.4g}{imaginary:+.4g}j 1/s"
         if self.covariance is None:
+            return f"The pole at {place} has no standard deviation."
+        if self.meets:
+            spread = math.sqrt(float(np.trace(self.covariance)))
             return (
-                f"The pole at {place} lies so near to another one that within the uncertainty of the parameters they "
-                "may meet; no standard deviation describes it."
+                f"The pole at {place} is known to {spread:.2g} 1/s in the plane: it lies so near to another one that "
+                "within the uncertainty of the parameters they may meet."
             )
         if imaginary == 0.0 or not self.value:
             return f"The pole at {place} is known to {np.sqrt(self.covariance[0, 0]):.2g} 1/s."
@@ -158,8 +182,9 @@ def response_confidence(
 def pole_confidence(structure: LinearStructure, parameters: ParameterSet, bounds: Bounds) -> tuple[Pole, ...]:
     """Finite poles of the identified model with their uncertainty, slowest first.
 
-    First order in the errors of the parameters. Two poles nearer to each other than four standard deviations of their
-    difference may meet or change from a pair into two real ones; they have no covariance.
+    First order in the errors of the parameters. Poles nearer to each other than four standard deviations of their
+    difference may meet or change from a pair into two real ones; their covariance is that of the eigenvalues of their
+    common block, whose errors are of first order.
 
     Parameters
     ----------
@@ -182,16 +207,131 @@ def pole_confidence(structure: LinearStructure, parameters: ParameterSet, bounds
     poles, left, right = _modes(system)
     dM, dF = derivatives[0], derivatives[1]
     normal = np.einsum("xi,xz,zi->i", left.conj(), system.M, right)
-    # A defective pole has no derivative; it coincides with another one and is sorted out below.
+    # A defective pole has no derivative; it coincides with another one and finds its place in a cluster below.
     normal = np.where(np.abs(normal) > 0.0, normal, 1.0)
     moved = np.einsum("xi,kxz,zi->ik", left.conj(), dF, right)
     moved = moved - poles[:, None] * np.einsum("xi,kxz,zi->ik", left.conj(), dM, right)
     spread = (moved / normal[:, None]) @ root
-    parts = np.stack([spread.real, spread.imag], axis=1)
-    return tuple(
-        Pole(value=complex(pole), covariance=part @ part.T if apart else None)
-        for pole, part, apart in zip(poles, parts, _distinct(poles, spread), strict=True)
-    )
+
+    clusters: list[_Cluster] = [_Cluster((place,), spread[[place]], False) for place in range(poles.size)]
+    while (near := _nearest(poles, clusters)) is not None:
+        members = tuple(sorted(clusters[near[0]].members + clusters[near[1]].members))
+        moves = _moves(system, np.tensordot(dM, root, (0, 0)), np.tensordot(dF, root, (0, 0)), poles, members)
+        clusters = [one for place, one in enumerate(clusters) if place not in near]
+        clusters.append(_Cluster(members, moves, True))
+
+    found: dict[int, Pole] = {}
+    for cluster in clusters:
+        for place, moves in zip(cluster.members, cluster.moves, strict=True):
+            parts = np.stack([moves.real, moves.imag])
+            found[place] = Pole(value=complex(poles[place]), covariance=parts @ parts.T, meets=cluster.meets)
+    return tuple(_as_its_conjugate(found[place], found.values()) for place in range(poles.size))
+
+
+class _Cluster(NamedTuple):
+    """Poles that may meet, or one alone; rows of ``moves`` are roots of the covariance of each."""
+
+    members: tuple[int, ...]
+    moves: ComplexArray
+    meets: bool
+
+
+def _nearest(poles: ComplexArray, clusters: Sequence[_Cluster]) -> tuple[int, int] | None:
+    """The two clusters, nearest first, that do not stay apart within the errors of the parameters."""
+    together = []
+    for one, two in itertools.combinations(range(len(clusters)), 2):
+        first, second = clusters[one], clusters[two]
+        for i, j in itertools.product(range(len(first.members)), range(len(second.members))):
+            here, there = poles[first.members[i]], poles[second.members[j]]
+            if first.meets or second.meets:
+                doubt = np.hypot(np.linalg.norm(first.moves[i]), np.linalg.norm(second.moves[j]))
+            else:
+                doubt = np.linalg.norm(first.moves[i] - second.moves[j])
+            distance = abs(here - there)
+            if distance <= max(_DISTINCT_STDS * float(doubt), _COINCIDENT * max(abs(here), abs(there))):
+                together.append((float(distance), (one, two)))
+    return min(together)[1] if together else None
+
+
+def _moves(
+    system: StateSpace, dM: FloatArray, dF: FloatArray, poles: ComplexArray, members: tuple[int, ...]
+) -> ComplexArray:
+    """How far poles of a cluster move, root mean squares over points of the errors, shape ``(members, points)``.
+
+    ``dM`` and ``dF`` have the shape ``(x, x, p)``: derivatives along independent errors of unit variance.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    right = _invariant(system.F, system.M, poles, members)
+    left = _invariant(system.F.T, system.M.T, poles.conj(), members)
+    together = left.conj().T @ system.M @ right
+    if np.linalg.cond(together) > _DEFECTIVE:
+        # Another pole is equal to these but for rounding: they have a common block with it only.
+        return np.full((len(members), 1), np.inf + 0j)
+    left = left @ np.linalg.inv(together).conj().T
+    block = left.conj().T @ system.F @ right
+    slopes = np.einsum("xi,xzp,zj->pij", left.conj(), dF, right)
+    slopes = slopes - np.einsum("xi,xzp,zj->pij", left.conj(), dM, right @ block)
+
+    flat = slopes.reshape(len(slopes), -1)
+    _, sizes, directions = np.linalg.svd(np.hstack([flat.real, flat.imag]), full_matrices=False)
+    seen = sizes > _FLAT * sizes.max(initial=0.0)
+    real, imaginary = np.split(sizes[seen, None] * directions[seen], 2, axis=1)
+    changes = (_normal_points(int(seen.sum())) @ (real + 1j * imaginary)).reshape(-1, *block.shape)
+    drawn = np.linalg.eigvals(block + changes)
+    nominal = poles[list(members)]
+    far = drawn[:, None, :] - nominal[:, None]
+    moves = np.stack([one[linear_sum_assignment(np.abs(one) ** 2)] for one in far], axis=1)
+    # Which of several equal poles went where has no meaning: they share their mean squares.
+    equal = np.abs(nominal[:, None] - nominal) <= _COINCIDENT * np.abs(nominal)
+    shares = np.sqrt(equal / equal.sum(axis=1, keepdims=True) / len(drawn))
+    return np.asarray((shares[:, :, None] * moves).reshape(len(members), -1))
+
+
+def _invariant(F: FloatArray, M: FloatArray, poles: ComplexArray, members: tuple[int, ...]) -> ComplexArray:
+    """An orthonormal basis of the right deflating subspace of some poles, shape ``(x, members)``."""
+    from scipy.linalg import ordqz
+
+    inside = np.isin(np.arange(poles.size), members)
+
+    def chosen(alpha: ComplexArray, beta: ComplexArray) -> BoolArray:
+        # The poles of the pencil come in any order, infinite ones among them: the nearest to each member is taken.
+        values = np.where(np.abs(beta) > 0.0, alpha / np.where(np.abs(beta) > 0.0, beta, 1.0), np.inf)
+        taken = np.zeros(values.size, dtype=bool)
+        for pole in poles[inside]:
+            taken[np.argmin(np.where(taken, np.inf, np.abs(values - pole)))] = True
+        return taken
+
+    # The stubs of scipy promise single numbers to ``sort``, and arrays come.
+    sort: Any = chosen
+    basis: Any = ordqz(F, M, sort=sort, output="complex")[-1]
+    return np.asarray(basis[:, : inside.sum()])
+
+
+def _normal_points(size: int) -> FloatArray:
+    r"""Points that fill a normal distribution evenly, shape ``(points, size)``; the same ones every time.
+
+    A Kronecker sequence with the powers of the root of :math:`x^{n+1} = x + 1`, with each point its opposite.
+    """
+    from scipy.special import ndtri
+
+    golden = 2.0
+    for _ in range(64):
+        golden = (1.0 + golden) ** (1.0 / (size + 1))
+    count = np.arange(1, _POINTS // 2 + 1)[:, None]
+    points = ndtri((0.5 + count * golden ** -np.arange(1.0, size + 1)) % 1.0)
+    return np.vstack([points, -points])
+
+
+def _as_its_conjugate(pole: Pole, others: Iterable[Pole]) -> Pole:
+    """A pole that meets another is known as well as its conjugate, whichever of two real poles it may become."""
+    if not pole.meets or pole.value.imag == 0.0 or pole.covariance is None:
+        return pole
+    twin = min(others, key=lambda other: abs(other.value - pole.value.conjugate()))
+    if twin.covariance is None or not twin.meets:
+        return pole
+    mirror = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return Pole(value=pole.value, covariance=0.5 * (pole.covariance + twin.covariance * mirror), meets=True)
 
 
 def _modes(system: StateSpace) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
@@ -208,16 +348,6 @@ def _modes(system: StateSpace) -> tuple[ComplexArray, ComplexArray, ComplexArray
     # A pair is equally far from the origin but for rounding.
     order = np.lexsort((poles.imag, np.array([float(f"{size:.9g}") for size in np.abs(poles)])))
     return poles[order], left[:, finite[order]], right[:, finite[order]]
-
-
-def _distinct(poles: ComplexArray, spread: ComplexArray) -> list[bool]:
-    """Whether each pole stays apart from every other within the errors of the parameters."""
-    distance = np.abs(poles[:, None] - poles)
-    np.fill_diagonal(distance, np.inf)
-    doubt = np.sqrt(np.sum(np.abs(spread[:, None] - spread) ** 2, axis=-1))
-    size = np.maximum(np.abs(poles)[:, None], np.abs(poles))
-    apart = (distance > _DISTINCT_STDS * doubt) & (distance > _COINCIDENT * size)
-    return [bool(row) for row in apart.all(axis=1)]
 
 
 def _root(parameters: ParameterSet, bounds: Bounds) -> FloatArray:

@@ -44,6 +44,7 @@ def limits(parameters: ParameterSet, covariance: FloatArray) -> Bounds:
         cramer_rao=np.ones(size),
         insensitivity=np.ones(size),
         covariance=covariance,
+        random=covariance,
         inflation=1.0,
     )
 
@@ -125,18 +126,108 @@ def test_derivatives_of_an_oscillator_are_those_of_its_formula() -> None:
             assert pole.damping_std == pytest.approx(abs(of_damping) * relative * damping, abs=1e-12)
 
 
-@pytest.mark.parametrize("share", [1.0, 1.0 - 1e-9, 1.0 - 1e-3, 1.0 + 1e-3])
-def test_poles_that_may_meet_have_no_covariance(share: float) -> None:
+def nearest_moves(drawn: ComplexArray, nominal: ComplexArray) -> ComplexArray:
+    """How far two poles went, whichever order brings them nearest, shape ``(draws, 2)``."""
+    straight, crossed = drawn - nominal, drawn[:, ::-1] - nominal
+    nearer = (np.abs(straight) ** 2).sum(axis=1) <= (np.abs(crossed) ** 2).sum(axis=1)
+    return np.where(nearer[:, None], straight, crossed)
+
+
+@pytest.mark.parametrize("share", [1.0, 1.0 - 1e-9, 1.0 + 1e-3, 1.0 - 4e-3])
+def test_poles_that_may_meet_move_as_far_as_predicted(share: float) -> None:
     """Near critical damping the poles move like a square root of the parameters."""
     values = SPRING | {"c": 2.0 * np.sqrt(SPRING["k"] * SPRING["m"]) * share}
     structure = oscillator(values)
-    poles = pole_confidence(structure, structure.parameters, correlated(structure.parameters, 1.0))
+    bounds = correlated(structure.parameters, 1.0)
+    poles = pole_confidence(structure, structure.parameters, bounds)
     assert len(poles) == 2
-    for pole in poles:
-        assert pole.covariance is None
-        assert pole.frequency_std_rad_s is None
-        assert pole.damping_std is None
-        assert "lies so near to another one" in pole.words()
+    nominal = np.array([pole.value for pole in poles])
+    drawn = np.array([structure.matrices(row).poles() for row in draws(structure.parameters, bounds)])
+    moves = nearest_moves(drawn, nominal)
+    for pole, column in zip(poles, moves.T, strict=True):
+        assert pole.meets
+        assert pole.covariance is not None
+        found = np.sqrt(np.diag(pole.covariance))
+        # Which of two real poles one of a pair becomes has no meaning: both share their squares.
+        columns = column if nominal[0].imag == 0.0 else moves
+        scatter = np.sqrt([np.mean(columns.real**2), np.mean(columns.imag**2)])
+        np.testing.assert_allclose(found, scatter, rtol=0.1)
+        assert pole.frequency_std_rad_s is not None
+        damping = -(pole.value + column).real / np.abs(pole.value + column)
+        assert pole.damping_std == pytest.approx(np.sqrt(np.mean((damping - pole.damping) ** 2)), rel=0.7)
+        assert "they may meet" in pole.words()
+
+
+TWO_AND_ONE = """
+name = "chain"
+inputs = ["u"]
+states = ["x", "y", "z"]
+outputs = ["z"]
+M = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+F = [["-a", 0, 0], [1, "-b", 0], [0, 1, "-c"]]
+G = [[1], [0], [0]]
+H0 = [[0, 0, 1]]
+"""
+
+
+def test_a_double_pole_takes_no_errors_from_the_others() -> None:
+    """A chain of lags, two of them equal: the third keeps its own error, the two move like a root."""
+    text = TWO_AND_ONE + "".join(
+        f"[parameters.{name}]\nvalue = {value}\n" for name, value in {"a": 3.0, "b": 3.0, "c": 20.0}.items()
+    )
+    structure = from_toml(text)
+    std = np.array([0.03, 0.03, 0.2])
+    poles = pole_confidence(structure, structure.parameters, limits(structure.parameters, np.diag(std**2)))
+    one, two, alone = poles
+    assert alone.value == pytest.approx(-20.0)
+    assert not alone.meets
+    assert alone.covariance is not None
+    np.testing.assert_allclose(alone.covariance, np.diag([0.2**2, 0.0]), atol=1e-12)
+    # The poles are -a and -b, in whichever order: the lower is -3 - |a - b| / 2 + ..., never complex.
+    for pole in (one, two):
+        assert pole.value == pytest.approx(-3.0, abs=1e-6)
+        assert pole.meets
+        assert pole.covariance is not None
+        np.testing.assert_allclose(np.sqrt(np.diag(pole.covariance)), [0.03, 0.0], rtol=0.1, atol=2e-3)
+
+
+def test_a_triple_pole_of_certain_numbers_does_not_move() -> None:
+    """Three integrators in a row that nothing makes uncertain."""
+    text = TWO_AND_ONE.replace("G = [[1]", 'G = [["k"]') + "[parameters.k]\nvalue = 2.0\n"
+    for name in "abc":
+        text = text.replace(f'"-{name}"', "0")
+    structure = from_toml(text)
+    for pole in pole_confidence(structure, structure.parameters, correlated(structure.parameters, 1.0)):
+        assert pole.covariance is not None
+        assert np.abs(pole.covariance).max() < 1e-8
+
+
+def test_two_pairs_that_may_meet_are_mirrored() -> None:
+    text = """
+name = "two springs"
+inputs = ["u"]
+states = ["x", "v", "y", "w"]
+outputs = ["y"]
+M = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+F = [[0, 1, 0, 0], ["-k", -1, 0, 0], [0, 0, 0, 1], [1, 0, "-l", -1]]
+G = [[0], [1], [0], [0]]
+H0 = [[0, 0, 1, 0]]
+[parameters.k]
+value = 25.0
+[parameters.l]
+value = 25.0
+"""
+    structure = from_toml(text)
+    poles = pole_confidence(structure, structure.parameters, correlated(structure.parameters, 1.0))
+    assert all(pole.meets for pole in poles)
+    below = sorted((pole for pole in poles if pole.value.imag < 0.0), key=lambda pole: pole.value.real)
+    above = sorted((pole for pole in poles if pole.value.imag > 0.0), key=lambda pole: pole.value.real)
+    # k and l make their own pair each: the imaginary part is sqrt(k - 1/4), so 25 ± 0.25 moves it by 0.025.
+    for low, high in zip(below, above, strict=True):
+        assert low.covariance is not None
+        assert high.covariance is not None
+        np.testing.assert_allclose(low.covariance, high.covariance * [[1.0, -1.0], [-1.0, 1.0]], rtol=1e-9)
+        assert np.sqrt(high.covariance[1, 1]) == pytest.approx(0.025, rel=0.1)
 
 
 def test_poles_that_stay_apart_have_one() -> None:
@@ -148,7 +239,7 @@ def test_poles_that_stay_apart_have_one() -> None:
         drawn = drawn_poles(structure, structure.parameters, bounds, np.array([pole.value for pole in poles]))
         # Not one draw crosses from a pair to two real poles or back.
         assert len({bool(one) for one in (drawn.imag == 0.0).ravel()}) == 1
-        assert all(pole.covariance is not None for pole in poles)
+        assert not any(pole.meets for pole in poles)
 
 
 def test_a_pole_at_the_origin_has_no_damping() -> None:
