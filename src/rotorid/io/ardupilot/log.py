@@ -17,9 +17,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.findings import Finding, Severity, remark, warn
-from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.errors import LogError, UsageError
+from rotorid.io.ardupilot.advice import decimation_findings, missing_rate, slow_topics
 from rotorid.io.ardupilot.dataflash import Table, decode, sniff
+from rotorid.io.ardupilot.firmware import Firmware, firmware_of, is_centivolts, is_legacy_rate
+from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
 from rotorid.io.files import file_bytes, without_places
 from rotorid.typing import AnyArray, Axis, BoolArray
 from rotorid.units import parse_unit
@@ -88,6 +92,14 @@ _LEGACY_RATE = (
 )
 """``RATE`` of firmware before 3.4: centidegrees per second, mixer inputs of ±4500, throttle of 0 to 1000."""
 
+_CENTIVOLTS = (Row("Volt", "battery_voltage", "V", 0.01),)
+"""Voltage of firmware before 3.4: whole hundredths."""
+
+_VOLTAGES = ("BAT", "CURR")
+
+_PULSES = ("C{}", "Ch{}", "Chan{}")
+"""Names of the columns of ``RCOU`` and ``RCIN``, newest first; firmware 3.1 to 3.3 has the others."""
+
 _INSTANCE_COLUMNS = ("I", "Inst", "Instance", "C")
 
 MOTOR_FUNCTIONS: Mapping[int, int] = MappingProxyType(
@@ -135,16 +147,8 @@ target, 10–13 the mixer.
 """
 
 _ENDED_EARLY = 0.9
-_LOOP_BY_LOOP = 0.75
-"""Below this part of the loop's rate at most every second sample was logged."""
 
-_EVERY_LOOP_BITS = 0b11
-"""Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
-
-_FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
-"""Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
-
-_WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC"}) | {
+_WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "TIME", *STATUS_MESSAGES}) | {
     f"ESC{number}" for number in range(1, 33)
 }
 """Messages that are read at all."""
@@ -172,29 +176,59 @@ def read(path: Path, source: Source) -> FlightRecord:
         The file cannot be read or is no DataFlash log.
     """
     log = decode(file_bytes(path), _WANTED)
-    tables, parameters = log.tables, _parameters(log.tables)
+    return record_of(log.tables, source, log.findings)
+
+
+def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Finding] = ()) -> FlightRecord:
+    """The flight record behind the messages of an ArduPilot log, whatever container they came from.
+
+    Parameters
+    ----------
+    tables
+        Message name to its table.
+    source
+        What is known of the file; the firmware is filled in.
+    findings
+        What the container had to remark.
+
+    Raises
+    ------
+    LogError
+        The messages are those of PX4 before 2017, which framed its logs alike.
+    """
+    if "TIME" in tables and "StartTime" in tables["TIME"]:
+        raise _sdlog2(source.name)
+    parameters, firmware = _parameters(tables), firmware_of(tables)
     runs = _system_id_runs(tables, parameters)
     sticks = stick_topic(tables, parameters)
     topics = (
         *_system_id_topics(tables, runs),
-        *_common_topics(tables),
+        *_common_topics(tables, firmware),
         *motor_topics(tables, parameters),
         *(() if sticks is None else (sticks,)),
     )
     return FlightRecord(
-        source=replace(source, firmware=_firmware(tables)),
+        source=replace(source, firmware=firmware.text),
         topics=topics,
         parameters=without_places(parameters),
         declared=_declared_maneuvers(runs),
         instruments=_instruments(runs, sticks),
         findings=(
-            *log.findings,
+            *findings,
             *_system_id_findings(runs),
-            *_decimation_findings(topics, runs, parameters),
-            *_dialect(tables),
-            *_slow(topics, parameters),
+            *decimation_findings(topics, [run.band_rad_s[1] if run.band_rad_s else 0.0 for run in runs], parameters),
+            *_dialect(tables, firmware, parameters),
+            *_contradictions(tables),
+            *slow_topics(topics, parameters, firmware),
         ),
+        status=status_of(tables, parameters, firmware.text, _span_s(topics)),
     )
+
+
+def _span_s(topics: tuple[Topic, ...]) -> tuple[float, float]:
+    """First and last stamp of the topic that lasts longest."""
+    longest = max((topic.time_s for topic in topics if topic.time_s.size), key=np.ptp, default=np.zeros(1))
+    return float(longest[0]), float(longest[-1])
 
 
 def _parameters(tables: Mapping[str, Table]) -> Mapping[str, float]:
@@ -209,15 +243,12 @@ def _parameters(tables: Mapping[str, Table]) -> Mapping[str, float]:
     }
 
 
-def _firmware(tables: Mapping[str, Table]) -> str:
-    """``ArduCopter V4.5.7 (…)``, as the autopilot introduces itself."""
-    for name, column in (("VER", "FWS"), ("MSG", "Message")):
-        if name in tables and tables[name].holds_text(column):
-            texts = tables[name].column(column).tolist()
-            found = next((text for text in texts if re.search(r"\bV\d+\.\d+", text)), "")
-            if found:
-                return str(found)
-    return ""
+def _sdlog2(name: str) -> LogError:
+    return LogError(
+        f"{name} is a log of PX4 before 2017 (sdlog2), which is framed like ArduPilot's and holds other messages",
+        needed="a PX4 .ulg, or a table that a mapping can name",
+        remedy="convert it with sdlog2_dump.py of PX4's Tools/sdlog2 to CSV, and name its columns with --map FILE.toml",
+    )
 
 
 def _instruments(runs: tuple[Run, ...], sticks: Topic | None) -> Mapping[str, tuple[str, ...]]:
@@ -234,35 +265,69 @@ def _instruments(runs: tuple[Run, ...], sticks: Topic | None) -> Mapping[str, tu
     return {axis: names for axis, names in listed.items() if names}
 
 
-def _dialect(tables: Mapping[str, Table]) -> Iterator[Finding]:
+def _dialect(tables: Mapping[str, Table], firmware: Firmware, parameters: Mapping[str, float]) -> Iterator[Finding]:
     if "RATE" not in tables:
-        yield warn(
-            "missing_channel",
-            "RATE",
-            "the log has no RATE messages, so that the mixer's inputs are not known; set bit 0 (fast attitude) "
-            "of LOG_BITMASK",
-        )
-    elif is_legacy_rate(tables["RATE"]):
+        yield missing_rate(firmware, parameters)
+    elif is_legacy_rate(tables["RATE"], firmware):
         yield remark(
             "legacy_units",
             "RATE",
             "RATE is in the units of firmware before 3.4: rates were read as centidegrees per second, roll, "
             "pitch and yaw outputs as parts of 4500, throttle as parts of 1000",
         )
+    for name in _VOLTAGES:
+        if name in tables and is_centivolts(tables[name], "Volt"):
+            yield remark(
+                "legacy_units", name, f"{name}.Volt was read as hundredths of a volt, as firmware before 3.4 logs it"
+            )
 
 
-def _common_topics(tables: Mapping[str, Table]) -> Iterator[Topic]:
+def _common_topics(tables: Mapping[str, Table], firmware: Firmware) -> Iterator[Topic]:
     """Topics of the messages that every log has, best first; of several sensors the first one."""
     for name, rows in MESSAGES.items():
         if name not in tables:
             continue
         table = tables[name]
-        legacy = name == "RATE" and is_legacy_rate(table)
         number = instances(table)
         first = None if number is None else number == number.min()
-        topic = topic_of(table, _LEGACY_RATE if legacy else rows, chosen=first)
+        topic = topic_of(table, _in_units_of(table, rows, firmware), chosen=first)
         if topic is not None:
             yield topic
+
+
+def _in_units_of(table: Table, rows: tuple[Row, ...], firmware: Firmware) -> tuple[Row, ...]:
+    """The rows of a message in the units of the firmware that wrote it."""
+    if table.name == "RATE" and is_legacy_rate(table, firmware):
+        return _LEGACY_RATE
+    if table.name in _VOLTAGES and is_centivolts(table, "Volt"):
+        return _CENTIVOLTS
+    return rows
+
+
+def _is_contradicted(table: Table, row: Row) -> bool:
+    """Whether the log declares another unit for a column than the one that it is known to have."""
+    label = table.units.get(row.column, "")
+    try:
+        declared = parse_unit(label)
+    except UsageError:
+        return False
+    known = parse_unit(row.unit)
+    return bool(label) and declared.si == known.si and not math.isclose(declared.factor, known.factor, rel_tol=1e-6)
+
+
+def _contradictions(tables: Mapping[str, Table]) -> Iterator[Finding]:
+    for name, rows in {**MESSAGES, "SIDD": SYSTEM_ID}.items():
+        wrong = [row for row in rows if name in tables and _is_contradicted(tables[name], row)]
+        if wrong:
+            columns = ", ".join(f"{name}.{row.column}" for row in wrong)
+            label = tables[name].units[wrong[0].column]
+            yield warn(
+                "corrupt_log",
+                name,
+                f"the log declares {label} for {columns}, which ArduPilot logs in {wrong[0].unit}; since one of the "
+                "two is wrong, they were left out",
+                columns=len(wrong),
+            )
 
 
 def topic_of(
@@ -281,7 +346,7 @@ def topic_of(
     chosen
         The messages that belong to the topic; all when not given.
     """
-    held = [row for row in rows if table.holds_numbers(row.column)]
+    held = [row for row in rows if table.holds_numbers(row.column) and not _is_contradicted(table, row)]
     part = table if chosen is None else table.chosen(chosen)
     time_s = part.time_s
     if not held or time_s is None:
@@ -302,14 +367,6 @@ def topic_of(
     )
 
 
-def is_legacy_rate(table: Table) -> bool:
-    """Whether ``RATE`` is in the units of firmware before 3.4: its outputs are then far beyond one."""
-    if "RllOut" in table:
-        return True
-    outputs = [table.column(name) for name in ("ROut", "POut", "YOut", "AOut") if table.holds_numbers(name)]
-    return any(bool(np.any(np.abs(output[np.isfinite(output)]) > 1.5)) for output in outputs)
-
-
 def instances(table: Table) -> AnyArray | None:
     """Number of the sensor behind each message, or ``None`` when the messages are not numbered."""
     names = (table.instance_column, *_INSTANCE_COLUMNS)
@@ -323,13 +380,19 @@ def motor_topics(tables: Mapping[str, Table], parameters: Mapping[str, float]) -
     if "RCOU" in tables:
         low, high = _motor_range(parameters)
         rows = [
-            Row(f"C{channel}", f"motor_{motor}", "1", 1.0 / (high - low), -low / (high - low))
+            Row(_pulse(tables["RCOU"], channel), f"motor_{motor}", "1", 1.0 / (high - low), -low / (high - low))
             for channel, motor in sorted(motors.items(), key=lambda pair: pair[1])
         ]
         topic = topic_of(tables["RCOU"], rows)
         if topic is not None:
             yield topic
     yield from _speed_topics(tables, motors)
+
+
+def _pulse(table: Table, channel: int) -> str:
+    """Column of a channel's pulse width."""
+    names = [name.format(channel) for name in _PULSES]
+    return next((name for name in names if name in table), names[0])
 
 
 def motor_channels(tables: Mapping[str, Table], parameters: Mapping[str, float]) -> Mapping[int, int]:
@@ -389,21 +452,22 @@ def stick_topic(tables: Mapping[str, Table], parameters: Mapping[str, float]) ->
     """Sticks, −1 to 1 and 0 to 1 for the throttle, with the calibration and direction of the log's parameters."""
     if "RCIN" not in tables:
         return None
-    return topic_of(tables["RCIN"], [_stick(axis, parameters) for axis in AXES])
+    return topic_of(tables["RCIN"], [_stick(axis, tables["RCIN"], parameters) for axis in AXES])
 
 
-def _stick(axis: str, parameters: Mapping[str, float]) -> Row:
+def _stick(axis: str, table: Table, parameters: Mapping[str, float]) -> Row:
     name, usual = STICKS[axis]
     channel = int(parameters.get(name, usual))
+    column = _pulse(table, channel)
     low = parameters.get(f"RC{channel}_MIN", 1000.0)
     high = parameters.get(f"RC{channel}_MAX", 2000.0)
     span = high - low if high > low else 1000.0
     if axis == "thrust":
-        return Row(f"C{channel}", "thrust_stick", "1", 1.0 / span, -low / span)
+        return Row(column, "thrust_stick", "1", 1.0 / span, -low / span)
     center = parameters.get(f"RC{channel}_TRIM", 1500.0)
     reversed_ = parameters.get(f"RC{channel}_REVERSED", 0.0) == 1.0 or parameters.get(f"RC{channel}_REV", 1.0) == -1.0
     slope = (-2.0 if reversed_ else 2.0) / span
-    return Row(f"C{channel}", f"{axis}_stick", "1", slope, -center * slope)
+    return Row(column, f"{axis}_stick", "1", slope, -center * slope)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -541,67 +605,3 @@ def _system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
                 start_s=run.start_s,
                 stop_s=run.stop_s,
             )
-
-
-def _decimation_findings(
-    topics: tuple[Topic, ...], runs: tuple[Run, ...], parameters: Mapping[str, float]
-) -> Iterator[Finding]:
-    """Rates of a SYSTEMID log that hold every n-th sample of the loop, without a filter in front.
-
-    Vibration above half the rate of the log then appears as slower motion, in the band of the response or outside. The
-    remark is a warning where the sweeps themselves come within a factor of two of that limit: there the response's own
-    content is folded.
-    """
-    loop_hz = parameters.get("SCHED_LOOP_RATE", 0.0)
-    tops = [run.band_rad_s[1] for run in runs if run.band_rad_s]
-    reached_hz = max(tops, default=0.0) / (2.0 * math.pi)
-    mask = int(parameters.get("LOG_BITMASK", 0.0))
-    if not runs:
-        return
-    for topic in topics:
-        rate_hz = topic.sample_rate_hz
-        named = topic.name == "RATE" or topic.name.startswith("SIDD")
-        if not named or not 0.0 < rate_hz < _LOOP_BY_LOOP * loop_hz:
-            continue
-        bits = mask | _EVERY_LOOP_BITS
-        remedy = "" if bits == mask else f"; set bits 0 and 1 of LOG_BITMASK to log every loop: {mask} becomes {bits}"
-        yield (warn if 2.0 * reached_hz > 0.5 * rate_hz else remark)(
-            "decimated",
-            topic.name,
-            f"{topic.name} was logged at {rate_hz:.0f} Hz out of a loop of {loop_hz:.0f} Hz, one sample in "
-            f"{loop_hz / rate_hz:.0f} without a filter in front: what the vehicle does above "
-            f"{0.5 * rate_hz:.0f} Hz, vibration above all, folds into the response{remedy}",
-            rate_hz=rate_hz,
-            loop_hz=loop_hz,
-            nyquist_hz=0.5 * rate_hz,
-            sweep_top_hz=reached_hz,
-        )
-
-
-def _slow(topics: tuple[Topic, ...], parameters: Mapping[str, float]) -> Iterator[Finding]:
-    """Topics too slow for what they are needed for, with the parameter to change."""
-    rates = {topic.name: topic.sample_rate_hz for topic in topics if topic.time_s.size > 1}
-    mask = int(parameters.get("LOG_BITMASK", 0.0))
-    for name, bit, meaning in _FAST_BITS:
-        if rates.get(name, LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
-            said = f"bit {bit} of LOG_BITMASK ({meaning})"
-            if mask >> bit & 1:
-                remedy = f"{said} is set already, so that the autopilot's loop or its storage is too slow"
-            else:
-                remedy = f"set {said}: {mask} becomes {mask | 1 << bit}"
-            yield _too_slow(name, rates[name], "warning", remedy)
-    if rates.get("RCOU", LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
-        usable = rates.get("RATE", 0.0) >= LOWEST_RATE_HZ
-        remedy = "ArduPilot writes it ten times a second whatever LOG_BITMASK says: use the mixer's inputs in RATE"
-        yield _too_slow("RCOU", rates["RCOU"], "info" if usable else "warning", remedy)
-
-
-def _too_slow(name: str, rate_hz: float, severity: Severity, remedy: str) -> Finding:
-    return Finding(
-        kind="rate_too_low",
-        severity=severity,
-        where=name,
-        message=f"{name} was logged at {rate_hz:.1f} Hz, too slow for motor-level work, which needs at least "
-        f"{LOWEST_RATE_HZ:.0f} Hz; {remedy}",
-        numbers={"rate_hz": rate_hz, "needed_hz": LOWEST_RATE_HZ},
-    )

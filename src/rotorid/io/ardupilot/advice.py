@@ -1,0 +1,129 @@
+"""What to change so that the next ArduPilot log holds more: only what this firmware has, and is not set already."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from rotorid.data.findings import Finding, Severity, remark, warn
+from rotorid.data.record import LOWEST_RATE_HZ, Topic
+from rotorid.io.ardupilot.firmware import RATE_FROM, Firmware
+
+_LOOP_BY_LOOP = 0.75
+"""Below this part of the loop's rate at most every second sample was logged."""
+
+_EVERY_LOOP_BITS = 0b11
+"""Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
+
+_FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
+"""Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
+
+_LIMITS = ((1, "LOG_FILE_RATEMAX"), (2, "LOG_MAV_RATEMAX"), (4, "LOG_BLK_RATEMAX"))
+"""Bit of ``LOG_BACKEND_TYPE``, and the parameter that limits how often that backend writes each message."""
+
+_AT_LIMIT = 1.2
+
+
+def missing_rate(firmware: Firmware, parameters: Mapping[str, float]) -> Finding:
+    """Why a log has no ``RATE`` message, and what can be done about it."""
+    said = "the log has no RATE messages, so that the mixer's inputs are not known"
+    if firmware.before(RATE_FROM):
+        remedy = f"{firmware.text} has no such message; firmware 3.4 and newer logs it"
+    elif _mask(parameters) & 1:
+        remedy = "bit 0 (fast attitude) of LOG_BITMASK is set already: the log is cut, or the storage was too slow"
+    else:
+        remedy = "set bit 0 (fast attitude) of LOG_BITMASK"
+    return warn("missing_channel", "RATE", f"{said}; {remedy}")
+
+
+def decimation_findings(
+    topics: Sequence[Topic], tops_rad_s: Sequence[float], parameters: Mapping[str, float]
+) -> Iterator[Finding]:
+    """Rates of a SYSTEMID log that hold every n-th sample of the loop, without a filter in front.
+
+    Vibration above half the rate of the log then appears as slower motion, in the band of the response or outside. The
+    remark is a warning where the sweeps themselves come within a factor of two of that limit: there the response's own
+    content is folded.
+
+    Parameters
+    ----------
+    topics
+        What was read.
+    tops_rad_s
+        Highest frequency that each SYSTEMID run reached, zero where it is not known; empty: nothing was swept.
+    parameters
+        The autopilot's.
+    """
+    loop_hz = parameters.get("SCHED_LOOP_RATE", 0.0)
+    reached_hz = max(tops_rad_s, default=0.0) / (2.0 * math.pi)
+    mask = _mask(parameters)
+    if not tops_rad_s:
+        return
+    for topic in topics:
+        rate_hz = topic.sample_rate_hz
+        named = topic.name == "RATE" or topic.name.startswith("SIDD")
+        if not named or not 0.0 < rate_hz < _LOOP_BY_LOOP * loop_hz:
+            continue
+        bits = mask | _EVERY_LOOP_BITS
+        remedy = "" if bits == mask else f"; set bits 0 and 1 of LOG_BITMASK to log every loop: {mask} becomes {bits}"
+        yield (warn if 2.0 * reached_hz > 0.5 * rate_hz else remark)(
+            "decimated",
+            topic.name,
+            f"{topic.name} was logged at {rate_hz:.0f} Hz out of a loop of {loop_hz:.0f} Hz, one sample in "
+            f"{loop_hz / rate_hz:.0f} without a filter in front: what the vehicle does above "
+            f"{0.5 * rate_hz:.0f} Hz, vibration above all, folds into the response{remedy}",
+            rate_hz=rate_hz,
+            loop_hz=loop_hz,
+            nyquist_hz=0.5 * rate_hz,
+            sweep_top_hz=reached_hz,
+        )
+
+
+def slow_topics(topics: Sequence[Topic], parameters: Mapping[str, float], firmware: Firmware) -> Iterator[Finding]:
+    """Topics too slow for what they are needed for, with the parameter to change."""
+    rates = {topic.name: topic.sample_rate_hz for topic in topics if topic.time_s.size > 1}
+    for name, bit, meaning in _FAST_BITS:
+        if rates.get(name, LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
+            remedy = _limit(rates[name], parameters) or _bit(bit, meaning, parameters, firmware)
+            yield _too_slow(name, rates[name], "warning", remedy)
+    if rates.get("RCOU", LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
+        usable = rates.get("RATE", 0.0) >= LOWEST_RATE_HZ
+        mixer = "this firmware logs no mixer inputs" if firmware.before(RATE_FROM) else "use the mixer's inputs in RATE"
+        remedy = _limit(rates["RCOU"], parameters) or (
+            f"ArduPilot writes it ten times a second whatever LOG_BITMASK says: {mixer}"
+        )
+        yield _too_slow("RCOU", rates["RCOU"], "info" if usable else "warning", remedy)
+
+
+def _mask(parameters: Mapping[str, float]) -> int:
+    return int(parameters.get("LOG_BITMASK", 0.0))
+
+
+def _limit(rate_hz: float, parameters: Mapping[str, float]) -> str:
+    """The parameter that holds a message down to this rate, if there is one."""
+    backend = int(parameters.get("LOG_BACKEND_TYPE", 0.0))
+    for bit, name in _LIMITS:
+        limit_hz = parameters.get(name, 0.0)
+        if backend & bit and 0.0 < rate_hz <= _AT_LIMIT * limit_hz:
+            return f"{name} = {limit_hz:g} holds every message down to {limit_hz:g} Hz: set it to 0, which is no limit"
+    return ""
+
+
+def _bit(bit: int, meaning: str, parameters: Mapping[str, float], firmware: Firmware) -> str:
+    said, mask = f"bit {bit} of LOG_BITMASK ({meaning})", _mask(parameters)
+    if firmware.before(RATE_FROM):
+        return f"{firmware.text} logs it no faster"
+    if mask >> bit & 1:
+        return f"{said} is set already, so that the autopilot's loop or its storage is too slow"
+    return f"set {said}: {mask} becomes {mask | 1 << bit}"
+
+
+def _too_slow(name: str, rate_hz: float, severity: Severity, remedy: str) -> Finding:
+    return Finding(
+        kind="rate_too_low",
+        severity=severity,
+        where=name,
+        message=f"{name} was logged at {rate_hz:.1f} Hz, too slow for motor-level work, which needs at least "
+        f"{LOWEST_RATE_HZ:.0f} Hz; {remedy}",
+        numbers={"rate_hz": rate_hz, "needed_hz": LOWEST_RATE_HZ},
+    )

@@ -1,0 +1,82 @@
+"""Which firmware wrote a DataFlash log, and what follows from that for units and messages.
+
+Units changed between versions: copters before 3.4 logged rates in hundredths of a degree per second, mixer inputs as
+parts of 4500 and voltages in hundredths of a volt. The log says which: by its declared units (``FMTU``), its version
+(``VER``, ``MSG``), the names of its columns and the type in which a value is stored. The size of values says nothing: a
+mixer input of today may well exceed one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rotorid.io.ardupilot.dataflash import Table
+
+_COPTER = re.compile(r"(?:ArduCopter|APM:Copter|Copter)\s+V(\d+)\.(\d+)", re.IGNORECASE)
+_VERSION = re.compile(r"\bV(\d+)\.(\d+)")
+_NORMALIZED_FROM = (3, 4)
+"""From here on rates are deg/s, outputs parts of full scale, voltages volts."""
+RATE_FROM = (3, 3)
+"""The first copter firmware with a ``RATE`` message."""
+
+_WHOLE_NUMBERS = frozenset("bBhHiIqQ")
+
+
+class Firmware(NamedTuple):
+    """What a log says of the firmware that wrote it.
+
+    Parameters
+    ----------
+    text
+        ``ArduCopter V4.5.7 (…)``, as the autopilot introduces itself; empty when it does not.
+    copter
+        Version of a copter's firmware, or ``None`` when the log does not tell it or the vehicle is no copter.
+    """
+
+    text: str = ""
+    copter: tuple[int, int] | None = None
+
+    def before(self, version: tuple[int, int]) -> bool:
+        """Whether it is a copter's firmware that is known to be older than ``version``.
+
+        Examples
+        --------
+        >>> Firmware("ArduCopter V3.2.1", (3, 2)).before((3, 4)), Firmware().before((3, 4))
+        (True, False)
+        """
+        return self.copter is not None and self.copter < version
+
+
+def firmware_of(tables: Mapping[str, Table]) -> Firmware:
+    """The firmware behind the messages ``VER`` and ``MSG``; the oldest name, ``APM:Copter``, included."""
+    texts: list[str] = []
+    for name, column in (("VER", "FWS"), ("MSG", "Message")):
+        if name in tables and tables[name].holds_text(column):
+            texts += [str(text) for text in tables[name].column(column).tolist()]
+    text = next((text for text in texts if _VERSION.search(text)), "")
+    match = _COPTER.search(text)
+    return Firmware(text, (int(match[1]), int(match[2])) if match else None)
+
+
+def is_legacy_rate(table: Table, firmware: Firmware) -> bool:
+    """Whether ``RATE`` is in centidegrees per second, with mixer inputs as parts of 4500 and throttle as parts of 1000.
+
+    Decided by, in this order: units that the log declares, the names of the columns, the version of the firmware, and
+    the clock, which counted milliseconds before 3.3.
+    """
+    if table.units:
+        return False
+    if "RllOut" in table:
+        return True
+    if firmware.copter is not None:
+        return firmware.before(_NORMALIZED_FROM)
+    return table.clock is not None and table.clock[0] == "TimeMS"
+
+
+def is_centivolts(table: Table, column: str) -> bool:
+    """Whether a voltage is in hundredths of a volt: stored as a whole number, to which the log declares no unit."""
+    if column not in table or column in table.units:
+        return False
+    return table.format.fields[column][1] in _WHOLE_NUMBERS
