@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.fitting.frequency.problem import EXCELLENT_COST, coherence_weight, log_error, pair_costs, residual_scales
 from rotorid.fitting.least_squares import LevenbergMarquardt
-from rotorid.models.controller import RateController
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 BAND_RATIO = 5.0
@@ -41,6 +40,14 @@ _LOWER = np.array([-_FREE_GAIN, 0.0, 0.0, 0.0, -_FITTED_DELAY_S])
 _UPPER = np.array([_FREE_GAIN, 30.0, 0.1, 0.2, _FITTED_DELAY_S])
 _STARTS = ((0.1, 0.001, 0.001), (3.0, 0.02, 0.01), (0.1, 0.05, 0.01), (3.0, 0.001, 0.06), (15.0, 0.01, 0.02))
 _SOLVER = LevenbergMarquardt(iterations=60, tolerance=1e-6)
+
+
+class Controls(Protocol):
+    """A controller, with all that stands between the logged rate and the logged command."""
+
+    def response(self, omega_rad_s: FloatArray, /) -> ComplexArray:
+        """Command by the logged rate, shape ``(f,)``."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +104,7 @@ def inverse_controller(
     values: ComplexArray,
     coherence: FloatArray,
     *,
-    controllers: Sequence[RateController] = (),
+    controllers: Sequence[Controls] = (),
     unknown_gains: bool = True,
 ) -> Verdict:
     r"""Test in sub-bands whether a response is the inverse of its controller.
@@ -142,6 +149,7 @@ def inverse_controller(
 
     Examples
     --------
+    >>> from rotorid.models.controller import RateController
     >>> omega = np.geomspace(1.0, 50.0, 60)
     >>> controller = RateController(proportional_s=0.15, integral=0.2)
     >>> trap = inverse_controller(omega, -1.0 / controller.response(omega), np.ones(60))
@@ -196,9 +204,7 @@ def _sub_bands(omega_rad_s: FloatArray) -> list[BoolArray]:
     return [members for members in bands if np.count_nonzero(members) >= _LEAST_POINTS]
 
 
-def _known(
-    omega: FloatArray, data: ComplexArray, weight: FloatArray, controllers: Sequence[RateController]
-) -> _Hypothesis:
+def _known(omega: FloatArray, data: ComplexArray, weight: FloatArray, controllers: Sequence[Controls]) -> _Hypothesis:
     """The nearest of the controllers, each with its best delay; that on a grid, because phases wrap."""
     if omega[-1] < LEAST_KNOWN_RATIO * omega[0]:
         return _NONE

@@ -1,7 +1,7 @@
 """The rate controller of an autopilot, from the gains in its log: as a frequency response, and step by step.
 
-One :class:`RateController` for all autopilots; its frequency response is of continuous time, its steps are those that
-the program of the autopilot runs.
+One :class:`RateController` for all autopilots. Where the rate of the autopilot's program is known, its frequency
+response is exactly that of the program's sums and differences; otherwise that of the same terms in continuous time.
 """
 
 from __future__ import annotations
@@ -32,6 +32,14 @@ class RateController(Immutable):
     limits, anti-windup and slew rates are left out. Filters in front of the controller and its computing time may be
     given as a delay, :math:`C(s) e^{-s \tau}`.
 
+    With a step :math:`T` the terms are those of a program that runs every :math:`T`, with :math:`z = e^{sT}`,
+
+    .. math:: F = \frac{\alpha}{1 - (1 - \alpha) z^{-1}}, \quad \alpha = \frac{T}{T + 1/\omega_c}, \qquad
+        s \to \frac{1 - z^{-1}}{T}, \qquad \frac{1}{s} \to \frac{T}{1 - z^{-1}}
+
+    but for the angle, which the vehicle integrates itself. At 400 Hz the difference to continuous time is 1 % of a
+    loop's gain and half a degree of its phase margin, 5° for a derivative at 20 Hz.
+
     Parameters
     ----------
     proportional_s
@@ -48,11 +56,18 @@ class RateController(Immutable):
         Filters on the derivative, on the rate error, on the rate set-point and on the command; zero for none.
     delay_s
         How late the controller sees the rate.
+    step_s
+        Period of the program, :math:`T`; zero for continuous time.
+    late_integral
+        Whether the sum is used before the error of the same step is added to it, as PX4 does: one :math:`z^{-1}` more.
+    late_angle
+        Whether the rate loop runs before the angle loop and takes its set-point of the last step, as ArduPilot does:
+        one :math:`z^{-1}` more in the angle loop.
 
     Raises
     ------
     UsageError
-        A gain, a cutoff or the delay is negative or not finite, or all gains of the rate are zero.
+        A gain, a cutoff, the delay or the step is negative or not finite, or all gains of the rate are zero.
 
     Examples
     --------
@@ -71,15 +86,18 @@ class RateController(Immutable):
     target_cutoff_hz: float = 0.0
     command_cutoff_hz: float = 0.0
     delay_s: float = 0.0
+    step_s: float = 0.0
+    late_integral: bool = False
+    late_angle: bool = False
 
     def __post_init__(self) -> None:
         gains = (self.proportional_s, self.integral, self.derivative_s2)
         cutoffs = (self.derivative_cutoff_hz, self.error_cutoff_hz, self.target_cutoff_hz, self.command_cutoff_hz)
-        numbers = (*gains, self.angle_1_s, *cutoffs, self.delay_s)
+        numbers = (*gains, self.angle_1_s, *cutoffs, self.delay_s, self.step_s)
         if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or not any(gains):
             raise UsageError(
-                f"gains {gains}, an angle gain {self.angle_1_s:g}, cutoffs {cutoffs} Hz and a delay of "
-                f"{self.delay_s:g} s came",
+                f"gains {gains}, an angle gain {self.angle_1_s:g}, cutoffs {cutoffs} Hz, a delay of "
+                f"{self.delay_s:g} s and a step of {self.step_s:g} s came",
                 needed="finite numbers from zero up, and a gain that is not zero",
             )
 
@@ -88,19 +106,77 @@ class RateController(Immutable):
         """The same controller without its angle loop, as rate modes fly it."""
         return replace(self, angle_1_s=0.0)
 
-    def response(self, omega_rad_s: FloatArray) -> ComplexArray:
-        r"""Frequency response :math:`C(j\omega)`, command per rad/s, shape ``(f,)``, at frequencies above zero."""
+    def response(self, omega_rad_s: FloatArray, rate_filter: ComplexArray | None = None) -> ComplexArray:
+        r"""Frequency response :math:`C(j\omega)` from the rate of the vehicle, command per rad/s.
+
+        .. math:: C = C_y F_\omega + C_r F_t \frac{A}{s}
+
+        with the responses :math:`C_y` by the rate that the controller sees and :math:`C_r` by its set-point. An
+        autopilot filters the rate, :math:`F_\omega`, and takes its attitude of what no such filter has delayed; with
+        one filter in front of both the loop of an ArduPilot vehicle comes out 3 % too small.
+
+        Parameters
+        ----------
+        omega_rad_s
+            Frequencies above zero, shape ``(f,)``.
+        rate_filter
+            What stands in front of the rate alone, :math:`F_\omega`, shape ``(f,)``; none when omitted.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape ``(f,)``.
+
+        Examples
+        --------
+        A filter that takes half of the rate leaves the angle loop alone:
+
+        >>> controller = RateController(proportional_s=0.2, angle_1_s=4.0)
+        >>> controller.response(np.array([4.0]), np.array([0.5])).round(3)
+        array([0.1-0.2j])
+        """
         s = np.asarray(1j * omega_rad_s, dtype=np.complex128)
-        around = 1.0 + _low_pass(s, self.target_cutoff_hz) * self.angle_1_s / s
-        derivative = self.derivative_s2 * s * _low_pass(s, self.derivative_cutoff_hz)
-        seen = around if self.derivative_of_error else np.ones_like(s)
-        inside = (self.proportional_s + self.integral / s) * around + derivative * seen
-        filters = _low_pass(s, self.command_cutoff_hz) * _low_pass(s, self.error_cutoff_hz)
-        return np.asarray(filters * inside * np.exp(-s * self.delay_s))
+        of_rate = self._command(s, self.derivative_s2)
+        if rate_filter is not None:
+            of_rate = of_rate * rate_filter
+        of_angle = self.angle_response(omega_rad_s) / s
+        return np.asarray((of_rate + of_angle) * np.exp(-s * self.delay_s))
 
+    def setpoint_response(self, omega_rad_s: FloatArray) -> ComplexArray:
+        r"""Command by the set-point of the rate, :math:`C_r F_t`, per rad/s, shape ``(f,)``."""
+        s = np.asarray(1j * omega_rad_s, dtype=np.complex128)
+        inside = self._command(s, self.derivative_s2 if self.derivative_of_error else 0.0)
+        return np.asarray(inside * self._low_pass(s, self.target_cutoff_hz))
 
-def _low_pass(s: ComplexArray, cutoff_hz: float) -> ComplexArray:
-    return np.asarray(1.0 / (1.0 + s / (2.0 * np.pi * cutoff_hz))) if cutoff_hz > 0.0 else np.ones_like(s)
+    def angle_response(self, omega_rad_s: FloatArray) -> ComplexArray:
+        r"""Command by the error of the angle, :math:`C_r F_t A`, per rad, shape ``(f,)``."""
+        late = np.exp(-1j * omega_rad_s * (self.step_s if self.late_angle else 0.0))
+        return np.asarray(self.setpoint_response(omega_rad_s) * self.angle_1_s * late)
+
+    def _command(self, s: ComplexArray, derivative_s2: float) -> ComplexArray:
+        """Command by an error that all terms see, the derivative with its own gain."""
+        slope = derivative_s2 * self._difference(s) * self._low_pass(s, self.derivative_cutoff_hz)
+        filters = self._low_pass(s, self.command_cutoff_hz) * self._low_pass(s, self.error_cutoff_hz)
+        return np.asarray(filters * (self.proportional_s + self.integral * self._sum(s) + slope))
+
+    def _sum(self, s: ComplexArray) -> ComplexArray:
+        if self.step_s == 0.0:
+            return np.asarray(1.0 / s)
+        back = np.exp(-s * self.step_s)
+        return np.asarray(self.step_s * (back if self.late_integral else 1.0) / (1.0 - back))
+
+    def _difference(self, s: ComplexArray) -> ComplexArray:
+        return s if self.step_s == 0.0 else np.asarray((1.0 - np.exp(-s * self.step_s)) / self.step_s)
+
+    def _low_pass(self, s: ComplexArray, cutoff_hz: float) -> ComplexArray:
+        """A first-order filter; the one of a program passes all where its step is long."""
+        if cutoff_hz == 0.0:
+            return np.ones_like(s)
+        corner = 2.0 * math.pi * cutoff_hz
+        if self.step_s == 0.0:
+            return np.asarray(1.0 / (1.0 + s / corner))
+        share = self.step_s / (self.step_s + 1.0 / corner)
+        return np.asarray(share / (1.0 - (1.0 - share) * np.exp(-s * self.step_s)))
 
 
 class _Autopilot(NamedTuple):
@@ -109,7 +185,10 @@ class _Autopilot(NamedTuple):
     axes: Mapping[Axis, str]
     gains: Mapping[str, tuple[str, ...]]
     factor: str
+    loop_rate: str
     derivative_of_error: bool
+    late_integral: bool
+    late_angle: bool
 
 
 _PX4 = _Autopilot(
@@ -123,7 +202,10 @@ _PX4 = _Autopilot(
         "command_cutoff_hz": ("MC_{}_TQ_CUTOFF",),
     },
     factor="MC_{}RATE_K",
+    loop_rate="IMU_GYRO_RATEMAX",
     derivative_of_error=False,
+    late_integral=True,
+    late_angle=False,
 )
 
 _ARDUPILOT = _Autopilot(
@@ -139,13 +221,18 @@ _ARDUPILOT = _Autopilot(
         "target_cutoff_hz": ("ATC_RAT_{}_FLTT",),
     },
     factor="",
+    loop_rate="SCHED_LOOP_RATE",
     derivative_of_error=True,
+    late_integral=False,
+    late_angle=True,
 )
 
 _SCALED = ("proportional_s", "integral", "derivative_s2")
 
 
-def rate_controller(parameters: Mapping[str, float], axis: Axis) -> RateController | None:
+def rate_controller(
+    parameters: Mapping[str, float], axis: Axis, *, loop_rate_hz: float | None = None
+) -> RateController | None:
     """The controller of an axis, from the parameters of a PX4 or ArduPilot log.
 
     Parameters
@@ -154,6 +241,10 @@ def rate_controller(parameters: Mapping[str, float], axis: Axis) -> RateControll
         Names and values as the autopilot has them.
     axis
         ``roll``, ``pitch`` or ``yaw``; thrust is not controlled by a rate.
+    loop_rate_hz
+        Steps of the program per second, where the caller knows better than the parameters (a slow sensor holds PX4's
+        loop back, whatever ``IMU_GYRO_RATEMAX`` allows); zero for continuous time. Where neither says it, time is
+        continuous.
 
     Returns
     -------
@@ -187,7 +278,14 @@ def rate_controller(parameters: Mapping[str, float], axis: Axis) -> RateControll
         factor = parameters.get(autopilot.factor.format(letters), 1.0)
         found |= {field: factor * found[field] for field in _SCALED}
         if any(found[field] for field in _SCALED) and min(found.values()) >= 0.0:
-            return RateController(**found, derivative_of_error=autopilot.derivative_of_error)
+            rate_hz = parameters.get(autopilot.loop_rate, 0.0) if loop_rate_hz is None else loop_rate_hz
+            return RateController(
+                **found,
+                derivative_of_error=autopilot.derivative_of_error,
+                step_s=1.0 / rate_hz if rate_hz > 0.0 else 0.0,
+                late_integral=autopilot.late_integral,
+                late_angle=autopilot.late_angle,
+            )
     return None
 
 

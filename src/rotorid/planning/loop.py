@@ -502,11 +502,7 @@ class _RateSetpoint:
 
     def response(self, omega_rad_s: FloatArray) -> ComplexArray:
         own = self.controller
-        derivative = own.derivative_s2 if own.derivative_of_error else 0.0
-        inside = replace(own.rate_loop, derivative_s2=derivative, delay_s=0.0).response(omega_rad_s)
-        cutoff = own.target_cutoff_hz
-        late = 1.0 / (1.0 + 1j * omega_rad_s / (2.0 * np.pi * cutoff)) if cutoff > 0.0 else 1.0
-        return np.asarray((inside * late * (own.angle_1_s if self.angle else 1.0))[None, None, :])
+        return (own.angle_response if self.angle else own.setpoint_response)(omega_rad_s)[None, None, :]
 
 
 def vehicle_loop(

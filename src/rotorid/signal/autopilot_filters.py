@@ -278,6 +278,29 @@ def known_filters(record: FlightRecord, source: str, *, sensor_rate_hz: float | 
     return _passage(record, source, sensor_rate_hz).filters
 
 
+_CONTROLLERS_OWN = {"PX4": "vehicle_angular_velocity.xyz[0]", "ArduPilot": "RATE.R", _BETAFLIGHT: "gyroADC[0]"}
+"""Autopilot to the source of the rate that its controller sees."""
+
+
+def controller_filters(record: FlightRecord, *, sensor_rate_hz: float | None = None) -> tuple[KnownFilter, ...]:
+    """Linear filters between the motion and the rate controller of the autopilot, as far as the log says.
+
+    The rate passes them, the attitude does not: it comes from the unfiltered sensor.
+
+    Parameters
+    ----------
+    record, sensor_rate_hz
+        As for :func:`known_filters`.
+
+    Raises
+    ------
+    UsageError
+        ``sensor_rate_hz`` is not positive.
+    """
+    own = [source for name, source in _CONTROLLERS_OWN.items() if record.source.format.startswith(name)]
+    return known_filters(record, own[0], sensor_rate_hz=sensor_rate_hz) if own else ()
+
+
 def filter_findings(record: FlightRecord, source: str, *, sensor_rate_hz: float | None = None) -> tuple[Finding, ...]:
     """What is known of the filters in front of a channel, and what is not.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy import signal
 
 from rotorid.errors import UsageError
 from rotorid.models.controller import RateController, rate_controller
+from rotorid.typing import ComplexArray
 
 OMEGA = np.geomspace(0.5, 200.0, 40)
 
@@ -37,7 +39,12 @@ ARDUPILOT = {
 
 def test_px4_gains_share_a_factor_that_the_angle_gain_has_not() -> None:
     assert rate_controller(PX4, "roll") == RateController(
-        proportional_s=0.3, integral=0.4, derivative_s2=0.006, angle_1_s=4.0, derivative_cutoff_hz=20.0
+        proportional_s=0.3,
+        integral=0.4,
+        derivative_s2=0.006,
+        angle_1_s=4.0,
+        derivative_cutoff_hz=20.0,
+        late_integral=True,
     )
 
 
@@ -98,6 +105,71 @@ def test_filters_on_error_and_command_are_in_series_and_that_of_the_target_is_in
 def test_a_derivative_of_the_error_sees_the_angle_too() -> None:
     of_error = RateController(proportional_s=0.0, derivative_s2=0.01, angle_1_s=4.0, derivative_of_error=True)
     np.testing.assert_allclose(of_error.response(OMEGA), 0.01 * (1j * OMEGA + 4.0), rtol=1e-12)
+
+
+STEP_S = 1.0 / 400.0
+DISCRETE = RateController(
+    proportional_s=0.135,
+    integral=0.3,
+    derivative_s2=0.0036,
+    angle_1_s=4.5,
+    derivative_of_error=True,
+    derivative_cutoff_hz=20.0,
+    error_cutoff_hz=9.0,
+    target_cutoff_hz=30.0,
+    command_cutoff_hz=5.0,
+    step_s=STEP_S,
+)
+
+
+def first_order(cutoff_hz: float) -> tuple[list[float], list[float]]:
+    share = STEP_S / (STEP_S + 1.0 / (2.0 * np.pi * cutoff_hz))
+    return [share], [1.0, share - 1.0]
+
+
+def in_row(*filters: tuple[list[float], list[float]]) -> ComplexArray:
+    total = np.ones(OMEGA.size, dtype=np.complex128)
+    for numerator, denominator in filters:
+        total = total * signal.freqz(numerator, denominator, worN=OMEGA * STEP_S)[1]
+    return total
+
+
+@pytest.mark.parametrize("late_integral", [False, True])
+@pytest.mark.parametrize("late_angle", [False, True])
+def test_a_program_of_steps_has_the_response_of_its_sums_and_differences(late_integral: bool, late_angle: bool) -> None:
+    controller = replace(DISCRETE, late_integral=late_integral, late_angle=late_angle)
+    summed = in_row(([0.0, STEP_S] if late_integral else [STEP_S], [1.0, -1.0]))
+    slope = in_row(([1.0 / STEP_S, -1.0 / STEP_S], [1.0]), first_order(20.0))
+    of_error = in_row(first_order(9.0), first_order(5.0)) * (0.135 + 0.3 * summed + 0.0036 * slope)
+    angle = in_row(first_order(30.0), ([0.0, 1.0] if late_angle else [1.0], [1.0])) * 4.5 / (1j * OMEGA)
+    np.testing.assert_allclose(controller.response(OMEGA), of_error * (1.0 + angle), rtol=1e-11)
+    plain = replace(controller, derivative_of_error=False)
+    apart = of_error - in_row(first_order(9.0), first_order(5.0)) * 0.0036 * slope
+    np.testing.assert_allclose(plain.response(OMEGA), of_error + apart * angle, rtol=1e-11)
+    np.testing.assert_allclose(plain.setpoint_response(OMEGA), apart * in_row(first_order(30.0)), rtol=1e-11)
+
+
+def test_small_steps_go_to_continuous_time() -> None:
+    exact = replace(DISCRETE, step_s=0.0).response(OMEGA)
+    coarse, fine = (np.abs(replace(DISCRETE, step_s=h).response(OMEGA) / exact - 1.0) for h in (1e-4, 5e-5))
+    np.testing.assert_allclose(fine / coarse, 0.5, atol=0.02)
+
+
+def test_a_filter_of_the_rate_leaves_the_angle_loop_alone() -> None:
+    gyro = np.asarray(1.0 / (1.0 + 1j * OMEGA / 60.0))
+    for controller in (DISCRETE, replace(DISCRETE, derivative_of_error=False)):
+        rate = controller.rate_loop.response(OMEGA)
+        angle = controller.response(OMEGA) - rate
+        np.testing.assert_allclose(controller.response(OMEGA, gyro), rate * gyro + angle, rtol=1e-12)
+
+
+def test_steps_are_those_of_the_parameters_unless_the_caller_knows_better() -> None:
+    parameters = ARDUPILOT | PX4 | {"SCHED_LOOP_RATE": 400.0, "IMU_GYRO_RATEMAX": 800.0}
+    own, slow = rate_controller(parameters, "pitch"), rate_controller(parameters, "roll", loop_rate_hz=250.0)
+    assert own is not None
+    assert slow is not None
+    assert (own.step_s, own.late_integral, own.late_angle) == (1.0 / 400.0, False, True)
+    assert (slow.step_s, slow.late_integral, slow.late_angle) == (1.0 / 250.0, True, False)
 
 
 def test_the_rate_loop_has_no_angle() -> None:

@@ -115,7 +115,7 @@ def _given(table: Mapping[str, Any], axis: str, source: Source) -> GivenControll
     for name, value in table.items():
         if name not in (*known, "setpoint"):
             raise source.unknown("field of a controller", name, (*known, "setpoint"), (axis, name))
-        if name == "derivative_of_error":
+        if name in ("derivative_of_error", "late_integral", "late_angle"):
             if not isinstance(value, bool):
                 raise source.error((axis, name), f"{name} is {value!r}", needed="true or false")
             values[name] = value

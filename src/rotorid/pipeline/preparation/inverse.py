@@ -13,12 +13,11 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem
 from rotorid.fitting.inverse_controller import SubBand, inverse_controller
-from rotorid.models.controller import RateController, rate_controller
 from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.frequency import pose, require_support
+from rotorid.pipeline.preparation.controllers import LoggedController, logged_controllers
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import axis_of
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.typing import BoolArray, FloatArray
@@ -98,7 +97,7 @@ def pose_screened(
     except InsufficientDataError as error:
         _blame_controller(error, measured, settings, flights)
         raise
-    traps = _traps(problem.data, problem.used, flights)
+    traps = _traps(problem.data, problem.used, flights, measured)
     if not traps:
         return Screened(problem=problem, findings=())
     used = np.array(problem.used)
@@ -131,10 +130,10 @@ def without_inverse_controller(
     if not used.any() and measured.direct is not None:
         data = measured.direct
         limit = settings.least_coherence(joint=False)
-        traps = _traps(data, measured.trusted_points(data, limit), flights)
+        traps = _traps(data, measured.trusted_points(data, limit), flights, measured)
         return used, tuple(_finding(data, trap, "error", _NOTHING_LEFT_TO_USE) for trap in traps)
     kept, findings = np.array(used), []
-    for trap in _traps(data, used, flights):
+    for trap in _traps(data, used, flights, measured):
         for output in range(used.shape[0]):
             kept[output, trap.input] = _longest_rest(used[output, trap.input], trap.inverse)
         gone = not kept[trap.output, trap.input].any()
@@ -150,18 +149,20 @@ def _blame_controller(
     direct = measured.direct or measured.response
     limit = settings.least_coherence(joint=direct.estimate == "joint")
     used = measured.trusted_points(direct, limit)
-    for trap in _traps(direct, used, flights):
+    for trap in _traps(direct, used, flights, measured):
         findings = (_finding(direct, trap, "error", _NOTHING_LEFT), *error.findings)
         came = f"{_sentence(direct, trap)} {_NOTHING_LEFT}"
         raise InsufficientDataError(came, needed=_NEEDED, remedy=_REMEDY, findings=findings) from error
 
 
-def _traps(data: FrequencyResponse, used: BoolArray, flights: Sequence[Flight]) -> list[_Trap]:
-    found = (_trap(data, used, index, flights) for index in range(len(data.inputs)))
+def _traps(data: FrequencyResponse, used: BoolArray, flights: Sequence[Flight], measured: Measured) -> list[_Trap]:
+    found = (_trap(data, used, index, flights, measured) for index in range(len(data.inputs)))
     return [trap for trap in found if trap is not None]
 
 
-def _trap(data: FrequencyResponse, used: BoolArray, index: int, flights: Sequence[Flight]) -> _Trap | None:
+def _trap(
+    data: FrequencyResponse, used: BoolArray, index: int, flights: Sequence[Flight], measured: Measured
+) -> _Trap | None:
     name = data.inputs[index]
     fed_back, sign = _FED_BACK.get(name, ("", 0.0))
     if fed_back not in data.outputs:
@@ -172,7 +173,7 @@ def _trap(data: FrequencyResponse, used: BoolArray, index: int, flights: Sequenc
         data.omega_rad_s[tested],
         sign * data.values[output, index, tested],
         data.coherence[output, index, tested],
-        controllers=_controllers(flights, name),
+        controllers=_controllers(flights, measured, name, fed_back),
         # An instrument keeps the controller out, unless it contains feedback itself: that only its own gains may tell.
         unknown_gains=data.estimate == "direct",
     )
@@ -183,10 +184,12 @@ def _trap(data: FrequencyResponse, used: BoolArray, index: int, flights: Sequenc
     return _Trap(output=output, input=index, inverse=inverse, bands=tuple(b for b in verdict.bands if b.inverse))
 
 
-def _controllers(flights: Sequence[Flight], name: str) -> tuple[RateController, ...]:
+def _controllers(
+    flights: Sequence[Flight], measured: Measured, name: str, fed_back: str
+) -> tuple[LoggedController, ...]:
     """The controllers in the logs, with and without their angle loop: which one flew depends on the flight mode."""
-    found = (rate_controller(record.parameters, axis_of(name)) for record, _ in flights)
-    return tuple(dict.fromkeys(c for controller in found if controller for c in (controller, controller.rate_loop)))
+    found = logged_controllers(flights, measured, name, fed_back)
+    return tuple(dict.fromkeys(c for controller in found for c in (controller, controller.rate_loop)))
 
 
 def _longest_rest(used: BoolArray, inverse: BoolArray) -> BoolArray:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
-import numpy as np
-
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.models.controller import rate_controller
+from rotorid.pipeline.preparation.controllers import logged_controllers
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.preparation.segments import histories
@@ -143,15 +141,15 @@ def _loop_rate_hz(record: FlightRecord) -> float:
 
 def _computed(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> tuple[FrequencyResponse, str] | None:
     response, rate = measured.response, _RATE.get(axis, "")
-    parameters = flown[0][0].parameters
-    controller = rate_controller(parameters, axis)
-    if rate not in response.outputs or controller is None or response.estimate != "joint":
+    if rate not in response.outputs or response.estimate != "joint" or len(response.inputs) > 1:
         return None
-    if len(response.inputs) > 1 or any(record.parameters != parameters for record, _ in flown):
+    parameters = flown[0][0].parameters
+    controllers = logged_controllers(flown, measured, f"{axis}_command", rate)
+    if len(controllers) != 1 or any(record.parameters != parameters for record, _ in flown):
         return None
     plant = selected(response, outputs=[rate], inputs=[f"{axis}_command"])
-    gains = controller.rate_loop.response(response.omega_rad_s)
-    return series(plant, np.asarray(gains)), "measured vehicle times the gains in the log, rate loop alone"
+    gains = controllers[0].rate_loop.response(response.omega_rad_s)
+    return series(plant, gains), "measured vehicle times the gains in the log, rate loop alone"
 
 
 def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) -> AttitudeBandwidth | None:
