@@ -17,6 +17,9 @@ from rotorid.cli.options import Output
 if TYPE_CHECKING:
     from rotorid.pipeline.demo import Demonstration
 
+# Of a normal distribution, 95 % lie within these.
+_INTERVAL_STDS = 1.96
+
 
 def demo_command(
     *,
@@ -64,7 +67,8 @@ def _print(demo: Demonstration, folder: Path) -> None:
 
     console = output_console()
     table = Table(title="what was identified, and what flew", title_justify="left", box=None, pad_edge=False)
-    for name in ("model", "parameter", "identified", "± std", "truth", "unit"):
+    distances = demo.distances()
+    for name in ("model", "parameter", "identified", "± std", "truth", "unit", "off by"):
         table.add_column(name, justify="left" if name in ("model", "parameter", "unit") else "right")
     for result in demo.identifications:
         for name, parameter in result.parameters.items():
@@ -78,11 +82,13 @@ def _print(demo: Demonstration, folder: Path) -> None:
                 "" if parameter.std is None else f"{parameter.std:.2g}",
                 "" if truth is None else f"{truth:.5g}",
                 parameter.unit,
+                f"{distances[name]:+.1f} σ" if name in distances else "",
             )
     console.print(table)
+    hold = sum(abs(distance) <= _INTERVAL_STDS for distance in distances.values())
     console.print(
-        "± is one standard deviation from the noise of this flight. A rate model leaves out the coupling between the\n"
-        "axes, which moves some values further from the truth than that; the findings in the report say where."
+        f"± is one standard deviation; {hold} of {len(distances)} intervals of 95 % hold the truth. That is the exact\n"
+        "linearization of the vehicle in hover and still air."
     )
     console.print(f"log:    {folder / LOG_NAME}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)

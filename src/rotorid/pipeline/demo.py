@@ -26,13 +26,8 @@ SWEEP_BAND_RAD_S = (2.0 * math.pi * 0.1, 2.0 * math.pi * 8.0)
 SWEEP_STICKS = {"roll": 0.44, "pitch": 0.3, "yaw": 0.39, "thrust": 0.13}
 DOUBLET_STICKS = {"roll": 0.7, "pitch": 0.6, "yaw": 0.9, "thrust": 0.25}
 
-BANDS_RAD_S = {
-    "rate.roll": (12.0, 50.0),
-    "rate.pitch": (12.0, 50.0),
-    "rate.yaw": (1.0, 50.0),
-    "rate.vertical": (15.0, 50.0),
-}
-"""Where a rate model describes the S500: above its speed modes, and for heave above the pitching that heave causes."""
+MODELS = ("hover.lateral", "hover.longitudinal")
+"""What flies: an S500 couples roll with yaw and pitch with heave, and gusts turn it; no rate model can show that."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,13 +37,28 @@ class Demonstration:
     Parameters
     ----------
     identifications
-        One for each axis.
+        Of roll with yaw, and of pitch with heave.
     truth
-        The parameters of the vehicle that flew, as far as a rate model has them.
+        The parameters of the vehicle that flew: its exact linearization in hover, in still air.
     """
 
     identifications: tuple[IdentifiedModel, ...]
     truth: dict[str, float]
+
+    def distances(self) -> dict[str, float]:
+        """How far each parameter that was found lies from the truth, in its own standard deviations.
+
+        Examples
+        --------
+        >>> Demonstration(identifications=(), truth={"L_roll": 153.4}).distances()
+        {}
+        """
+        return {
+            name: (parameter.value - self.truth[name]) / parameter.std
+            for result in self.identifications
+            for name, parameter in result.parameters.items()
+            if name in self.truth and parameter.std
+        }
 
 
 def demo_plan(aircraft: Aircraft) -> FlightPlan:
@@ -83,11 +93,8 @@ def fly_demo(path: Path, *, seed: int) -> None:
 
 
 def identify_demo(record: FlightRecord, *, seed: int) -> Demonstration:
-    """Identify a rate model of each axis from the log of the demonstration."""
-    results = []
-    for model, band in BANDS_RAD_S.items():
-        settings = IdentifySettings(band_rad_s=band, seed=seed)
-        results.append(identify([record], model, settings=settings))
+    """Identify the hover models from the log of the demonstration."""
+    results = tuple(identify([record], model, settings=IdentifySettings(seed=seed)) for model in MODELS)
     names = {name for result in results for name in result.parameters}
     truth = {name: true.value for name, true in truth_of(library_aircraft(VEHICLE)).items() if name in names}
-    return Demonstration(identifications=tuple(results), truth=truth)
+    return Demonstration(identifications=results, truth=truth)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
-from tests.unit.cli.commands import rotorid
+from tests.unit.cli.commands import Ran, rotorid
 
 from rotorid import __version__
 from rotorid.documents.inspection import inspect_document
 from rotorid.io.registry import read
 from rotorid.pipeline.inspection import inspect
+from rotorid.pipeline.simulation import truth_of
+from rotorid.vehicles.catalog import aircraft
 
 
 def test_version() -> None:
@@ -66,10 +69,40 @@ def test_inspect_writes_nothing(flight: Path, tmp_path: Path, monkeypatch: pytes
     assert list(tmp_path.iterdir()) == []
 
 
-def test_demo_writes_a_log_that_reads_a_result_for_each_axis_and_one_report(tmp_path: Path) -> None:
-    ran = rotorid("demo", "--out", tmp_path, "--json")
+class Demonstrated(NamedTuple):
+    ran: Ran
+    folder: Path
+
+
+@pytest.fixture(scope="module")
+def demonstrated(tmp_path_factory: pytest.TempPathFactory) -> Demonstrated:
+    folder = tmp_path_factory.mktemp("demo")
+    return Demonstrated(rotorid("demo", "--out", folder, "--json"), folder)
+
+
+def test_demo_writes_a_log_that_reads_two_results_and_one_report(demonstrated: Demonstrated) -> None:
+    ran, folder = demonstrated
     assert (ran.code, ran.err) == (0, "")
     models = [document["model"] for document in json.loads(ran.out)]
-    assert models == ["rate.roll", "rate.pitch", "rate.yaw", "rate.vertical"]
-    assert {path.name for path in tmp_path.iterdir()} >= {"flight.ulg", "report.html", *models}
-    assert read(tmp_path / "flight.ulg").source.format == "PX4 ULog"
+    assert models == ["hover.lateral", "hover.longitudinal"]
+    assert {path.name for path in folder.iterdir()} >= {"flight.ulg", "report.html", *models}
+    assert read(folder / "flight.ulg").source.format == "PX4 ULog"
+
+
+def test_demo_identifies_what_flew(demonstrated: Demonstrated) -> None:
+    """Nine in ten intervals of two deviations hold what flew; what is told from zero has its sign."""
+    truth = {name: true.value for name, true in truth_of(aircraft("s500")).items()}
+    found = {
+        name: (value["value"], value["std"])
+        for document in json.loads(demonstrated.ran.out)
+        for name, value in document["parameters"].items()
+        if value["std"]
+    }
+    assert len(found) >= 30
+    off = {name: (value - truth[name]) / std for name, (value, std) in found.items()}
+    holds = [abs(distance) <= 2.0 for distance in off.values()]
+    assert sum(holds) >= 0.9 * len(holds), off
+    assert max(map(abs, off.values())) < 4.0, off
+    sure = {name: value for name, (value, std) in found.items() if abs(value) > 2.0 * std and truth[name]}
+    assert len(sure) >= 15
+    assert all(value * truth[name] > 0.0 for name, value in sure.items())
