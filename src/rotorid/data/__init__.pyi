@@ -17,6 +17,7 @@ from rotorid.data.record import Maneuver as Maneuver
 from rotorid.data.record import Maneuvers as Maneuvers
 from rotorid.data.record import MotorRecord as MotorRecord
 from rotorid.data.record import Source as Source
+from rotorid.data.record import Status as Status
 from rotorid.data.record import TimeHistory as TimeHistory
 from rotorid.data.record import Topic as Topic
 from rotorid.data.record import Track as Track

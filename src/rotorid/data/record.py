@@ -2,6 +2,8 @@
 
 A flight record: what a log holds, in the vocabulary of the package, each topic on its own clock.
 
+A status: what the autopilot itself says of its vehicle and of its flight.
+
 A maneuver: an interval of a flight in which an axis was excited. It holds no data.
 
 A time history: channels on one uniform clock.
@@ -300,6 +302,49 @@ class Source(Immutable):
     firmware: str = ""
 
 
+Vehicle: TypeAlias = Literal[
+    "", "multirotor", "helicopter", "plane", "VTOL", "rover", "boat", "submarine", "airship", "antenna tracker"
+]
+Intervals: TypeAlias = tuple[tuple[float, float], ...]
+"""Start and stop of each, in seconds on the log's own clock."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Status:
+    """What the autopilot itself says of its vehicle and of its flight, by its parameters, modes and flags.
+
+    Parameters
+    ----------
+    vehicle
+        Kind of vehicle; empty where the log does not say.
+    named_in
+        What says so, such as ``MAV_TYPE 1``.
+    armed
+        When the motors could run; empty: never; ``None`` where the log does not say.
+    in_air
+        When the autopilot held that it flew; empty: never; ``None`` where the log does not say.
+    early
+        Whether the autopilot may hold that it flies as soon as the throttle rises.
+    flagged_in
+        What says when it was armed and in the air, such as ``vehicle_land_detected``.
+    direct_rates
+        When the set-points of the body rates came straight from the sticks, so that no feedback was in them.
+    """
+
+    vehicle: Vehicle = ""
+    named_in: str = ""
+    armed: Intervals | None = None
+    in_air: Intervals | None = None
+    early: bool = False
+    flagged_in: str = ""
+    direct_rates: Intervals = ()
+
+    @property
+    def foreign(self) -> bool:
+        """Whether the log says that the vehicle is something else than a multirotor."""
+        return self.vehicle not in ("", "multirotor")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightRecord(Immutable):
     """All of a log that the package has a name for.
@@ -318,6 +363,8 @@ class FlightRecord(Immutable):
         Axis to channels that excite it and contain no feedback, best first.
     findings
         What the reader had to remark.
+    status
+        What the autopilot says of vehicle and flight.
 
     Examples
     --------
@@ -337,6 +384,7 @@ class FlightRecord(Immutable):
     declared: tuple[Maneuver, ...] = ()
     instruments: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    status: Status = Status()
 
     def __post_init__(self) -> None:
         self._set(

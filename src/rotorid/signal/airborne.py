@@ -1,4 +1,4 @@
-"""When a vehicle was in the air: take-off and landing cut off."""
+"""When a vehicle was in the air: as the flags of its log say, or else as thrust and sensors tell."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark
-from rotorid.data.record import MOTORS, FlightRecord, Topic
+from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import BoolArray, FloatArray
 
@@ -16,14 +16,32 @@ FLYING_SHARE = 0.5
 """A vehicle flies while its thrust exceeds this share of its usual thrust."""
 
 _LONGEST_DIP_S = 1.0
+_LONGEST_REST_S = 5.0
+"""While the motors run on; a descent may be as long, and as quiet."""
+
 _SHORTEST_FLIGHT_S = 2.0
+_SHORTEST_EARLY_S = 5.0
+"""Who raises the throttle and tips over is said to fly for seconds."""
+
 _WINDOW_S = 0.5
 _LIVELIER = 15.0
 """Sweeps in light gusts spread up to eleven times as much as the calm between them; rest on the ground, far less."""
 
 _QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
-_SENSORS = ("ax", "ay", "az", "p", "q", "r")
+_RATES = ("p", "q", "r")
+_SENSORS = ("ax", "ay", "az", *_RATES)
 _HIGH_PERCENT = 99.0
+
+_MOVING_RAD_S = 0.1
+"""Body rates, rms of half a second and without vibration, that a vehicle on the ground does not have."""
+
+_VIBRATION_S = 0.1
+_RUNNING_SHARE, _RUNNING_S = 0.1, 1.0
+"""Motors run while they exceeded this share of their usual output within this time."""
+
+_CARRYING_SHARE = 0.25
+"""Share of the usual thrust that motors which idle on the ground do not reach."""
+
 _MOST_BELOW_ZERO = 0.05
 
 
@@ -36,9 +54,12 @@ class Airborne:
     intervals
         Start and stop of each flight in seconds on the log's own clock, in order of time.
     seen_in
-        What showed it: a thrust command, the motors, or the activity of accelerometer and gyro.
+        What showed it: flags of the log, a thrust command, the motors, or the activity of accelerometer and gyro.
     by_thrust
-        Whether thrust or motors showed it. The activity of sensors only guesses: who rests in the air looks landed.
+        Whether flags, thrust or motors showed it. The activity of sensors only guesses: who rests in the air looks
+        landed.
+    by_flags
+        Whether the autopilot itself says so.
     findings
         ``airborne`` with start and stop of the longest flight.
     """
@@ -47,6 +68,7 @@ class Airborne:
     seen_in: str
     findings: tuple[Finding, ...]
     by_thrust: bool = True
+    by_flags: bool = False
 
     @property
     def longest(self) -> tuple[float, float]:
@@ -55,22 +77,28 @@ class Airborne:
 
 
 def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
-    """Find the flights in a record without landed flags.
+    """Find the flights in a record.
 
-    From the first of these that the record holds: the thrust command, the mean of the motor outputs (more than half of
-    its usual value while it runs), the activity of accelerometer and gyro (spread within half a second more than the
-    geometric mean of that at rest and that in flight, where these differ by fifteen and more). Dips of up to 1 s belong
-    to a flight; flights under 2 s are left out. A thrust that goes below zero counts from hover, and tells nothing.
+    Where the log has landed flags, they say it, and nothing is cut from their flights. An autopilot that says "not
+    landed" as soon as the throttle rises is believed from 5 s on, where the vehicle then turned, by body rates above
+    0.1 rad/s, for 2 s and more.
 
-    A vehicle that lifts off below half of its usual thrust, glides for seconds, or is carried about by hand misleads
-    it. A record that begins in the air begins its flight with its first sample.
+    Elsewhere the first of these that the record holds: the thrust command, the mean of the motor outputs (more than
+    half of its usual value while it runs, or body rates above 0.1 rad/s while the motors run, as in a dive at zero
+    throttle), the activity of accelerometer and gyro (spread within half a second more than the geometric mean of that
+    at rest and that in flight, where these differ by fifteen and more). Dips of up to 1 s belong to a flight; flights
+    under 2 s and what was not armed are left out. A thrust that goes below zero counts from hover, and tells nothing.
+
+    A vehicle without flags that lifts off below half of its usual thrust without turning, or is carried about by hand,
+    misleads it. A record that begins in the air begins its flight with its first sample.
 
     Parameters
     ----------
     record
         The log.
     margin_s
-        Cut from both ends of each flight that begins or ends within the record, where the ground still acts.
+        Cut from both ends of each flight without flags that begins or ends within the record, where the ground still
+        acts.
 
     Raises
     ------
@@ -90,8 +118,22 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     >>> round(start_s, 2), round(stop_s, 2)
     (11.0, 48.98)
     """
-    time_s, flying, seen_in, by_thrust = _flying(record)
-    intervals = _intervals(time_s, flying, margin_s)
+    status = record.status
+    if status.in_air is not None or status.armed == ():
+        shortest_s = _SHORTEST_EARLY_S if status.early else _SHORTEST_FLIGHT_S
+        held = [interval for interval in status.in_air or () if interval[1] - interval[0] >= shortest_s]
+        intervals = tuple(interval for interval in held if not status.early or _turns(record, interval))
+        return _found(record, intervals, status.flagged_in or "the log", by_flags=True)
+    time_s, flying, carrying, seen_in = _flying(record)
+    if status.armed is not None:
+        flying = flying & _inside(time_s, status.armed)
+    by_thrust = carrying is not None
+    return _found(record, _intervals(time_s, flying, carrying, margin_s), seen_in, by_thrust=by_thrust)
+
+
+def _found(
+    record: FlightRecord, intervals: Intervals, seen_in: str, *, by_thrust: bool = True, by_flags: bool = False
+) -> Airborne:
     if not intervals:
         message = f"{record.source.name} holds no flight of {_SHORTEST_FLIGHT_S:g} s and more, as {seen_in} tells."
         raise InsufficientDataError(
@@ -100,15 +142,47 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
             remedy="choose another log, or name the interval with --segment",
             findings=[refusal("never_airborne", seen_in, message)],
         )
-    found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust)
+    found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust, by_flags=by_flags)
     return replace(found, findings=(_finding(found, record),))
 
 
-def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, str, bool]:
+def _turns(record: FlightRecord, interval: tuple[float, float]) -> bool:
+    """Whether the vehicle turns for as long as a flight lasts at least; a log without body rates is believed."""
+    rates = _together(record, _RATES)
+    if rates is None:
+        return True
+    time_s, values, _ = rates
+    inside = (time_s >= interval[0]) & (time_s <= interval[1])
+    # A damaged or thin channel is no evidence against a flag.
+    if np.count_nonzero(inside) * float(np.median(np.diff(time_s))) < 0.5 * (interval[1] - interval[0]):
+        return True
+    turning = _speed(time_s, values) > _MOVING_RAD_S
+    return float(np.mean(turning[inside])) * (interval[1] - interval[0]) >= _SHORTEST_FLIGHT_S
+
+
+def _inside(time_s: FloatArray, intervals: Intervals) -> BoolArray:
+    inside = np.zeros(time_s.size, dtype=np.bool_)
+    for start_s, stop_s in intervals:
+        inside |= (time_s >= start_s) & (time_s <= stop_s)
+    return inside
+
+
+def _speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
+    """Rms of the body rates over half a second, without vibration, shape ``(samples,)``."""
+    step_s = float(np.median(np.diff(time_s)))
+    calm = _moving_mean(rates, max(int(_VIBRATION_S / step_s), 1))
+    mean_square = _moving_mean(calm**2, max(int(_WINDOW_S / step_s), 1))
+    speed: FloatArray = np.sqrt(np.maximum(mean_square, 0.0).sum(axis=0))
+    return speed
+
+
+def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, BoolArray | None, str]:
+    """Stamps, where the vehicle flies, where its motors carry a part of it as far as they are known, and the signal."""
     for time_s, thrust, name in _thrusts(record):
         usual = _usual(thrust)
         if usual > 0.0 and float(np.percentile(thrust, _QUIET_PERCENT)) > -_MOST_BELOW_ZERO * usual:
-            return time_s, thrust > FLYING_SHARE * usual, name, True
+            flying = (thrust > FLYING_SHARE * usual) | _diving(record, time_s, thrust > _RUNNING_SHARE * usual)
+            return time_s, flying, thrust > _CARRYING_SHARE * usual, name
     sensors = _together(record, _SENSORS)
     if sensors is None:
         raise InsufficientDataError(
@@ -117,7 +191,19 @@ def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, str, bool]:
             remedy="log one of them, or name its source with --map",
         )
     time_s, values, name = sensors
-    return time_s, _lively(time_s, values), f"the activity of {name}", False
+    return time_s, _lively(time_s, values), None, f"the activity of {name}"
+
+
+def _diving(record: FlightRecord, time_s: FloatArray, running: BoolArray) -> BoolArray:
+    """Where the vehicle turns while its motors run, whatever their thrust: in acro it flies without."""
+    rates = _together(record, _RATES)
+    if rates is None or not running.any():
+        return np.zeros(time_s.size, dtype=np.bool_)
+    rate_time_s, values, _ = rates
+    moving = np.interp(time_s, rate_time_s, _speed(rate_time_s, values), left=0.0, right=0.0) > _MOVING_RAD_S
+    last = np.maximum.accumulate(np.where(running, np.arange(time_s.size), -1))
+    lately = (last >= 0) & (time_s - time_s[np.maximum(last, 0)] <= _RUNNING_S)
+    return np.asarray(moving & lately)
 
 
 def _thrusts(record: FlightRecord) -> Iterator[tuple[FloatArray, FloatArray, str]]:
@@ -180,12 +266,18 @@ def _moving_mean(values: FloatArray, window: int) -> FloatArray:
     return np.asarray(uniform_filter1d(values, window, axis=1, mode="nearest"))
 
 
-def _intervals(time_s: FloatArray, flying: BoolArray, margin_s: float) -> tuple[tuple[float, float], ...]:
+def _intervals(
+    time_s: FloatArray, flying: BoolArray, carrying: BoolArray | None, margin_s: float
+) -> tuple[tuple[float, float], ...]:
     """Stretches of flight, dips bridged, margins cut where the flight does not reach an end of the record."""
     index = np.flatnonzero(flying)
     if index.size == 0:
         return ()
-    breaks = np.flatnonzero((np.diff(time_s[index]) > _LONGEST_DIP_S) & (np.diff(index) > 1))
+    longest_s = np.full(index.size - 1, _LONGEST_DIP_S)
+    if carrying is not None:
+        dropped = np.diff(np.cumsum(~(carrying | flying))[index])
+        longest_s[dropped == 0] = _LONGEST_REST_S
+    breaks = np.flatnonzero((np.diff(time_s[index]) > longest_s) & (np.diff(index) > 1))
     starts = index[np.concatenate([[0], breaks + 1])]
     stops = index[np.concatenate([breaks, [index.size - 1]])]
     cut = [

@@ -148,9 +148,9 @@ target, 10–13 the mixer.
 
 _ENDED_EARLY = 0.9
 
-_WANTED = frozenset({*MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "TIME", *STATUS_MESSAGES}) | {
-    f"ESC{number}" for number in range(1, 33)
-}
+_WANTED = frozenset(
+    {*MESSAGES, *STATUS_MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "TIME"}
+) | {f"ESC{number}" for number in range(1, 33)}
 """Messages that are read at all."""
 
 

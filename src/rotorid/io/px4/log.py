@@ -18,6 +18,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, T
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.files import without_places
+from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
 from rotorid.typing import AnyArray, FloatArray
 
@@ -189,7 +190,7 @@ _INSTRUMENTS = {
 
 def wanted_fields() -> dict[str, list[str]]:
     """Name of each topic to the names of its fields, as the table wants them; stamps are wanted without being named."""
-    wanted: dict[str, list[str]] = {}
+    wanted: dict[str, list[str]] = {topic: list(fields) for topic, fields in STATUS_FIELDS.items()}
     for rule in ALL_RULES:
         wanted.setdefault(rule.topic, []).extend((*rule.fields, *rule.letters))
     return wanted
@@ -227,7 +228,14 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
         parameters=parameters,
         instruments=_instruments(topics),
         findings=(*findings_of(topics, facts), *remarks),
+        status=status_of(arrays, parameters, _span_s(topics)),
     )
+
+
+def _span_s(topics: Sequence[Topic]) -> tuple[float, float]:
+    """First and last stamp of what was logged in flight: of the topic that lasts longest."""
+    longest = max(topics, key=lambda topic: float(np.ptp(topic.time_s)))
+    return float(longest.time_s[0]), float(longest.time_s[-1])
 
 
 def _topics(

@@ -1,0 +1,132 @@
+"""What ArduPilot says of its vehicle and its flight: firmware, arming and landing events, flight mode."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rotorid.data.record import Intervals, Status, Vehicle
+from rotorid.io.ardupilot.dataflash import Table
+from rotorid.io.flags import intervals_of
+from rotorid.typing import AnyArray, FloatArray
+
+STATUS_MESSAGES = frozenset({"EV", "ARM", "MODE"})
+"""Messages to read besides those of the channels."""
+
+_ARMED, _DISARMED, _LANDED, _NOT_LANDED = 10, 11, 18, 28
+_STOPPED, _INTERLOCKED = 54, 56
+"""Emergency stop of the motors, and the interlock that takes their power: whatever flew, falls."""
+
+_IN_AIR: Mapping[int, bool] = {
+    _NOT_LANDED: True,
+    **dict.fromkeys((_ARMED, _LANDED, _DISARMED, _STOPPED, _INTERLOCKED), False),
+}
+_ACRO = 1
+
+_FIRMWARES: Sequence[tuple[str, Vehicle]] = (
+    ("Copter", "multirotor"),
+    ("Plane", "plane"),
+    ("Rover", "rover"),
+    ("Sub", "submarine"),
+    ("Blimp", "airship"),
+    ("Tracker", "antenna tracker"),
+)
+_HELICOPTERS = (6, 11, 13)
+"""``FRAME_CLASS`` of helicopters with one, two and four rotors."""
+
+
+def status_of(
+    tables: Mapping[str, Table], parameters: Mapping[str, float], firmware: str, span_s: tuple[float, float]
+) -> Status:
+    """What the events, the modes and the firmware of a log say.
+
+    In the air is from "not landed" to "landed", disarming or a stop of the motors. In modes without control of height
+    the autopilot says "not landed" as soon as the throttle rises: whether the vehicle moved then, is for others to see.
+
+    Parameters
+    ----------
+    tables
+        Messages by name; those of firmware before 3.3 carry no stamps and take that of the message before them.
+    parameters
+        Of the autopilot.
+    firmware
+        As it introduces itself.
+    span_s
+        First and last stamp of the record.
+    """
+    vehicle, named_in = _vehicle(parameters, firmware)
+    events = _stamped(tables, "EV", "Id")
+    armed, in_air = None, None
+    if events is not None:
+        armed = _between(events, {_ARMED: True, _NOT_LANDED: True, _DISARMED: False}, span_s)
+        in_air = _between(events, _IN_AIR, span_s) if vehicle in ("", "multirotor", "helicopter") else None
+    return Status(
+        vehicle=vehicle,
+        named_in=named_in,
+        armed=armed,
+        in_air=in_air,
+        early=True,
+        flagged_in="" if events is None else "EV",
+        direct_rates=_acro(tables, parameters, span_s[1]),
+    )
+
+
+def _vehicle(parameters: Mapping[str, float], firmware: str) -> tuple[Vehicle, str]:
+    """Kind of vehicle by the name of the firmware, and by the parameters that make more of it."""
+    name = firmware.split(" V")[0]
+    found: Vehicle = next((kind for word, kind in _FIRMWARES if re.search(word, name)), "")
+    if found == "plane" and parameters.get("Q_ENABLE", 0.0) > 0.0:
+        return "VTOL", f"Q_ENABLE {parameters['Q_ENABLE']:g}"
+    frame = int(parameters.get("FRAME_CLASS", 0.0))
+    if found == "multirotor" and frame in _HELICOPTERS:
+        return "helicopter", f"FRAME_CLASS {frame}"
+    return found, name if found else ""
+
+
+def _between(
+    events: tuple[FloatArray, AnyArray], meaning: Mapping[int, bool], span_s: tuple[float, float]
+) -> Intervals:
+    """When a state was on that some events begin and others end; an end without a beginning began before the log."""
+    time_s, numbers = events
+    told = np.isin(numbers, list(meaning))
+    time_s, on = time_s[told], np.array([meaning[int(number)] for number in numbers[told]], dtype=np.bool_)
+    if not time_s.size:
+        return ()
+    begun = not on[0] and int(numbers[told][0]) in (_LANDED, _DISARMED)
+    return intervals_of(
+        np.concatenate([[min(span_s[0], float(time_s[0]))], time_s]), np.concatenate([[begun], on]), until_s=span_s[1]
+    )
+
+
+def _acro(tables: Mapping[str, Table], parameters: Mapping[str, float], until_s: float) -> Intervals:
+    """Where the sticks were set-points of rates: acro, when it neither levels nor holds an attitude."""
+    modes = _stamped(tables, "MODE", "ModeNum") or _stamped(tables, "MODE", "Mode")
+    rates_only = int(parameters.get("ACRO_OPTIONS", 0.0)) & 2 and parameters.get("ACRO_TRAINER", 2.0) == 0.0
+    return intervals_of(modes[0], modes[1] == _ACRO, until_s=until_s) if modes and rates_only else ()
+
+
+def _stamped(tables: Mapping[str, Table], name: str, column: str) -> tuple[FloatArray, AnyArray] | None:
+    """Stamps and numbers of a column."""
+    table = tables.get(name)
+    if table is None or not table.holds_numbers(column):
+        return None
+    time_s = table.time_s
+    if time_s is None:
+        time_s = _time_before(tables, table)
+    return None if time_s is None else (time_s, table.column(column))
+
+
+def _time_before(tables: Mapping[str, Table], table: Table) -> FloatArray | None:
+    """Stamp of the last message before each one, among those that are logged most often."""
+    clocks = [other for other in tables.values() if other.clock is not None and len(other)]
+    if not clocks:
+        return None
+    often = max(clocks, key=len)
+    time_s = often.time_s
+    if time_s is None:
+        return None
+    before = np.searchsorted(often.positions, table.positions) - 1
+    stamps: FloatArray = time_s[np.maximum(before, 0)]
+    return stamps

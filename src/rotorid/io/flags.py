@@ -1,0 +1,78 @@
+"""Flags of autopilots: kinds of vehicles as MAVLink numbers them, and flags over time as intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from rotorid.data.record import Intervals, Vehicle
+from rotorid.typing import AnyArray, BoolArray, FloatArray
+
+_MULTIROTORS = (2, 3, 13, 14, 15, 29, 35)
+_VTOLS = tuple(range(19, 26))
+
+MAV_TYPES: Mapping[int, Vehicle] = MappingProxyType(
+    {
+        **dict.fromkeys(_MULTIROTORS, "multirotor"),
+        **dict.fromkeys(_VTOLS, "VTOL"),
+        1: "plane",
+        4: "helicopter",
+        5: "antenna tracker",
+        7: "airship",
+        8: "airship",
+        10: "rover",
+        11: "boat",
+        12: "submarine",
+    }
+)
+"""``MAV_TYPE`` of MAVLink to the kind of vehicle."""
+
+
+def intervals_of(time_s: FloatArray, on: BoolArray, *, until_s: float) -> Intervals:
+    """When a flag was on: each value holds until the next one is logged, the last one until the record ends.
+
+    Parameters
+    ----------
+    time_s
+        Stamps, shape ``(samples,)``; those that are no number or step back are put in order first.
+    on
+        The flag, shape ``(samples,)``.
+    until_s
+        End of the record.
+
+    Examples
+    --------
+    >>> intervals_of(np.array([0.0, 1.0, 5.0, 9.0]), np.array([False, True, True, False]), until_s=12.0)
+    ((1.0, 9.0),)
+    >>> intervals_of(np.array([0.0, 7.0]), np.array([False, True]), until_s=12.0)
+    ((7.0, 12.0),)
+    """
+    finite = np.isfinite(time_s)
+    order = np.argsort(time_s[finite], kind="stable")
+    time_s, on = time_s[finite][order], np.asarray(on, dtype=np.bool_)[finite][order]
+    if not time_s.size:
+        return ()
+    edges = np.diff(np.concatenate([[False], on, [False]]).astype(np.int8))
+    ends = np.append(time_s, max(until_s, float(time_s[-1])))
+    pairs = zip(time_s[np.flatnonzero(edges == 1)], ends[np.flatnonzero(edges == -1)], strict=True)
+    return tuple((float(start), float(stop)) for start, stop in pairs if start < stop)
+
+
+def shared(one: Intervals, other: Intervals) -> Intervals:
+    """What two rows of intervals have in common.
+
+    Examples
+    --------
+    >>> shared(((0.0, 5.0), (7.0, 9.0)), ((4.0, 8.0),))
+    ((4.0, 5.0), (7.0, 8.0))
+    """
+    parts = ((max(a, c), min(b, d)) for a, b in one for c, d in other)
+    return tuple((start, stop) for start, stop in parts if start < stop)
+
+
+def most_frequent(values: AnyArray) -> int:
+    """The value that a field which should not change has most of the time."""
+    found, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    return int(found[np.argmax(counts)]) if found.size else -1
