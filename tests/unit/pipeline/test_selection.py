@@ -11,7 +11,7 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Kind, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import find_instrument
+from rotorid.pipeline.preparation.instruments import choose_instruments, find_instrument
 from rotorid.pipeline.preparation.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.signal.excitations import find_excitations
@@ -162,3 +162,28 @@ def test_the_instrument_must_move_in_every_maneuver() -> None:
         Flight(record(SWEEP, name="other.csv"), SWEEP),
     ]
     assert find_instrument(flown, "roll") is None
+
+
+PITCH = Maneuver(axis="pitch", kind="sweep", start_s=10.0, stop_s=40.0, origin="declared")
+
+
+@pytest.mark.parametrize(("name", "chosen"), [("roll_excitation", "roll_excitation"), ("phi_setpoint", None)])
+def test_what_another_log_lacks_is_an_instrument_only_if_it_was_zero_there(name: str, chosen: str | None) -> None:
+    """An injection that is not logged was zero; where a set-point stood nobody knows."""
+    flown = [
+        Flight(record(SWEEP, moving=[name]), SWEEP),
+        Flight(record(PITCH, moving=["pitch_excitation"], name="other.csv"), PITCH),
+    ]
+    assert find_instrument(flown, "roll") == chosen
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_instrument_that_one_of_several_logs_lacks_is_refused(order: int) -> None:
+    flown = [
+        Flight(record(SWEEP, moving=["phi_setpoint"]), SWEEP),
+        Flight(record(SWEEP, name="other.csv"), SWEEP),
+    ]
+    settings = IdentifySettings(instruments=("phi_setpoint",))
+    with pytest.raises(InsufficientDataError, match=r"other\.csv holds no phi_setpoint"):
+        choose_instruments(flown[::order], ["roll_command"], ["p"], settings)
+    assert choose_instruments(flown[:1], ["roll_command"], ["p"], settings) == ("phi_setpoint",)

@@ -7,7 +7,15 @@ import pytest
 
 from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.signal.skew import Relation, TimeSkew, shift, skew_change, time_skew
+from rotorid.signal.skew import (
+    Relation,
+    TimeSkew,
+    coherent_lines,
+    cross_spectrum,
+    shift,
+    skew_change,
+    time_skew,
+)
 from rotorid.typing import FloatArray
 
 RATE_HZ = 250.0
@@ -62,6 +70,23 @@ def test_the_spread_is_the_predicted_one(noise: float) -> None:
     # 40 normalized errors of a right prediction: rms one within 3/sqrt(80), mean zero within 3/sqrt(40).
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.0, abs=0.34)
     assert abs(np.mean(errors)) <= 0.47
+
+
+@pytest.mark.parametrize(("lag_s", "widened"), [(0.0, False), (0.03, True)])
+def test_a_phase_that_is_no_delay_widens_the_deviation(lag_s: float, widened: bool) -> None:
+    """A lag bends the phase away from every straight line; the lines then scatter by more than their noise says."""
+    rng = np.random.default_rng(3)
+    motion = white(rng)
+    data = history(a=motion, b=through(motion, delay_s=SKEW_S, lag_s=lag_s) + 0.05 * white(rng))
+    band = (5.0, 300.0)
+    skew = time_skew(data, reference="a", delayed="b", band_rad_s=band, relation="same")
+    lines = coherent_lines(cross_spectrum(data, "a", "b", band_rad_s=band), "b/a")
+    omega, weight = lines.omega_rad_s, lines.weight
+    misfit = np.angle(lines.cross * np.exp(1j * omega * skew.seconds))
+    of_noise = 1.0 / np.sqrt(np.sum(weight * omega**2))
+    of_misfit = of_noise * np.sqrt(np.sum(weight * misfit**2) / (omega.size - 1))
+    assert skew.std == pytest.approx(max(of_noise, of_misfit), rel=1e-9)
+    assert bool(skew.std > 5.0 * of_noise) is widened
 
 
 RELATIONS: dict[Relation, tuple[float, int]] = {
