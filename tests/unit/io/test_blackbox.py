@@ -112,6 +112,47 @@ def test_positions_are_counted_from_home() -> None:
     assert len(flight.frames) == 2
 
 
+SLOW = (
+    "H Field S name:flightModeFlags,failsafePhase\nH Field S signed:0,0\nH Field S predictor:0,0\n"
+    "H Field S encoding:1,1\nH Firmware revision:Betaflight 4.3.1 (8d4f005) STM32F7X2\n"
+)
+
+
+def test_slow_frames_tell_arming_and_who_makes_the_set_points_of_rates(tmp_path: Path) -> None:
+    start = header(["gyroADC[0]"], inter_encoding=[0], inter_predictor=[1], lines=SLOW)
+    frames = [intra(0, 0, 1)] + [intra(8 * k, 8000 * k, 1) for k in range(1, 10)]
+    # Armed in acro from 16 ms, angle mode from 40 ms, the failsafe from 56 ms in acro, disarmed from 64 ms.
+    slow = {2: b"S\x01\x00", 5: b"S\x03\x00", 7: b"S\x01\x04", 8: b"S\x00\x04"}
+    body = b"".join(frame + slow.get(number, b"") for number, frame in enumerate(frames))
+
+    flight = only(start + body + END)
+    status = record_of(start + body + END, tmp_path).status
+
+    assert flight.slow.tolist() == [[1, 0], [3, 0], [1, 4], [0, 4]]
+    assert flight.slow_time_s.tolist() == pytest.approx([0.016, 0.040, 0.056, 0.064])
+    assert status.armed == ((pytest.approx(0.016), pytest.approx(0.064)),)
+    assert status.direct_rates == ((pytest.approx(0.016), pytest.approx(0.040)),)
+    assert status.in_air is None
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_yaw_controller_tells_which_way_the_motors_turn(tmp_path: Path, *, turned: bool) -> None:
+    names = [*(f"motor[{k}]" for k in range(4)), "axisP[2]"]
+    lines = "H motorOutput:0,1000\n"
+    start = header(names, inter_encoding=[0] * 5, inter_predictor=[1] * 5, lines=lines)
+    rng = np.random.default_rng(0)
+    frames, wanted = [], rng.integers(-100, 100, 50)
+    for number, term in enumerate(wanted):
+        # Betaflight counts yaw to the left; usual motors 2 and 3 turn left, and speed up to turn the frame right.
+        pattern = np.array([1, -1, -1, 1]) * (-1 if turned else 1)
+        motors = (500 + pattern * term).tolist()
+        frames.append(intra(8 * number, 8000 * number, *motors, int(term)))
+
+    record = record_of(start + b"".join(frames) + END, tmp_path)
+
+    np.testing.assert_allclose(record["yaw_command"].values, -wanted / 1000.0, atol=1e-12)
+
+
 EVENTS = [
     b"E\x00" + unsigned(5000),
     b"E\x0d\x05" + signed(-3),

@@ -11,7 +11,7 @@ import math
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice, pairwise
 from types import MappingProxyType
 
@@ -73,6 +73,8 @@ class Flight:
         The same for the GPS; the columns are those of the G layout.
     damage
         What was lost.
+    slow_time_s, slow
+        The same for what is logged when it changes, such as flight modes; the columns are those of the S layout.
     """
 
     number: int
@@ -82,6 +84,8 @@ class Flight:
     fix_time_s: FloatArray
     fixes: IntArray
     damage: Damage
+    slow_time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
+    slow: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
 
     @property
     def duration_s(self) -> float:
@@ -90,6 +94,15 @@ class Flight:
     @property
     def fields(self) -> tuple[str, ...]:
         return self.header.layouts["I"].names
+
+    @property
+    def slow_fields(self) -> tuple[str, ...]:
+        return self.header.layouts["S"].names
+
+    def slow_field(self, name: str) -> IntArray:
+        """Samples of a field of the slow frames, shape ``(slow frames,)``."""
+        column: IntArray = self.slow[:, self.slow_fields.index(name)]
+        return column
 
     def field(self, name: str) -> IntArray:
         """Samples of a field of the main frames, shape ``(frames,)``."""
@@ -215,12 +228,13 @@ def decode(section: bytes, number: int = 1) -> Flight:
     body = section[header.size : erased.start() if erased else len(section)]
     data = np.frombuffer(body + bytes(_PADDING), dtype=np.uint8).astype(np.int16)
     layouts = [header.layouts[letter] for letter in FRAMES]
-    intra, inter, _, gps, _ = layouts
+    intra, inter, slow, gps, _ = layouts
     width = max(len(layout.names) for layout in layouts)
     rows = len(body) // min(intra.least_bytes, inter.least_bytes) + 1
     main = np.empty((rows, len(intra.names)), dtype=np.int64)
     breaks = np.zeros(rows, dtype=np.bool_)
     fixes = np.empty((len(body) // gps.least_bytes + 1 if gps.names else 1, len(gps.names) + 1), dtype=np.int64)
+    slows = np.empty((len(body) // slow.least_bytes + 1 if slow.names else 0, len(slow.names) + 1), dtype=np.int64)
     state = np.zeros(kernels.SLOTS, dtype=np.int64)
     kernels.walk(
         data,
@@ -233,17 +247,21 @@ def decode(section: bytes, number: int = 1) -> Flight:
         main,
         breaks,
         fixes,
+        slows,
         state,
     )
     # Copies, so that the generous allocation goes.
     main, fixes = main[: state[kernels.ROWS]].copy(), fixes[: state[kernels.FIXES]].copy()
+    time_s, slows = _seconds(main[:, 1]), slows[: state[kernels.SLOWS]].copy()
     return Flight(
         number=number,
         header=header,
-        time_s=_seconds(main[:, 1]),
+        time_s=time_s,
         frames=main,
         fix_time_s=_fix_times(fixes, gps),
         fixes=fixes[:, :-1],
+        slow_time_s=time_s[np.maximum(slows[:, -1] - 1, 0)] if time_s.size else np.zeros(len(slows)),
+        slow=slows[:, :-1],
         damage=Damage(
             skipped_bytes=int(state[kernels.SKIPPED]),
             places=int(state[kernels.PLACES]),

@@ -170,7 +170,8 @@ for _kind, _letter in enumerate(b"IPSGHE"):
 # What the walk knows and counts.
 ROWS, FIXES, SEARCHING, ANCHORED, ITERATION, TIME, PERIOD_NS, INTRA_ITERATION, INTRA_TIME = range(9)
 SEEN_ITERATION, SEEN_TIME, SEEN, RESUMED, ENDED, SKIPPED, PLACES, FIRST_BYTE, LAST_BYTE, CUT = range(9, 19)
-SLOTS = 19
+SLOWS = 19
+SLOTS = 20
 
 FAREWELL = np.frombuffer(b"End of log", dtype=np.uint8)
 
@@ -325,6 +326,7 @@ def accept(
     main: IntArray,
     breaks: AnyArray,
     fixes: IntArray,
+    slows: IntArray,
     state: IntArray,
 ) -> bool:
     """Take in a frame that is whole; no, when it cannot follow those before it."""
@@ -338,6 +340,12 @@ def accept(
             fixes[fix, index] = rows[GPS, index]
         fixes[fix, last] = state[TIME]
         state[FIXES] = fix + 1
+    elif kind == SLOW and state[SLOWS] < slows.shape[0]:
+        slow, last = state[SLOWS], slows.shape[1] - 1
+        for index in range(last):
+            slows[slow, index] = rows[SLOW, index]
+        slows[slow, last] = state[ROWS]
+        state[SLOWS] = slow + 1
     return True
 
 
@@ -353,13 +361,15 @@ def walk(
     main: IntArray,
     breaks: AnyArray,
     fixes: IntArray,
+    slows: IntArray,
     state: IntArray,
 ) -> None:
     """Follow the frames of a flight from its first byte to its last.
 
     ``main`` receives the I and P frames, ``breaks`` where the logger had paused, ``fixes`` the G frames with the time
-    of the main frame before them; ``rows``, ``past`` and ``state`` are zeros to work on. Loop number and time are the
-    first two fields of a main frame. The data are wider than a byte, since Numba shifts bytes without a sign.
+    of the main frame before them, ``slows`` the S frames with how many main frames stand before them; ``rows``,
+    ``past`` and ``state`` are zeros to work on. Loop number and time are the first two fields of a main frame. The data
+    are wider than a byte, since Numba shifts bytes without a sign.
     """
     at = 0
     while at < size and state[ENDED] == 0:
@@ -376,7 +386,7 @@ def walk(
             state[CUT] = size - at
             return
         whole = stop >= 0 and followed(data, stop, size, state)
-        if not whole or not accept(kind, rows, past, cadence, main, breaks, fixes, state):
+        if not whole or not accept(kind, rows, past, cadence, main, breaks, fixes, slows, state):
             skip(at, state)
             at += 1
             continue

@@ -25,6 +25,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError
 from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
+from rotorid.io.betaflight.status import status_of
 from rotorid.typing import Axis, BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -80,6 +81,7 @@ def read(path: Path, source: Source) -> FlightRecord:
         declared=tuple(maneuver for flight in readable for maneuver in _chirp_maneuvers(flight)),
         instruments=_instruments(topics),
         findings=findings_of(readable, unread, topics),
+        status=status_of(readable),
     )
 
 
@@ -114,6 +116,7 @@ def _empty(name: str) -> LogError:
 
 FRD = (1.0, -1.0, -1.0)
 _STICK_SPAN = 500.0
+_LEAST_CORRELATION = 0.5
 _CONTROLLER_SCALE = 1000.0
 """What the mixer divides the sums of the controllers by to make parts of the motors' range of them."""
 QUAD_X: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
@@ -210,20 +213,44 @@ def _commands(flight: Flight, motors: tuple[Row, ...]) -> Iterator[Row]:
     if len(motors) == len(QUAD_X):
         outputs = np.stack([motor.values for motor in motors])
         for name, weights in QUAD_X.items():
-            sign = -1.0 if name == "yaw_command" and _motors_reversed(flight.header) else 1.0
+            sign = -1.0 if name == "yaw_command" and _yaw_turned(flight, outputs) else 1.0
             yield Row(name, "motor mix", sign * np.array(weights) @ outputs)
         return
     for index, axis in enumerate(("roll", "pitch", "yaw")):
-        parts = [name for term in "PIDFS" if (name := f"axis{term}[{index}]") in flight.fields]
-        summed = f"axisSum[{index}]"
-        parts = [summed] if summed in flight.fields else parts
-        if parts:
-            total = sum((_float(flight, part) for part in parts), start=np.zeros(flight.time_s.size)) * (
-                FRD[index] / _CONTROLLER_SCALE
-            )
-            yield Row(f"{axis}_command", " + ".join(parts), total)
+        summed = _controller_sum(flight, index)
+        if summed is not None:
+            yield summed._replace(name=f"{axis}_command")
     if "setpoint[3]" in flight.fields:
         yield Row("thrust_command", "setpoint[3]", _float(flight, "setpoint[3]") / 1000.0)
+
+
+def _controller_sum(flight: Flight, index: int) -> Row | None:
+    """What the controllers of an axis put in, where their terms are logged."""
+    parts = [name for term in "PIDFS" if (name := f"axis{term}[{index}]") in flight.fields]
+    whole = f"axisSum[{index}]"
+    parts = [whole] if whole in flight.fields else parts
+    if not parts:
+        return None
+    total = sum((_float(flight, part) for part in parts), start=np.zeros(flight.time_s.size))
+    return Row("", " + ".join(parts), total * (FRD[index] / _CONTROLLER_SCALE))
+
+
+def _yaw_turned(flight: Flight, outputs: FloatArray) -> bool:
+    """Whether the motors turn the other way round: the mix then goes against the sum of the yaw controller's terms.
+
+    Their regression tells it in every version; where the terms are not logged or explain too little of the mix, a
+    setting tells it, which the headers of some versions lack.
+    """
+    correlation = _yaw_correlation(flight, outputs)
+    return correlation < 0.0 if abs(correlation) > _LEAST_CORRELATION else _motors_reversed(flight.header)
+
+
+def _yaw_correlation(flight: Flight, outputs: FloatArray) -> float:
+    """Correlation of what the yaw controller put in with the mix that usual motors would have; outputs ``(4, n)``."""
+    summed, mixed = _controller_sum(flight, 2), np.array(QUAD_X["yaw_command"]) @ outputs
+    if summed is None or min(float(np.ptp(summed.values)), float(np.ptp(mixed))) == 0.0:
+        return 0.0
+    return float(np.corrcoef(summed.values, mixed)[0, 1])
 
 
 def _motors_reversed(header: Header) -> bool:
@@ -443,7 +470,9 @@ def _geometry(flight: Flight) -> Iterator[Finding]:
     if sum(name.startswith("motor[") for name in flight.fields) != len(QUAD_X):
         return
     known = {"yaw_motors_reversed", "yaw_motor_direction"} & set(flight.header.values)
-    turning = "" if known else ", and that the first motor turns clockwise seen from above"
+    outputs = np.stack([motor.values for motor in _motors(flight)])
+    told = known or abs(_yaw_correlation(flight, outputs)) > _LEAST_CORRELATION
+    turning = "" if told else ", and that the first motor turns clockwise seen from above"
     yield remark(
         "assumed_geometry",
         f"flight {flight.number}",

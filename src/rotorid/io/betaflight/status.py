@@ -1,0 +1,58 @@
+"""What Betaflight says of its flight: arming and flight mode, in the slow frames of a blackbox log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rotorid.data.record import Intervals, Status
+from rotorid.io.betaflight.blackbox import Flight
+from rotorid.io.flags import intervals_of
+
+_FLAGS, _FAILSAFE = "flightModeFlags", "failsafePhase"
+_ARM, _ANGLE, _HORIZON = 1, 2, 4
+"""Boxes of ``flightModeFlags`` that stand at the same bit in every version since 3.0."""
+
+
+def status_of(flights: Sequence[Flight]) -> Status:
+    """When the flights of a log were armed, and when the sticks were set-points of rates.
+
+    There is no landed flag. Without angle and horizon mode the set-points of the body rates come straight from the
+    sticks, unless the failsafe flies. INAV numbers its modes otherwise; of it nothing is said.
+
+    Parameters
+    ----------
+    flights
+        Those that can be read.
+    """
+    told = [flight for flight in flights if _FLAGS in flight.slow_fields and _is_betaflight(flight)]
+    if not told:
+        return Status()
+    return Status(
+        vehicle="multirotor" if all(_is_multirotor(flight) for flight in told) else "",
+        named_in="motors" if all(_is_multirotor(flight) for flight in told) else "",
+        armed=_sorted(_intervals(flight, direct=False) for flight in told) if len(told) == len(flights) else None,
+        flagged_in=_FLAGS,
+        direct_rates=_sorted(_intervals(flight, direct=True) for flight in told),
+    )
+
+
+def _is_betaflight(flight: Flight) -> bool:
+    return flight.header.values.get("Firmware revision", "").startswith("Betaflight")
+
+
+def _is_multirotor(flight: Flight) -> bool:
+    return "motor[2]" in flight.fields
+
+
+def _intervals(flight: Flight, *, direct: bool) -> Intervals:
+    flags = flight.slow_field(_FLAGS)
+    on = (flags & _ARM) > 0
+    if direct:
+        on = (flags & (_ANGLE | _HORIZON)) == 0
+        if _FAILSAFE in flight.slow_fields:
+            on = on & (flight.slow_field(_FAILSAFE) == 0)
+    return intervals_of(flight.slow_time_s, on, until_s=float(flight.time_s[-1]))
+
+
+def _sorted(each: Iterable[Intervals]) -> Intervals:
+    return tuple(sorted(interval for intervals in each for interval in intervals))
