@@ -48,7 +48,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from rotorid.errors import LogError
-from rotorid.io.parquet import extract
+from rotorid.io.tables.parquet import extract
 
 sound, path = Path(sys.argv[1]).read_bytes(), Path(sys.argv[2])
 rng = np.random.default_rng(int(sys.argv[3]))

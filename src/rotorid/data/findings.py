@@ -184,7 +184,7 @@ KINDS: Mapping[str, Kind] = {
         "Both ways disagree",
         "The two regressions of torque and acceleration disagree, also without their bias.",
     ),
-    "clock_disorder": Kind("warning", "Stamps out of order", "Stamps repeat or step back."),
+    "clock_disorder": Kind("warning", "Stamps out of order", "Stamps repeat, step back or lie outside of the log."),
     "clock_skew": Kind(
         "info",
         "Times of two channels",
@@ -229,6 +229,11 @@ KINDS: Mapping[str, Kind] = {
     "implausible_physics": Kind("info", "Implausible physics", "A value that is rare among vehicles that fly."),
     "impossible_physics": Kind(
         "warning", "A value that physics does not allow", "A value that physics does not allow."
+    ),
+    "impossible_value": Kind(
+        "warning",
+        "Values that cannot be",
+        "Samples that no sensor or controller gives, or that jump and are back at once, were left out.",
     ),
     "insensitive_parameter": Kind(
         "warning", "The data hardly feel this parameter", "The data hardly depend on this parameter."

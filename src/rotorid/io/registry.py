@@ -21,6 +21,7 @@ from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.files import compression_of, sha256_of, unpacked
+from rotorid.io.screening import screened
 from rotorid.io.tables.mapped import joined
 from rotorid.io.tables.mapping import ChannelMapping, read_mapping
 
@@ -114,11 +115,11 @@ def read(
     if mapping is not None and not isinstance(mapping, ChannelMapping):
         mapping = read_mapping(Path(mapping))
     if path.is_dir() and mapping is None:
-        return _read_folder(path)
+        return screened(_read_folder(path))
     parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
     record = _read_file(path, parts.pop("", None), sandbox=sandbox)
     others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
-    return joined(record, others)
+    return screened(joined(record, others))
 
 
 def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.ranges import RANGES
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError
 from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
@@ -212,6 +213,10 @@ def _commands(flight: Flight, motors: tuple[Row, ...]) -> Iterator[Row]:
     """
     if len(motors) == len(QUAD_X):
         outputs = np.stack([motor.values for motor in motors])
+        # A mix of what no motor puts out is no command; what stands in for it is left out with the motor's own sample.
+        low, high = RANGES["motor_1"]
+        possible = np.all((outputs >= low) & (outputs <= high), axis=0)
+        outputs = np.where(possible, outputs, np.nan)
         for name, weights in QUAD_X.items():
             sign = -1.0 if name == "yaw_command" and _yaw_turned(flight, outputs) else 1.0
             yield Row(name, "motor mix", sign * np.array(weights) @ outputs)

@@ -1,0 +1,365 @@
+r"""Values and stamps that cannot be: what every record passes before it leaves the readers.
+
+No log format of autopilots has a checksum over its samples, so that a flipped bit or a frame of another file arrives as
+a value like any other. Four tests tell what cannot be, each linear in the number of samples (the first but for the
+sorting of stamps that are in disorder):
+
+- Stamps must rise, and lie inside of the log. Of stamps in disorder the longest rising sequence stays; what lies far
+  from everything else that was logged is left out.
+- A value must be possible: :mod:`rotorid.data.ranges`.
+- A measured value cannot jump and be back one sample later. With the steps :math:`d_i = x_i - x_{i-1}`, a sample stands
+  out by :math:`e_i = \min(|d_i|, |d_{i+1}|)` where the two have opposite signs. It is left out where :math:`e_i` is
+  above ten times the largest ordinary step of the whole channel, above eight times the roughness of its own
+  surroundings, and its neighbors agree. This is Hampel's test with steps in place of levels, since a flight moves. A
+  shock of an accelerometer is rough for several samples and stays.
+- A command may jump; but a single sample ten times as far from the median as all others of the channel is none.
+
+Nothing is repaired: a sample is left out and counted in a finding. A channel that is mostly impossible is left out as a
+whole, since what remains of it is no better.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.ranges import MEASURED, TURNING, range_of
+from rotorid.data.record import Channel, FlightRecord, Topic
+from rotorid.errors import LogError
+from rotorid.typing import BoolArray, FloatArray, IntArray
+
+_OUTSIDE_S = 10.0
+"""Farther from the log than this a stamp is no stamp: autopilots log values that are a few seconds old as the first."""
+_LONE_SAMPLES = 3
+_LONE_S, _LONE_STEPS = 1.0, 100.0
+"""So many samples behind a pause so long, in seconds and in steps, say nothing about when the log begins or ends."""
+
+_MOSTLY = 0.5
+_FEW = 0.01
+"""Up to this share of a topic all of its channels lose the sample; above, those that are sound stay whole."""
+
+_SLOWEST_HZ = 15.0
+"""In slower logs a motion may well be over within one sample."""
+_FEWEST = 64
+_STEPS, _ROUGHNESS, _AGREEMENT = 10.0, 8.0, 0.25
+_SURROUNDINGS = 16
+_ORDINARY, _LEAST_RANK = 1e-3, 12
+"""The ordinary step is the largest but for this share of all, or for this many."""
+_SAMPLED = 20_000
+_GIANT, _MOST_GIANTS = 10.0, 5
+
+
+def screened(record: FlightRecord) -> FlightRecord:
+    """The record without values and stamps that cannot be; what was left out is counted in its findings.
+
+    Parameters
+    ----------
+    record
+        As a reader made it.
+
+    Raises
+    ------
+    LogError
+        Nothing was logged.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source
+    >>> rate = Channel(name="p", unit="rad/s")
+    >>> topic = Topic(name="IMU", time_s=[0.0, 0.1, 0.2], channels=(rate,), values=[[0.1, 1e30, 0.3]])
+    >>> record = screened(FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=(topic,)))
+    >>> record["p"].values.tolist(), [finding.kind for finding in record.findings]
+    ([0.1, 0.3], ['impossible_value'])
+    """
+    kept, stamp_findings = _in_time(record.topics)
+    topics: list[Topic] = []
+    findings = list(stamp_findings)
+    for topic in kept:
+        parts, remarks = _possible(topic)
+        topics += parts
+        findings += remarks
+    if not any(topic.time_s.size and topic.channels for topic in topics):
+        raise LogError(
+            f"{record.source.name} holds no flight: no sample of any channel that is known",
+            needed="a log that was written while the vehicle was on",
+            remedy="check that the logger was on in flight, or copy the log again from the vehicle",
+        )
+    unchanged = len(topics) == len(record.topics) and all(
+        new is old for new, old in zip(topics, record.topics, strict=True)
+    )
+    if unchanged:
+        return record
+    held = {channel.name for topic in topics for channel in topic.channels}
+    instruments = {
+        axis: present for axis, names in record.instruments.items() if (present := tuple(n for n in names if n in held))
+    }
+    return replace(record, topics=tuple(topics), instruments=instruments, findings=(*record.findings, *findings))
+
+
+def _in_time(topics: Sequence[Topic]) -> tuple[list[Topic], list[Finding]]:
+    """Topics with stamps that rise and lie inside of the log."""
+    kept = [_rising(topic.time_s) for topic in topics]
+    spans = [span for topic, mask in zip(topics, kept, strict=True) if (span := _span(topic.time_s[mask])) is not None]
+    if spans:
+        low, high = min(span[0] for span in spans) - _OUTSIDE_S, max(span[1] for span in spans) + _OUTSIDE_S
+        kept = [mask & (topic.time_s >= low) & (topic.time_s <= high) for topic, mask in zip(topics, kept, strict=True)]
+    found, findings = [], []
+    for topic, mask in zip(topics, kept, strict=True):
+        if mask.all():
+            found.append(topic)
+            continue
+        lost = int(np.sum(~mask))
+        if mask.any():
+            found.append(_chosen(topic, mask))
+        findings.append(
+            warn(
+                "clock_disorder",
+                topic.name,
+                f"{lost} of {mask.size} stamps of {topic.name} step back or lie outside of the log; their samples were "
+                "left out.",
+                samples=lost,
+            )
+        )
+    return found, findings
+
+
+def _chosen(topic: Topic, mask: BoolArray, rows: Sequence[int] | None = None) -> Topic:
+    """The topic of some samples, and of some of its channels."""
+    rows = range(len(topic.channels)) if rows is None else rows
+    return replace(
+        topic,
+        time_s=topic.time_s[mask],
+        channels=tuple(topic.channels[row] for row in rows),
+        values=topic.values[np.ix_(np.array(rows), np.flatnonzero(mask))],
+    )
+
+
+def _rising(time_s: FloatArray) -> BoolArray:
+    """The longest sequence of stamps that are numbers and never step back."""
+    kept = np.isfinite(time_s)
+    for lone in (_ahead, _behind):
+        stamps = time_s[kept]
+        if stamps.size < 2 or bool(np.all(stamps[1:] >= stamps[:-1])):
+            return kept
+        kept[np.flatnonzero(kept)[lone(stamps)]] = False
+    stamps = time_s[kept]
+    if stamps.size > 1 and not bool(np.all(stamps[1:] >= stamps[:-1])):
+        chosen = np.zeros(stamps.size, dtype=np.bool_)
+        chosen[_longest_rising(stamps)] = True
+        kept[np.flatnonzero(kept)[~chosen]] = False
+    return kept
+
+
+def _ahead(stamps: FloatArray) -> BoolArray:
+    """Single stamps that run ahead of what follows, which itself goes on behind what came before."""
+    before, after = np.append(-np.inf, stamps[:-1]), np.append(stamps[1:], np.inf)
+    return (stamps > after) & (after >= before)
+
+
+def _behind(stamps: FloatArray) -> BoolArray:
+    """Single stamps that step back, while the next one goes on behind what came before."""
+    before, after = np.append(-np.inf, stamps[:-1]), np.append(stamps[1:], np.inf)
+    return (stamps < before) & (after >= before)
+
+
+def _longest_rising(stamps: FloatArray) -> IntArray:
+    """Indices of the longest sequence that does not fall: the smallest last stamp of each length, by bisection."""
+    tails: list[float] = []
+    ends: list[int] = []
+    previous = np.full(stamps.size, -1, dtype=np.int64)
+    for index, stamp in enumerate(stamps.tolist()):
+        length = bisect_right(tails, stamp)
+        previous[index] = ends[length - 1] if length else -1
+        tails[length : length + 1] = [stamp]
+        ends[length : length + 1] = [index]
+    chain = [ends[-1]]
+    while previous[chain[-1]] >= 0:
+        chain.append(int(previous[chain[-1]]))
+    return np.array(chain[::-1])
+
+
+def _span(stamps: FloatArray) -> tuple[float, float] | None:
+    """First and last stamp of a topic, but for a few that a long pause parts from all others."""
+    if stamps.size <= 2 * _LONE_SAMPLES:
+        return None
+    steps = np.diff(stamps)
+    pause = max(_LONE_S, _LONE_STEPS * float(np.median(steps)))
+    ends = range(_LONE_SAMPLES)
+    first = max((place + 1 for place in ends if steps[place] > pause), default=0)
+    last = stamps.size - 1 - max((place + 1 for place in ends if steps[-1 - place] > pause), default=0)
+    return float(stamps[first]), float(stamps[last])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Faults:
+    """What of a channel cannot be: masks over its samples."""
+
+    channel: Channel
+    no_number: BoolArray
+    outside: BoolArray
+    lone: BoolArray
+
+    @property
+    def bad(self) -> BoolArray:
+        return self.no_number | self.outside | self.lone
+
+    @property
+    def refused(self) -> bool:
+        """Whether what remains of the channel is no better than what cannot be."""
+        numbers = int(np.sum(~self.no_number))
+        return not numbers or int(np.sum(self.outside)) > _MOSTLY * numbers
+
+
+def _possible(topic: Topic) -> tuple[list[Topic], list[Finding]]:
+    """The topic without impossible samples; channels that lose many of their own stand alone."""
+    if not topic.time_s.size:
+        return [topic], []
+    usual = topic.sample_rate_hz >= _SLOWEST_HZ
+    faults = [
+        _faults(channel, values, lone=usual) for channel, values in zip(topic.channels, topic.values, strict=True)
+    ]
+    faulty = [fault for fault in faults if fault is not None]
+    if not faulty:
+        return [topic], []
+    findings = [finding for fault in faulty for finding in _said(topic, fault)]
+    bad = {fault.channel.name: fault.bad for fault in faulty if not fault.refused}
+    refused = {fault.channel.name for fault in faulty if fault.refused}
+    rows = [row for row, channel in enumerate(topic.channels) if channel.name not in refused]
+    if not rows:
+        return [], findings
+    some = np.logical_or.reduce(list(bad.values())) if bad else np.zeros(topic.time_s.size, dtype=np.bool_)
+    if np.sum(some) <= max(_FEW * some.size, 1.0):
+        return [_chosen(topic, ~some, rows)], findings
+    groups: dict[bytes, list[int]] = {}
+    none = np.zeros(some.size, dtype=np.bool_)
+    for row in rows:
+        groups.setdefault(bad.get(topic.channels[row].name, none).tobytes(), []).append(row)
+    return [_chosen(topic, ~bad.get(topic.channels[alike[0]].name, none), alike) for alike in groups.values()], findings
+
+
+def _faults(channel: Channel, values: FloatArray, *, lone: bool) -> _Faults | None:
+    """What of a channel cannot be, or ``None`` where nothing is wrong with it."""
+    low, high = range_of(channel) or (-np.inf, np.inf)
+    # A comparison with a NaN is false; one pass tells that all is well.
+    least, most = float(values.min()), float(values.max())
+    sound = low <= least and most <= high and np.isfinite(least) and np.isfinite(most)
+    no_number = np.zeros(values.size, dtype=np.bool_) if sound else ~np.isfinite(values)
+    with np.errstate(invalid="ignore"):
+        outside = no_number if sound else ((values < low) | (values > high)) & ~no_number
+    alone = np.zeros(values.size, dtype=np.bool_)
+    if lone:
+        inside = None if sound else np.flatnonzero(~(no_number | outside))
+        found = _lone_samples(values if inside is None else values[inside], channel.name)
+        alone[found if inside is None else inside[found]] = True
+    return (
+        None
+        if sound and not alone.any()
+        else _Faults(channel=channel, no_number=no_number, outside=outside, lone=alone)
+    )
+
+
+def _lone_samples(values: FloatArray, name: str) -> IntArray:
+    """Indices of single samples that cannot belong to the motion around them."""
+    none = np.empty(0, dtype=np.int64)
+    if values.size < _FEWEST:
+        return none
+    steps = np.diff(values)
+    if name in TURNING:
+        steps -= 2.0 * np.pi * np.round(steps / (2.0 * np.pi))
+    sizes = np.abs(steps)
+    # How far each inner sample stands out from both of its neighbors.
+    out = np.minimum(sizes[:-1], sizes[1:])
+    out *= (steps[:-1] > 0.0) != (steps[1:] > 0.0)
+    farthest = float(out.max())
+    # A giant stands out by half of its distance, and at most two of them span the whole range.
+    found = _giants(values, out) if farthest > 0.25 * float(np.ptp(values)) else none
+    if name in MEASURED:
+        ordinary = _ordinary(sizes)
+        places = np.flatnonzero(out > _STEPS * ordinary) if farthest > _STEPS * ordinary > 0.0 else none
+        # Many of them are how this sensor is, or what the vehicle went through.
+        if places.size <= _FEW * values.size:
+            found = np.union1d(found, [place + 1 for place in places.tolist() if _is_alone(steps, out, place)])
+    return found.astype(np.int64)
+
+
+def _ordinary(sizes: FloatArray) -> float:
+    """The largest ordinary step, of a sample of the steps."""
+    some = sizes[:: sizes.size // _SAMPLED + 1]
+    rank = max(_LEAST_RANK, int(_ORDINARY * some.size))
+    return float(np.partition(some, some.size - 1 - rank)[some.size - 1 - rank])
+
+
+def _is_alone(steps: FloatArray, out: FloatArray, place: int) -> bool:
+    """Whether the neighbors of a sample agree with each other, and its surroundings are smooth.
+
+    ``place`` counts the inner samples: the steps to and from the sample are those of ``place`` and ``place + 1``.
+    """
+    if abs(steps[place] + steps[place + 1]) > _AGREEMENT * out[place]:
+        return False
+    around = np.abs(np.diff(steps[max(place - _SURROUNDINGS, 0) : place]))
+    behind = np.abs(np.diff(steps[place + 2 : place + 2 + _SURROUNDINGS]))
+    rough = 0.5 * max(float(around.max(initial=0.0)), float(behind.max(initial=0.0)))
+    return bool(out[place] > _ROUGHNESS * rough)
+
+
+def _giants(values: FloatArray, out: FloatArray) -> IntArray:
+    """Indices of a few single samples that lie ten times as far from the median as all others."""
+    distance = np.abs(values - np.median(values))
+    largest = np.argpartition(distance, values.size - _MOST_GIANTS - 1)[-_MOST_GIANTS - 1 :]
+    largest = largest[np.argsort(-distance[largest])]
+    sizes = distance[largest]
+    gaps = np.flatnonzero((sizes[:-1] > _GIANT * sizes[1:]) & (sizes[1:] > 0.0))
+    if not gaps.size:
+        return np.empty(0, dtype=np.int64)
+    giants = largest[: int(gaps[0]) + 1]
+    inner = giants[(giants > 0) & (giants < values.size - 1)]
+    return np.sort(inner[out[inner - 1] > 0.5 * distance[inner]])
+
+
+def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
+    name = fault.channel.name
+    where = f"{name} in {topic.name}"
+    impossible, lone, empty = (int(np.sum(mask)) for mask in (fault.outside, fault.lone, fault.no_number))
+    if fault.refused:
+        low, high = range_of(fault.channel) or (-np.inf, np.inf)
+        reason = (
+            f"{impossible} of {fault.bad.size} samples are outside of {low:.4g} to {high:.4g} {fault.channel.unit}"
+            if impossible
+            else "no sample is a number"
+        )
+        yield warn(
+            "impossible_value",
+            name,
+            f"{where} ({fault.channel.source}) was left out as a whole: {reason}. Check its unit and its source.",
+            samples=fault.bad.size,
+            impossible=impossible,
+        )
+        return
+    if impossible or lone:
+        first = int(np.flatnonzero(fault.outside | fault.lone)[0])
+        parts = [
+            f"{count} {what}"
+            for count, what in ((impossible, "that cannot be"), (lone, "that jump and are back at once"))
+            if count
+        ]
+        yield warn(
+            "impossible_value",
+            name,
+            f"{' and '.join(parts)} of {fault.bad.size} samples of {where} were left out, the first one "
+            f"{topic.values[topic.row(name) or 0, first]:.4g} {fault.channel.unit} at {topic.time_s[first]:.3f} s.",
+            samples=impossible + lone,
+            impossible=impossible,
+            lone=lone,
+            first_s=float(topic.time_s[first]),
+        )
+    if empty:
+        yield remark(
+            "gap",
+            name,
+            f"{empty} of {fault.bad.size} samples of {where} are no numbers and were left out.",
+            lost_samples=empty,
+        )
