@@ -93,6 +93,8 @@ class FrequencyResponse(Immutable):
         ``(u, u, f, f)``: one instrument may move several inputs. ``None`` takes them as independent.
     disturbance
         What moved the outputs beside the inputs; ``None`` for what is no plain estimate any more.
+    sample_rate_hz
+        Of the records behind it; ``None`` where that is not known.
 
     Examples
     --------
@@ -119,6 +121,7 @@ class FrequencyResponse(Immutable):
     output_correlation: ComplexArray | None = None
     input_correlation: ComplexArray | None = None
     disturbance: Disturbance | None = None
+    sample_rate_hz: float | None = None
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)

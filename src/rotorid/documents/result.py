@@ -312,14 +312,15 @@ def _bounds(document: ResultDocument, inflation: float) -> Bounds:
     """Covariance from correlation and standard deviations, bounds from their percents."""
     known = document.correlation or Correlation(names=(), matrix=())
     parameters = [document.parameters[name] for name in known.names]
-    std = np.array([one.std or 0.0 for one in parameters])
+    std, random = (np.array([getattr(one, name) or 0.0 for one in parameters]) for name in ("std", "std_random"))
+    correlation = np.array(known.matrix, dtype=np.float64).reshape(len(parameters), len(parameters))
     size = np.array([0.01 * abs(one.value) for one in parameters])
-    count = len(parameters)
     return Bounds(
         names=tuple(known.names),
         cramer_rao=np.array([one.cramer_rao_percent or 0.0 for one in parameters]) * size,
         insensitivity=np.array([one.insensitivity_percent or 0.0 for one in parameters]) * size,
-        covariance=np.array(known.matrix, dtype=np.float64).reshape(count, count) * np.outer(std, std),
+        covariance=correlation * np.outer(std, std),
+        random=correlation * np.outer(random, random),
         inflation=inflation,
     )
 

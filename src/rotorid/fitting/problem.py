@@ -13,7 +13,7 @@ responses state them (:meth:`Problem.stated_errors`); records in time do not, an
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
@@ -24,7 +24,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.errors import ModelError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.typing import BoolArray, FloatArray
+from rotorid.typing import BoolArray, FloatArray, IntArray
 
 _SOLVER = LevenbergMarquardt()
 _FEW_STEPS = LevenbergMarquardt(iterations=10, tolerance=1e-6)
@@ -91,13 +91,44 @@ class ResidualErrors(Immutable):
 
         return np.asarray(solve_triangular(self.root, values, lower=True, check_finite=False))
 
-    @cached_property
-    def whitened_trace(self) -> float:
-        """Sum of the variances of whitened residuals: what is measured of them, without what no covariance knows."""
-        from scipy.linalg.lapack import dtrtri
 
-        inverse = dtrtri(self.root.T, lower=0)[0]
-        return float(self.scale.size - np.einsum("ij,ij,i->", inverse, inverse, self.own))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorShapes(Immutable):
+    """The shapes that errors beside the random ones may have in the residuals of a problem.
+
+    Parameters
+    ----------
+    names
+        Groups of columns that share one size, such as responses ``output/input``.
+    smooth
+        Columns of unit size, shape ``(n, m)``.
+    group
+        Index of the group of each column, shape ``(m,)``.
+    clocks
+        Columns of known size, shape ``(n, c)``.
+    """
+
+    names: tuple[str, ...]
+    smooth: FloatArray
+    group: IntArray
+    clocks: FloatArray
+
+    def __post_init__(self) -> None:
+        self._set(
+            smooth=read_only(self.smooth, np.float64, ndim=2),
+            group=read_only(self.group, np.int64, ndim=1),
+            clocks=read_only(self.clocks, np.float64, ndim=2),
+        )
+
+    def covariance(self, sizes: Mapping[str, float]) -> FloatArray:
+        """Of the residuals, for given sizes of the groups, shape ``(n, n)``."""
+        root = self.root(sizes)
+        return np.asarray(root @ root.T)
+
+    def root(self, sizes: Mapping[str, float]) -> FloatArray:
+        """Columns whose outer products sum to that covariance, shape ``(n, m + c)``."""
+        each = np.array([sizes[name] for name in self.names])
+        return np.concatenate([self.smooth * each[self.group], self.clocks], axis=1)
 
 
 Scale: TypeAlias = Literal["linear", "logarithmic"]
@@ -366,6 +397,10 @@ class Problem(Immutable, ABC):
             With which it was found.
         """
         del theta, weights
+        return None
+
+    def error_shapes(self) -> ErrorShapes | None:
+        """Shapes of errors in the residuals that are no noise; none by default."""
         return None
 
     def parts(self, theta: FloatArray) -> list[Part]:

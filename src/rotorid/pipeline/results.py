@@ -195,7 +195,7 @@ class IdentifiedModel(Immutable):
         Every parameter of the model, dropped ones included, by its name: value, unit, standard deviation, CIFER's
         percents, status.
     bounds
-        Covariance of the free parameters. It holds random errors; what the structure leaves out is not in it.
+        Covariance of the free parameters: random errors, and what the structure leaves out.
     fit
         How it was fitted, and how well it follows the data.
     data
@@ -464,29 +464,48 @@ def bounds_of(bounds: Bounds, names: Sequence[str]) -> Bounds:
         cramer_rao=bounds.cramer_rao[rows],
         insensitivity=bounds.insensitivity[rows],
         covariance=bounds.covariance[np.ix_(rows, rows)],
+        random=bounds.random[np.ix_(rows, rows)],
     )
 
 
 def parameter_estimates(parameters: ParameterSet, bounds: Bounds) -> dict[str, ParameterEstimate]:
     """Every parameter with its uncertainty."""
     rows = {name: index for index, name in enumerate(bounds.names)}
-    spread = np.sqrt(np.diag(covariance_of_all(parameters, bounds)))
+    total = np.sqrt(np.diag(covariance_of_all(parameters, bounds)))
+    random = np.sqrt(np.diag(covariance_of_all(parameters, replace(bounds, covariance=bounds.random))))
     values = parameters.values
     return {
-        parameter.name: _estimate(parameter, values[parameter.name], float(std), bounds, rows.get(parameter.name))
-        for parameter, std in zip(parameters, spread, strict=True)
+        parameter.name: _estimate(
+            parameter, values[parameter.name], (float(std), float(part)), bounds, rows.get(parameter.name)
+        )
+        for parameter, std, part in zip(parameters, total, random, strict=True)
     }
 
 
-def _estimate(parameter: Parameter, value: float, std: float, bounds: Bounds, row: int | None) -> ParameterEstimate:
+INTERVAL_STDS = 1.959964
+"""Half an interval of 95 % in standard deviations."""
+
+
+def _estimate(
+    parameter: Parameter, value: float, stds: tuple[float, float], bounds: Bounds, row: int | None
+) -> ParameterEstimate:
+    std, random = stds
+    if row is None and (parameter.status != "tied" or std == 0.0):
+        return ParameterEstimate(value=value, unit=parameter.unit, status=parameter.status)
+    spread = {
+        "std": std,
+        "std_random": random,
+        "std_model": float(np.sqrt(max(std**2 - random**2, 0.0))),
+        "lower": value - INTERVAL_STDS * std,
+        "upper": value + INTERVAL_STDS * std,
+    }
     if row is None:
-        known = std if parameter.status == "tied" and std > 0.0 else None
-        return ParameterEstimate(value=value, unit=parameter.unit, status=parameter.status, std=known)
+        return ParameterEstimate(value=value, unit=parameter.unit, status=parameter.status, **spread)
     size = abs(value)
     return ParameterEstimate(
         value=value,
         unit=parameter.unit,
-        std=float(bounds.std[row]),
+        **spread,
         cramer_rao_percent=100.0 * float(bounds.cramer_rao[row]) / size if size > _NEAR_ZERO else None,
         insensitivity_percent=100.0 * float(bounds.insensitivity[row]) / size if size > _NEAR_ZERO else None,
         status=parameter.status,

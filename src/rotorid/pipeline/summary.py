@@ -239,11 +239,19 @@ class CrossValidationSummary:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ParameterEstimate:
-    """One parameter with its uncertainty; percents are CIFER's, ``std`` covers random errors, not a wrong structure."""
+    """One parameter with its uncertainty.
+
+    ``std`` is one standard deviation of random and model errors together, ``std_random`` and ``std_model`` are its
+    parts, ``lower`` and ``upper`` the interval of 95 % from ``std``. Percents are CIFER's.
+    """
 
     value: float
     unit: str
     std: float | None = None
+    std_random: float | None = None
+    std_model: float | None = None
+    lower: float | None = None
+    upper: float | None = None
     cramer_rao_percent: float | None = None
     insensitivity_percent: float | None = None
     status: Status
@@ -251,7 +259,7 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PoleEstimate:
-    """An eigenvalue of the model; standard deviations are ``None`` where it is (nearly) a multiple one."""
+    """An eigenvalue of the model; standard deviations are ``None`` where none was stated."""
 
     real: float
     imag: float

@@ -447,9 +447,9 @@ def _require_values(structure: LinearStructure, values: Mapping[str, float]) -> 
 def _bounds(ended: ExpectedFit, scattering: ResidualErrors) -> Bounds:
     """The bounds that an identification will state, on average."""
     problem, solution, weights, _ = ended
-    limits = bounds(problem, solution, weights=weights)
+    limits = bounds(problem, solution, weights=weights, model_errors=False)
     inflation = expected_inflation(problem, solution, weights, scattering)
-    return replace(limits, covariance=limits.covariance * (inflation / limits.inflation) ** 2, inflation=inflation)
+    return replace(limits, covariance=limits.random * inflation**2, inflation=inflation)
 
 
 def _parameters(

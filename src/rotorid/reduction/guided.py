@@ -189,7 +189,7 @@ def gather_evidence(problem: FrequencyProblem, solution: Solution) -> tuple[Evid
             )
             for name in silent
         )
-    limits = bounds(problem, solution)
+    limits = bounds(problem, solution, model_errors=False)
     partners = _partners(solution.jacobian)
     return tuple(
         Evidence(
@@ -496,7 +496,7 @@ def reduce(problem: FrequencyProblem, solution: Solution, *, distances: Mapping[
             settled.add(suspect.name)
     if any(np.isinf(item.std) for item in state.evidence):
         # Refuses a parameter without effect that had to stay.
-        bounds(state.problem, state.solution)
+        bounds(state.problem, state.solution, model_errors=False)
     return Reduction(problem=state.problem, solution=state.solution, steps=tuple(steps))
 
 

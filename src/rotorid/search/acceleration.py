@@ -708,6 +708,7 @@ def acceleration_bounds(problem: AccelerationProblem, theta: FloatArray) -> Boun
         cramer_rao=np.sqrt(np.diag(covariance)),
         insensitivity=alone,
         covariance=covariance,
+        random=covariance,
         inflation=1.0,
     )
 

@@ -356,6 +356,7 @@ def response_from(
         output_correlation=np.stack([output_correlation(disturbance, omega_rad_s)] * len(inputs)),
         input_correlation=composer.input_correlation(share, asked) if len(inputs) > 1 else None,
         disturbance=disturbance,
+        sample_rate_hz=spectra.grid.sample_rate_hz,
     )
     return response, diagnose(composer.windows, parts, [answer.leakage[:, asked] for answer in answers], asked)
 

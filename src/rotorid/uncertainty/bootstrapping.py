@@ -63,8 +63,8 @@ def bootstrap(
     """Spread of a fit over errors of its data that are drawn anew.
 
     Errors that the data state, as responses do, are drawn as :func:`rotorid.uncertainty.cramer_rao.bounds` believes
-    them, inflated as there where the structure does not fit. What they leave out, the bias by feedback above all, is
-    left out here too; records drawn anew show that (:func:`bootstrap_records`,
+    them, with the smooth errors of the structure and the clocks that it finds. What they leave out, the bias by
+    feedback above all, is left out here too; records drawn anew show that (:func:`bootstrap_records`,
     :func:`rotorid.uncertainty.resampling.resample_records`).
 
     Where the data state none, new data are what the model predicts with errors like those that the fit has left,
@@ -144,7 +144,7 @@ def _table(problem: Problem, solution: Solution) -> _Table:
 class _StatedRefit:
     """Some runs in one sweep.
 
-    ``root`` makes errors of white noise, ``offset`` is the residual of the solution, shapes ``(2 n, 2 n)`` and
+    ``root`` makes errors of white noise, ``offset`` is the residual of the solution, shapes ``(2 n, k)`` and
     ``(2 n,)``, and ``gain`` goes from residuals to Gauss and Newton's step, shape ``(p, 2 n)``. With a ``whitening``
     all of them, and what is minimized, are in units of the errors.
     """
@@ -158,17 +158,19 @@ class _StatedRefit:
 
     @classmethod
     def of(cls, problem: Problem, solution: Solution, weights: Weights) -> _StatedRefit:
-        inflation = bounds(problem, solution, weights=weights).inflation
+        found = bounds(problem, solution, weights=weights).model_error
         errors = problem.stated_errors(solution.theta, weights=weights)
         assert errors is not None
-        (offset, jacobian), root = problem.residuals(solution.theta), inflation * _root(errors.covariance)
+        (offset, jacobian), root = problem.residuals(solution.theta), _root(errors.covariance)
+        if found is not None:
+            root = np.concatenate([root, found.root], axis=1)
         if weights == "cifer":
             return cls(problem, solution.theta, offset, root, gauss_newton(jacobian), None)
         W = errors.whitened(np.eye(offset.size))
         return cls(problem, solution.theta, W @ offset, W @ root, gauss_newton(W @ jacobian), W)
 
     def __call__(self, generators: Sequence[np.random.Generator]) -> list[FloatArray | LeftOut]:
-        drawn = np.stack([rng.standard_normal(self.offset.size) for rng in generators]) @ self.root.T
+        drawn = np.stack([rng.standard_normal(self.root.shape[1]) for rng in generators]) @ self.root.T
         every = np.arange(len(drawn))
         found = self._minima(drawn, self.theta + drawn @ self.gain.T, every)
         lost = ~(found.settled & (found.cost <= np.sum(drawn**2, axis=1)))

@@ -11,8 +11,8 @@ The standard deviation carries the measured errors of the response through the f
 .. math:: \mathrm{Cov}\,\theta = D J_r^T S \, \mathrm{Cov}(e) \, S J_r D, \qquad D = (J_r^T J_r)^{-1}
 
 with the full covariance between frequencies and outputs: neighboring points share data, and one gust moves several
-outputs. For weights made of that covariance the same holds with whitened residuals. Where the residuals are larger than
-these errors explain, because the structure does not fit, the covariance is scaled up to them.
+outputs. For weights made of that covariance the same holds with whitened residuals. What the structure leaves out, and
+clocks, come on top of these random errors (:mod:`rotorid.uncertainty.model_error`).
 
 Records in time state no errors. There Fisher's matrix :math:`F = \sum_i S_i^T S_i` of whitened residuals takes the
 place of half the curvature, and the covariance is corrected for the color that the residuals show
@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Part, Problem, ResidualErrors
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart, colored_covariance
+from rotorid.uncertainty.model_error import ModelError, model_error
 
 CRAMER_RAO_GUIDELINE_PERCENT = 20.0
 INSENSITIVITY_GUIDELINE_PERCENT = 10.0
@@ -42,7 +43,6 @@ INSENSITIVITY_GUIDELINE_PERCENT = 10.0
 Weights: TypeAlias = Literal["cifer", "covariance"]
 """Which weights a solution was found with: CIFER's, or those of the measured covariance."""
 
-_CHANCE = 2.0
 _FLAT = 1e-8
 
 
@@ -57,23 +57,30 @@ class Bounds(Immutable):
     cramer_rao, insensitivity
         CIFER's bounds in the unit of each parameter, shape ``(p,)``.
     covariance
-        Honest covariance, shape ``(p, p)``.
+        Of random and model errors together, shape ``(p, p)``.
+    random
+        Of random errors alone, shape ``(p, p)``: what would scatter from flight to flight.
     inflation
-        Factor on the standard deviations: because the residuals were larger than the errors that the data state, at
-        least one; or, where they state none, because the residuals are colored, in the geometric mean.
+        Factor on the standard deviations, in the geometric mean: that of model errors and clocks over random errors
+        alone; or, where the data state no errors, that of colored residuals over white ones.
     ar_order
         Order of the autoregression that describes this color; zero where none does, or none was asked.
+    model_error
+        What the structure leaves out, where that was looked for.
     """
 
     names: tuple[str, ...]
     cramer_rao: FloatArray
     insensitivity: FloatArray
     covariance: FloatArray
+    random: FloatArray
     inflation: float
     ar_order: int = 0
+    model_error: ModelError | None = None
 
     def __post_init__(self) -> None:
         self._set(
+            random=read_only(self.random, np.float64, ndim=2),
             cramer_rao=read_only(self.cramer_rao, np.float64, ndim=1),
             insensitivity=read_only(self.insensitivity, np.float64, ndim=1),
             covariance=read_only(self.covariance, np.float64, ndim=2),
@@ -81,8 +88,18 @@ class Bounds(Immutable):
 
     @property
     def std(self) -> FloatArray:
-        """One standard deviation of each parameter, shape ``(p,)``."""
+        """One standard deviation of each parameter, random and model error together, shape ``(p,)``."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def random_std(self) -> FloatArray:
+        """The random part of it, shape ``(p,)``."""
+        return np.asarray(np.sqrt(np.diag(self.random)))
+
+    @property
+    def model_std(self) -> FloatArray:
+        """The part of model errors and clocks, shape ``(p,)``."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance) - np.diag(self.random), 0.0)))
 
     @property
     def correlation(self) -> FloatArray:
@@ -90,12 +107,12 @@ class Bounds(Immutable):
         return np.asarray(self.covariance / np.outer(self.std, self.std))
 
 
-def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer") -> Bounds:
+def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", model_errors: bool = True) -> Bounds:
     """Uncertainty of a solution.
 
-    Assumes that the structure holds. Where the data state their errors, as responses do, these are believed; a direct
-    estimate in closed loop is biased, and no bound here shows that. Otherwise the residuals tell, see
-    :func:`bounds_of_parts`.
+    Where the data state their errors, as responses do, these are believed, and what the structure leaves out is seen in
+    what they do not explain; a direct estimate in closed loop is biased, and no bound here shows that. Otherwise the
+    residuals tell, see :func:`bounds_of_parts`.
 
     A direction in which the cost is flat has no bound at all. It is given one by the rounding of the Jacobian, some
     :math:`10^8` of what its parameters would have alone, so that it shows as what it is.
@@ -109,6 +126,9 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer") 
     weights
         Of responses: ``cifer`` for a solution of :func:`rotorid.fitting.frequency.fit.fit_frequency`, ``covariance``
         for one of :func:`rotorid.fitting.frequency.fit.refine`.
+    model_errors
+        Whether errors of the structure and of clocks count too; random errors alone say how certain a parameter is
+        within the structure, which is what designs and reductions ask.
 
     Raises
     ------
@@ -125,31 +145,47 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer") 
         columns = np.concatenate([known, beyond])
         parts = [part._replace(slopes=part.slopes[:, :, columns]) for part in parts]
         return bounds_of_parts(parts, names, alike=problem.alike)
-    if weights == "cifer":
-        residual, jacobian = solution.residual, solution.jacobian
-        of_cost = jacobian
-    else:
-        residual, of_cost = problem.residuals(solution.theta)
-        residual, jacobian = errors.whitened(residual), errors.whitened(of_cost)
+    residual, of_cost = problem.residuals(solution.theta)
+    jacobian = of_cost if weights == "cifer" else errors.whitened(of_cost)
     length, _, inverse_root = _inverse_root(problem, of_cost)
     inverse = 0.5 * inverse_root @ inverse_root.T
     _, left_vectors, root = _inverse_root(problem, jacobian)
     gain = root @ left_vectors.T
-    spread = _Spread.of(errors, gain, weights)
-    # The part of the errors that the fit absorbs does not show in the residuals.
-    expected = (
-        spread.total
-        - 2.0 * float(np.sum(jacobian * spread.shared.T))
-        + float(np.sum((jacobian @ spread.covariance) * jacobian))
-    )
-    inflation = _inflation(float(residual @ residual), expected, spread.squared)
+    if weights == "covariance":
+        gain = _behind_whitening(errors, gain)
+    random = gain @ errors.covariance @ gain.T
+    total, found = random, None
+    shapes = problem.error_shapes() if model_errors else None
+    if shapes is not None:
+        about = problem.stated_errors(solution.theta, weights="covariance")
+        assert about is not None
+        found = model_error(shapes, residual, of_cost, about.covariance)
+        moved = gain @ found.root
+        total = random + moved @ moved.T
     return Bounds(
         names=problem.parameters.free,
         cramer_rao=2.0 * np.sqrt(np.diag(inverse)),
         insensitivity=1.0 / (np.sqrt(2.0) * length),
-        covariance=spread.covariance * inflation**2,
-        inflation=inflation,
+        covariance=total,
+        random=random,
+        inflation=_ratio(total, random),
+        model_error=found,
     )
+
+
+def _behind_whitening(errors: ResidualErrors, gain: FloatArray) -> FloatArray:
+    """From a gain that acts on whitened residuals to one that acts on residuals."""
+    from scipy.linalg import solve_triangular
+
+    return np.asarray(solve_triangular(errors.root, gain.T, lower=True, trans=1, check_finite=False).T)
+
+
+def _ratio(total: FloatArray, random: FloatArray) -> float:
+    """Standard deviations of one covariance over those of another, in the geometric mean."""
+    known = random.diagonal() > 0.0
+    if not known.any():
+        return 1.0
+    return math.exp(0.5 * float(np.mean(np.log(total.diagonal()[known] / random.diagonal()[known]))))
 
 
 def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: bool = True) -> Bounds:
@@ -193,6 +229,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
         cramer_rao=2.0 * np.sqrt(inverse[:count]),
         insensitivity=1.0 / length[:count],
         covariance=corrected,
+        random=corrected,
         inflation=math.exp(0.5 * float(np.mean(ratio))),
         ar_order=colored.ar_order,
     )
@@ -206,43 +243,6 @@ def _not_determined(names: Sequence[str]) -> InsufficientDataError:
         remedy="fix some with --fix NAME=VALUE, or take a smaller model",
         findings=[refusal("not_identifiable", name, message) for name in names],
     )
-
-
-def _inflation(found: float, expected: float, squared: float) -> float:
-    r"""Factor on standard deviations where residuals are larger than the errors of the data and chance explain.
-
-    A sum of squares with the covariance :math:`E` scatters by :math:`\sqrt{2 \, \mathrm{tr} E^2}`.
-    """
-    if expected <= 0.0 or found <= expected + _CHANCE * math.sqrt(2.0 * squared):
-        return 1.0
-    return math.sqrt(found / expected)
-
-
-class _Spread(NamedTuple):
-    """What the errors of the data make of residuals and parameters, in the metric of the fit.
-
-    ``covariance`` is that of the parameters and ``shared`` that of parameters and residuals, shape ``(p, 2 n)``; the
-    residuals before any fit have the variances ``total`` in sum, and ``squared`` is at least the sum of the squares of
-    their covariances.
-    """
-
-    covariance: FloatArray
-    shared: FloatArray
-    total: float
-    squared: float
-
-    @classmethod
-    def of(cls, errors: ResidualErrors, gain: FloatArray, weights: Weights) -> _Spread:
-        from scipy.linalg import solve_triangular
-
-        if weights == "cifer":
-            shared = gain @ errors.covariance
-            total, squared = float(np.trace(errors.covariance)), float(np.vdot(errors.covariance, errors.covariance))
-            return cls(shared @ gain.T, shared, total, squared)
-        # With L L^T = C + C0 the whitened errors have 1 - L^-1 C0 L^-T, whose eigenvalues lie between zero and one.
-        back = solve_triangular(errors.root, gain.T, lower=True, trans=1, check_finite=False)
-        shared = errors.whitened(errors.covariance @ back).T
-        return cls(back.T @ errors.covariance @ back, shared, errors.whitened_trace, errors.whitened_trace)
 
 
 def _inverse_root(problem: Problem, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

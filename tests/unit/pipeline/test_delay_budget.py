@@ -32,6 +32,7 @@ def known(parameters: ParameterSet) -> Bounds:
         cramer_rao=2.0 * std,
         insensitivity=std,
         covariance=correlation * np.outer(std, std),
+        random=correlation * np.outer(std, std),
         inflation=1.0,
     )
 

@@ -21,7 +21,14 @@ def spread(parameters: ParameterSet, percent: float, *, correlation: float = 0.0
     covariance = np.diag(std**2)
     lag, delay = parameters.free.index("T_motor"), parameters.free.index("tau_roll")
     covariance[lag, delay] = covariance[delay, lag] = correlation * std[lag] * std[delay]
-    return Bounds(names=parameters.free, cramer_rao=2.0 * std, insensitivity=std, covariance=covariance, inflation=1.0)
+    return Bounds(
+        names=parameters.free,
+        cramer_rao=2.0 * std,
+        insensitivity=std,
+        covariance=covariance,
+        random=covariance,
+        inflation=1.0,
+    )
 
 
 def test_a_gain_within_two_standard_deviations_of_zero_is_refused() -> None:

@@ -76,6 +76,7 @@ def bounds_of(std: float) -> Bounds:
         cramer_rao=np.full(3, std),
         insensitivity=np.full(3, std),
         covariance=np.diag(np.full(3, std**2)),
+        random=np.diag(np.full(3, std**2)),
         inflation=1.0,
     )
 

@@ -80,10 +80,12 @@ def test_a_run_is_the_fit_to_the_model_with_that_error() -> None:
     solution = solved(problem)
     table = bootstrap(problem, solution, runs=5, seed=8)
     limits = bounds(problem, solution)
-    stated, root = limits.std, limits.inflation * np.linalg.cholesky(problem.errors.covariance)
+    assert limits.model_error is not None
+    stated = limits.std
+    root = np.concatenate([np.linalg.cholesky(problem.errors.covariance), limits.model_error.root], axis=1)
     model = STRUCTURE.response(problem.parameters.unpack(solution.theta).values, OMEGA)
     for run, theta in enumerate(table.draws):
-        error = root @ generator(8, run).standard_normal(2 * OMEGA.size) / problem.errors.scale
+        error = root @ generator(8, run).standard_normal(root.shape[1]) / problem.errors.scale
         drawn = model * np.exp(error[: OMEGA.size] + 1j * error[OMEGA.size :])
         again = posed(replace(problem.data, values=drawn))
         alone = LevenbergMarquardt().minimize(again.residuals, solution.theta, *again.box)

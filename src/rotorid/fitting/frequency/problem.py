@@ -35,8 +35,9 @@ import numpy as np
 from rotorid.data.base import read_only
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
+from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.fitting.frequency.parameter_map import Matrices, ParameterMap, Slopes
-from rotorid.fitting.problem import Problem, ResidualErrors
+from rotorid.fitting.problem import ErrorShapes, Problem, ResidualErrors
 from rotorid.models.structure import LinearStructure
 from rotorid.spectral.composite import level_about, output_correlation
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
@@ -597,6 +598,19 @@ class FrequencyProblem(Problem):
     def stated_errors(self, theta: FloatArray, *, weights: Literal["cifer", "covariance"] = "cifer") -> ResidualErrors:
         """The errors that the responses state; with weights of the covariance, those about the model at ``theta``."""
         return self.errors if weights == "cifer" else self.errors_about(theta)
+
+    def error_shapes(self) -> ErrorShapes:
+        """A smooth error of each response, and clocks."""
+        points = self.points
+        return response_error_shapes(
+            points.omega_rad_s[points.frequency],
+            points.output,
+            points.input,
+            np.concatenate(self.point_scales),
+            outputs=self.data.outputs,
+            inputs=self.data.inputs,
+            sample_rate_hz=self.data.sample_rate_hz,
+        )
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals whose squares sum to the weighted cost, shape ``(2 n,)``, and their Jacobian ``(2 n, p)``.

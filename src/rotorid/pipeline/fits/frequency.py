@@ -541,7 +541,7 @@ def _distances(problem: FrequencyProblem, solution: Solution, settings: Identify
     if _weights(problem, settings) == "cifer":
         return {}
     final = refine(problem, solution)
-    limits = bounds(problem, final, weights="covariance")
+    limits = bounds(problem, final, weights="covariance", model_errors=False)
     return dict(zip(limits.names, map(float, np.abs(final.theta) / limits.std), strict=True))
 
 

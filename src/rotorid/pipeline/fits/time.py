@@ -26,7 +26,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
@@ -56,56 +56,19 @@ from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import Compared, EquationFit, Information, RecordFit, Residuals
 from rotorid.typing import ComplexArray, FloatArray
-from rotorid.uncertainty.colored import autoregression, colored_covariance
-from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.colored import autoregression
+from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.verification.scores import GOOD_FIT_PERCENT, nrmse_fit_percent
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
-def time_bounds(parts: Sequence[Part], parameters: ParameterSet) -> tuple[Bounds, int]:
-    r"""Bounds from the Fisher matrix :math:`F = \sum_i S_i^T S_i`, and the memory of the residuals.
-
-    Cramér–Rao and insensitivity are CIFER's, :math:`2 \sqrt{(F^{-1})_{ii}}` and :math:`1 / \sqrt{F_{ii}}`, so that the
-    same guidelines apply. Columns of the slopes beyond the free parameters are those of a noise model, which is
-    estimated with them. The covariance is corrected for the color of the residuals; ``inflation`` is how much
-    larger than for white ones the standard deviations are, in the geometric mean.
-
-    Raises
-    ------
-    InsufficientDataError
-        A parameter has no effect, or several cannot be told apart at all.
-    """
-    free = parameters.free
-    count = len(free)
-    slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
-    fisher = slopes.T @ slopes
-    silent = [name for name, size in zip(free, fisher.diagonal()[:count], strict=True) if size == 0.0]
-    if silent:
-        raise _unseen(silent)
-    try:
-        colored = colored_covariance(parts)
-    except np.linalg.LinAlgError as error:
-        raise _unseen(free) from error
-    length = np.sqrt(fisher.diagonal())
-    inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / fisher.diagonal()
-    corrected, white = colored.corrected[:count, :count], colored.white[:count, :count]
-    ratio = np.log(corrected.diagonal() / white.diagonal())
-    bounds = Bounds(
-        names=free,
-        cramer_rao=2.0 * np.sqrt(inverse[:count]),
-        insensitivity=1.0 / length[:count],
-        covariance=corrected,
-        inflation=math.exp(0.5 * float(np.mean(ratio))),
-    )
-    return bounds, colored.ar_order
-
-
 def equation_bounds(fit: EquationErrorFit) -> Bounds:
     r"""Bounds of an equation-error fit, from :math:`F = J^T J` of its weighted equations.
 
-    Percents are formed as by :func:`time_bounds`. The covariance is that of the fit, for residuals of any color, and
-    ``inflation`` compares it with white ones. None of them knows the bias by noise in measured states.
+    Percents are formed as by :func:`rotorid.uncertainty.cramer_rao.bounds_of_parts`. The covariance is that of the fit,
+    for residuals of any color, and ``inflation`` compares it with white ones. None of them knows the bias by noise in
+    measured states.
     """
     fisher = fit.solution.jacobian.T @ fit.solution.jacobian
     length = np.sqrt(fisher.diagonal())
@@ -116,17 +79,8 @@ def equation_bounds(fit: EquationErrorFit) -> Bounds:
         cramer_rao=2.0 * white,
         insensitivity=1.0 / length,
         covariance=fit.covariance,
+        random=fit.covariance,
         inflation=math.exp(0.5 * float(np.mean(ratio))),
-    )
-
-
-def _unseen(names: Sequence[str]) -> InsufficientDataError:
-    message = f"The records do not determine {', '.join(names)}."
-    return InsufficientDataError(
-        message,
-        needed="parameters that the data can see",
-        remedy="fix some with --fix NAME=VALUE, or take a smaller model",
-        findings=[refusal("not_identifiable", name, message) for name in names],
     )
 
 
@@ -481,7 +435,7 @@ def growth(structure: LinearStructure, parameters: ParameterSet) -> float:
 def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFit:
     parameters = ended.problem.parameters
     by = ended.by_equations
-    bounds, memory = time_bounds(ended.parts, parameters) if by is None else (equation_bounds(by), 0)
+    bounds = bounds_of_parts(ended.parts, parameters.free) if by is None else equation_bounds(by)
     whole = whole if by is None else _without(whole, by.left)
     same = whole.free == parameters.free
     return TimeFit(
@@ -491,7 +445,7 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFit:
         parameters=parameters,
         listed=whole.unpack(parameters.pack()) if same else parameters,
         bounds=bounds,
-        memory=memory,
+        memory=bounds.ar_order,
         log_likelihood=ended.log_likelihood,
         unknowns=sum(part.unknown.shape[2] for part in ended.parts),
         noise_numbers=ended.noise_numbers,

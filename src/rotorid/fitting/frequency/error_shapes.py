@@ -1,0 +1,113 @@
+r"""Shapes of errors of frequency responses that are no noise: smooth model errors, and clocks.
+
+A structure that leaves something out errs alike at neighboring frequencies: in magnitude and in phase a smooth function
+of :math:`\ln \omega`, taken as a Gaussian process with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`,
+one octave. And no log says where within a sample a value belongs: every input and every output may be late by
+:math:`0.15 \, \Delta t`. How large the smooth errors are, the residuals of a fit must tell
+(:mod:`rotorid.uncertainty.model_error`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.fitting.problem import ErrorShapes
+from rotorid.typing import FloatArray, IntArray
+
+CLOCK_SAMPLES = 0.15
+"""Standard deviation of a delay within a sample: hold and stamps are known no better."""
+
+_OCTAVE = 0.7
+_KEPT = 1e-3
+_FEWEST_POINTS = 12
+"""A response of fewer points takes part in the model error of the main response to its input."""
+
+
+def smooth_columns(log_omega: FloatArray) -> FloatArray:
+    r"""Columns that span a smooth process of unit variance over :math:`\ln\omega`, shape ``(n, m)``.
+
+    Eigenvectors of the kernel, each times the root of its eigenvalue, down to a thousandth of the largest.
+
+    Examples
+    --------
+    >>> columns = smooth_columns(np.log(np.geomspace(1.0, 50.0, 60)))
+    >>> columns.shape[1] < 12, bool(np.abs(np.sum(columns**2, axis=1) - 1.0).max() < 0.01)
+    (True, True)
+    """
+    values, vectors = np.linalg.eigh(np.exp(-0.5 * ((log_omega[:, None] - log_omega) / _OCTAVE) ** 2))
+    kept = values > _KEPT * values[-1]
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def response_error_shapes(
+    omega_rad_s: FloatArray,
+    output: IntArray,
+    source: IntArray,
+    scale: FloatArray,
+    *,
+    outputs: Sequence[str],
+    inputs: Sequence[str],
+    sample_rate_hz: float | None,
+) -> ErrorShapes:
+    """Shapes for points of frequency responses, whose residuals are magnitudes and then phases.
+
+    Parameters
+    ----------
+    omega_rad_s, output, source
+        Frequency and indices of output and input of each point, shape ``(n,)`` each.
+    scale
+        Factor from a relative error to each residual, shape ``(2 n,)``.
+    outputs, inputs
+        Channel names.
+    sample_rate_hz
+        Of the log; without it clocks count as exact.
+    """
+    count = omega_rad_s.size
+    magnitude, phase = scale[:count], scale[count:]
+    smooth, group, names = [], [], []
+    for place, (y, u, rows) in enumerate(_responses(output, source)):
+        columns = smooth_columns(np.log(omega_rad_s[rows]))
+        for part, offset in ((magnitude, 0), (phase, count)):
+            block = np.zeros((2 * count, columns.shape[1]))
+            block[rows + offset] = part[rows, None] * columns
+            smooth.append(block)
+            group += [place] * columns.shape[1]
+        names.append(f"{outputs[y]}/{inputs[u]}")
+    clocks = np.zeros((2 * count, 0))
+    if sample_rate_hz is not None:
+        late = phase * omega_rad_s * CLOCK_SAMPLES / sample_rate_hz
+        channels = [*(source == u for u in np.unique(source)), *(output == y for y in np.unique(output))]
+        clocks = np.concatenate([np.zeros((count, len(channels))), late[:, None] * np.stack(channels, axis=1)])
+    shapes = ErrorShapes(
+        names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), clocks=clocks
+    )
+    return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
+
+
+def _responses(output: IntArray, source: IntArray) -> list[tuple[int, int, IntArray]]:
+    """Indices of output and input of every response, and its points."""
+    pairs = sorted({(int(y), int(u)) for y, u in zip(output, source, strict=True)})
+    return [(y, u, np.flatnonzero((output == y) & (source == u))) for y, u in pairs]
+
+
+def _shared(shapes: ErrorShapes, responses: Sequence[tuple[int, int]]) -> ErrorShapes:
+    """Responses of few points share the size of the longest response to their input.
+
+    Parameters
+    ----------
+    shapes
+        With one group for each response.
+    responses
+        Input and number of points of each.
+    """
+    longest: dict[int, int] = {}
+    for place, (u, points) in enumerate(responses):
+        if u not in longest or points > responses[longest[u]][1]:
+            longest[u] = place
+    target = [longest[u] if points < _FEWEST_POINTS else place for place, (u, points) in enumerate(responses)]
+    kept = sorted(set(target))
+    new = np.array([kept.index(place) for place in target])
+    return replace(shapes, names=tuple(shapes.names[place] for place in kept), group=new[shapes.group])

@@ -1,0 +1,210 @@
+r"""Model error beside random error: what a structure leaves out of a response, as a smooth unknown over frequency.
+
+Random errors shrink with every minute of flight, and soon the structure is what a fit is wrong by: a rotor that lags a
+little differently, a drag that grows with speed, a stamp that is late by a tenth of a sample. None of this scatters
+from frequency to frequency. So the residuals of a fit, magnitudes and phases with the scales :math:`s` of its cost, are
+taken as
+
+.. math:: r = J \, \delta\theta + s \, e + s B c + T d, \qquad c_k \sim N(0, a_k^2), \quad d \sim N(0, 1)
+
+with the random error :math:`e` that the data state; a model error :math:`B c` of each response, in magnitude and in
+phase a Gaussian process over :math:`\ln \omega` with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`, one
+octave; and clocks :math:`T d`, a phase of :math:`0.15 \, \omega \Delta t` for every input and every output, for no log
+says where within a sample a value belongs. The size :math:`a_k` of the model error of a response is the one that makes
+its residuals most likely, with what the parameters absorb projected out (restricted maximum likelihood), between 0.5 %,
+which no sensor is better than, and 30 %. The values stay what the fit gave. With its own gain M, from residuals to
+parameters,
+
+.. math:: \mathrm{Cov}\,\theta = M \, (C + \sum_k a_k^2 s B_k B_k^T s + T T^T) \, M^T
+
+Errors that leave no trace in residuals, a wrong scale or a slope that depends on amplitude, are covered by the floor
+alone. Over simulated flights of ten vehicles and two simulators of autopilots 95 % intervals made of random errors held
+in 66 % of cases, these in 97 %.
+
+The idea of a prior on what is left out is that of stochastic embedding (Goodwin, Gevers and Ninness, *Quantifying the
+Error in Estimated Transfer Functions with Application to Model Order Selection*, IEEE Transactions on Automatic Control
+37(7), 1992).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.fitting.problem import ErrorShapes
+from rotorid.typing import FloatArray, IntArray
+
+SMALLEST_MODEL_ERROR, LARGEST_MODEL_ERROR = 0.005, 0.3
+"""No sensor and no structure is better than the one; beyond the other nothing is described any more."""
+
+_OWN_SHARE = 0.1
+_OWN_ERRORS = (0.002, 0.005, 0.01, 0.02, 0.05)
+"""What no measured covariance knows of itself, independent from residual to residual: a part of its variance, and a
+relative error of which the likelihood chooses one for each group."""
+
+_FOLLOWED = 1e-9
+_TYPICAL = 0.02
+_BOX = (math.log(SMALLEST_MODEL_ERROR), math.log(LARGEST_MODEL_ERROR))
+_COARSE = 9
+"""Sizes that are tried for each group before the search, so that it begins near its end."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModelError(Immutable):
+    """What the structure leaves out, as a fit shows it.
+
+    Parameters
+    ----------
+    shapes
+        The shapes that were allowed.
+    sizes
+        Relative standard deviation of the model error of each group.
+    scatter
+        Standard deviation of what the data do not state and no smooth error explains, from residual to residual,
+        shape ``(n,)``.
+    expected
+        The most likely course of model error and clocks in the residuals, shape ``(n,)``.
+    """
+
+    shapes: ErrorShapes
+    sizes: Mapping[str, float]
+    scatter: FloatArray
+    expected: FloatArray
+
+    def __post_init__(self) -> None:
+        self._set(
+            sizes=self.sizes,
+            scatter=read_only(self.scatter, np.float64, ndim=1),
+            expected=read_only(self.expected, np.float64, ndim=1),
+        )
+
+    @property
+    def root(self) -> FloatArray:
+        """Columns whose outer products sum to the covariance of all this, shape ``(n, k)``."""
+        return np.concatenate([self.shapes.root(self.sizes), np.diag(self.scatter)], axis=1)
+
+
+def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> ModelError:
+    r"""Sizes of model errors that make residuals most likely.
+
+    With everything in units of the random error and outside of what the parameters can follow, columns X and residuals
+    :math:`\rho` give :math:`S = X^T X`, :math:`y = X^T \rho`, and of sizes D the logarithm of the restricted likelihood
+    is :math:`-\frac12 \ln\det(1 + D S D) + \frac12 (D y)^T (1 + D S D)^{-1} D y`.
+
+    Parameters
+    ----------
+    shapes
+        What errors may look like.
+    residual, jacobian
+        Of the problem at its solution, shapes ``(n,)`` and ``(n, p)``.
+    covariance
+        Of the random errors in the residuals, shape ``(n, n)``.
+
+    Examples
+    --------
+    Residuals of 5 % that nothing but a smooth error explains:
+
+    >>> from rotorid.fitting.frequency.error_shapes import response_error_shapes
+    >>> omega = np.geomspace(1.0, 50.0, 40)
+    >>> nothing = np.zeros(40, dtype=np.int64)
+    >>> shapes = response_error_shapes(omega, nothing, nothing, np.ones(80), outputs=["p"], inputs=["roll"],
+    ...                                sample_rate_hz=None)
+    >>> residual = np.concatenate([0.05 * np.sin(3.0 * np.log(omega)), np.zeros(40)])
+    >>> found = model_error(shapes, residual, np.zeros((80, 0)), 1e-6 * np.eye(80))
+    >>> 0.01 < found.sizes["p/roll"] < 0.1
+    True
+    """
+    grid = np.linspace(*_BOX, _COARSE)
+    own, start = np.zeros(residual.size), np.zeros(len(shapes.names))
+    scale = _scale_of(shapes, np.diag(covariance))
+    for place in range(len(shapes.names)):
+        rows = np.flatnonzero(shapes.smooth[:, shapes.group == place].any(axis=1))
+        part = _part(shapes, place, rows)
+        block = covariance[np.ix_(rows, rows)]
+        tried = [
+            _coarse(_Likelihood.of(part, residual[rows], jacobian[rows], block, error * scale[rows]), grid)
+            for error in _OWN_ERRORS
+        ]
+        best = min(range(len(tried)), key=lambda which: tried[which][0])
+        own[rows], start[place] = _OWN_ERRORS[best] * scale[rows], tried[best][1]
+    likelihood = _Likelihood.of(shapes, residual, jacobian, covariance, own)
+    logs = likelihood.best(start)
+    return ModelError(
+        shapes=shapes,
+        sizes=dict(zip(shapes.names, map(float, np.exp(logs)), strict=True)),
+        scatter=own,
+        expected=np.concatenate([shapes.smooth, shapes.clocks], axis=1) @ likelihood.expected(logs),
+    )
+
+
+def _scale_of(shapes: ErrorShapes, variance: FloatArray) -> FloatArray:
+    """Factor from a relative error to each residual: smooth columns have unit size everywhere."""
+    size = np.sqrt(np.sum(shapes.smooth**2, axis=1))
+    return np.where(size > 0.0, size, np.sqrt(variance))
+
+
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Minus the logarithm of the restricted likelihood over the logarithms of the sizes, with its gradient.
+
+    ``S`` and ``y`` are the products of the columns with each other and with the residuals, outside of what parameters
+    can follow; ``member`` says which columns belong to which group, and those of no group have size one. ``rest`` does
+    not depend on the sizes.
+    """
+
+    S: FloatArray
+    y: FloatArray
+    member: FloatArray
+    rest: float
+
+    @classmethod
+    def of(
+        cls, shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray, own: FloatArray
+    ) -> _Likelihood:
+        from scipy.linalg import solve_triangular
+
+        root = np.linalg.cholesky(covariance + np.diag(_OWN_SHARE * np.diag(covariance) + own**2))
+        stacked = np.concatenate([jacobian, shapes.smooth, shapes.clocks, residual[:, None]], axis=1)
+        white = solve_triangular(root, stacked, lower=True, check_finite=False)
+        slopes, beside = np.split(white, [jacobian.shape[1]], axis=1)
+        length = np.linalg.norm(slopes, axis=0)
+        left, singular, _ = np.linalg.svd(slopes / np.where(length > 0.0, length, 1.0), full_matrices=False)
+        seen = singular > _FOLLOWED * singular.max(initial=0.0)
+        beside = beside - left[:, seen] @ (left[:, seen].T @ beside)
+        columns, rho = beside[:, :-1], beside[:, -1]
+        rest = np.log(np.diag(root)).sum() + np.log(singular[seen]).sum() + np.log(length[length > 0.0]).sum()
+        member = _members(shapes.group, len(shapes.names), columns.shape[1])
+        return cls(columns.T @ columns, columns.T @ rho, member, float(rest) + 0.5 * float(rho @ rho))
+
+    def _sizes(self, logs: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(logs @ self.member))
+
+    def __call__(self, logs: FloatArray) -> tuple[float, FloatArray]:
+        D = self._sizes(logs)
+        inner = np.eye(D.size) + D[:, None] * self.S * D
+        G = np.linalg.inv(inner)
+        x = G @ (D * self.y)
+        value = self.rest + 0.5 * float(np.linalg.slogdet(inner)[1]) - 0.5 * float((D * self.y) @ x)
+        return value, self.member @ (1.0 - np.diag(G) - x**2)
+
+    def best(self, start: FloatArray) -> FloatArray:
+        """The most likely logarithms of the sizes, from a start near them."""
+        from scipy.optimize import minimize
+
+        found = minimize(self, start, jac=True, method="L-BFGS-B", bounds=[_BOX] * start.size)
+        return np.clip(found.x, *_BOX)
+
+    def expected(self, logs: FloatArray) -> FloatArray:
+        """Most likely factors of all columns."""
+        D = self._sizes(logs)
+        return np.asarray(D * np.linalg.solve(np.eye(D.size) + D[:, None] * self.S * D, D * self.y))
+
+
+def _members(group: IntArray, groups: int, columns: int) -> FloatArray:
+    member = np.zeros((groups, columns))
+    member[group, np.arange(group.size)] = 1.0
+    return member
