@@ -1,4 +1,10 @@
-"""Two simulators agree: flights of PX4's and ArduPilot's own, flown again by ours and measured by the same verb."""
+"""Two simulators agree: flights of PX4's and ArduPilot's own, flown again by ours and measured by the same verb.
+
+What this shows, and what not: thrust, drag and damping of our ArduPilot vehicle were measured in the flights in calm
+air that it is compared with here, roll and thrust. There the comparison tests the way of the simulation (loops, filters,
+delays, logs) with numbers that fit; the flights in wind, pitch and yaw were not used for them. PX4's vehicle has the
+parameters of its own simulator, but for the filter of the gyroscopes.
+"""
 
 from __future__ import annotations
 
@@ -104,8 +110,38 @@ def difference(theirs: Responses, ours: Responses, band_rad_s: tuple[float, floa
     )
 
 
-def require_agreement(found: Difference) -> None:
-    """The bars wherever the log knows its own response well enough to be held against, elsewhere what chance allows."""
+@pytest.fixture(scope="module")
+def flown_again(
+    unpacked: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[Sweep], Difference]:
+    """Each sweep flown again once."""
+    known: dict[Sweep, Difference] = {}
+
+    def of(sweep: Sweep) -> Difference:
+        if sweep in known:
+            return known[sweep]
+        folder = tmp_path_factory.mktemp("again")
+        if sweep in PX4:
+            record = rotorid.read(unpacked(f"px4_sitl/{sweep.log}"))
+            again = flown_again_px4(record, sweep.start_s - 0.5, sweep.stop_s + 0.2, folder / "again.ulg")
+        else:
+            record = rotorid.read(unpacked(f"ardupilot_sitl/{sweep.log}"))
+            span_s = (sweep.start_s - 3.0, sweep.stop_s + 3.0)
+            again = flown_again_ardupilot(record, sweep.axis, *span_s, folder / "again.BIN", sweep.wind)
+        known[sweep] = difference(measured(record, sweep), measured(again, sweep), sweep.band_rad_s)
+        return known[sweep]
+
+    return of
+
+
+def name_of(sweep: Sweep) -> str:
+    return f"{'px4' if sweep in PX4 else 'ardupilot'}-{sweep.axis}"
+
+
+@pytest.mark.parametrize("sweep", [*PX4, *ARDUPILOT], ids=name_of)
+def test_responses_agree_where_the_log_knows_its_own(sweep: Sweep, flown_again: Callable[[Sweep], Difference]) -> None:
+    """The bars where the log knows its own response to 2 %, elsewhere what chance allows beside them."""
+    found = flown_again(sweep)
     assert found.omega_rad_s.size >= 40
     assert found.known.sum() >= 25
     assert np.abs(found.decibels[found.known]).max() < DECIBELS
@@ -116,22 +152,61 @@ def require_agreement(found: Difference) -> None:
     assert np.all(np.abs(found.degrees[~found.known]) < DEGREES + np.degrees(allowed))
 
 
-@pytest.mark.parametrize("sweep", PX4, ids=lambda sweep: sweep.axis)
-def test_responses_are_those_of_px4s_simulator(sweep: Sweep, unpacked: Callable[[str], Path], tmp_path: Path) -> None:
+MISSED = {
+    "px4-thrust": "1.0 dB and 5.5 degrees where the log knows its own response to 2 to 4 %",
+    "ardupilot-roll": "1.9 dB at the low end, where the log knows its own response to 9 %",
+    "ardupilot-pitch": "0.8 dB and 3.3 degrees at the low end, where the log knows its own response to 13 %",
+}
+
+
+@pytest.mark.parametrize(
+    "sweep",
+    [
+        pytest.param(
+            sweep,
+            id=name_of(sweep),
+            marks=[pytest.mark.xfail(strict=True, raises=AssertionError, reason=MISSED[name_of(sweep)])]
+            if name_of(sweep) in MISSED
+            else [],
+        )
+        for sweep in (*PX4, *ARDUPILOT)
+    ],
+)
+def test_responses_agree_wherever_both_are_coherent(sweep: Sweep, flown_again: Callable[[Sweep], Difference]) -> None:
+    found = flown_again(sweep)
+    assert np.abs(found.decibels).max() < DECIBELS
+    assert np.abs(found.degrees).max() < DEGREES
+
+
+@pytest.fixture(scope="module")
+def with_the_filter_of_the_log(unpacked: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> Difference:
+    """PX4's pitch flown again with the filter of the gyroscopes that its log names."""
+    sweep = PX4[1]
     record = rotorid.read(unpacked(f"px4_sitl/{sweep.log}"))
-    again = flown_again_px4(record, sweep.start_s - 0.5, sweep.stop_s + 0.2, tmp_path / "again.ulg")
-    require_agreement(difference(measured(record, sweep), measured(again, sweep), sweep.band_rad_s))
-
-
-@pytest.mark.parametrize("sweep", ARDUPILOT, ids=lambda sweep: sweep.axis)
-def test_responses_are_those_of_ardupilots_simulator(
-    sweep: Sweep, unpacked: Callable[[str], Path], tmp_path: Path
-) -> None:
-    record = rotorid.read(unpacked(f"ardupilot_sitl/{sweep.log}"))
-    again = flown_again_ardupilot(
-        record, sweep.axis, sweep.start_s - 3.0, sweep.stop_s + 3.0, tmp_path / "again.BIN", sweep.wind
+    again = flown_again_px4(
+        record,
+        sweep.start_s - 0.5,
+        sweep.stop_s + 0.2,
+        tmp_path_factory.mktemp("again") / "again.ulg",
+        gyro_cutoff_hz=record.parameters["IMU_GYRO_CUTOFF"],
     )
-    require_agreement(difference(measured(record, sweep), measured(again, sweep), sweep.band_rad_s))
+    return difference(measured(record, sweep), measured(again, sweep), sweep.band_rad_s)
+
+
+@pytest.mark.xfail(
+    strict=True, raises=AssertionError, reason="7.3 degrees: PX4's simulator turns the body 2 ms before ours does"
+)
+def test_px4s_own_filter_of_the_gyroscopes_gives_its_phase(with_the_filter_of_the_log: Difference) -> None:
+    assert np.abs(with_the_filter_of_the_log.degrees).max() < DEGREES
+
+
+def test_px4s_own_filter_of_the_gyroscopes_is_2_milliseconds_off(with_the_filter_of_the_log: Difference) -> None:
+    """What the filter of 56.4 Hz of our vehicle makes up for is a delay, and no more."""
+    found = with_the_filter_of_the_log
+    late_s = -np.radians(found.degrees) @ found.omega_rad_s / (found.omega_rad_s @ found.omega_rad_s)
+    assert late_s == pytest.approx(2e-3, abs=0.7e-3)
+    assert np.abs(found.degrees + np.degrees(found.omega_rad_s * late_s)).max() < DEGREES
+    assert np.abs(found.decibels).max() < DECIBELS
 
 
 class Doublet(NamedTuple):

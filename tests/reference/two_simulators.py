@@ -84,9 +84,13 @@ def _plan(parts: dict[Axis, tuple[FloatArray, Entry]]) -> FlightPlan:
     return FlightPlan(name="flown again", inputs=inputs, trim_s=0.0)
 
 
-def flown_again_px4(record: FlightRecord, start_s: float, stop_s: float, path: Path) -> FlightRecord:
+def flown_again_px4(
+    record: FlightRecord, start_s: float, stop_s: float, path: Path, *, gyro_cutoff_hz: float = px4_quad.GYRO_CUTOFF_HZ
+) -> FlightRecord:
     """A flight of PX4's simulator flown again in ours, on the same clock."""
-    flown = fly_multirotor(px4_quad.aircraft(), px4_sticks(record, start_s, stop_s))
+    aircraft = px4_quad.aircraft()
+    aircraft = replace(aircraft, autopilot=replace(aircraft.autopilot, gyro_cutoff_hz=gyro_cutoff_hz))
+    flown = fly_multirotor(aircraft, px4_sticks(record, start_s, stop_s))
     write_px4(path, flown, start_s=start_s)
     return read(path)
 

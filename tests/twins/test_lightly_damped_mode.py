@@ -76,11 +76,21 @@ def corrected() -> list[FrequencyResponse]:
     return study("corrected")
 
 
-def test_the_correction_takes_some_of_the_bias_at_the_peak_away(corrected: list[FrequencyResponse]) -> None:
+@pytest.fixture(scope="module")
+def left_at_the_peak(corrected: list[FrequencyResponse]) -> float:
+    """Share of the bias at the peak that the correction leaves."""
     at_peak = np.isin(corrected[0].omega_rad_s, OMEGA[PEAK])
     left, whole = (np.abs(error(results).mean(axis=0))[at_peak].max() for results in (corrected, study("ignored")))
-    # How much is no promise: the windows are wider than the peak.
-    assert left < whole
+    return float(left / whole)
+
+
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="80.2 % is left: the windows are wider than the peak")
+def test_the_correction_takes_a_fifth_of_the_bias_at_the_peak_away(left_at_the_peak: float) -> None:
+    assert left_at_the_peak < 0.8
+
+
+def test_the_correction_takes_nearly_a_fifth_of_the_bias_at_the_peak_away(left_at_the_peak: float) -> None:
+    assert left_at_the_peak < 0.82
 
 
 def test_far_from_the_mode_errors_are_as_stated(corrected: list[FrequencyResponse]) -> None:
@@ -89,7 +99,20 @@ def test_far_from_the_mode_errors_are_as_stated(corrected: list[FrequencyRespons
     assert np.sqrt(np.mean(spread(corrected)[far] ** 2)) == pytest.approx(1.0, abs=0.2)
 
 
-@pytest.mark.xfail(strict=True, reason="stated errors know noise only, not the smear of a narrow peak that is left")
-def test_at_the_peak_errors_are_as_stated(corrected: list[FrequencyResponse]) -> None:
+@pytest.fixture(scope="module")
+def spread_at_the_peak(corrected: list[FrequencyResponse]) -> float:
     at_peak = np.isin(corrected[0].omega_rad_s, OMEGA[PEAK])
-    assert spread(corrected)[at_peak].max() < 2.0
+    return float(spread(corrected)[at_peak].max())
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=AssertionError,
+    reason="10.4: stated errors know noise only, not the smear of a narrow peak that is left",
+)
+def test_at_the_peak_errors_are_as_stated(spread_at_the_peak: float) -> None:
+    assert spread_at_the_peak < 2.0
+
+
+def test_at_the_peak_errors_are_not_further_off_than_is_said(spread_at_the_peak: float) -> None:
+    assert spread_at_the_peak < 11.0
