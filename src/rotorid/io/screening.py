@@ -100,6 +100,26 @@ def screened(record: FlightRecord) -> FlightRecord:
     return replace(record, topics=tuple(topics), instruments=instruments, findings=(*record.findings, *findings))
 
 
+def without_lone(values: FloatArray) -> FloatArray:
+    """Each sample replaced by the median of itself and its two neighbors, so that a single wrong one has no say.
+
+    Parameters
+    ----------
+    values
+        Shape ``(samples,)``; the first and the last one stay as they are.
+
+    Examples
+    --------
+    >>> without_lone(np.array([0.0, 0.1, 1e9, 0.3, 0.4])).tolist()
+    [0.0, 0.1, 0.3, 0.4, 0.4]
+    """
+    if values.size < 3:
+        return values
+    before, here, after = values[:-2], values[1:-1], values[2:]
+    low, high = np.fmin(before, here), np.fmax(before, here)
+    return np.concatenate([values[:1], np.fmax(low, np.fmin(high, after)), values[-1:]])
+
+
 def _in_time(topics: Sequence[Topic]) -> tuple[list[Topic], list[Finding]]:
     """Topics with stamps that rise and lie inside of the log."""
     kept = [_rising(topic.time_s) for topic in topics]
@@ -225,7 +245,7 @@ def _possible(topic: Topic) -> tuple[list[Topic], list[Finding]]:
     faulty = [fault for fault in faults if fault is not None]
     if not faulty:
         return [topic], []
-    findings = [finding for fault in faulty for finding in _said(topic, fault)]
+    findings = [*(finding for fault in faulty for finding in _said(topic, fault)), *_empty(topic, faulty)]
     bad = {fault.channel.name: fault.bad for fault in faulty if not fault.refused}
     refused = {fault.channel.name for fault in faulty if fault.refused}
     rows = [row for row, channel in enumerate(topic.channels) if channel.name not in refused]
@@ -323,11 +343,12 @@ def _giants(values: FloatArray, out: FloatArray) -> IntArray:
 def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
     name = fault.channel.name
     where = f"{name} in {topic.name}"
-    impossible, lone, empty = (int(np.sum(mask)) for mask in (fault.outside, fault.lone, fault.no_number))
+    unit = "" if fault.channel.unit == "1" else f" {fault.channel.unit}"
+    impossible, lone = int(np.sum(fault.outside)), int(np.sum(fault.lone))
     if fault.refused:
         low, high = range_of(fault.channel) or (-np.inf, np.inf)
         reason = (
-            f"{impossible} of {fault.bad.size} samples are outside of {low:.4g} to {high:.4g} {fault.channel.unit}"
+            f"{impossible} of {fault.bad.size} samples are outside of {low:.4g} to {high:.4g}{unit}"
             if impossible
             else "no sample is a number"
         )
@@ -350,16 +371,25 @@ def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
             "impossible_value",
             name,
             f"{' and '.join(parts)} of {fault.bad.size} samples of {where} were left out, the first one "
-            f"{topic.values[topic.row(name) or 0, first]:.4g} {fault.channel.unit} at {topic.time_s[first]:.3f} s.",
+            f"{topic.values[topic.row(name) or 0, first]:.4g}{unit} at {topic.time_s[first]:.3f} s.",
             samples=impossible + lone,
             impossible=impossible,
             lone=lone,
             first_s=float(topic.time_s[first]),
         )
-    if empty:
+
+
+def _empty(topic: Topic, faulty: Sequence[_Faults]) -> Iterator[Finding]:
+    """Samples that are no numbers, channels that lack the same ones together."""
+    alike: dict[bytes, list[_Faults]] = {}
+    for fault in faulty:
+        if fault.no_number.any() and not fault.refused:
+            alike.setdefault(fault.no_number.tobytes(), []).append(fault)
+    for faults in alike.values():
+        names, lost = ", ".join(fault.channel.name for fault in faults), int(np.sum(faults[0].no_number))
         yield remark(
             "gap",
-            name,
-            f"{empty} of {fault.bad.size} samples of {where} are no numbers and were left out.",
-            lost_samples=empty,
+            names,
+            f"{lost} of {faults[0].bad.size} samples of {names} in {topic.name} are no numbers and were left out.",
+            lost_samples=lost,
         )

@@ -25,6 +25,7 @@ from rotorid.io.ardupilot.dataflash import Table, decode, sniff
 from rotorid.io.ardupilot.firmware import Firmware, firmware_of, is_centivolts, is_legacy_rate
 from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
 from rotorid.io.files import file_bytes, without_places
+from rotorid.io.screening import without_lone
 from rotorid.typing import AnyArray, Axis, BoolArray
 from rotorid.units import parse_unit
 
@@ -509,7 +510,7 @@ def _system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float]
     data = tables.get("SIDD")
     if data is None or (time_s := data.time_s) is None or not data.holds_numbers("Time"):
         return ()
-    waveform_s = data.column("Time")
+    waveform_s = without_lone(data.column("Time"))
     begins = np.flatnonzero(waveform_s[1:] < waveform_s[:-1]) + 1
     edges = [0, *begins.tolist(), len(data)]
     runs = []
@@ -534,7 +535,7 @@ def _swept_band(data: Table, messages: slice, planned: tuple[float, float] | Non
     """The band that was really flown: a pilot may leave the mode early, and a log may be cut."""
     if not data.holds_numbers("F"):
         return planned
-    frequency = 2.0 * math.pi * data.chosen(messages).numbers("F")[0]
+    frequency = 2.0 * math.pi * without_lone(data.chosen(messages).numbers("F")[0])
     frequency = frequency[np.isfinite(frequency) & (frequency > 0.0)]
     if frequency.size == 0 or not frequency.min() < frequency.max():
         return planned

@@ -68,6 +68,7 @@ def _firmware(info: Mapping[str, str | int]) -> str:
 _SAMPLED = ("timestamp_sample", "timestamp")
 _PUBLISHED = ("timestamp",)
 _LARGEST_STAMP_DELAY_US = 100_000
+_MOSTLY_SOUND = 0.9
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -291,7 +292,7 @@ def _topic(rule: Rule, fields: Sequence[str], arrays: Mapping[str, AnyArray]) ->
     if len(names) < len(fields):
         values, sources = euler_from_quaternion(values), [f"{rule.topic}.{fields[0][:-3]}"] * 3
     time_s = _stamps(rule, arrays)
-    finite = np.isfinite(values)
+    finite = np.isfinite(values) & np.isfinite(time_s)
     groups: dict[bytes, list[int]] = {}
     for number, pattern in enumerate(finite):
         groups.setdefault(pattern.tobytes(), []).append(number)
@@ -309,14 +310,18 @@ def _topic(rule: Rule, fields: Sequence[str], arrays: Mapping[str, AnyArray]) ->
 def _stamps(rule: Rule, arrays: Mapping[str, AnyArray]) -> FloatArray:
     """Seconds on the log's own clock, by the best clock that can be right."""
     published = arrays[f"{rule.topic}/timestamp"]
+    chosen, sound = published, np.ones(published.size, dtype=np.bool_)
     for clock in rule.clocks:
         stamps = arrays.get(f"{rule.topic}/{clock}", published)
         # Unsigned stamps wrap when they are subtracted, so that a sample "after" its publication is huge as well.
-        if np.all(published - stamps <= _LARGEST_STAMP_DELAY_US):
-            published = stamps
+        near = published - stamps <= _LARGEST_STAMP_DELAY_US
+        # One damaged stamp is left out; it does not move those of all other samples to another clock.
+        if np.count_nonzero(near) > _MOSTLY_SOUND * near.size:
+            chosen, sound = stamps, near
             break
     # Microseconds since boot stay exact in double precision for two centuries.
-    seconds: FloatArray = published.astype(np.float64) * 1e-6
+    seconds: FloatArray = chosen.astype(np.float64) * 1e-6
+    seconds[~sound] = np.nan
     return seconds
 
 
