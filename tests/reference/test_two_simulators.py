@@ -1,9 +1,9 @@
 """Two simulators agree: flights of PX4's and ArduPilot's own, flown again by ours and measured by the same verb.
 
 What this shows, and what not: thrust, drag and damping of our ArduPilot vehicle were measured in the flights in calm
-air that it is compared with here, roll and thrust. There the comparison tests the way of the simulation (loops, filters,
-delays, logs) with numbers that fit; the flights in wind, pitch and yaw were not used for them. PX4's vehicle has the
-parameters of its own simulator, but for the filter of the gyroscopes.
+air that it is compared with here, roll and thrust. There the comparison tests the way of the simulation (loops,
+filters, delays, logs) with numbers that fit; the flights in wind, pitch and yaw were not used for them. PX4's vehicle
+has the parameters of its own simulator, but for the filter of the gyroscopes.
 """
 
 from __future__ import annotations
