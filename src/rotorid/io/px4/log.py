@@ -351,12 +351,29 @@ def _not_numbers(topic: Topic, lost: int) -> Finding:
     )
 
 
-_PROFILE = "SDLOG_PROFILE = 25 (bits 0 default set, 3 system identification, 4 high rate)"
+_PROFILE_BITS = 0b11001
+_BITS_TEXT = "bits 0 default set, 3 system identification, 4 high rate"
+_TOPIC_LIST = "etc/logging/logger_topics.txt on the SD card"
 _NEEDED = {
     "p": "the body rates p, q, r (vehicle_angular_velocity)",
     "roll_command": "what the mixer receives (vehicle_torque_setpoint, before 2022 actuator_controls_0)",
     "thrust_command": "the collective thrust (vehicle_thrust_setpoint, before 2022 actuator_controls_0)",
 }
+
+
+def _remedy(parameters: Mapping[str, float]) -> str:
+    """What makes this firmware log more; a log that lost its parameters is taken for one of today."""
+    profile = parameters.get("SDLOG_PROFILE")
+    if profile is None and parameters:
+        return f"This firmware has no SDLOG_PROFILE: name the topic in {_TOPIC_LIST} before the next flight."
+    held = int(profile or 0.0)
+    wanted = held | _PROFILE_BITS
+    if wanted == held:
+        return (
+            f"SDLOG_PROFILE = {held} holds what helps already: name the topic in {_TOPIC_LIST} before the next flight."
+        )
+    now = "" if profile is None else f", it is {held}"
+    return f"Set SDLOG_PROFILE = {wanted} ({_BITS_TEXT}{now}) before the next flight."
 
 
 def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any]) -> Iterator[Finding]:
@@ -371,8 +388,9 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any]) -> Iterator[F
     """
     yield from _damage(facts["damage"], facts["size_bytes"])
     yield from _dropouts(facts["dropouts"])
-    yield from _missing(topics)
-    yield from _slow(topics, facts["parameters"].get("SDLOG_PROFILE"))
+    remedy = _remedy(facts["parameters"])
+    yield from _missing(topics, remedy)
+    yield from _slow(topics, remedy)
 
 
 def _damage(damage: Sequence[tuple[int, int, str]], size_bytes: int) -> Iterator[Finding]:
@@ -410,26 +428,23 @@ def _dropouts(dropouts: Sequence[tuple[float, float]]) -> Iterator[Finding]:
     )
 
 
-def _missing(topics: Sequence[Topic]) -> Iterator[Finding]:
+def _missing(topics: Sequence[Topic], remedy: str) -> Iterator[Finding]:
     held = {channel.name for topic in topics for channel in topic.channels}
     for name, meaning in _NEEDED.items():
         if name not in held:
-            yield warn(
-                "missing_channel", name, f"The log does not hold {meaning}. Set {_PROFILE} before the next flight."
-            )
+            yield warn("missing_channel", name, f"The log does not hold {meaning}. {remedy}")
 
 
-def _slow(topics: Sequence[Topic], profile: float | None) -> Iterator[Finding]:
+def _slow(topics: Sequence[Topic], remedy: str) -> Iterator[Finding]:
     gyro_hz = next((topic.sample_rate_hz for topic in topics if topic.row("p") is not None), 0.0)
     commands = [topic for topic in topics if any(channel.name.endswith("_command") for channel in topic.channels)]
     for topic in commands:
         if 0.0 < topic.sample_rate_hz < 0.5 * gyro_hz:
-            now = "" if profile is None else f" (it is {profile:g})"
             yield warn(
                 "rate_too_low",
                 topic.name,
                 f"{topic.name} was logged at {topic.sample_rate_hz:.0f} Hz and the rates at {gyro_hz:.0f} Hz: "
-                f"the slower one limits the band and adds delay. Set {_PROFILE}{now} before the next flight.",
+                f"the slower one limits the band and adds delay. {remedy}",
                 rate_hz=topic.sample_rate_hz,
                 gyro_rate_hz=gyro_hz,
             )
