@@ -291,7 +291,7 @@ def test_ardupilot_axis_is_the_simulators_and_predicts_stick_doublets(promise: P
     )
     parameters = result_document(found).parameters
     assert parameters[promise.gain].value == pytest.approx(promise.truth, rel=promise.within)
-    assert parameters[promise.delay].value == pytest.approx(ARDUPILOT_DELAY_S, abs=1.5e-3)
+    assert parameters[promise.delay].value == pytest.approx(ARDUPILOT_DELAY_S, abs=0.2e-3)
     assert parameters["T_motor"].status == "dropped"
     if promise.damping:
         assert parameters[promise.damping].value == pytest.approx(ARDUPILOT_DAMPING_1_S, rel=0.10)
@@ -303,16 +303,28 @@ def test_ardupilot_axis_is_the_simulators_and_predicts_stick_doublets(promise: P
     assert "poor_verification" not in kinds(result_document(found))
 
 
-def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(read: Read) -> None:
-    # The sweep moves at up to 1.8 m/s, where the simulator's drag is not linear any more: a regression in time gives
-    # 0.21 1/s and 0.06 w|w| per meter, which are 0.26 1/s for a sine of 1 m/s. So 10 % of the damping at rest is not
-    # to be had from it; two deviations are.
+@pytest.fixture(scope="module")
+def heave_damping(read: Read) -> ParameterEstimate:
     record = read("ardupilot_sitl/x_calm_thrust.BIN.xz")
     settings = IdentifySettings(band_rad_s=(0.6, 60.0))
-    heave = result_document(rotorid.identify([record], "axis.vertical", settings=settings)).parameters["Z_w"]
-    assert heave.std is not None
-    assert heave.std < 0.10 * abs(ARDUPILOT_Z_W_1_S)
-    assert abs(heave.value - ARDUPILOT_Z_W_1_S) < 2.0 * heave.std
+    return rotorid.identify([record], "axis.vertical", settings=settings).parameters["Z_w"]
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=AssertionError,
+    reason="10.9 %: the sweep moves at up to 1.8 m/s, where the simulator's drag is not linear any more",
+)
+def test_ardupilot_damping_of_heave_is_that_at_rest(heave_damping: ParameterEstimate) -> None:
+    assert heave_damping.value == pytest.approx(ARDUPILOT_Z_W_1_S, rel=0.10)
+
+
+def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(heave_damping: ParameterEstimate) -> None:
+    """A regression in time gives 0.21 1/s and 0.06 w|w| per meter, which are 0.26 1/s for a sine of 1 m/s."""
+    assert heave_damping.std is not None
+    assert heave_damping.std < 0.10 * abs(ARDUPILOT_Z_W_1_S)
+    assert abs(heave_damping.value - ARDUPILOT_Z_W_1_S) < 2.0 * heave_damping.std
+    assert heave_damping.value == pytest.approx(ARDUPILOT_Z_W_1_S, rel=0.12)
 
 
 def test_ardupilot_all_axes_together(read: Read) -> None:
@@ -321,7 +333,7 @@ def test_ardupilot_all_axes_together(read: Read) -> None:
     truth = {"L_roll": 437.2, "M_pitch": 437.2, "N_yaw": 14.18, "Z_thrust": -27.05}
     assert max(errors(document.parameters, truth, list(truth)).values()) < WIND
     for axis in ("roll", "pitch", "yaw", "thrust"):
-        assert document.parameters[f"tau_{axis}"].value == pytest.approx(ARDUPILOT_DELAY_S, abs=1.5e-3)
+        assert document.parameters[f"tau_{axis}"].value == pytest.approx(ARDUPILOT_DELAY_S, abs=0.2e-3)
     assert document.parameters["T_motor"].status == "dropped"
     # Each axis was swept once, so none can be held out of a fit that it alone could make.
     assert "not_verified" in kinds(document)
@@ -341,6 +353,9 @@ PX4 = {
 }
 PX4_DELAYS_S = {"tau_roll": 5.3e-3, "tau_pitch": 5.3e-3, "tau_yaw": 5.3e-3, "tau_thrust": 7.4e-3}
 """Raw sensors are 2.2 ms late; the low-passes before the logged topics add 3.1 ms at 40 Hz and 5.2 ms at 30 Hz."""
+
+# Yaw trades its delay with the lag, which it shows least; the acceleration along z has noise of 1.4 m/s^2.
+PX4_DELAYS_WITHIN_S = {"tau_roll": 0.2e-3, "tau_pitch": 0.2e-3, "tau_yaw": 0.5e-3, "tau_thrust": 1.2e-3}
 
 PX4_SETTINGS = {
     "shared lag": IdentifySettings(),
@@ -373,7 +388,10 @@ def test_px4_derivatives_lag_and_delays_are_the_simulators(name: str, px4: Calla
     assert max(errors(parameters, PX4, ["L_roll", "M_pitch", "N_yaw", "Z_thrust"]).values()) < 0.03
     assert max(errors(parameters, PX4, ["L_p", "M_q", "N_r", "Z_w", "T_motor"]).values()) < 0.10
     for delay, truth_s in PX4_DELAYS_S.items():
-        assert parameters[delay].value == pytest.approx(truth_s, abs=1.5e-3)
+        found = parameters[delay]
+        assert found.value == pytest.approx(truth_s, abs=PX4_DELAYS_WITHIN_S[delay])
+        assert found.std is not None
+        assert abs(found.value - truth_s) < 2.0 * found.std
 
 
 def test_px4_stick_doublets_are_predicted_and_nothing_else_is_taken_for_one(
