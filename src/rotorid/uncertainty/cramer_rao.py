@@ -145,7 +145,9 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", 
         columns = np.concatenate([known, beyond])
         parts = [part._replace(slopes=part.slopes[:, :, columns]) for part in parts]
         return bounds_of_parts(parts, names, alike=problem.alike)
-    residual, of_cost = problem.residuals(solution.theta)
+    residual, of_cost = solution.residual, solution.jacobian
+    if weights == "covariance":
+        residual, of_cost = problem.residuals(solution.theta)
     jacobian = of_cost if weights == "cifer" else errors.whitened(of_cost)
     length, _, inverse_root = _inverse_root(problem, of_cost)
     inverse = 0.5 * inverse_root @ inverse_root.T

@@ -47,7 +47,6 @@ _OWN_ERRORS = (0.002, 0.005, 0.01, 0.02, 0.05)
 relative error of which the likelihood chooses one for each group."""
 
 _FOLLOWED = 1e-9
-_TYPICAL = 0.02
 _BOX = (math.log(SMALLEST_MODEL_ERROR), math.log(LARGEST_MODEL_ERROR))
 _COARSE = 9
 """Sizes that are tried for each group before the search, so that it begins near its end."""
@@ -139,6 +138,22 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
         scatter=own,
         expected=np.concatenate([shapes.smooth, shapes.clocks], axis=1) @ likelihood.expected(logs),
     )
+
+
+def _part(shapes: ErrorShapes, place: int, rows: IntArray) -> ErrorShapes:
+    """One group alone, with the clocks at its residuals."""
+    columns = shapes.group == place
+    return ErrorShapes(
+        names=(shapes.names[place],),
+        smooth=shapes.smooth[np.ix_(rows, np.flatnonzero(columns))],
+        group=np.zeros(int(columns.sum()), dtype=np.int64),
+        clocks=shapes.clocks[rows],
+    )
+
+
+def _coarse(likelihood: _Likelihood, grid: FloatArray) -> tuple[float, float]:
+    """The best of some sizes of a single group, its value first."""
+    return min((likelihood(np.array([size]))[0], float(size)) for size in grid)
 
 
 def _scale_of(shapes: ErrorShapes, variance: FloatArray) -> FloatArray:

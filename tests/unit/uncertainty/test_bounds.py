@@ -9,6 +9,7 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
+from rotorid.fitting.frequency.error_shapes import smooth_columns
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.expression import Expression
@@ -18,11 +19,13 @@ from rotorid.models.structure import LinearStructure
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
+from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 OMEGA = np.geomspace(1.5, 50.0, 40)
 TRUTH = {"L_roll": 60.0, "L_p": -3.0, "T_motor": 0.05, "tau_roll": 0.012}
 STRUCTURE = rate_model("rate.roll")
 EXACT = STRUCTURE.response(TRUTH, OMEGA)[0, 0]
+SIZES = 40
 LEVEL = 0.03
 FITS = 400
 
@@ -64,53 +67,71 @@ def draw(rng: np.random.Generator) -> ComplexArray:
 
 @pytest.fixture(scope="module")
 def fits() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Errors and standard deviations, each ``(fits, parameters)``, and inflations."""
+    """Errors and random standard deviations, each ``(fits, parameters)``, and sizes of the model error."""
     rng = np.random.default_rng(11)
-    errors, spreads, inflations = [], [], []
+    errors, spreads, sizes = [], [], []
     start = [np.array([50.0, -2.0, 0.04, 0.02])]
-    for _ in range(FITS):
+    for run in range(FITS):
         posed = problem(response(draw(rng)))
         solution = fit_frequency(posed, starts=start)
-        limits = bounds(posed, solution)
+        limits = bounds(posed, solution, model_errors=run < SIZES)
         errors.append(solution.theta - np.array(list(TRUTH.values())))
-        spreads.append(limits.std)
-        inflations.append(limits.inflation)
-    return np.array(errors), np.array(spreads), np.array(inflations)
+        spreads.append(limits.random_std)
+        if limits.model_error is not None:
+            sizes.append(*limits.model_error.sizes.values())
+    return np.array(errors), np.array(spreads), np.array(sizes)
 
 
 def test_intervals_of_95_percent_cover_95_percent(fits: tuple[FloatArray, FloatArray, FloatArray]) -> None:
     errors, spreads, _ = fits
     covered = np.mean(np.abs(errors) <= 1.96 * spreads, axis=0)
-    # Binomial scatter of 400 fits is 1.1 %; the inflation, which is never below one, adds some cover.
+    # Binomial scatter of 400 fits is 1.1 %. The twin is linear: it has no model error, and random errors are all.
     assert np.all(covered >= 0.95 - 0.035)
     assert np.all(covered <= 0.985)
 
 
 def test_spread_of_the_fits_is_the_predicted_one(fits: tuple[FloatArray, FloatArray, FloatArray]) -> None:
-    errors, spreads, inflations = fits
-    plain = spreads / inflations[:, None]
+    errors, spreads, _ = fits
     # A standard deviation from n fits scatters by 1 / sqrt(2 n): four times that, and 3 % for the curved model.
     tolerance = 4.0 / np.sqrt(2.0 * FITS) + 0.03
-    np.testing.assert_allclose(errors.std(axis=0), np.median(plain, axis=0), rtol=tolerance)
-    assert np.all(np.abs(errors.mean(axis=0)) <= 5.0 * errors.std(axis=0) / np.sqrt(FITS) + 0.1 * plain.mean(axis=0))
+    np.testing.assert_allclose(errors.std(axis=0), np.median(spreads, axis=0), rtol=tolerance)
+    assert np.all(np.abs(errors.mean(axis=0)) <= 5.0 * errors.std(axis=0) / np.sqrt(FITS) + 0.1 * spreads.mean(axis=0))
 
 
-def test_inflation_is_near_one_where_the_errors_are_as_stated(fits: tuple[FloatArray, FloatArray, FloatArray]) -> None:
-    inflations = fits[2]
-    assert inflations.min() == 1.0
-    assert np.median(inflations) < 1.1
+def test_a_structure_that_holds_has_no_model_error_beyond_the_floor(
+    fits: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
+    sizes = fits[2]
+    assert sizes.min() == pytest.approx(SMALLEST_MODEL_ERROR)
+    # Random errors of 5 % hide a model error of one.
+    assert np.median(sizes) < 0.01
 
 
-def test_inflation_grows_with_a_wrong_structure() -> None:
-    values = draw(np.random.default_rng(3))
-    ripple = np.sin(4.0 * np.log(OMEGA))
-    factors = []
-    for height in (0.0, 0.1, 0.3, 0.6):
-        posed = problem(response(values * (1.0 + height * ripple)))
-        factors.append(bounds(posed, fit_frequency(posed)).inflation)
-    assert factors == sorted(factors)
-    # The root mean square of the last ripple over the errors of magnitude, before the fit absorbs any of it.
-    assert 2.0 < factors[-1] <= 1.5 * 0.6 * np.sqrt(0.5) / LEVEL
+@pytest.mark.parametrize("size", [0.03, 0.1])
+def test_model_error_is_found_at_its_size_and_widens_what_is_stated(size: float) -> None:
+    """Smooth errors of magnitude and phase that no parameter of the structure knows."""
+    rng = np.random.default_rng(3)
+    columns = smooth_columns(np.log(OMEGA))
+    found = []
+    for _ in range(12):
+        error = columns @ (rng.standard_normal((columns.shape[1], 2)) @ np.array([1.0, 1j]))
+        posed = problem(response(draw(rng) * np.exp(size * error)))
+        found.append(bounds(posed, fit_frequency(posed)))
+    sizes = [error for limits in found if limits.model_error for error in limits.model_error.sizes.values()]
+    # The root mean square of a dozen sizes, each from some six numbers.
+    assert np.sqrt(np.mean(np.square(sizes))) == pytest.approx(size, rel=0.35)
+    for limits in found:
+        np.testing.assert_allclose(limits.std**2, limits.random_std**2 + limits.model_std**2)
+
+
+def test_a_clock_within_a_sample_is_part_of_a_delay() -> None:
+    posed = problem(replace(response(draw(np.random.default_rng(3))), sample_rate_hz=100.0))
+    delay = posed.parameters.free.index("tau_roll")
+    known = bounds(problem(posed.data), fit_frequency(posed)).model_std[delay]
+    plain = problem(replace(posed.data, sample_rate_hz=None))
+    without = bounds(plain, fit_frequency(plain)).model_std[delay]
+    # Input and output are each known to 0.15 of 10 ms.
+    assert np.sqrt(known**2 - without**2) == pytest.approx(np.sqrt(2.0) * 0.0015, rel=0.05)
 
 
 def test_color_matters() -> None:
@@ -120,7 +141,7 @@ def test_color_matters() -> None:
     values = draw(rng)
     posed = problem(response(values)), problem(response(values, np.diag(np.diag(colored))))
     spreads = [bounds(p, fit_frequency(p)) for p in posed]
-    assert spreads[0].std[0] / spreads[0].inflation > 1.3 * spreads[1].std[0] / spreads[1].inflation
+    assert spreads[0].random_std[0] > 1.3 * spreads[1].random_std[0]
 
 
 def test_cramer_rao_and_insensitivity_are_those_of_the_cost() -> None:
@@ -162,10 +183,11 @@ def test_units_of_the_parameters_do_not_matter() -> None:
     )
     posed, other = problem(data), problem(data, scaled)
     solution = fit_frequency(posed)
-    moved = other.residuals(solution.theta / np.array([factor, 1.0, 1.0, 1.0]))
+    theta = solution.theta / np.array([factor, 1.0, 1.0, 1.0])
+    moved = other.residuals(theta)
     np.testing.assert_allclose(moved[0], solution.residual, atol=1e-9)
     one = bounds(posed, solution)
-    two = bounds(other, replace(solution, residual=moved[0], jacobian=moved[1]))
+    two = bounds(other, replace(solution, theta=theta, residual=moved[0], jacobian=moved[1]))
     ratio = np.array([factor, 1.0, 1.0, 1.0])
     for name in ("std", "cramer_rao", "insensitivity"):
         np.testing.assert_allclose(getattr(one, name), getattr(two, name) * ratio, rtol=1e-6)
