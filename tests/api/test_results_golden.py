@@ -1,31 +1,22 @@
 """What commands answer on real logs, number by number, against what they answered when a person looked.
 
-A change that is meant is written down with ``python -m tests.golden.results --write``, or with
-``ROTORID_GOLDEN=write pytest tests/api/test_results_golden.py``; what changed, case by case, says ``--compare``. Cases
-that would take more than a minute together are marked as slow.
+A change that is meant is written down with ``python -m tests.golden.results --write``, and by no test; what changed,
+case by case, says ``--compare``. Cases that would take more than a minute together are marked as slow.
 """
 
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import pytest
 from tests.golden.results import CASES, GOLDEN, Json, compared, differences, kept, known, run, written
-
-WRITE = os.environ.get("ROTORID_GOLDEN") == "write"
 
 
 @pytest.fixture(scope="module")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the results, which some commands read."""
     return tmp_path_factory.mktemp("golden")
-
-
-@pytest.mark.skipif(not WRITE, reason="writes the golden file; set ROTORID_GOLDEN=write")
-def test_write_down(shared_data: Path, work: Path) -> None:
-    GOLDEN.write_text(written({name: run(name, shared_data, work) for name in CASES}), encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -273,7 +273,10 @@ TWINS = {twin.model: twin for twin in (LONGITUDINAL, LATERAL, PITCH, YAW, VERTIC
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What came out of one flight: errors of the estimates and their stated standard deviations, by weights."""
+    """What came out of one flight: errors of the estimates and their stated standard deviations, by weights.
+
+    The deviations are those of random errors: a twin is linear, and its structure leaves nothing out.
+    """
 
     names: tuple[str, ...]
     error: Mapping[Weights, FloatArray]
@@ -301,5 +304,5 @@ def identify(twin: Twin, seed: int) -> Result:
     return Result(
         names=problem.parameters.free,
         error={weights: one.theta - truth for weights, one in found.items()},
-        std={weights: bounds(problem, one, weights=weights).std for weights, one in found.items()},
+        std={weights: bounds(problem, one, weights=weights).random_std for weights, one in found.items()},
     )
