@@ -187,6 +187,7 @@ class TestPx4:
 
     @pytest.mark.xfail(
         strict=True,
+        raises=AssertionError,
         reason="0.0236 kg m^2, 5.5 % too small: a few doublets weigh fast motion, where gyros pass a filter",
     )
     def test_inertia_of_doublets_alone(self, doublets: Identified) -> None:
@@ -278,7 +279,9 @@ class TestIris:
         found = identify([record], IRIS_LEVERS, known, "polynomial")
         assert found.values["I_zz"] == pytest.approx(0.055225, rel=INERTIA)
 
-    @pytest.mark.xfail(strict=True, reason="thrust falls with speed in this flight: 4.7 % below that at rest")
+    @pytest.mark.xfail(
+        strict=True, raises=AssertionError, reason="thrust falls with speed in this flight: 4.7 % below that at rest"
+    )
     def test_thrust_at_rest(self, share: float) -> None:
         assert share == pytest.approx(1.0, rel=THRUST)
 

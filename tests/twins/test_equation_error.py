@@ -127,7 +127,7 @@ STRAIGHT = (
             color,
             between,
             name,
-            marks=[pytest.mark.xfail(strict=True, reason=reason)] if reason else [],
+            marks=[pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason)] if reason else [],
         )
         for color in COLORS
         for between in FINER
