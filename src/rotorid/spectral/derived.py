@@ -26,6 +26,8 @@ from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
 _DERIVATIVE = "_dot"
 _TINY = 1e-300
+_ALIKE = 0.7
+r"""Width in :math:`\ln\omega` over which a model errs alike: an octave."""
 _FAINTEST = 0.01
 """A filter that leaves less than this has left noise and quantization in place of the signal."""
 
@@ -202,6 +204,50 @@ def ratio(numerator: FrequencyResponse, denominator: FrequencyResponse) -> Frequ
             *denominator.processing,
             f"ratio {output}/{name} of two responses to {numerator.inputs[0]}, errors taken as independent",
         ),
+    )
+
+
+def with_model_error(response: FrequencyResponse, share: float) -> FrequencyResponse:
+    r"""The response with a smooth error of the model beside the random error of the measurement.
+
+    .. math:: E[z_i z_j^*] \mathrel{+}= 2 a^2 \exp\left(-\tfrac12 (\Delta \ln\omega / 0.7)^2\right),
+        \qquad z = \delta H / H
+
+    so that :math:`\ln |H|` and the phase each err by :math:`a` more, alike over an octave. What no average takes away
+    has this shape: a slope that changes with the amplitude, with the battery or the wind, a gain that is known to half
+    a percent. The random error of a sweep is often less than that.
+
+    Parameters
+    ----------
+    response
+        All of its pairs get the same.
+    share
+        Standard deviation :math:`a` of magnitude, as a share, and of phase, in radians.
+
+    Raises
+    ------
+    UsageError
+        The share is negative or not finite.
+
+    Examples
+    --------
+    >>> sure = FrequencyResponse(
+    ...     omega_rad_s=[2.0], values=[[[3.0]]], coherence=[[[1.0]]], random_error=[[[0.0]]],
+    ...     covariance=[[[[0.0]]]], inputs=("roll_command",), outputs=("p",), estimate="joint",
+    ... )
+    >>> with_model_error(sure, 0.01).random_error[0, 0].round(6), with_model_error(sure, 0.01).covariance[0, 0, 0, 0]
+    (array([0.01]), np.complex128(0.0018+0j))
+    """
+    if not 0.0 <= share < math.inf:
+        raise UsageError(f"a model error of {share:g} came", needed="a finite share from zero up")
+    x = np.log(response.omega_rad_s)
+    alike = 2.0 * share**2 * np.exp(-0.5 * ((x[:, None] - x) / _ALIKE) ** 2)
+    values = response.values
+    return replace(
+        response,
+        covariance=response.covariance + alike * values[..., :, None] * values[..., None, :].conj(),
+        random_error=np.hypot(response.random_error, share),
+        processing=(*response.processing, f"a smooth model error of {100.0 * share:g} % added to the random error"),
     )
 
 

@@ -12,7 +12,7 @@ from rotorid.pipeline.preparation.controllers import logged_controllers
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.preparation.segments import histories
-from rotorid.spectral.derived import Estimated, selected
+from rotorid.spectral.derived import Estimated, selected, with_model_error
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.loops import injected_loop, sensitivity, series
 from rotorid.spectral.margins import (
@@ -26,6 +26,9 @@ from rotorid.spectral.margins import (
 from rotorid.typing import Axis
 
 ATTITUDE: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
+MODEL_ERROR = 0.007
+"""Share of a measured loop that it errs by whatever the length of the flight, alike over an octave."""
+
 _RATE: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
 
 
@@ -103,6 +106,7 @@ def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> AxisLo
     """
     records = histories(measured.segments)
     loop, method = _injected(axis, measured, flown, records) or _computed(axis, measured, flown) or (None, "")
+    loop = loop and with_model_error(loop, MODEL_ERROR)
     attitude = _attitude(axis, measured, records)
     if loop is None and attitude is None:
         return None
@@ -168,4 +172,4 @@ def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) ->
     except InsufficientDataError:
         # A command that rests, or an attitude that does: the flight has no answer to show.
         return None
-    return attitude_bandwidth(answer)
+    return attitude_bandwidth(with_model_error(answer, MODEL_ERROR))
