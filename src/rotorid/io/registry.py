@@ -40,6 +40,7 @@ class Reader:
 READERS: Sequence[Reader] = (
     Reader(module="rotorid.io.px4.log"),
     Reader(module="rotorid.io.ardupilot.log"),
+    Reader(module="rotorid.io.ardupilot.text"),
     Reader(module="rotorid.io.betaflight.log"),
     Reader(module="rotorid.io.crazyflie"),
     Reader(module="rotorid.io.ros.bag", takes_mapping=True, takes_sandbox=True),
@@ -53,11 +54,13 @@ READERS: Sequence[Reader] = (
 """In the order in which they are asked."""
 
 _READ = (
-    "PX4 .ulg, ArduPilot .BIN, Betaflight .BBL, Crazyflie uSD, .tlog, ROS bag, .mat, .npz, .parquet and CSV, "
+    "PX4 .ulg, ArduPilot .BIN or its text, Betaflight .BBL, Crazyflie uSD, .tlog, ROS bag, .mat, .npz, .parquet and CSV, "
     "each also as .gz, .xz, .bz2 or .zip, and folders of ulog2csv files"
 )
+_DECRYPT = "decrypt it with decrypt_logs.py of PX4's Tools/log_encryption and your private key, and give the .ulg"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
-    (b"FMT, ", "an ArduPilot log converted to text", "give the .BIN file that it was made from"),
+    (b"ULogEnc", "an encrypted PX4 log (.ulge)", _DECRYPT),
+    (b"ULogKey", "the key of an encrypted PX4 log (.ulgk)", _DECRYPT),
     (b"\x93NUMPY", "a NumPy array", "save it as CSV with a header"),
     (b"%PDF", "a PDF document", "give the flight log itself"),
     (b"<", "a web page or an XML file", "download the log itself, not the page about it"),
@@ -206,17 +209,18 @@ def _head(path: Path, name: str) -> bytes:
 
 def _reader_of(head: bytes, name: str) -> tuple[Reader, Any]:
     came, remedy = "no format that is known", "give the log that the autopilot wrote, or export the data to CSV"
-    for magic, kind, advice in _FOREIGN:
-        if head.startswith(magic):
-            came, remedy = kind, advice
+    foreign = next((known for known in _FOREIGN if head.startswith(known[0])), None)
+    for reader in READERS:
+        # The last one takes nearly every text for a table, also one that is known to be something else.
+        if foreign is not None and reader is READERS[-1]:
             break
-    else:
-        for reader in READERS:
-            module = import_module(reader.module)
-            if module.sniff(head):
-                return reader, module
-        if compression_of(head):
-            came, remedy = "an archive inside an archive", "unpack it and give the log itself"
+        module = import_module(reader.module)
+        if module.sniff(head):
+            return reader, module
+    if foreign is not None:
+        _, came, remedy = foreign
+    elif compression_of(head):
+        came, remedy = "an archive inside an archive", "unpack it and give the log itself"
     raise LogError(f"{name} is {came}", needed=f"a flight log: {_READ}", remedy=remedy)
 
 

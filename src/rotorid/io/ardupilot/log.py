@@ -149,7 +149,7 @@ target, 10–13 the mixer.
 
 _ENDED_EARLY = 0.9
 
-_WANTED = frozenset(
+WANTED = frozenset(
     {*MESSAGES, *STATUS_MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "TIME"}
 ) | {f"ESC{number}" for number in range(1, 33)}
 """Messages that are read at all."""
@@ -176,7 +176,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     LogError
         The file cannot be read or is no DataFlash log.
     """
-    log = decode(file_bytes(path), _WANTED)
+    log = decode(file_bytes(path), WANTED)
     return record_of(log.tables, source, log.findings)
 
 
