@@ -18,7 +18,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import axes_of, find_instrument, is_command
+from rotorid.pipeline.preparation.instruments import axes_of, find_instrument, is_command, is_free
 from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.preparation.segments import cut, histories, other_sources
 from rotorid.pipeline.preparation.selection import chosen_maneuvers, default_pairs, each_once
@@ -298,6 +298,8 @@ def _instrument(flown: Sequence[Flight], input: str, output: str, settings: Meas
     """The channel that holds no feedback: the input itself, one that excites it, or ``None`` where none is known."""
     if settings.instruments:
         return _given_instrument(flown, output, settings.instruments)
+    if is_free(flown, input):
+        return input
     axis = axes_of((input,), (output,))[0]
     found = find_instrument(flown, axis)
     if found is not None:

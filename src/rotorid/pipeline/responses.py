@@ -25,7 +25,7 @@ from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command
+from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command, is_free
 from rotorid.pipeline.preparation.inverse import without_inverse_controller
 from rotorid.pipeline.preparation.loops import ATTITUDE, AxisLoop, axis_loop
 from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure, without_known_filters
@@ -104,7 +104,7 @@ def choose(
     axes = axes_of(inputs, outputs)
     flown = _given(records, axes, settings) or _found(records, axes)
     if not flown:
-        return _whole_flights(records, axes)
+        return _whole_flights(records, axes, inputs)
     if len(flown) < 2:
         return Chosen(candidates=tuple(_plain(item) for item in flown), findings=())
     _PROGRESS.info("coherence of each maneuver")
@@ -133,18 +133,19 @@ def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight
     return [Flight(record, m) for record, m in found if m.kind in RICH_KINDS or m.origin == "given"]
 
 
-def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> Chosen:
+def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> Chosen:
     candidates, findings = [], []
     for record, maneuver in whole_flights(records, axes):
+        free = all(is_free([Flight(record, maneuver)], name) for name in inputs)
+        trap = "" if free else " Where gusts and not the pilot move the vehicle, such a response shows the controller."
         start_s, stop_s = maneuver.start_s, maneuver.stop_s
         candidates.append(Candidate(record=record, maneuver=maneuver, coherence={}))
         findings.append(
-            warn(
+            (remark if free else warn)(
                 "no_excitation",
                 record.source.name,
                 f"No sweep, multisine or random binary signal of {' or '.join(axes)} was found in "
-                f"{record.source.name}, so the whole flight from {start_s:.1f} to {stop_s:.1f} s was used. "
-                "Where gusts and not the pilot move the vehicle, such a response shows the controller.",
+                f"{record.source.name}, so the whole flight from {start_s:.1f} to {stop_s:.1f} s was used.{trap}",
                 start_s=start_s,
                 stop_s=stop_s,
             )

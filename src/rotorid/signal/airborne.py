@@ -11,13 +11,14 @@ from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import BoolArray, FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
 
 FLYING_SHARE = 0.5
 """A vehicle flies while its thrust exceeds this share of its usual thrust."""
 
 _LONGEST_DIP_S = 1.0
 _LONGEST_REST_S = 5.0
-"""While the motors run on; a descent may be as long, and as quiet."""
+"""While the motors run on, a descent may be as long, and as quiet; and so may a dive without motors."""
 
 _SHORTEST_FLIGHT_S = 2.0
 _SHORTEST_EARLY_S = 5.0
@@ -29,15 +30,19 @@ _LIVELIER = 15.0
 
 _QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
 _RATES = ("p", "q", "r")
-_SENSORS = ("ax", "ay", "az", *_RATES)
+_FORCES = ("ax", "ay", "az")
+_SENSORS = (*_FORCES, *_RATES)
 _HIGH_PERCENT = 99.0
 
 _MOVING_RAD_S = 0.1
 """Body rates, rms of half a second and without vibration, that a vehicle on the ground does not have."""
 
+_MOVING_M_S2 = 0.5
+"""The same for the size of the specific force against that of gravity, biases of sensors included."""
+
 _VIBRATION_S = 0.1
-_RUNNING_SHARE, _RUNNING_S = 0.1, 1.0
-"""Motors run while they exceeded this share of their usual output within this time."""
+_RUNNING_SHARE = 0.1
+"""Motors run while they exceed this share of their usual output."""
 
 _CARRYING_SHARE = 0.25
 """Share of the usual thrust that motors which idle on the ground do not reach."""
@@ -80,8 +85,8 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     """Find the flights in a record.
 
     Where the log has landed flags, they say it, and nothing is cut from their flights. An autopilot that says "not
-    landed" as soon as the throttle rises is believed from 5 s on, where the vehicle then turned, by body rates above
-    0.1 rad/s, for 2 s and more.
+    landed" as soon as the throttle rises is believed from 5 s on, where the vehicle then moved for 2 s and more: by body
+    rates above 0.1 rad/s, or a specific force that is 0.5 m/s² off gravity.
 
     Elsewhere the first of these that the record holds: the thrust command, the mean of the motor outputs (more than
     half of its usual value while it runs, or body rates above 0.1 rad/s while the motors run, as in a dive at zero
@@ -122,7 +127,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     if status.in_air is not None or status.armed == ():
         shortest_s = _SHORTEST_EARLY_S if status.early else _SHORTEST_FLIGHT_S
         held = [interval for interval in status.in_air or () if interval[1] - interval[0] >= shortest_s]
-        intervals = tuple(interval for interval in held if not status.early or _turns(record, interval))
+        intervals = tuple(interval for interval in held if not status.early or _moves(record, interval))
         return _found(record, intervals, status.flagged_in or "the log", by_flags=True)
     time_s, flying, carrying, seen_in = _flying(record)
     if status.armed is not None:
@@ -146,18 +151,24 @@ def _found(
     return replace(found, findings=(_finding(found, record),))
 
 
-def _turns(record: FlightRecord, interval: tuple[float, float]) -> bool:
-    """Whether the vehicle turns for as long as a flight lasts at least; a log without body rates is believed."""
-    rates = _together(record, _RATES)
-    if rates is None:
-        return True
-    time_s, values, _ = rates
-    inside = (time_s >= interval[0]) & (time_s <= interval[1])
-    # A damaged or thin channel is no evidence against a flag.
-    if np.count_nonzero(inside) * float(np.median(np.diff(time_s))) < 0.5 * (interval[1] - interval[0]):
-        return True
-    turning = _speed(time_s, values) > _MOVING_RAD_S
-    return float(np.mean(turning[inside])) * (interval[1] - interval[0]) >= _SHORTEST_FLIGHT_S
+def _moves(record: FlightRecord, interval: tuple[float, float]) -> bool:
+    """Whether the vehicle turns or accelerates for as long as a flight lasts at least; without sensors, it is believed."""
+    looked_at = False
+    for names, most in ((_RATES, _MOVING_RAD_S), (_FORCES, _MOVING_M_S2)):
+        sensors = _together(record, names)
+        if sensors is None:
+            continue
+        time_s, values, _ = sensors
+        if names == _FORCES:
+            values = np.sqrt((values**2).sum(axis=0, keepdims=True)) - STANDARD_GRAVITY_M_S2
+        inside = (time_s >= interval[0]) & (time_s <= interval[1])
+        # A damaged or thin channel is no evidence against a flag.
+        if np.count_nonzero(inside) * float(np.median(np.diff(time_s))) < 0.5 * (interval[1] - interval[0]):
+            continue
+        looked_at = True
+        if float(np.mean(_speed(time_s, values)[inside] > most)) * (interval[1] - interval[0]) >= _SHORTEST_FLIGHT_S:
+            return True
+    return not looked_at
 
 
 def _inside(time_s: FloatArray, intervals: Intervals) -> BoolArray:
@@ -168,7 +179,7 @@ def _inside(time_s: FloatArray, intervals: Intervals) -> BoolArray:
 
 
 def _speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
-    """Rms of the body rates over half a second, without vibration, shape ``(samples,)``."""
+    """Rms over half a second of body rates, or of what else moves, without vibration, shape ``(samples,)``."""
     step_s = float(np.median(np.diff(time_s)))
     calm = _moving_mean(rates, max(int(_VIBRATION_S / step_s), 1))
     mean_square = _moving_mean(calm**2, max(int(_WINDOW_S / step_s), 1))
@@ -201,9 +212,9 @@ def _diving(record: FlightRecord, time_s: FloatArray, running: BoolArray) -> Boo
         return np.zeros(time_s.size, dtype=np.bool_)
     rate_time_s, values, _ = rates
     moving = np.interp(time_s, rate_time_s, _speed(rate_time_s, values), left=0.0, right=0.0) > _MOVING_RAD_S
-    last = np.maximum.accumulate(np.where(running, np.arange(time_s.size), -1))
-    lately = (last >= 0) & (time_s - time_s[np.maximum(last, 0)] <= _RUNNING_S)
-    return np.asarray(moving & lately)
+    before = np.maximum.accumulate(np.where(running, time_s, -np.inf))
+    after = np.minimum.accumulate(np.where(running, time_s, np.inf)[::-1])[::-1]
+    return np.asarray(moving & (after - before <= _LONGEST_REST_S))
 
 
 def _thrusts(record: FlightRecord) -> Iterator[tuple[FloatArray, FloatArray, str]]:

@@ -16,7 +16,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Kind, Maneuver, Maneuvers
+from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
+from rotorid.errors import InsufficientDataError
+from rotorid.signal.airborne import airborne
 from rotorid.typing import Axis, BoolArray, FloatArray
 
 OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
@@ -26,6 +28,8 @@ OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
     "thrust": ("down_setpoint", "velocity_down_setpoint", "w_setpoint"),
 }
 """Set-points of each axis from the outermost loop inward. Only the outermost that moves is free of feedback."""
+
+RATE_SETPOINTS: dict[str, str] = {"roll": "p_setpoint", "pitch": "q_setpoint", "yaw": "r_setpoint"}
 
 LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
 """Excitations smaller than this are taken for noise or for pilot corrections."""
@@ -44,20 +48,82 @@ _SHORTEST_RICH_S = 6.0
 _FEWEST_HALVES = 7
 _SHORTEST_PERIOD_S = 4.0
 
+_MOSTLY = 0.95
+_MOSTLY_FLOWN = 0.5
+_FLIP_S = (0.5, 2.0)
+_MOST_OVER = 0.1
+
 _SHORT_KINDS = ("doublet", "multistep", "other")
 
 
-def excitation_signals(record: FlightRecord, axis: Axis) -> tuple[str, ...]:
+def excitation_signals(
+    record: FlightRecord, axis: Axis, *, within: tuple[float, float] | None = None
+) -> tuple[str, ...]:
     """Channels of a record in which an excitation of ``axis`` would show, best first.
 
-    What the reader knows to be free of feedback comes first, then set-points from the outermost loop inward, then the
-    command itself.
+    What the reader knows to be free of feedback comes first, set-points of rates that are the stick before the stick,
+    then set-points from the outermost loop inward, then the command itself.
+
+    Parameters
+    ----------
+    record
+        The log.
+    axis
+        The axis to look at.
+    within
+        Start and stop of the interval in question; all of the flight where it is not given.
     """
     known = record.instruments.get(axis, ())
+    direct = RATE_SETPOINTS.get(axis, "")
+    if sets_rates_directly(record, within):
+        injected = [name for name in known if name.endswith("_excitation")]
+        known = (*injected, direct, *(name for name in known if name not in injected))
     added = (f"{axis}_excitation", f"{axis}_setpoint_excitation")
     usual = (*added, f"{axis}_stick", *OUTER_SETPOINTS[axis]) if not known else ()
     names = (*known, *usual, f"{axis}_command")
     return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
+
+
+def sets_rates_directly(record: FlightRecord, within: tuple[float, float] | None = None) -> bool:
+    """Whether the set-points of the body rates are the sticks in an interval, or wherever the vehicle was armed.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source, Status
+    >>> source = Source(name="flight.bbl", format="Betaflight blackbox", sha256="")
+    >>> acro = Status(armed=((3.0, 90.0),), direct_rates=((0.0, 95.0),))
+    >>> sets_rates_directly(FlightRecord(source=source, topics=(), status=acro))
+    True
+    >>> sets_rates_directly(FlightRecord(source=source, topics=(), status=acro), (80.0, 200.0))
+    False
+    """
+    status = record.status
+    asked = (within,) if within else (status.in_air or status.armed or ())
+    return bool(asked) and all(_share(interval, status.direct_rates) > _MOSTLY for interval in asked)
+
+
+def _share(interval: tuple[float, float], intervals: Intervals) -> float:
+    """Share of an interval that others cover, which do not overlap each other."""
+    start_s, stop_s = interval
+    covered_s = sum(max(min(b, stop_s) - max(a, start_s), 0.0) for a, b in intervals)
+    return covered_s / (stop_s - start_s)
+
+
+def still_declarations(record: FlightRecord) -> tuple[Maneuver, ...]:
+    """Excitations that the log declares, and whose signal stands still all the while: there was none."""
+    return tuple(maneuver for maneuver in record.declared if _stands_still(record, maneuver))
+
+
+def _stands_still(record: FlightRecord, maneuver: Maneuver) -> bool:
+    """Whether the signal of a maneuver has samples within it, and all of them are one value."""
+    still = False
+    for topic, row in record.holding(maneuver.signal):
+        inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
+        values = topic.values[row][inside & np.isfinite(topic.values[row])]
+        if values.size and float(np.ptp(values)) > 0.0:
+            return False
+        still = still or values.size > 0
+    return still
 
 
 def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
@@ -67,6 +133,9 @@ def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     leaves its resting value by more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps are
     told by half periods that shrink or grow steadily, random binary signals by two levels without a trend, multisines
     by a period that they repeat, doublets and multisteps by few switches.
+
+    Sticks that move on the ground excite nothing, and who turns over flies a figure: neither is an excitation, nor is
+    what the log declares in a signal that stands still.
 
     Parameters
     ----------
@@ -124,6 +193,7 @@ def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, .
             moving = _in_signal(topic.time_s, values, axis, name, rest=_middle_of_levels(values))
             if moving:
                 rich = [m for m in moving if _is_rich(m, topic.time_s, values) and not _any_shared(m, known)]
+                rich = list(_level_flight(record, rich))
                 if all(m.kind != "other" for m in rich):
                     return tuple(rich)
                 # Two clean levels are no controller's answer to another axis; anything else beside one may be.
@@ -173,7 +243,7 @@ def _middle_of_levels(values: FloatArray) -> float:
 
 def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Excitations of an axis that the log declares or that signals without feedback show."""
-    declared = tuple(maneuver for maneuver in record.declared if maneuver.axis == axis)
+    declared = tuple(m for m in record.declared if m.axis == axis and not _stands_still(record, m))
     # What the log declares shows in the injected signal too; other maneuvers show elsewhere.
     known = {f"{axis}_command", f"{axis}_excitation"} if declared else {f"{axis}_command"}
     names = [name for name in excitation_signals(record, axis) if name not in known]
@@ -187,10 +257,51 @@ def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple
     for name in names:
         for topic, row in record.holding(name):
             found = _in_signal(topic.time_s, topic.values[row], axis, name)
-            purposeful = tuple(maneuver for maneuver in found if maneuver.kind != "other")
+            purposeful = _level_flight(record, [maneuver for maneuver in found if maneuver.kind != "other"])
             if purposeful:
                 return purposeful
     return ()
+
+
+def _level_flight(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> tuple[Maneuver, ...]:
+    """The maneuvers that were flown, and without turning over."""
+    level = tuple(maneuver for maneuver in maneuvers if not _turns_over(record, maneuver))
+    flights = _flights(record) if level else None
+    if flights is None:
+        return level
+    return tuple(m for m in level if _share((m.start_s, m.stop_s), flights) > _MOSTLY_FLOWN)
+
+
+def _flights(record: FlightRecord) -> Intervals | None:
+    """When the vehicle was in the air by flags, thrust or motors; ``None`` where nothing of that tells it."""
+    try:
+        found = airborne(record, margin_s=0.0)
+    except InsufficientDataError:
+        # A rig has thrust and never flies; the flags of an autopilot know.
+        told = record.status.in_air is not None or record.status.armed is not None
+        return () if told else None
+    return found.intervals if found.by_thrust else None
+
+
+def _turns_over(record: FlightRecord, maneuver: Maneuver) -> bool:
+    """Whether roll or pitch turns by half a turn within two seconds: a flip, about which no hover model holds.
+
+    A long stretch may end with a crash: of sweeps and the like flips have to take a tenth.
+    """
+    most = 0.0 if maneuver.kind in ("doublet", "multistep") else _MOST_OVER
+    for name in ("p", "q"):
+        for topic, row in record.holding(name):
+            inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
+            inside &= np.isfinite(topic.values[row])
+            time_s, rate = topic.time_s[inside], topic.values[row][inside]
+            if time_s.size < 2:
+                continue
+            angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s))])
+            turned = [np.abs(np.interp(time_s + lag_s, time_s, angle) - angle) > np.pi for lag_s in _FLIP_S]
+            if float(np.mean(np.logical_or.reduce(turned))) > most:
+                return True
+            break
+    return False
 
 
 def _mostly_inside(maneuver: Maneuver, other: Maneuver) -> bool:

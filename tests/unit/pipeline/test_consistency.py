@@ -140,7 +140,7 @@ def test_a_log_that_allows_no_check_is_inspected_all_the_same() -> None:
     time_s = np.arange(0.0, 30.0, 0.01)
     lone = one_channel("a", time_s, Channel(name="phi", unit="rad"), np.sin(time_s))
     document = inspect(FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=(lone,)))
-    assert (document.flights, document.kinematics, document.skews) == ([], [], [])
+    assert (document.flights, document.kinematics, document.skews) == ((), (), ())
     assert "not known" in next(f.message for f in document.findings if f.kind == "airborne")
 
 

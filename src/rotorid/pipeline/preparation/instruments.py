@@ -17,7 +17,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.clock import missing_channel
-from rotorid.signal.excitations import LEAST_MOTION, excitation_signals
+from rotorid.signal.excitations import LEAST_MOTION, RATE_SETPOINTS, excitation_signals, sets_rates_directly
 from rotorid.typing import Axis
 
 
@@ -71,19 +71,28 @@ def axes_of(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Axis, ...]:
 def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     """The channel that excites ``axis`` in every maneuver of it and contains no feedback, or ``None``.
 
-    The best candidate that moves. Candidates are what the reader knows to be free of feedback, then set-points from
-    the outermost loop inward: as soon as an outer loop is excited, the set-points inside it contain its feedback.
+    The best candidate that moves. Candidates are what the reader knows to be free of feedback, set-points of rates that
+    are the stick, then set-points from the outermost loop inward: as soon as an outer loop is excited, the set-points
+    inside it contain its feedback.
     """
     own = [flight for flight in flights if flight.axis == axis] or list(flights)
-    candidates = [set(excitation_signals(record, axis)) for record, _ in own]
-    shared = set.intersection(*candidates) if candidates else set()
-    for name in excitation_signals(own[0][0], axis):
+    candidates = [excitation_signals(record, axis, within=(m.start_s, m.stop_s)) for record, m in own]
+    shared = set.intersection(*map(set, candidates)) if candidates else set()
+    for name in candidates[0]:
         if name not in shared or name.endswith("_command") or not all(_moves(flight, name) for flight in own):
             continue
         # Other axes' maneuvers need the channel too, at rest as it may be. What was not injected is known without.
         if is_injection(name) or all(name in record.channel_names for record, _ in flights):
             return name
     return None
+
+
+def is_free(flights: Sequence[Flight], name: str) -> bool:
+    """Whether a channel contains no feedback in any of the maneuvers: a stick, or a set-point that is one."""
+    axis = next((axis for axis, setpoint in RATE_SETPOINTS.items() if setpoint == name), None)
+    if axis is None:
+        return name.endswith("_stick")
+    return all(sets_rates_directly(record, (m.start_s, m.stop_s)) for record, m in flights)
 
 
 def is_injection(name: str) -> bool:
@@ -164,7 +173,10 @@ def no_instrument(inputs: Sequence[str]) -> Finding:
 
 _WORTH_CUTTING_S = 0.25
 _SHORTEST_LEFT = 0.5
-"""A maneuver that flies for less than this share of it is more likely mistaken for landed than landed."""
+"""A maneuver that flies for less than this share of it, as thrust tells, is more likely mistaken for landed."""
+
+_SHORTEST_LEFT_S = 2.0
+"""What flags leave of a maneuver has to last as long to be worth it."""
 
 
 def while_flying(flights: Sequence[Flight]) -> tuple[list[Flight], list[Finding]]:
@@ -182,12 +194,17 @@ def while_flying(flights: Sequence[Flight]) -> tuple[list[Flight], list[Finding]
 
 
 def flights_by_thrust(record: FlightRecord) -> Airborne | None:
-    """Flights that thrust or motors tell. The activity of sensors is no reason to throw data away."""
+    """Flights that flags, thrust or motors tell; none of them where the flags say that it never flew.
+
+    The activity of sensors is no reason to throw data away.
+    """
     try:
         found = airborne(record, margin_s=0.0)
     except InsufficientDataError:
         # A rig or a bench has no flight; its maneuvers count as they are.
-        return None
+        status = record.status
+        told = status.in_air is not None or status.armed == ()
+        return Airborne(intervals=(), seen_in=status.flagged_in, findings=(), by_flags=True) if told else None
     return found if found.by_thrust else None
 
 
@@ -195,12 +212,13 @@ def _flying_part(maneuver: Maneuver, flight: Airborne | None) -> tuple[Maneuver,
     if flight is None:
         return maneuver, []
     shared = [(max(a, maneuver.start_s), min(b, maneuver.stop_s)) for a, b in flight.intervals]
-    start_s, stop_s = max(shared, key=lambda part: part[1] - part[0])
-    lost_s = maneuver.duration_s - (stop_s - start_s)
+    start_s, stop_s = max(shared, key=lambda part: part[1] - part[0], default=(maneuver.start_s, maneuver.start_s))
+    lost_s = maneuver.duration_s - max(stop_s - start_s, 0.0)
     if lost_s <= _WORTH_CUTTING_S:
         return maneuver, []
     whole = f"{maneuver.axis} {maneuver.start_s:.2f} to {maneuver.stop_s:.2f} s"
-    if stop_s - start_s < _SHORTEST_LEFT * maneuver.duration_s:
+    least_s = _SHORTEST_LEFT * maneuver.duration_s
+    if stop_s - start_s < (min(_SHORTEST_LEFT_S, least_s) if flight.by_flags else least_s):
         kept, said = maneuver, f"{whole} lies mostly on the ground, as {flight.seen_in} tells; it was used as it is."
     else:
         kept = replace(maneuver, start_s=start_s, stop_s=stop_s)
