@@ -349,6 +349,9 @@ KINDS: Mapping[str, Kind] = {
     "speed_damping_biased": Kind(
         "warning", "Speed damping is biased", "Speed damping was taken from one response, and is biased."
     ),
+    "structure_error": Kind(
+        "warning", "The structure does not hold", "A response is missed by far more than its errors or the others are."
+    ),
     "sweep_ended_early": Kind("warning", "A sweep ended early", "A sweep ended before it reached its last frequency."),
     "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight stays on a plateau."),
     "trim": Kind("info", "Not a hover", "The trim of the flight is no hover."),

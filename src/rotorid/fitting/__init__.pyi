@@ -22,10 +22,11 @@ from rotorid.fitting.equations.regression import regress as regress
 from rotorid.fitting.equations.regression import stepwise as stepwise
 from rotorid.fitting.frequency.fit import fit_frequency as fit_frequency
 from rotorid.fitting.frequency.fit import fit_many as fit_many
-from rotorid.fitting.frequency.fit import without_structural_zeros as without_structural_zeros
 from rotorid.fitting.frequency.parameter_map import ParameterMap as ParameterMap
 from rotorid.fitting.frequency.problem import FrequencyProblem as FrequencyProblem
 from rotorid.fitting.frequency.problem import Points as Points
+from rotorid.fitting.frequency.screening import without_structural_zeros as without_structural_zeros
+from rotorid.fitting.frequency.screening import without_unseen_couplings as without_unseen_couplings
 from rotorid.fitting.frequency.starts import equation_error_start as equation_error_start
 from rotorid.fitting.frequency.starts import start_values as start_values
 from rotorid.fitting.least_squares import LevenbergMarquardt as LevenbergMarquardt

@@ -23,8 +23,9 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit_frequency, refine, without_structural_zeros
+from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
+from rotorid.fitting.frequency.screening import without_structural_zeros, without_unseen_couplings
 from rotorid.fitting.least_squares import Solution
 from rotorid.planning.loop import LoopModel
 from rotorid.signal.excitations import find_excitations
@@ -496,7 +497,7 @@ def expected_fit(problem: FrequencyProblem, choices: FitChoices) -> ExpectedFit:
     choices
         How the flight will be identified.
     """
-    problem = without_structural_zeros(problem)[0]
+    problem = without_unseen_couplings(without_structural_zeros(problem)[0])[0]
     problem, solution, dropped = _reduced(problem)
     weights = _weights(problem, choices)
     return ExpectedFit(

@@ -21,8 +21,8 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.errors import ModelError, UsageError
-from rotorid.fitting.frequency.fit import fit_frequency
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
@@ -227,6 +227,10 @@ def _partners(jacobian: FloatArray) -> list[int]:
     return [int(index) for index in np.argmax(correlation, axis=1)]
 
 
+CERTAIN = 5.0
+"""Standard deviations from zero beyond which a parameter is there, whatever the cost says: small errors of the model
+itself make two or three of them."""
+
 LARGEST_RISE = 2.0
 """A parameter is kept when leaving it out raises the mean cost by more than this (paper practice with CIFER)."""
 
@@ -252,8 +256,10 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     """Fit, then drop optional parameters that the data do not show.
 
     An optional parameter goes when the mean cost without it rises by no more than 2; one that several inputs share is
-    judged by all their responses together. Any parameter whose bound of zero holds it goes too: it would have crossed
-    into values that the vehicle cannot have.
+    judged by all their responses together. The least certain goes first, and none that lies more than five standard
+    deviations from zero where errors are weighed by their covariance: CIFER's cost knows nothing of noise, and precise
+    data show a lag that costs little, without which the others are biased. Any parameter whose bound of zero holds it
+    goes too: it would have crossed into values that the vehicle cannot have.
 
     Parameters
     ----------
@@ -262,8 +268,12 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     """
     best, solution = problem, fit_frequency(problem)
     findings: list[Finding] = []
-    for name in problem.structure.optional:
-        if name not in best.parameters.free or not _may_be_zero(best.parameters[name]):
+    asked: set[str] = set()
+    while optional := [name for name in _optional(best) if name not in asked]:
+        distances = _distances(best, solution)
+        name = min(optional, key=lambda name: distances[name])
+        asked.add(name)
+        if distances[name] > CERTAIN:
             continue
         smaller = best.with_parameters(best.parameters.drop(name))
         trial = fit_frequency(smaller)
@@ -284,6 +294,24 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
 def mean_cost(problem: FrequencyProblem, solution: Solution) -> float:
     """Cost of a solution per response that is used."""
     return solution.cost / max(int(problem.used.any(axis=-1).sum()), 1)
+
+
+def _optional(problem: FrequencyProblem) -> list[str]:
+    free = problem.parameters.free
+    return [name for name in problem.structure.optional if name in free and _may_be_zero(problem.parameters[name])]
+
+
+def _distances(problem: FrequencyProblem, solution: Solution) -> dict[str, float]:
+    """Standard deviations from zero of each parameter, random and model error together, with weights of the errors.
+
+    Where several parameters change nothing there is no such number, and the cost alone decides.
+    """
+    try:
+        final = refine(problem, solution)
+        limits = bounds(problem, final, weights="covariance")
+    except InsufficientDataError:
+        return dict.fromkeys(problem.parameters.free, 0.0)
+    return dict(zip(limits.names, map(float, np.abs(final.theta) / limits.std), strict=True))
 
 
 def _may_be_zero(parameter: Parameter) -> bool:
@@ -427,10 +455,6 @@ def _stds(change: float, std: float) -> float:
     """Change in standard deviations; zero where none is known."""
     return abs(change) / std if 0.0 < std < math.inf else 0.0
 
-
-CERTAIN = 5.0
-"""Standard deviations from zero beyond which a parameter is there, whatever the cost says: small errors of the model
-itself make two or three of them."""
 
 _VANISHED = 1e-9
 

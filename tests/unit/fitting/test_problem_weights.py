@@ -10,7 +10,8 @@ import pytest
 from tests.unit.fitting.known_models import measured, posed
 
 from rotorid.errors import UsageError
-from rotorid.fitting.frequency.fit import fit_frequency, without_structural_zeros
+from rotorid.fitting.frequency.fit import fit_frequency
+from rotorid.fitting.frequency.screening import without_structural_zeros
 from rotorid.fitting.frequency.problem import (
     FrequencyProblem,
     log_error,

@@ -618,12 +618,15 @@ class MotorFit(Fit):
         How often the color of the errors was estimated.
     settled
         Whether the values came to rest.
+    moved
+        By how many standard deviations a value moved in the last round.
     """
 
     problem: MotorProblem
     excitations: tuple[Mapping[str, Excitation], ...]
     rounds: int
     settled: bool
+    moved: float = 0.0
 
     @property
     def moving(self) -> tuple[str, ...]:
@@ -649,6 +652,7 @@ def fit_motors(
     *,
     solver: LevenbergMarquardt = _SOLVER,
     rounds: int = 15,
+    white_force: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> MotorFit:
     r"""Fit the motor chain by a prediction error method.
@@ -657,7 +661,9 @@ def fit_motors(
     fit is to slow motion. From then on the errors of each rate are whitened by the autoregression that they show, and
     the values fitted again, until both rest. Errors of the specific force are left as they are: no controller answers
     to them from sample to sample, and the curve of thrust is known from what is slow and large, which whitening against
-    vibration would discount. Their color counts in the uncertainty.
+    vibration would discount. Their color counts in the uncertainty. Gusts are another matter: a controller that answers
+    to them moves thrust with the force that they cause, which pulls the slope of thrust down; ``white_force`` takes
+    their color out as that of the rates.
 
     Parameters
     ----------
@@ -667,6 +673,8 @@ def fit_motors(
         Local search.
     rounds
         How often to whiten at most.
+    white_force
+        Whether errors of the specific force are whitened too.
     progress
         Told after each round.
 
@@ -687,16 +695,16 @@ def fit_motors(
         )
     problem = _slow_problem(problem.with_parameters(_start(problem, found)), found)
     solution = solver.minimize(problem.residuals, problem.parameters.pack(), *problem.box)
-    settled, count = False, 0
+    settled, count, moved = False, 0, 0.0
     for count in range(1, rounds + 1):
-        problem = _with_whitening(problem, solution.theta)
+        problem = _with_whitening(problem, solution.theta, white_force=white_force)
         following = solver.minimize(problem.residuals, solution.theta, *problem.box)
         moved = float(np.max(_deviations(following, solution.theta), initial=0.0))
         solution, settled = following, moved <= _AT_REST
         progress(f"motors, round {count}: values moved by {moved:.2g} standard deviations")
         if settled:
             break
-    return MotorFit(problem=problem, solution=solution, excitations=found, rounds=count, settled=settled)
+    return MotorFit(problem=problem, solution=solution, excitations=found, rounds=count, settled=settled, moved=moved)
 
 
 def _deviations(solution: Solution, before: FloatArray) -> FloatArray:
@@ -728,19 +736,20 @@ def _fitting(taps: FloatArray, error: FloatArray) -> Filter:
     return Filter(taps, size or 1.0)
 
 
-def _with_whitening(problem: MotorProblem, theta: FloatArray) -> MotorProblem:
+def _with_whitening(problem: MotorProblem, theta: FloatArray, *, white_force: bool) -> MotorProblem:
     filters = []
     for record, errors, counted in zip(problem.records, problem.errors(theta), problem.filters, strict=True):
         order = int(np.clip(round(_MEMORY_S * record.sample_rate_hz), _LEAST_ORDER, _MOST_ORDER))
         order = min(order, record.samples // 10)
-        filters.append({axis: _whitening(axis, errors[axis], order) for axis in counted})
+        order_of = {axis: 0 if axis == "az" and not white_force else order for axis in counted}
+        filters.append({axis: _whitening(axis, errors[axis], order_of[axis]) for axis in counted})
     return problem.with_filters(filters)
 
 
 def _whitening(axis: str, error: FloatArray, order: int) -> Filter:
     if axis == "weight":
         return WEIGHING
-    return _fitting(np.ones(1) if axis == "az" else whitening_taps(error, order), error)
+    return _fitting(whitening_taps(error, order) if order else np.ones(1), error)
 
 
 def _start(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) -> ParameterSet:

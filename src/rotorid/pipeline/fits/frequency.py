@@ -28,19 +28,29 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit_frequency, refine, without_structural_zeros
+from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
+    DB_PER_NEPER,
+    DEG_PER_RAD,
     EXCELLENT_COST,
     FrequencyProblem,
+    log_error,
     only_pairs,
+    pair_names,
     within_bands,
+)
+from rotorid.fitting.frequency.screening import (
+    UnseenCoupling,
+    without_structural_zeros,
+    without_unseen_couplings,
 )
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.library import MOTOR_LAG, RATE_AXES, speed_damping
@@ -188,6 +198,50 @@ def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -
             )
     if solution.outcome is not Outcome.CONVERGED:
         findings.append(warn("not_converged", problem.structure.name, solution.outcome.value))
+    return tuple(findings)
+
+
+LARGEST_STRUCTURE_ERROR = 0.1
+_MANY_TIMES = 6.0
+_COSTLY = 30.0
+
+
+def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds) -> tuple[Finding, ...]:
+    """Where the structure does not hold, whatever its average cost is.
+
+    The model error of the main response to an input, the one with the most points, is above 10 %; or one response costs
+    many times what the others do.
+    """
+    findings = []
+    names = np.array(pair_names(problem.data)).reshape(costs.shape)
+    points = np.count_nonzero(problem.used, axis=-1)
+    sizes = limits.model_error.sizes if limits.model_error else {}
+    for u in np.flatnonzero(points.any(axis=0)):
+        name = str(names[int(np.argmax(points[:, u])), u])
+        if sizes.get(name, 0.0) > LARGEST_STRUCTURE_ERROR:
+            findings.append(
+                warn(
+                    "structure_error",
+                    name,
+                    f"The structure does not hold in {name}: over frequency it misses the response by "
+                    f"{100.0 * sizes[name]:.0f} %. The values follow the data and are no physics; their intervals are "
+                    "a lower limit.",
+                    model_error_percent=100.0 * sizes[name],
+                )
+            )
+    used = points > 0
+    typical = float(np.median(costs[used]))
+    for y, u in np.argwhere(used & (costs > max(_MANY_TIMES * typical, _COSTLY))):
+        findings.append(
+            warn(
+                "structure_error",
+                str(names[y, u]),
+                f"{names[y, u]} costs {costs[y, u]:.0f}, and half of the responses cost {typical:.0f} or less: the "
+                "structure does not hold there, and what it knows from this response may be far off.",
+                cost=float(costs[y, u]),
+                median_cost=typical,
+            )
+        )
     return tuple(findings)
 
 
@@ -489,18 +543,20 @@ def fit_with_bounds(
         Not even the sign of the gain is certain.
     """
     settings = settings or IdentifySettings()
+    problem, unseen = without_unseen_couplings(problem)
     search = searched(problem, settings)
     reduced = fit_and_drop(_begun(problem, search))
-    problem, solution, findings = reduced.problem, reduced.solution, reduced.findings
+    problem, solution = reduced.problem, reduced.solution
+    findings = (*(_held_at_zero(coupling) for coupling in unseen), *reduced.findings)
     steps: tuple[Step, ...] = ()
     if settings.reduce:
         reduction = reduce(problem, solution, distances=_distances(problem, solution, settings))
         problem, solution, steps = reduction.problem, reduction.solution, reduction.steps
         findings = (*findings, *reduction.findings)
-    weights = _weights(problem, settings)
-    final = refine(problem, solution) if weights == "covariance" else solution
+    ended = _determined(problem, solution, settings)
+    problem, solution, final, weights, limits = ended.problem, ended.solution, ended.final, ended.weights, ended.limits
+    findings = (*findings, *ended.findings)
     parameters = problem.parameters.unpack(final.theta)
-    limits = bounds(problem, final, weights=weights)
     require_known_gain(problem.structure.gain, parameters, limits)
     costs = problem.costs(final.theta)
     mean_cost = float(np.mean(costs[problem.used.any(axis=-1)]))
@@ -510,6 +566,7 @@ def fit_with_bounds(
         *findings,
         *judge_parameters(parameters, limits),
         *judge_fit(problem, replace(solution, at_bound=final.at_bound), mean_cost),
+        *judge_structure(problem, costs, limits),
         *judge_minima(search, parameters, limits),
     )
     return FrequencyFit(
@@ -524,6 +581,138 @@ def fit_with_bounds(
         findings=remarks,
         search=search,
     )
+
+
+class _Determined(NamedTuple):
+    """A fit all of whose parameters have a bound."""
+
+    problem: FrequencyProblem
+    solution: Solution
+    final: Solution
+    weights: Weights
+    limits: Bounds
+    findings: tuple[Finding, ...]
+
+
+_UNBOUND = 10.0
+_LOOP = 30.0
+"""A direction has no bound where a parameter is ten times less certain than it is large, and thirty times less than it
+would be with the others known: they grow against each other."""
+
+
+def _determined(problem: FrequencyProblem, solution: Solution, settings: IdentifySettings) -> _Determined:
+    """The fit with its bounds, without what grows against other parameters with no bound.
+
+    Raises
+    ------
+    InsufficientDataError
+        A parameter without a bound cannot be left out.
+    """
+    findings: list[Finding] = []
+    while True:
+        weights = _weights(problem, settings)
+        final = refine(problem, solution) if weights == "covariance" else solution
+        limits = bounds(problem, final, weights=weights, model_errors=False)
+        name = _least_certain(problem, final, limits)
+        if name is None:
+            limits = bounds(problem, final, weights=weights)
+            return _Determined(problem, solution, final, weights, limits, tuple(findings))
+        row = limits.names.index(name)
+        findings.append(_unbound(name, float(final.theta[row]), float(limits.std[row])))
+        problem = problem.with_parameters(problem.parameters.drop(name))
+        problem = without_structural_zeros(problem)[0]
+        solution = fit_frequency(problem)
+
+
+def _least_certain(problem: FrequencyProblem, final: Solution, limits: Bounds) -> str | None:
+    size = np.abs(final.theta)
+    ratio = np.divide(limits.std, size, out=np.full(size.shape, np.inf), where=size > 0.0)
+    loose = (ratio > _UNBOUND) & (limits.cramer_rao > _LOOP * limits.insensitivity)
+    if not loose.any():
+        return None
+    may_go = [
+        row
+        for row in np.flatnonzero(loose).tolist()
+        if not (own := problem.parameters[limits.names[row]]).essential and own.lower <= 0.0 <= own.upper
+    ]
+    if may_go:
+        return limits.names[max(may_go, key=lambda row: float(ratio[row]))]
+    names = ", ".join(name for name, without in zip(limits.names, loose, strict=True) if without)
+    message = f"The responses do not determine {names}: other parameters can take over whatever they do."
+    raise InsufficientDataError(
+        f"nothing bounds {names}",
+        needed="responses that tell them apart from the other parameters",
+        remedy="give some values with --fix NAME=VALUE, take a smaller model, or excite what shows them",
+        findings=[refusal("not_identifiable", names, message)],
+    )
+
+
+def _unbound(name: str, value: float, std: float) -> Finding:
+    return warn(
+        "dropped_parameter",
+        name,
+        f"{name} was left out: at {value:.2g} ± {std:.1g} nothing bounds it, and other parameters grew against it.",
+        value=value,
+        std=min(std, _NOTHING),
+    )
+
+
+def _held_at_zero(coupling: UnseenCoupling) -> Finding:
+    would = coupling.shown_by
+    shown = f"{' or '.join(would)} would, where {'it is' if len(would) == 1 else 'they are'} coherent"
+    return remark(
+        "dropped_parameter",
+        coupling.name,
+        f"{coupling.name} is held at zero: no response that could be used shows it"
+        + (f"; {shown}." if would else ", and no other response of these channels would."),
+    )
+
+
+WORST_PAIR_COST = 150.0
+LARGEST_DEVIATION_DB, LARGEST_DEVIATION_DEG = 2.0, 15.0
+
+
+def require_sound(fitted: FrequencyFit) -> None:
+    """Refuse a model that does not describe what it was fitted to.
+
+    It did not converge, has poles that no sample could show, an average cost above 100, or a response that costs more
+    than 150 and is off by more than 2 dB or 15°, both as root mean squares.
+
+    Raises
+    ------
+    InsufficientDataError
+        One of these; its findings name all of them.
+    """
+    problem, name = fitted.problem, fitted.problem.structure.name
+    reasons = []
+    if fitted.solution.outcome is not Outcome.CONVERGED:
+        reasons.append(refusal("not_converged", name, f"The fit did not converge: {fitted.solution.outcome.value}"))
+    rate_hz = problem.data.sample_rate_hz
+    fastest = float(np.abs(fitted.system.poles()).max(initial=0.0))
+    if rate_hz is not None and fastest > 2.0 * np.pi * rate_hz:
+        message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {rate_hz:.3g} Hz."
+        reasons.append(refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=rate_hz))
+    costs, used = fitted.costs, problem.used
+    mean_cost = float(np.mean(costs[used.any(axis=-1)]))
+    if mean_cost > ACCEPTABLE_COST:
+        message = f"The average cost is {mean_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
+        reasons.append(refusal("poor_fit", name, message, average_cost=mean_cost))
+    model = problem.structure.response(problem.parameters.unpack(fitted.final.theta).values, problem.data.omega_rad_s)
+    names = np.array(pair_names(problem.data)).reshape(costs.shape)
+    for y, u in np.argwhere((costs > WORST_PAIR_COST) & used.any(axis=-1)):
+        error = log_error(model[y, u, used[y, u]], problem.data.values[y, u, used[y, u]])
+        off_db = DB_PER_NEPER * float(np.sqrt(np.mean(error.real**2)))
+        off_deg = DEG_PER_RAD * float(np.sqrt(np.mean(error.imag**2)))
+        if off_db > LARGEST_DEVIATION_DB or off_deg > LARGEST_DEVIATION_DEG:
+            message = f"{names[y, u]} costs {costs[y, u]:.0f}: the model is off by {off_db:.1f} dB and {off_deg:.0f}°."
+            reasons.append(refusal("poor_fit", str(names[y, u]), message, cost=float(costs[y, u])))
+    if reasons:
+        raise InsufficientDataError(
+            f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
+            needed="a model that follows the responses it is fitted to",
+            remedy="take a structure with the missing dynamics, narrow --band, or leave responses out with --pair",
+            findings=reasons,
+        )
 
 
 def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:

@@ -32,6 +32,7 @@ from rotorid.pipeline.fits.frequency import (
     first_step,
     fit_with_bounds,
     judge_combinations,
+    require_sound,
 )
 from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.pipeline.fits.time import (
@@ -313,6 +314,7 @@ class Frequency(_Linear[ResponseData]):
     def fit(self, data: ResponseData) -> FrequencyFit:
         """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
         fitted = fit_with_bounds(data.screened.problem, data.measured, data.settings)
+        require_sound(fitted)
         again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
         return replace(fitted, bootstrap=again)
 
