@@ -25,7 +25,7 @@ from rotorid.pipeline.preparation.instruments import axis_of, find_instrument
 from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import LoggedManeuver, logged
 from rotorid.signal.airborne import Airborne, airborne
-from rotorid.signal.excitations import candidate_excitations, find_excitations
+from rotorid.signal.excitations import candidate_excitations, find_excitations, still_declarations
 from rotorid.signal.kinematics import KinematicCheck
 from rotorid.typing import Axis, FloatArray, IntArray
 
@@ -98,6 +98,9 @@ def supports(record: FlightRecord, found: _PerAxis, candidates: _PerAxis) -> dic
     found, candidates
         Axis to excitations, and to stretches that may have been meant as such.
     """
+    if record.status.foreign:
+        because = f"the vehicle is a {record.status.vehicle}, as {record.status.named_in} says, and no multirotor"
+        return {model: Support(possible=False, because=because) for model in RATE_AXES}
     return {model: _support(record, axis.input, axis.output, found, candidates) for model, axis in RATE_AXES.items()}
 
 
@@ -305,6 +308,8 @@ class Inspection(Immutable):
         Voltages, where they were logged.
     settings
         Parameters of the autopilot that decide what is logged, filtered and fed back.
+    vehicle
+        Kind of vehicle as the log says, such as ``multirotor`` or ``plane``; empty where it does not.
     """
 
     name: str
@@ -324,6 +329,7 @@ class Inspection(Immutable):
     skews: tuple[ChannelSkew, ...] = ()
     battery: Battery | None = None
     settings: Mapping[str, float] = field(default_factory=dict)
+    vehicle: str = ""
 
     def __post_init__(self) -> None:
         self._set(supports=self.supports, settings=self.settings)
@@ -396,7 +402,8 @@ def inspect(record: FlightRecord) -> Inspection:
         channels=tuple(_channel(topic, row) for topic in record.topics for row in range(len(topic.channels))),
         excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
         supports=supports(record, found, candidates),
-        findings=worst_first((*record.findings, *remarks, *consistency.findings)),
+        findings=worst_first((*record.findings, *_still(record), *remarks, *consistency.findings)),
+        vehicle=record.status.vehicle,
         candidates=tuple(logged(record, maneuver, CandidateManeuver) for maneuver in _in_time(*candidates.values())),
         flights=_flights(flight) if flight else (),
         kinematics=tuple(
@@ -439,6 +446,14 @@ def _flight(record: FlightRecord) -> tuple[Airborne | None, tuple[Finding, ...]]
         unknown = remark("airborne", "log", f"When the vehicle flew is not known: {error.came.rstrip('.')}.")
         return None, tuple(never) or (unknown,)
     return found, found.findings
+
+
+def _still(record: FlightRecord) -> Iterator[Finding]:
+    """What the log declares as excitations, and is none."""
+    for maneuver in still_declarations(record):
+        interval = f"{maneuver.start_s:.2f} to {maneuver.stop_s:.2f} s"
+        message = f"The log declares a {maneuver.axis} {maneuver.kind} from {interval}, where {maneuver.signal} stands "
+        yield warn("no_excitation", f"{maneuver.axis} {interval}", f"{message}still: there was none.")
 
 
 def _flights(flight: Airborne) -> tuple[FlightInterval, ...]:

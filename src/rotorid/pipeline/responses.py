@@ -27,7 +27,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command, is_free
 from rotorid.pipeline.preparation.inverse import without_inverse_controller
-from rotorid.pipeline.preparation.loops import ATTITUDE, AxisLoop, axis_loop
+from rotorid.pipeline.preparation.loops import ATTITUDE, AxisLoop, axis_loop, beyond_band
 from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure, without_known_filters
 from rotorid.pipeline.preparation.selection import RICH_KINDS, described, each_once, of_axes, whole_flights
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
@@ -450,6 +450,7 @@ def response(
         *chosen.findings,
         *measured.findings,
         *findings,
+        *(finding for axis, loop in loops.items() for finding in beyond_band(axis, loop)),
         *feedback_bias(measured, used),
         *_split(measured, used),
         *_unusable(response, used, limit),

@@ -329,8 +329,8 @@ class FitEnd:
     ``weights`` says what was minimized last: CIFER's cost, errors weighed by their measured covariance, or in time the
     errors of the outputs, or of the equations, by the covariance that they have (``likelihood``). ``trace`` is CIFER's
     cost, summed over the responses, or the sum of squares in time, after each accepted step. ``inflation`` is the
-    factor on standard deviations because residuals were larger than the errors of the data, or in time because they
-    are not white.
+    factor on standard deviations, in the geometric mean, that comes of model errors and clocks, or in time of residuals
+    that are not white. ``model_error`` is what the structure misses in each response over frequency, relative.
     """
 
     weights: FitWeights
@@ -338,6 +338,7 @@ class FitEnd:
     evaluations: int
     trace: tuple[float, ...]
     inflation: float
+    model_error: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -528,7 +528,7 @@ class Section:
 
     @property
     def far_from_truth(self) -> bool:
-        """Whether a known truth lies beyond what random errors explain."""
+        """Whether a known truth lies beyond what the stated errors explain."""
         return any(row.off.marked for group in self.parameters for row in group.rows)
 
     @property

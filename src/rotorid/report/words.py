@@ -671,10 +671,12 @@ def fit_sentences(fit: FitEnd) -> tuple[str, ...]:
         steps = "1 step" if len(fit.trace) == 2 else f"{len(fit.trace) - 1} steps"
         first, last = significant(fit.trace[0]), significant(fit.trace[-1])
         sentences.append(f"In {steps} the cost of all responses together went from {first} to {last}.")
-    if fit.inflation > 1.0:
+    if fit.model_error:
+        worst = max(fit.model_error, key=lambda name: fit.model_error[name])
         sentences.append(
-            f"Residuals are {significant(fit.inflation, digits=2)} times as large as the errors of the data explain; "
-            "standard deviations were raised by that factor."
+            f"Over frequency the structure misses {worst} by {significant(100.0 * fit.model_error[worst], digits=2)} %"
+            f"{', and the others by less' if len(fit.model_error) > 1 else ''}; with this and with clocks standard "
+            f"deviations are {significant(fit.inflation, digits=2)} times those of random errors."
         )
     return tuple(sentences)
 

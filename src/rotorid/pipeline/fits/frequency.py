@@ -672,17 +672,74 @@ WORST_PAIR_COST = 150.0
 LARGEST_DEVIATION_DB, LARGEST_DEVIATION_DEG = 2.0, 15.0
 
 
-def require_sound(fitted: FrequencyFit) -> None:
-    """Refuse a model that does not describe what it was fitted to.
+def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
+    """Fit as :func:`fit_with_bounds` does, leave out what the structure cannot follow, and refuse what does not hold.
 
-    It did not converge, has poles that no sample could show, an average cost above 100, or a response that costs more
-    than 150 and is off by more than 2 dB or 15°, both as root mean squares.
+    A response that costs more than 150 and is off by more than 2 dB or 15°, as root mean squares, is left out with a
+    finding, unless it is the main response to its input. What is left must have converged, with an average cost of at
+    most 100 and no pole that a sample could not show.
 
     Raises
     ------
     InsufficientDataError
-        One of these; its findings name all of them.
+        The model does not describe what it was fitted to; its findings say why.
     """
+    fitted = fit_with_bounds(problem, measured, settings)
+    poor = _poor_pairs(fitted)
+    beside = {place: finding for place, finding in poor.items() if place not in _main_pairs(problem)}
+    if beside:
+        used = np.array(problem.used)
+        for place in beside:
+            used[place] = False
+        fitted = fit_with_bounds(replace(problem, used=used), measured, settings)
+        left_out = [replace(finding, message=f"{finding.message} It was left out.") for finding in beside.values()]
+        fitted = replace(fitted, findings=(*left_out, *fitted.findings))
+        poor = _poor_pairs(fitted)
+    reasons = [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
+    if reasons:
+        name = problem.structure.name
+        raise InsufficientDataError(
+            f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
+            needed="a model that follows the responses it is fitted to",
+            remedy="take a structure with the missing dynamics, narrow --band, or choose responses with --pair",
+            findings=reasons,
+        )
+    return fitted
+
+
+def _main_pairs(problem: FrequencyProblem) -> set[tuple[int, int]]:
+    """The response to each input that is known best: the most points over their squared errors."""
+    error = np.where(problem.used, problem.data.random_error, np.inf)
+    weight = np.sum(1.0 / np.maximum(error, 1e-3) ** 2, axis=-1)
+    return {(int(np.argmax(weight[:, u])), u) for u in range(weight.shape[1]) if weight[:, u].any()}
+
+
+def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
+    """Responses that the model does not describe, with a warning each."""
+    problem, costs = fitted.problem, fitted.costs
+    values = problem.parameters.unpack(fitted.final.theta).values
+    model = problem.structure.response(values, problem.data.omega_rad_s)
+    names = np.array(pair_names(problem.data)).reshape(costs.shape)
+    poor = {}
+    for y, u in np.argwhere((costs > WORST_PAIR_COST) & problem.used.any(axis=-1)).tolist():
+        used = problem.used[y, u]
+        error = log_error(model[y, u, used], problem.data.values[y, u, used])
+        off_db = DB_PER_NEPER * float(np.sqrt(np.mean(error.real**2)))
+        off_deg = DEG_PER_RAD * float(np.sqrt(np.mean(error.imag**2)))
+        if off_db > LARGEST_DEVIATION_DB or off_deg > LARGEST_DEVIATION_DEG:
+            poor[y, u] = warn(
+                "structure_error",
+                str(names[y, u]),
+                f"The model does not describe {names[y, u]}, which costs {costs[y, u]:.0f}: it is off by {off_db:.1f} dB "
+                f"and {off_deg:.0f}°.",
+                cost=float(costs[y, u]),
+                off_db=off_db,
+                off_deg=off_deg,
+            )
+    return poor
+
+
+def _unsound(fitted: FrequencyFit) -> list[Finding]:
     problem, name = fitted.problem, fitted.problem.structure.name
     reasons = []
     if fitted.solution.outcome is not Outcome.CONVERGED:
@@ -692,27 +749,11 @@ def require_sound(fitted: FrequencyFit) -> None:
     if rate_hz is not None and fastest > 2.0 * np.pi * rate_hz:
         message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {rate_hz:.3g} Hz."
         reasons.append(refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=rate_hz))
-    costs, used = fitted.costs, problem.used
-    mean_cost = float(np.mean(costs[used.any(axis=-1)]))
+    mean_cost = float(np.mean(fitted.costs[problem.used.any(axis=-1)]))
     if mean_cost > ACCEPTABLE_COST:
         message = f"The average cost is {mean_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
         reasons.append(refusal("poor_fit", name, message, average_cost=mean_cost))
-    model = problem.structure.response(problem.parameters.unpack(fitted.final.theta).values, problem.data.omega_rad_s)
-    names = np.array(pair_names(problem.data)).reshape(costs.shape)
-    for y, u in np.argwhere((costs > WORST_PAIR_COST) & used.any(axis=-1)):
-        error = log_error(model[y, u, used[y, u]], problem.data.values[y, u, used[y, u]])
-        off_db = DB_PER_NEPER * float(np.sqrt(np.mean(error.real**2)))
-        off_deg = DEG_PER_RAD * float(np.sqrt(np.mean(error.imag**2)))
-        if off_db > LARGEST_DEVIATION_DB or off_deg > LARGEST_DEVIATION_DEG:
-            message = f"{names[y, u]} costs {costs[y, u]:.0f}: the model is off by {off_db:.1f} dB and {off_deg:.0f}°."
-            reasons.append(refusal("poor_fit", str(names[y, u]), message, cost=float(costs[y, u])))
-    if reasons:
-        raise InsufficientDataError(
-            f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
-            needed="a model that follows the responses it is fitted to",
-            remedy="take a structure with the missing dynamics, narrow --band, or leave responses out with --pair",
-            findings=reasons,
-        )
+    return reasons
 
 
 def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:

@@ -30,9 +30,8 @@ from rotorid.pipeline.fits.frequency import (
     cost_of,
     delay_budget,
     first_step,
-    fit_with_bounds,
+    fit_sound,
     judge_combinations,
-    require_sound,
 )
 from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.pipeline.fits.time import (
@@ -313,8 +312,7 @@ class Frequency(_Linear[ResponseData]):
 
     def fit(self, data: ResponseData) -> FrequencyFit:
         """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
-        fitted = fit_with_bounds(data.screened.problem, data.measured, data.settings)
-        require_sound(fitted)
+        fitted = fit_sound(data.screened.problem, data.measured, data.settings)
         again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
         return replace(fitted, bootstrap=again)
 
@@ -578,6 +576,7 @@ def _end(solution: Solution, weights: FitWeights, bounds: Bounds) -> FitEnd:
         evaluations=solution.evaluations,
         trace=tuple(solution.trace),
         inflation=bounds.inflation,
+        model_error=dict(bounds.model_error.sizes) if bounds.model_error else {},
     )
 
 

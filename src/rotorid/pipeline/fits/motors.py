@@ -51,6 +51,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
 from rotorid.pipeline.fits.frequency import judge_parameters
+from rotorid.pipeline.fits.motor_errors import CURVE_SHARE, gusts_between, motor_model_error, with_model_errors
 from rotorid.pipeline.preparation.motor_data import MotorData, MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.settings import MotorChoices
@@ -66,14 +67,6 @@ from rotorid.verification.verification import Scores
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
-ACCELEROMETER_BIAS_M_S2 = 0.05
-"""Of a calibrated accelerometer."""
-
-CURVE_SHARE = 0.3
-"""Thrust that was not moved: its slope lies between that of a line and twice as much, that of a parabola."""
-
-_DELAYS = ("tau_gyro", "tau_accel")
-_GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
 _FLAT = 1e-12
 
 
@@ -106,63 +99,10 @@ def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
         cramer_rao=2.0 * np.sqrt(inverse),
         insensitivity=1.0 / length,
         covariance=colored.corrected,
+        random=colored.corrected,
         inflation=math.exp(0.5 * float(np.mean(ratio))),
     )
     return bounds, colored.ar_order
-
-
-def with_systematic_errors(
-    bounds: Bounds, parameters: ParameterSet, fit: MotorFit, data: MotorData, *, curve_assumed: bool
-) -> Bounds:
-    r"""Bounds that also hold what is wrong in the same way all through a flight.
-
-    - The accelerometer is off by up to :data:`ACCELEROMETER_BIAS_M_S2`, which thrust and inertia follow.
-    - Where a known filter was put into the model, stamps and its rate are known to half a sample: delays.
-    - Where thrust was not moved, its slope is a guess (:data:`CURVE_SHARE`), and inertia follows it.
-    - Motors that were logged too slowly did between their samples what the log does not tell. Errors of the outputs
-      pull gains toward zero by up to :math:`r^2`, errors of the motion push them away by as much: half the way from one
-      regression to the other, :math:`(1/r^2 - 1)/2`, counts as one standard deviation; of lag and delays, half a step.
-    """
-    covariance = bounds.covariance.copy()
-    shifted = _by_bias(fit)
-    covariance += np.outer(shifted, shifted)
-    directions: list[Mapping[str, float]] = []
-    if any(record.gyro_taps.size > 1 for record in data.records):
-        slowest_hz = min(record.sample_rate_hz for record in data.records)
-        directions += [{name: 0.5 / slowest_hz} for name in _DELAYS]
-    if curve_assumed:
-        signs = {"c_0": 1.0, "c_1": 1.0, "c_2": 1.0, "I_xx": 1.0, "I_yy": 1.0, "kappa_per_I_zz": -1.0}
-        values = parameters.values
-        directions.append({name: CURVE_SHARE * sign * values[name] for name, sign in signs.items() if name in values})
-    if data.slow:
-        directions += list(_by_slow_motors(parameters, fit, data))
-    for direction in directions:
-        row = np.array([direction.get(name, 0.0) for name in bounds.names])
-        covariance += np.outer(row, row)
-    return replace(bounds, covariance=covariance)
-
-
-def _by_bias(fit: MotorFit) -> FloatArray:
-    """How far a bias of the accelerometer moves the parameters, shape ``(p,)``."""
-    kept = np.array([name in fit.moving for name in fit.parameters.free])
-    normal = np.zeros((kept.size, kept.size))
-    pulled = np.zeros(kept.size)
-    for place, axis, _, slopes in fit.problem.whitened(fit.solution.theta):
-        normal += slopes @ slopes.T
-        if axis == "az":
-            pulled += slopes.sum(axis=1) * ACCELEROMETER_BIAS_M_S2 / fit.problem.filters[place][axis].scale
-    moved: FloatArray = np.linalg.pinv(normal[np.ix_(kept, kept)], hermitian=True) @ pulled[kept]
-    return moved
-
-
-def _by_slow_motors(parameters: ParameterSet, fit: MotorFit, data: MotorData) -> Iterator[Mapping[str, float]]:
-    step_s = 1.0 / min(history.sample_rate_hz for history in data.histories)
-    yield from ({name: 0.5 * step_s} for name in ("T_motor", *_DELAYS))
-    for axis, names in _GAINS.items():
-        seen = [one[axis].correlation for one in fit.excitations if one[axis].correlation >= LEAST_CORRELATION]
-        if seen:
-            share = 0.5 * (1.0 / float(np.mean(seen)) ** 2 - 1.0)
-            yield {name: share * parameters[name].value for name in names if name in parameters.names}
 
 
 CHANNELS: Mapping[str, str] = {"p": "p_dot", "q": "q_dot", "r": "r_dot", "az": "az"}
@@ -301,8 +241,18 @@ def simulated_record(moved: Motion, channels: Sequence[str]) -> SimulatedRecord:
     )
 
 
-_EXPLAINED_BY_SLOW = 50.0
-"""Percent of an axis that motors logged too slowly must explain to count."""
+_GUSTY = 0.05
+"""Share by which gusts under feedback may pull thrust, above which their color counts in the fit: ten times what a
+calibrated accelerometer is off by. Below, what is slow and large tells the curve of thrust better as it is."""
+
+_LEAST_EXPLAINED = 50.0
+"""Percent of an axis that the motors must explain: less than that, and they leave more than they explain."""
+
+_LARGEST_STD = 1.0
+"""Of an inertia or of the slope of thrust, as a share of the value: beyond, nothing is known of it."""
+
+_LAST_MOVE = 1.0
+"""Standard deviations by which values may still move in the last round of a fit that has come to its end."""
 
 _STAMPS_S = 0.01
 """Errors of stamps, and of the rate at which a filter is taken to work, stay below."""
@@ -336,6 +286,8 @@ class FittedMotors(Immutable):
         Mean output of the motors.
     derived
         Thrust of a rotor and its slope at that output, at full output, and thrust over weight there.
+    left_out
+        Axes that were excited and of which nothing is stated, and why.
     bootstrap
         Refits to noise drawn anew, where they were asked for. Their spread is that of random errors alone.
     """
@@ -350,6 +302,7 @@ class FittedMotors(Immutable):
     both: tuple[InertiaRegression, ...]
     hover_output: float
     derived: Mapping[str, Derived]
+    left_out: tuple[Finding, ...] = ()
     bootstrap: Bootstrap | None = None
 
     @property
@@ -387,53 +340,153 @@ def levers_of(data: MotorData) -> FloatArray:
 def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
     """Fit what was excited, and bound it.
 
-    Axes of which the motors then explain nothing are left out: what was seen there was the controller, or motors that
-    were logged too slowly. So is a motor lag that the data do not tell from zero, or from a delay. Then the rest is
-    fitted again.
+    Axes of which the motors then explain less than they leave are left out: what was seen there was the controller, or
+    motors that were logged too slowly. So are those whose inertia is not positive or no better known than nothing, and
+    a motor lag that the data do not tell from zero, or from a delay. Then the rest is fitted again.
 
     Raises
     ------
     InsufficientDataError
-        The motors explain the motion along no axis, or the data do not determine all parameters.
+        The motors explain the motion along no axis, the data do not determine all parameters, the fit does not come to
+        an end, or ends where physics allows nothing to be.
     """
     levers = levers_of(data)
     found = excitations(data.records, levers)
     axes = excited_axes(found)
     if not axes:
         raise _nothing_excited(data, found)
-    fit, curve = _fitted(data, choices, levers, axes)
-    unexplained = _unexplained(fit, data)
-    if unexplained:
-        left = tuple(axis for axis in axes if axis not in unexplained)
-        if not left:
-            raise _nothing_explained(data)
-        fit, curve = _fitted(data, choices, levers, left)
+    left_out: list[Finding] = []
+    while True:
+        fit, curve = _fitted(data, choices, levers, axes)
+        fitted = _bounded(data, choices, fit, curve)
+        wrong = _useless(fitted)
+        left_out += wrong.values()
+        if not wrong:
+            break
+        axes = tuple(axis for axis in axes if axis not in wrong)
+        if not axes:
+            raise _nothing_explained(data, left_out)
+    _require_end(fitted, choices)
+    again = None
+    if choices.bootstrap is not None:
+        held = fit.problem.with_parameters(fitted.parameters)
+        again = bootstrap(held, replace(fit.solution, theta=fitted.parameters.pack()), fitted.bounds, choices)
+    return replace(fitted, bootstrap=again, left_out=tuple(left_out))
+
+
+def _bounded(data: MotorData, choices: MotorChoices, fit: MotorFit, curve: Curve) -> FittedMotors:
+    """A fit with its bounds and what follows from it."""
     parameters = fit.parameters
     for name in set(parameters.free) - set(fit.moving):
         parameters = parameters.fix(name, parameters[name].value)
-    bounds, memory = motor_bounds(fit)
-    # The weight tells thrust at hover whatever the curve is; its slope is another matter.
-    at_hover = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=False)
+    random, memory = motor_bounds(fit)
+    model = motor_model_error(fit, random.random)
     assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
-    again = None
-    if choices.bootstrap is not None:
-        held = fit.problem.with_parameters(parameters)
-        again = bootstrap(held, replace(fit.solution, theta=parameters.pack()), bounds, choices)
-    bounds = with_systematic_errors(bounds, parameters, fit, data, curve_assumed=assumed and data.kind != "speed")
+    assumed = assumed and data.kind != "speed"
+    # The weight tells thrust at hover whatever the curve is; its slope is another matter.
+    at_hover = with_model_errors(random, parameters, fit, data, curve_assumed=False, model=model)
+    bounds = with_model_errors(random, parameters, fit, data, curve_assumed=assumed, model=model)
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
+    scaled = scale_of(choices.known, tuple(axis for axis in fit.problem.axes if axis != "weight")) is not None
+    units = _units(parameters, scaled=scaled, arm_known=data.layout.arm_known)
+    both = (replace(one, unit=units.get(one.parameter, one.unit)) for one in inertia_regressions(fit))
     return FittedMotors(
         data=data,
         fit=fit,
         curve=curve,
-        parameters=parameters,
+        parameters=ParameterSet([replace(one, unit=units[one.name]) for one in parameters]),
         bounds=bounds,
         memory=memory,
-        curve_assumed=assumed and data.kind != "speed",
-        both=inertia_regressions(fit),
+        curve_assumed=assumed,
+        both=tuple(one for one in both if np.isfinite([*one.plain, *one.corrected, *one.deviations]).all()),
         hover_output=hover,
-        derived=_derived(parameters, bounds, at_hover, hover, data),
-        bootstrap=again,
+        derived=_derived(parameters, bounds, at_hover, hover, data, scaled=scaled),
     )
+
+
+_PER_MASS = {"kg": "1", "N": "m/s^2", "N s/rad": "m/(s rad)", "N s^2/rad^2": "m/rad^2"}
+
+
+def _units(parameters: ParameterSet, *, scaled: bool, arm_known: bool) -> dict[str, str]:
+    """Units of what is identified: without a mass all is per kilogram, without an arm inertia is per meter of it."""
+    units = {one.name: one.unit for one in parameters}
+    if not scaled:
+        units = {name: _PER_MASS.get(unit, unit) for name, unit in units.items()}
+    moment = {(True, True): "kg m^2", (True, False): "kg m", (False, True): "m^2", (False, False): "m"}
+    units |= {name: moment[scaled, arm_known] for name in ("I_xx", "I_yy") if name in units}
+    if not scaled:
+        # Torque over thrust does not depend on the mass, and inertia of yaw does.
+        of_yaw = {"kappa_per_I_zz": "1/m", "I_zz": "m^2", "I_zz/kappa": "m"}
+        units |= {name: unit for name, unit in of_yaw.items() if name in units or "/" in name}
+    return units
+
+
+def _useless(fitted: FittedMotors) -> dict[str, Finding]:
+    """Axes of which nothing can be said, although motors and motion moved together, and why."""
+    channels = {CHANNELS[axis]: axis for axis in fitted.axes}
+    found: dict[str, Finding] = {}
+    for name, percent in fit_percents(fitted.moved, list(channels)).items():
+        if not percent >= _LEAST_EXPLAINED:
+            found[channels[name]] = warn(
+                "poor_fit",
+                name,
+                f"The motors explain {percent:.0f} % of {name} up to 5 Hz, less than they leave: nothing is stated of "
+                f"{AXIS_WORDS[channels[name]]}.",
+                fit_percent=percent,
+            )
+    std = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
+    for axis, name in {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}.items():
+        if axis in fitted.axes and axis not in found and name in std:
+            value = fitted.parameters[name].value
+            if not (math.isfinite(value) and std[name] <= _LARGEST_STD * abs(value)):
+                found[axis] = warn(
+                    "not_identifiable",
+                    name,
+                    f"{name} is {value:.3g} ± {std[name]:.2g} {fitted.parameters[name].unit}, no better than nothing: "
+                    f"nothing is stated of {AXIS_WORDS[axis]}.",
+                    value=value,
+                    std=std[name],
+                )
+    return found
+
+
+def _require_end(fitted: FittedMotors, choices: MotorChoices) -> None:
+    """Refuse a fit that has not come to its end, or came to one that physics does not allow.
+
+    Raises
+    ------
+    InsufficientDataError
+        With a finding that says what is wrong.
+    """
+    fit, names = fitted.fit, ", ".join(dict.fromkeys(record.name for record in fitted.data.records))
+    wrong: list[Finding] = []
+    if not fit.settled and not fit.moved <= _LAST_MOVE:
+        message = (
+            f"Values and color of the errors still moved by {fit.moved:.1f} standard deviations after {fit.rounds} "
+            "rounds."
+        )
+        wrong.append(refusal("not_converged", "physical.motors", message, moved=fit.moved))
+    numbers = [*fitted.parameters.values.values(), *fitted.bounds.covariance.ravel().tolist()]
+    numbers += [number for one in fitted.derived.values() for number in (one.value, one.std)]
+    if not np.isfinite(numbers).all():
+        wrong.append(refusal("not_converged", "physical.motors", "Values or deviations of the fit are not finite."))
+    else:
+        slope = fitted.derived["thrust_slope"]
+        if not slope.std <= _LARGEST_STD * slope.value:
+            message = (
+                f"The slope of thrust is {slope.value:.3g} ± {slope.std:.2g} {slope.unit}: the flights do not tell "
+                "what a rotor lifts."
+            )
+            wrong.append(refusal("not_identifiable", "thrust", message, value=slope.value, std=slope.std))
+        impossible = (one for one in _physics(fitted, choices) if one.kind == "impossible_physics")
+        wrong += [replace(one, severity="error") for one in impossible if one.severity == "warning"]
+    if wrong:
+        raise InsufficientDataError(
+            f"what was identified from {names} is no vehicle: {wrong[0].message}",
+            needed="sweeps on each axis, motors logged at 40 Hz and more, and the layout of the vehicle that flew",
+            remedy="look at the layout, at what was given with --fix, and at the findings",
+            findings=[*wrong, *fitted.data.findings],
+        )
 
 
 def _fitted(
@@ -445,7 +498,7 @@ def _fitted(
     """The fit of some axes, with a motor lag where the data tell one."""
     curve = _curve(choices, data, axes)
 
-    def fitted(lag: bool) -> MotorFit:
+    def fitted(lag: bool, *, gusty: bool = False) -> MotorFit:
         parameters = motor_parameters(
             curve=curve,
             known=choices.known,
@@ -455,21 +508,17 @@ def _fitted(
             earliest_s=-_STAMPS_S if any(record.gyro_taps.size > 1 for record in data.records) else 0.0,
         )
         problem = MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *axes))
-        return fit_motors(problem)
+        return fit_motors(problem, white_force=gusty)
 
     _PROGRESS.info("fitting motors, thrust and inertia")
     fit = fitted(data.kind != "speed")
+    # What motors that were logged too slowly do not explain is no gust.
+    if gusty := not data.slow and gusts_between(fit) > _GUSTY:
+        _PROGRESS.info("gusts move the vehicle as thrust does: fitting with their color")
+        fit = fitted(data.kind != "speed", gusty=True)
     if _lag_unseen(fit):
-        fit = fitted(False)
+        fit = fitted(False, gusty=gusty)
     return fit, curve
-
-
-def _unexplained(fit: MotorFit, data: MotorData) -> set[str]:
-    """Axes of which the identified motors explain nothing, although both moved together."""
-    moved = motions(fit.problem, fit.solution.theta, data.stretches, fit.excitations)
-    channels = {CHANNELS[axis]: axis for axis in fit.problem.axes if axis in CHANNELS}
-    least = _EXPLAINED_BY_SLOW if data.slow else 0.0
-    return {channels[name] for name, percent in fit_percents(moved, list(channels)).items() if percent <= least}
 
 
 def _lag_unseen(fit: MotorFit) -> bool:
@@ -497,15 +546,15 @@ def _curve(choices: MotorChoices, data: MotorData, axes: tuple[str, ...]) -> Cur
     return "polynomial" if "az" in axes else "linear" if data.kind == "thrust_demand" else "quadratic"
 
 
-def _nothing_explained(data: MotorData) -> InsufficientDataError:
+def _nothing_explained(data: MotorData, left_out: Sequence[Finding]) -> InsufficientDataError:
     names = ", ".join(dict.fromkeys(record.name for record in data.records))
     slow = [one for one in data.findings if one.kind == "rate_too_low"]
     message = f"The motors of {names} move with the vehicle, and explain less than half of its motion along every axis"
     return InsufficientDataError(
-        message if data.slow else message.replace("less than half", "nothing"),
+        message,
         needed="motor outputs logged faster than the motors answer, 40 Hz and more",
         remedy=slow[0].message if slow else "look at the layout of the rotors and at the stamps of the log",
-        findings=[refusal("poor_fit", names, f"{message}."), *data.findings],
+        findings=[refusal("poor_fit", names, f"{message}."), *left_out, *data.findings],
     )
 
 
@@ -530,13 +579,13 @@ def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...
 
 
 def _derived(
-    parameters: ParameterSet, bounds: Bounds, at_hover: Bounds, hover: float, data: MotorData
+    parameters: ParameterSet, bounds: Bounds, at_hover: Bounds, hover: float, data: MotorData, *, scaled: bool
 ) -> dict[str, Derived]:
     """Thrust at hover, its slope, and what the rotors give at full output."""
 
     def of_curve(terms: Mapping[str, float], unit: str, limits: Bounds = bounds) -> Derived:
         value = sum(parameters[name].value * factor for name, factor in terms.items() if name in parameters.names)
-        return Derived(value=float(value), std=_std(limits, terms), unit=unit)
+        return Derived(value=float(value), std=_std(limits, terms), unit=unit if scaled else _PER_MASS[unit])
 
     slope_unit = "N s/rad" if data.kind == "speed" else "N"
     found = {
@@ -568,6 +617,7 @@ def judge_motors(
 ) -> tuple[Finding, ...]:
     """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
     return (
+        *identified.left_out,
         *_unexcited(identified),
         *_turned_around(identified),
         *_assumed(identified),
@@ -586,7 +636,8 @@ def judge_motors(
 
 
 def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
-    missing = [axis for axis in AXIS_WORDS if axis not in identified.axes]
+    excited = excited_axes(identified.fit.excitations)
+    missing = [axis for axis in AXIS_WORDS if axis not in (*identified.axes, *excited)]
     if not missing:
         return
     best = {axis: max(one[axis].correlation for one in identified.fit.excitations) for axis in missing}
@@ -595,7 +646,7 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
         "no_excitation",
         ", ".join(AXIS_WORDS[axis] for axis in missing),
         f"Nothing was identified of {words}: so far do motors and motion go together there, and "
-        f"{LEAST_CORRELATION:g} is needed, or the motors explain nothing of it. Where a controller only answers "
+        f"{LEAST_CORRELATION:g} is needed. Where a controller only answers "
         "gusts and noise, motors show the controller. Fly a sweep or doublets on these axes.",
         **{AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
     )
