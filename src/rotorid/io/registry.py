@@ -54,8 +54,8 @@ READERS: Sequence[Reader] = (
 """In the order in which they are asked."""
 
 _READ = (
-    "PX4 .ulg, ArduPilot .BIN or its text, Betaflight .BBL, Crazyflie uSD, .tlog, ROS bag, .mat, .npz, .parquet and CSV, "
-    "each also as .gz, .xz, .bz2 or .zip, and folders of ulog2csv files"
+    "PX4 .ulg, ArduPilot .BIN or its text, Betaflight .BBL, Crazyflie uSD, .tlog, ROS bag, .mat, .npz, .parquet and "
+    "CSV, each also as .gz, .xz, .bz2 or .zip, and folders of ulog2csv files"
 )
 _DECRYPT = "decrypt it with decrypt_logs.py of PX4's Tools/log_encryption and your private key, and give the .ulg"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (

@@ -12,7 +12,8 @@ sorting of stamps that are in disorder):
   above ten times the largest ordinary step of the whole channel, above eight times the roughness of its own
   surroundings, and its neighbors agree. This is Hampel's test with steps in place of levels, since a flight moves. A
   shock of an accelerometer is rough for several samples and stays.
-- A command may jump; but a single sample ten times as far from the median as all others of the channel is none.
+- A command may jump; but a single sample ten times as far from the median as all others of the channel is none, nor is
+  a single negative output of a motor that otherwise turns forward.
 
 Nothing is repaired: a sample is left out and counted in a finding. A channel that is mostly impossible is left out as a
 whole, since what remains of it is no better.
@@ -28,7 +29,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import MEASURED, TURNING, range_of
-from rotorid.data.record import Channel, FlightRecord, Topic
+from rotorid.data.record import MOTORS, Channel, FlightRecord, Topic
 from rotorid.errors import LogError
 from rotorid.typing import BoolArray, FloatArray, IntArray
 
@@ -51,6 +52,9 @@ _ORDINARY, _LEAST_RANK = 1e-3, 12
 """The ordinary step is the largest but for this share of all, or for this many."""
 _SAMPLED = 20_000
 _GIANT, _MOST_GIANTS = 10.0, 5
+_OUTPUTS = frozenset(f"motor_{number}" for number in range(1, MOTORS + 1))
+_BACKWARD = 0.05
+"""A motor that stands may be logged a little below its idle."""
 
 
 def screened(record: FlightRecord) -> FlightRecord:
@@ -297,6 +301,8 @@ def _lone_samples(values: FloatArray, name: str) -> IntArray:
     farthest = float(out.max())
     # A giant stands out by half of its distance, and at most two of them span the whole range.
     found = _giants(values, out) if farthest > 0.25 * float(np.ptp(values)) else none
+    if name in _OUTPUTS:
+        found = np.union1d(found, _reversed(values, out))
     if name in MEASURED:
         ordinary = _ordinary(sizes)
         places = np.flatnonzero(out > _STEPS * ordinary) if farthest > _STEPS * ordinary > 0.0 else none
@@ -304,6 +310,13 @@ def _lone_samples(values: FloatArray, name: str) -> IntArray:
         if places.size <= _FEW * values.size:
             found = np.union1d(found, [place + 1 for place in places.tolist() if _is_alone(steps, out, place)])
     return found.astype(np.int64)
+
+
+def _reversed(values: FloatArray, out: FloatArray) -> IntArray:
+    """Indices of a few single outputs below zero, of a motor that otherwise never turns backward."""
+    below = np.flatnonzero(values[1:-1] < -_BACKWARD) + 1
+    few = below[:0] if below.size > _MOST_GIANTS else below
+    return few[out[few - 1] > 0.5 * np.abs(values[few])]
 
 
 def _ordinary(sizes: FloatArray) -> float:

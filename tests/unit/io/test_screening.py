@@ -67,6 +67,7 @@ def test_a_clean_flight_passes_untouched() -> None:
         ("roll_command", 1e9),
         ("roll_command", -9.0),
         ("motor_1", 73.0),
+        ("motor_1", -0.4),
     ],
 )
 def test_one_value_that_cannot_be_is_left_out_and_counted(channel: str, value: float) -> None:
