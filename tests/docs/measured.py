@@ -1,0 +1,174 @@
+"""Numbers on pages that a run of the program gives: ``python -m tests.docs.measured`` writes them again.
+
+Tests compare and write nothing, so that a person sees every change.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.golden.results import DATA
+
+import rotorid
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.report.frame import with_error
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Flight(NamedTuple):
+    """A flight whose truth is known, the model and band that were asked for, and the truth in words."""
+
+    title: str
+    log: str
+    model: str
+    gain: str
+    unit: str
+    truth: str
+    lag_truth: str
+    delay: str
+    delay_truth: str
+    band_rad_s: tuple[float, float] | None = None
+
+
+ARDUPILOT_MS, PX4_MS = "2.4–2.5", "5.3"
+FLIGHTS = (
+    Flight(
+        *("ArduPilot roll, calm, two chirps", "ardupilot_sitl/x_calm_roll.BIN", "rate.roll", "L_roll"),
+        *("rad/s²", "437.2", "–", "tau_roll", ARDUPILOT_MS),
+    ),
+    Flight(
+        *("ArduPilot roll, wind", "ardupilot_sitl/x_wind_rollpitch.BIN.xz", "rate.roll", "L_roll"),
+        *("rad/s²", "437.2", "–", "tau_roll", ARDUPILOT_MS),
+    ),
+    Flight(
+        *("ArduPilot pitch, wind", "ardupilot_sitl/x_wind_rollpitch.BIN.xz", "rate.pitch", "M_pitch"),
+        *("rad/s²", "437.2", "–", "tau_pitch", ARDUPILOT_MS),
+    ),
+    Flight(
+        *("ArduPilot yaw, wind", "ardupilot_sitl/x_wind_yawthrust.BIN.xz", "rate.yaw", "N_yaw"),
+        *("rad/s²", "14.18", "–", "tau_yaw", ARDUPILOT_MS),
+    ),
+    Flight(
+        *("ArduPilot thrust, wind", "ardupilot_sitl/x_wind_yawthrust.BIN.xz", "rate.vertical", "Z_thrust"),
+        *("m/s²", "−27.05", "–", "tau_thrust", ARDUPILOT_MS),
+    ),
+    Flight(
+        *("ArduPilot thrust, calm", "ardupilot_sitl/x_calm_thrust.BIN.xz", "rate.vertical", "Z_thrust"),
+        *("m/s²", "−27.33", "–", "tau_thrust", ARDUPILOT_MS),
+    ),
+    Flight(
+        *("PX4 roll, stick sweep", "px4_sitl/roll.ulg", "rate.roll", "L_roll"),
+        *("rad/s²", "113.1", "48", "tau_roll", PX4_MS),
+    ),
+    Flight(
+        *("PX4 pitch", "px4_sitl/pitch.ulg.xz", "rate.pitch", "M_pitch"),
+        *("rad/s²", "113.1", "48", "tau_pitch", PX4_MS),
+    ),
+    Flight(
+        *("PX4 yaw", "px4_sitl/yaw.ulg.xz", "rate.yaw", "N_yaw"),
+        *("rad/s²", "13.33", "48", "tau_yaw", PX4_MS),
+    ),
+    Flight(
+        *("PX4 thrust", "px4_sitl/thrust.ulg.xz", "rate.vertical", "Z_thrust"),
+        *("m/s²", "−20.0", "48", "tau_thrust", "7.4"),
+    ),
+    Flight(
+        *("S500 roll, 8 to 40 rad/s", "s500/roll_sweeps.csv", "rate.roll", "L_roll"),
+        *("rad/s²", "153.4", "–", "tau_roll", "41.5", (8.0, 40.0)),
+    ),
+    Flight(
+        *("S500 pitch, 8 to 40 rad/s", "s500/pitch_sweeps.csv", "rate.pitch", "M_pitch"),
+        *("rad/s²", "149.8", "–", "tau_pitch", "37.5", (8.0, 40.0)),
+    ),
+)
+HEAD = "| flight | gain, found | truth | motor lag [ms] | truth | delay [ms] | truth | cost |\n" + 8 * "|---" + "|\n"
+
+
+def row_of(flight: Flight) -> str:
+    """A row of the table: identified with no option but the model and, where one stands, the band."""
+    options = {} if flight.band_rad_s is None else {"band_rad_s": flight.band_rad_s}
+    model = rotorid.identify(DATA / flight.log, flight.model, **options)
+    assert model.fit.cost is not None
+    gain = model.parameters[flight.gain]
+    cells = (
+        *(flight.title, f"{with_error(gain.value, gain.std)} {flight.unit}", flight.truth),
+        *(milliseconds(model, "T_motor"), flight.lag_truth, milliseconds(model, flight.delay), flight.delay_truth),
+        f"{model.fit.cost.average:.1f}",
+    )
+    return f"| {' | '.join(cells)} |\n"
+
+
+def milliseconds(model: IdentifiedModel, name: str) -> str:
+    """A lag or a delay, and a dash for one that the data do not show."""
+    one = model.parameters[name]
+    return "–" if one.std is None else with_error(1e3 * one.value, 1e3 * one.std)
+
+
+def known_truths() -> str:
+    """The table of flights whose truth is known."""
+    return HEAD + "".join(row_of(flight) for flight in FLIGHTS)
+
+
+def first_command() -> str:
+    """What the README shows of an identification: its table of parameters."""
+    from typer.testing import CliRunner
+
+    from rotorid.cli.app import app
+
+    with tempfile.TemporaryDirectory() as folder:
+        log = str(DATA / "ardupilot_sitl" / "x_calm_roll.BIN")
+        ran = CliRunner().invoke(app, ["identify", log, "--model", "rate.roll", "--out", folder])
+    lines = [line.rstrip() for line in ran.stdout.splitlines()]
+    start = next(place for place, line in enumerate(lines) if line.startswith("parameter"))
+    stop = next(place for place, line in enumerate(lines) if line.startswith("cost of "))
+    return "\n".join(lines[start:stop]) + "\n"
+
+
+class Sample(NamedTuple):
+    """Where a sample stands, between what, and what it prints."""
+
+    page: Path
+    between: re.Pattern[str]
+    made: Callable[[], str]
+
+    @property
+    def shown(self) -> str:
+        """What the page shows today."""
+        found = self.between.search(self.page.read_text(encoding="utf-8"))
+        assert found is not None, f"{self.page} has no place for it"
+        return found[0]
+
+
+SAMPLES = {
+    "first command": Sample(
+        ROOT / "README.md",
+        re.compile(r"(?<=# the whole way to a model, with a report\n)(?:(?!```).*\n)*"),
+        first_command,
+    ),
+    "known truths": Sample(
+        ROOT / "docs" / "accuracy.md",
+        re.compile(r"(?<=<!-- written by tests/docs/measured.py -->\n)(?:\|.*\n)*"),
+        known_truths,
+    ),
+}
+
+
+def main() -> None:
+    """Write samples again, all or those that are named."""
+    if not DATA.is_dir():
+        sys.exit(f"no flight data at {DATA}; set ROTORID_DATA to their folder")
+    for name in sys.argv[1:] or SAMPLES:
+        sample = SAMPLES[name]
+        text = sample.page.read_text(encoding="utf-8")
+        made = sample.made()
+        sample.page.write_text(sample.between.sub(lambda _, made=made: made, text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
