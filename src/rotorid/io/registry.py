@@ -48,6 +48,7 @@ READERS: Sequence[Reader] = (
     Reader(module="rotorid.io.tables.matlab", takes_mapping=True, takes_sandbox=True),
     Reader(module="rotorid.io.tables.npz", takes_mapping=True),
     Reader(module="rotorid.io.tables.parquet", takes_mapping=True, takes_sandbox=True),
+    Reader(module="rotorid.io.betaflight.decoded", takes_mapping=True),
     # Last, since nearly every text looks like a table.
     Reader(module="rotorid.io.tables.csv", takes_mapping=True),
 )

@@ -80,7 +80,7 @@ class Flight:
     number: int
     header: Header
     time_s: FloatArray
-    frames: IntArray
+    frames: AnyArray
     fix_time_s: FloatArray
     fixes: IntArray
     damage: Damage

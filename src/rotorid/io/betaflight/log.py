@@ -71,6 +71,26 @@ def read(path: Path, source: Source) -> FlightRecord:
     readable, unread = _sorted(data)
     if not readable:
         raise unread[0][1] if unread else _empty(source.name)
+    return record_of(readable, unread, source)
+
+
+def record_of(readable: Sequence[Flight], unread: Sequence[tuple[int, LogError]], source: Source) -> FlightRecord:
+    """The flight record of decoded flights.
+
+    Parameters
+    ----------
+    readable
+        Flights with frames, the longest first.
+    unread
+        Numbers of the others, and why they cannot be read.
+    source
+        What is known of the file; the firmware is filled in.
+
+    Raises
+    ------
+    LogError
+        No field is one that the package has a name for.
+    """
     longest = readable[0]
     topics = tuple(_main_topic(flight, _chirp_rows(flight)) for flight in readable)
     if not topics[0].channels:
@@ -157,9 +177,8 @@ def _rows(flight: Flight) -> Iterator[Row]:
     motors = tuple(_motors(flight))
     yield from _commands(flight, motors)
     yield from motors
-    # High resolution counts tenths.
-    tenths = 0.1 if header.number("blackbox_high_resolution") > 0.0 else 1.0
-    yield from _body(flight, "gyroADC", "p q r", _gyro_scale(header) * tenths)
+    tenths = _tenths(header)
+    yield from _body(flight, "gyroADC", "p q r", gyro_scale(header))
     if header.number("acc_1G") > 0.0:
         yield from _body(flight, "accSmooth", "ax ay az", STANDARD_GRAVITY_M_S2 / header.number("acc_1G"))
     setpoint = "setpoint" if "setpoint[0]" in flight.fields else "axisRate"
@@ -185,9 +204,14 @@ def _float(flight: Flight, source: str) -> FloatArray:
     return flight.field(source).astype(np.float64)
 
 
-def _gyro_scale(header: Header) -> float:
-    """Factor to rad/s. The first loggers gave it in rad/µs, all later ones in deg/s."""
-    scale = header.number("gyro_scale", 1.0)
+def _tenths(header: Header) -> float:
+    """Logs of high resolution count tenths."""
+    return 0.1 if header.number("blackbox_high_resolution") > 0.0 else 1.0
+
+
+def gyro_scale(header: Header) -> float:
+    """Factor of the logged gyro to rad/s. The first loggers gave it in rad/µs, all later ones in deg/s."""
+    scale = header.number("gyro_scale", 1.0) * _tenths(header)
     return scale * (_DEGREE if "Firmware type" in header.values else 1e6)
 
 
