@@ -191,6 +191,29 @@ def test_a_double_pole_takes_no_errors_from_the_others() -> None:
         np.testing.assert_allclose(np.sqrt(np.diag(pole.covariance)), [0.03, 0.0], rtol=0.1, atol=2e-3)
 
 
+def test_poles_that_one_parameter_moves_together_know_as_much_as_it() -> None:
+    """Two motors with one lag T: two poles at -1/T, each known to std(T) / T^2."""
+    text = """
+name = "two motors"
+inputs = ["a", "b"]
+states = ["x", "y"]
+outputs = ["x", "y"]
+M = [["T", 0], [0, "T"]]
+F = [[-1, 0], [0, -1]]
+G = [[1, 0], [0, 1]]
+H0 = [[1, 0], [0, 1]]
+[parameters.T]
+value = 0.048
+"""
+    structure = from_toml(text)
+    poles = pole_confidence(structure, structure.parameters, limits(structure.parameters, np.array([[1e-6]])))
+    assert len(poles) == 2
+    for pole in poles:
+        assert pole.value == pytest.approx(-1.0 / 0.048)
+        assert pole.covariance is not None
+        np.testing.assert_allclose(np.sqrt(np.diag(pole.covariance)), [1e-3 / 0.048**2, 0.0], rtol=0.02, atol=1e-9)
+
+
 def test_a_triple_pole_of_certain_numbers_does_not_move() -> None:
     """Three integrators in a row that nothing makes uncertain."""
     text = TWO_AND_ONE.replace("G = [[1]", 'G = [["k"]') + "[parameters.k]\nvalue = 2.0\n"
