@@ -260,7 +260,7 @@ def _member_name(archive: ZipFile, name: str) -> str:
         raise LogError(
             f"{name} is a zip of {len(members)} files" + (f" ({shown})" if members else ""),
             needed="a zip of exactly one flight log",
-            remedy="unpack it and give the log itself",
+            remedy="unpack it and give the log itself, or the folder if they are the files of ulog2csv",
         )
     if archive.getinfo(members[0]).compress_type == ZIP_LZMA:
         raise _damaged(name, "zip", "its method lets the file decide how much memory is taken")

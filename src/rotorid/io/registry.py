@@ -129,6 +129,8 @@ def read(
 def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:
     """One file by the reader of its format."""
     with _opened(path) as (log, head):
+        if mapping is None and _is_topic(path.name, head):
+            return _read_topic(log, path)
         reader, module = _reader_of(head, path.name)
         options: dict[str, Any] = {"sandbox": sandbox} if reader.takes_sandbox else {}
         if reader.takes_mapping:
@@ -172,6 +174,18 @@ def _read_folder(path: Path) -> FlightRecord:
             remedy="give a file in it, or a folder of ulog2csv files",
         )
     return read_folder(path, Source(name=path.name, format=FORMAT, sha256=""))
+
+
+def _is_topic(name: str, head: bytes) -> bool:
+    # The name alone tells the topic, and few files begin with this word: nothing of PX4 is imported for the others.
+    return head.startswith(b"timestamp,") and bool(import_module("rotorid.io.px4.folder").is_topic_file(name, head))
+
+
+def _read_topic(log: Path, path: Path) -> FlightRecord:
+    """One topic of a log that was exported into a folder."""
+    from rotorid.io.px4.folder import FORMAT, read_topic
+
+    return read_topic(log, Source(name=path.name, format=FORMAT, sha256=sha256_of(path)))
 
 
 @contextmanager

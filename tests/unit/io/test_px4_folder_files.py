@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import rotorid
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
 from rotorid.io.px4 import folder as px4_folder
@@ -95,3 +98,23 @@ def test_two_logs_in_one_folder_are_refused(tmp_path: Path) -> None:
 def test_a_folder_without_a_topic_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="holds no topic"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_one_file_of_the_folder_is_one_topic(tmp_path: Path, packed: bool) -> None:
+    path = tmp_path / ("a_vehicle_angular_velocity_0.csv" + ".gz" * packed)
+    path.write_bytes(gzip.compress(RATES.encode(), mtime=0) if packed else RATES.encode())
+    record = rotorid.read(path)
+    np.testing.assert_allclose(record["q"].values, 2.0)
+    np.testing.assert_allclose(record["q"].time_s, 0.999 + 0.004 * np.arange(5), rtol=1e-15)
+    (finding,) = record.findings
+    assert "give the folder" in finding.message
+    assert "SDLOG_PROFILE" not in finding.message
+
+
+def test_a_zip_of_the_folder_says_to_unpack_it(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        archive.writestr("a_vehicle_angular_velocity_0.csv", RATES)
+        archive.writestr("a_vehicle_torque_setpoint_0.csv", TORQUE)
+    with pytest.raises(LogError, match="the folder if they are the files of ulog2csv"):
+        rotorid.read(tmp_path / "log.zip")

@@ -22,6 +22,7 @@ from rotorid.typing import AnyArray, FloatArray
 FORMAT = "PX4 ULog as CSV"
 
 _CLOCKS = ("timestamp", "timestamp_sample")
+_PACKED = frozenset({".gz", ".xz", ".bz2", ".zip"})
 _LARGEST_STAMP_US = float(1 << 53)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _ASSIGNED = re.compile(rf"([A-Za-z]\w*)(?:\s*[=,]\s*|\s+)({_NUMBER})\s*;?")
@@ -76,13 +77,56 @@ def read_folder(path: Path, source: Source) -> FlightRecord:
     return replace(record, findings=(*findings, *record.findings))
 
 
+def read_topic(path: Path, source: Source) -> FlightRecord:
+    """Read a single file of ``ulog2csv``: one topic of a log, which its name tells.
+
+    Raises
+    ------
+    LogError
+        The file is damaged, or holds no channel that the package has a name for.
+    """
+    named = _named(_unpacked(source.name))
+    topic = named[1] if named else ""
+    columns, cut_bytes = _columns(path, (*_CLOCKS, *wanted_fields().get(topic, ())))
+    facts = {"parameters": {}, "damage": [], "dropouts": [], "size_bytes": path.stat().st_size}
+    arrays = {f"{topic}/{name}": values for name, values in columns.items()}
+    record = record_of(arrays, facts, replace(source, format=FORMAT))
+    # What one topic lacks, the log need not lack.
+    others = [finding for finding in record.findings if finding.kind != "missing_channel"]
+    alone = warn(
+        "missing_channel",
+        topic,
+        f"{source.name} is one topic of a log; give the folder of all files that ulog2csv wrote for the others",
+    )
+    return replace(record, findings=(*([_cut(source.name, cut_bytes)] if cut_bytes else []), *others, alone))
+
+
+def is_topic_file(name: str, head: bytes) -> bool:
+    """Whether a file of this name that starts like this is one topic as ``ulog2csv`` wrote it, packed or not.
+
+    Examples
+    --------
+    >>> is_topic_file("log_sensor_combined_0.csv.gz", b"timestamp,gyro_rad[0]"), is_topic_file("a.csv", b"timestamp,a")
+    (True, False)
+    """
+    return head.startswith(b"timestamp,") and _named(_unpacked(name)) is not None
+
+
+def _unpacked(name: str) -> Path:
+    path = Path(name)
+    return path.with_suffix("") if path.suffix in _PACKED else path
+
+
 def _topic_of(file: Path) -> tuple[str, str] | None:
+    """Name of the log and of the topic in the name of a file that exists."""
+    return _named(file) if file.is_file() else None
+
+
+def _named(file: Path) -> tuple[str, str] | None:
     """Name of the log and of the topic in a file name; the longest topic that fits, since names are parts of names."""
-    if file.suffix != ".csv" or not file.is_file():
-        return None
     fitting = [topic for topic in wanted_fields() if file.stem.endswith(f"_{topic}_0")]
     topic = max(fitting, key=len, default="")
-    return (file.stem.removesuffix(f"_{topic}_0"), topic) if topic else None
+    return (file.stem.removesuffix(f"_{topic}_0"), topic) if topic and file.suffix == ".csv" else None
 
 
 def _export(path: Path, name: str) -> _Export:
