@@ -179,9 +179,10 @@ def _rising(time_s: FloatArray) -> BoolArray:
 
 
 def _ahead(stamps: FloatArray) -> BoolArray:
-    """Single stamps that run ahead of what follows, which itself goes on behind what came before."""
+    """Single stamps that run ahead of the two that follow, which themselves go on behind what came before."""
     before, after = np.append(-np.inf, stamps[:-1]), np.append(stamps[1:], np.inf)
-    return (stamps > after) & (after >= before)
+    # Ahead of the next one alone, it may as well be that one that is wrong.
+    return (stamps > after) & (after >= before) & (stamps > np.append(after[1:], -np.inf))
 
 
 def _behind(stamps: FloatArray) -> BoolArray:

@@ -154,6 +154,8 @@ def test_volts_and_microseconds_have_no_bound() -> None:
         ({1000: TIME_S[1000] + 6.0}, {1000}),
         ({1000: math.nan}, {1000}),
         ({0: 0.0}, {0}),
+        ({1: 0.0}, {1}),
+        ({SAMPLES - 2: 3e12}, {SAMPLES - 2}),
         ({0: 3e12}, {0}),
         ({SAMPLES - 1: 3e12}, {SAMPLES - 1}),
         ({SAMPLES - 1: 0.0}, {SAMPLES - 1}),
