@@ -235,3 +235,44 @@ def px4_attitude(controller: RateController, late_s: float) -> tuple[float, floa
     half_turn, limit = (float(np.interp(level, -phase, omega)) for level in (math.pi, 0.75 * math.pi))
     twice = float(np.interp(2.0 * half_turn, omega, phase))
     return half_turn, limit, -(twice + math.pi) / (2.0 * half_turn)
+
+
+@pytest.fixture(scope="module")
+def in_wind(unpacked: Callable[[str], Path]) -> tuple[FlightRecord, rotorid.Responses]:
+    record = rotorid.read(unpacked("ardupilot_sitl/x_wind_rollpitch.BIN.xz"))
+    return record, rotorid.response([record], inputs="roll_command", outputs="p")
+
+
+def test_a_margin_at_the_edge_of_the_band_is_a_bound_and_a_finding(
+    in_wind: tuple[FlightRecord, rotorid.Responses],
+) -> None:
+    loop = in_wind[1].loops["roll"]
+    peak = loop.bounds["disturbance_rejection_peak"]
+    assert peak.at_least
+    assert 20.0 * math.log10(peak.value) > 7.0
+    assert not loop.bounds["phase_margin_rad"].at_least
+    (finding,) = (each for each in in_wind[1].findings if each.kind == "margin_beyond_band")
+    assert finding.severity == "warning"
+    assert "at least" in finding.message
+    assert "rising" in finding.message
+
+
+def test_beyond_the_band_model_times_controller_goes_on(in_wind: tuple[FlightRecord, rotorid.Responses]) -> None:
+    record, result = in_wind
+    beyond = result.loops["roll"].beyond
+    assert beyond is not None
+    controller = logged_controller(record, "roll_command", source="SIDD.Gx")
+    assert controller is not None
+    omega = np.geomspace(60.0, 400.0, 4000)
+    exact = 437.2 / (1j * omega + 2.15) * np.exp(-2.45e-3j * omega) * controller.response(omega)
+    crossover = float(np.interp(0.0, -np.log(np.abs(exact)), omega))
+    truth = {
+        "crossover_rad_s": crossover,
+        "phase_margin_rad": math.pi + float(np.interp(crossover, omega, np.unwrap(np.angle(exact)))),
+        "modulus_margin": float(np.abs(1.0 + exact).min()),
+        "disturbance_rejection_peak_omega_rad_s": float(omega[np.abs(1.0 + exact).argmin()]),
+    }
+    for name, value in truth.items():
+        number = beyond.numbers[name]
+        assert abs(number.value - value) < 2.0 * number.std, name
+    assert not set(beyond.numbers) & set(result.loops["roll"].numbers)

@@ -278,6 +278,11 @@ KINDS: Mapping[str, Kind] = {
     "no_controller": Kind(
         "info", "Not flown in closed loop", "Why nothing was flown in closed loop: no controller is known."
     ),
+    "margin_beyond_band": Kind(
+        "warning",
+        "A margin lies beyond the band",
+        "The end of the band bounds a margin or the peak of the sensitivity, which lie beyond it.",
+    ),
     "no_delay": Kind("warning", "No delay", "No delay can be seen."),
     "no_excitation": Kind("warning", "No excitation found", "Nothing excites this axis, or nothing above a frequency."),
     "noisy_acceleration": Kind(
@@ -315,6 +320,9 @@ KINDS: Mapping[str, Kind] = {
         "warning",
         "Channels from different sources",
         "One channel comes from different places in the logs, and may be filtered in one of them.",
+    ),
+    "other_vehicle": Kind(
+        "warning", "No multirotor", "The log says that it is of a plane, a VTOL, a rover or another vehicle."
     ),
     "outputs_left_out": Kind("info", "Outputs that were not fitted", "Outputs of the model that were not fitted."),
     "parameter_at_bound": Kind(

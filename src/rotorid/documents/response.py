@@ -51,13 +51,34 @@ class RecordDocument(ManeuverDocument):
     used: bool = True
 
 
+class BoundDocument(EstimatedDocument):
+    """What the end of a band, ``omega_rad_s``, says about a number beyond: it is ``at_least`` this, or at most."""
+
+    at_least: bool
+    omega_rad_s: float
+
+
+class BeyondDocument(Document):
+    """What a model of the vehicle times the controller in the log says beyond the band: nothing of it was measured."""
+
+    method: str
+    up_to_rad_s: float
+    numbers: dict[str, EstimatedDocument] = Field(default_factory=dict)
+
+
 class LoopDocument(Document):
-    """Margins of the loop of one axis: numbers with their uncertainty, or in ``not_seen`` why there is none."""
+    """Margins of the loop of one axis: numbers with their uncertainty, or in ``not_seen`` why there is none.
+
+    Of some that were not seen ``bounds`` says on which side of the end of the band they are, and ``beyond`` what a
+    model makes of them.
+    """
 
     method: str
     band_rad_s: tuple[float, float] | None = None
     numbers: dict[str, EstimatedDocument] = Field(default_factory=dict)
     not_seen: dict[str, str] = Field(default_factory=dict)
+    bounds: dict[str, BoundDocument] = Field(default_factory=dict)
+    beyond: BeyondDocument | None = None
 
 
 class ResponseDocument(Document):

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from rotorid.documents.response import EstimatedDocument, LoopDocument
+from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument
 from rotorid.pipeline.preparation.loops import AxisLoop
 from rotorid.pipeline.responses import Pair, Responses
 from rotorid.plot.curves import runs
@@ -21,6 +21,7 @@ from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timeli
 from rotorid.report.words import Verdict, response_summary
 from rotorid.spectral.derived import Estimated
 from rotorid.spectral.loops import sensitivity
+from rotorid.spectral.margins import Bound
 from rotorid.typing import Axis, FloatArray
 
 _DB_PER_NEPER = 20.0 / math.log(10.0)
@@ -116,15 +117,42 @@ class Unseen:
 
 
 def loop_rows(loop: AxisLoop | LoopDocument) -> tuple[LoopRow, ...]:
-    """What was seen of a loop, with standard deviations."""
-    return tuple(
+    """What was seen of a loop, with standard deviations; then what the end of the band and a model say beyond it."""
+    seen = tuple(
         LoopRow(words=words, value=_value(loop.numbers[name], factor), unit=of)
         for name, (words, of, factor) in _LOOP_NUMBERS.items()
         if name in loop.numbers
     )
+    bounds = tuple(
+        LoopRow(
+            words=words,
+            value=f"{'≥' if (bound := loop.bounds[name]).at_least else '≤'} {_value(bound, factor)}",
+            unit=f"{of} (at {significant(bound.omega_rad_s)} rad/s, the end of the band; {_going(bound)})".lstrip(),
+        )
+        for name, (words, of, factor) in _LOOP_NUMBERS.items()
+        if name in loop.bounds
+    )
+    further = loop.beyond.numbers if loop.beyond else {}
+    return (
+        *seen,
+        *bounds,
+        *(
+            LoopRow(
+                words=f"{words}, by model",
+                value=_value(further[name], factor),
+                unit=f"{of} (not measured: model times controller)".lstrip(),
+            )
+            for name, (words, of, factor) in _LOOP_NUMBERS.items()
+            if name in further
+        ),
+    )
 
 
-def _value(number: Estimated | EstimatedDocument, factor: float) -> str:
+def _going(bound: Bound | BoundDocument) -> str:
+    return "still rising" if bound.at_least else "still falling"
+
+
+def _value(number: Estimated | EstimatedDocument | Bound, factor: float) -> str:
     if factor:
         return with_error(factor * number.value, factor * number.std)
     return with_error(20.0 * math.log10(number.value), _DB_PER_NEPER * number.std / number.value)
@@ -134,7 +162,7 @@ def unseen(loop: AxisLoop | LoopDocument) -> tuple[Unseen, ...]:
     """What was not seen of a loop: one entry for each reason."""
     reasons: dict[str, list[str]] = {}
     for name in _LOOP_NUMBERS:
-        if name in loop.not_seen:
+        if name in loop.not_seen and name not in loop.bounds:
             # A peak and the place of it are missed together.
             words = _LOOP_NUMBERS[name][0].removesuffix(" at").lower()
             reasons.setdefault(loop.not_seen[name], []).append(words)

@@ -3,11 +3,11 @@
 Gain and phase margins of a broken loop, rejection of disturbances of a sensitivity, and the bandwidth and phase delay
 of an attitude response after ADS-33. Everything is read off a local fit over the logarithm of frequency
 (:mod:`rotorid.spectral.derived`), inside the band in which the points can be trusted: a relative error of at most 0.3,
-and a coherence of at least 0.3 for a joint estimate. A crossing outside is ``None``, and ``not_seen`` says where it was
-looked for: nothing is extrapolated. Standard deviations follow by the delta method from the covariance between
-frequencies; what moves with a crossing (the phase at a crossover that is uncertain itself) is counted in. They hold the
-scatter of the flight alone: not the last points of a sweep that ends near the crossing, where its transient biases
-them.
+and a coherence of at least 0.3 for a joint estimate. A crossing outside is ``None``, and ``not_seen`` says where it
+was looked for: nothing is extrapolated. What the end of the band says about it stands in ``bounds``. Standard
+deviations follow by the delta method from the covariance between frequencies; what moves with a crossing (the phase at
+a crossover that is uncertain itself) is counted in. They hold the scatter of the flight alone: not the last points of
+a sweep that ends near the crossing, where its transient biases them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,28 @@ from rotorid.typing import FloatArray
 
 _TURN = 2.0 * math.pi
 _NORMAL_95 = 1.959964
+_SAME = 1e-9
 _MINUS_3_DB = -3.0 * math.log(10.0) / 20.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Bound:
+    """What the end of a band says about a number that lies beyond.
+
+    Parameters
+    ----------
+    value, std
+        The bound and one standard deviation of it, in the unit of the number.
+    at_least
+        Whether the number is at least this, or at most.
+    omega_rad_s
+        The end of the band.
+    """
+
+    value: float
+    std: float
+    at_least: bool
+    omega_rad_s: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,6 +102,10 @@ class LoopMargins(Immutable):
         Least distance of the loop from −1, the inverse of the peak of the sensitivity, and where that is.
     not_seen
         Name of each field that is ``None``, and why.
+    bounds
+        Name of some of these fields to what the upper end of the band says: the phase margin is at most what is left
+        where the gain is still above one, the gain margin at least what the gain has fallen by, where both go on
+        falling; the modulus margin at most that where the sensitivity still rises.
     """
 
     gain_crossovers: tuple[GainCrossover, ...]
@@ -92,9 +117,10 @@ class LoopMargins(Immutable):
     modulus_margin: Estimated | None
     modulus_omega_rad_s: Estimated | None
     not_seen: Mapping[str, str] = field(default_factory=dict)
+    bounds: Mapping[str, Bound] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(not_seen=self.not_seen)
+        self._set(not_seen=self.not_seen, bounds=self.bounds)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,15 +135,19 @@ class DisturbanceRejection(Immutable):
         Largest magnitude of the sensitivity, as a factor, and where it is.
     not_seen
         Name of each field that is ``None``, and why.
+    bounds
+        Name of some of these fields to what the upper end of the band says: where the sensitivity still rises there,
+        its peak is at least that.
     """
 
     bandwidth_rad_s: Estimated | None
     peak: Estimated | None
     peak_omega_rad_s: Estimated | None
     not_seen: Mapping[str, str] = field(default_factory=dict)
+    bounds: Mapping[str, Bound] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(not_seen=self.not_seen)
+        self._set(not_seen=self.not_seen, bounds=self.bounds)
 
 
 def loop_margins(loop: FrequencyResponse) -> LoopMargins:
@@ -185,7 +215,19 @@ def loop_margins(loop: FrequencyResponse) -> LoopMargins:
         "modulus_margin": rejection.not_seen.get("peak", ""),
         "modulus_omega_rad_s": rejection.not_seen.get("peak", ""),
     }
-    return LoopMargins(gain_crossovers=gains, phase_crossovers=phases, **results, not_seen=_reasons(results, reasons))
+    bounds = _margin_bounds(curve, results)
+    if modulus is None and "peak" in rejection.bounds:
+        peak = rejection.bounds["peak"]
+        bounds["modulus_margin"] = Bound(
+            value=1.0 / peak.value, std=peak.std / peak.value**2, at_least=False, omega_rad_s=peak.omega_rad_s
+        )
+    return LoopMargins(
+        gain_crossovers=gains,
+        phase_crossovers=phases,
+        **results,
+        not_seen=_reasons(results, reasons),
+        bounds=bounds,
+    )
 
 
 def disturbance_rejection(response: FrequencyResponse) -> DisturbanceRejection:
@@ -224,7 +266,43 @@ def disturbance_rejection(response: FrequencyResponse) -> DisturbanceRejection:
     results = {"bandwidth_rad_s": bandwidth, "peak": peak, "peak_omega_rad_s": place}
     highest = _missing("no peak", curve)
     reasons = {"bandwidth_rad_s": why, "peak": highest, "peak_omega_rad_s": highest}
-    return DisturbanceRejection(**results, not_seen=_reasons(results, reasons))
+    return DisturbanceRejection(
+        **results, not_seen=_reasons(results, reasons), bounds=_rejection_bounds(curve, results)
+    )
+
+
+def _margin_bounds(curve: LogCurve, results: Mapping[str, Estimated | None]) -> dict[str, Bound]:
+    """What the upper end of the band says about margins that lie beyond, where gain and phase go on falling."""
+    if not curve.bands:
+        return {}
+    end = curve.at(curve.bands[-1][1])
+    omega, bounds = end.omega_rad_s, {}
+    falls = end.slope.real < 0.0 and end.slope.imag < 0.0
+    if falls and end.value.real > 0.0 and results["phase_margin_rad"] is None:
+        margin, std = math.remainder(end.value.imag + math.pi, _TURN), curve.std(-1j * end.weights)
+        if margin > 0.0:
+            bounds["phase_margin_rad"] = Bound(value=margin, std=std, at_least=False, omega_rad_s=omega)
+            bounds["delay_margin_s"] = Bound(value=margin / omega, std=std / omega, at_least=False, omega_rad_s=omega)
+    if falls and end.value.real < 0.0 and results["gain_margin_up"] is None:
+        margin = math.exp(-end.value.real)
+        bounds["gain_margin_up"] = Bound(
+            value=margin, std=margin * curve.std(end.weights), at_least=True, omega_rad_s=omega
+        )
+    return bounds
+
+
+def _rejection_bounds(curve: LogCurve, results: Mapping[str, Estimated | None]) -> dict[str, Bound]:
+    """A peak beyond the upper end of the band, or a bandwidth there."""
+    if not curve.bands:
+        return {}
+    end, bounds = curve.at(curve.bands[-1][1]), {}
+    omega, height = end.omega_rad_s, math.exp(end.value.real)
+    highest = max(float(curve.grid(band)[1].real.max()) for band in curve.bands)
+    if results["peak"] is None and end.value.real >= max(highest, 0.0) - _SAME:
+        bounds["peak"] = Bound(value=height, std=height * curve.std(end.weights), at_least=True, omega_rad_s=omega)
+    if results["bandwidth_rad_s"] is None and highest < _MINUS_3_DB:
+        bounds["bandwidth_rad_s"] = Bound(value=omega, std=0.0, at_least=True, omega_rad_s=omega)
+    return bounds
 
 
 def _gain_crossover(curve: LogCurve, here: Local) -> GainCrossover:

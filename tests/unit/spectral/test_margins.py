@@ -274,3 +274,58 @@ def test_delay_margin_of_a_negative_phase_margin_is_one_turn_more() -> None:
 def test_margins_pickle() -> None:
     margins = loop_margins(response(OMEGA, unstable_plant_loop(OMEGA)))
     assert pickle.loads(pickle.dumps(margins)) == margins
+
+
+LATE_S = 0.04
+
+
+def integrator(gain: float, top_rad_s: float) -> FrequencyResponse:
+    """``gain / s`` with 40 ms of delay, seen up to some frequency: −180° at 39.3 rad/s."""
+    omega = np.geomspace(0.8, top_rad_s, 40)
+    return response(omega, gain / (1j * omega) * np.exp(-1j * LATE_S * omega))
+
+
+def test_a_band_that_ends_below_the_crossover_bounds_the_phase_margin_from_above() -> None:
+    margins = loop_margins(integrator(20.0, 12.0))
+    assert margins.phase_margin_rad is None
+    bound = margins.bounds["phase_margin_rad"]
+    assert not bound.at_least
+    assert bound.value == pytest.approx(0.5 * math.pi - 12.0 * LATE_S, abs=1e-4)
+    assert bound.omega_rad_s == pytest.approx(12.0)
+    exact = loop_margins(integrator(20.0, 80.0)).phase_margin_rad
+    assert exact is not None
+    assert exact.value < bound.value
+    assert margins.bounds["delay_margin_s"].value == pytest.approx(bound.value / 12.0)
+    assert "gain_margin_up" not in margins.bounds
+
+
+def test_a_band_that_ends_before_the_half_turn_bounds_the_gain_margin_from_below() -> None:
+    margins = loop_margins(integrator(10.0, 25.0))
+    bound = margins.bounds["gain_margin_up"]
+    assert bound.at_least
+    assert bound.value == pytest.approx(2.5, rel=1e-6)
+    exact = loop_margins(integrator(10.0, 80.0)).gain_margin_up
+    assert exact is not None
+    assert exact.value > bound.value
+    assert "phase_margin_rad" not in margins.bounds
+
+
+def test_a_sensitivity_that_still_rises_at_the_end_bounds_its_peak_from_below() -> None:
+    short, whole = (sensitivity(integrator(20.0, top)) for top in (22.0, 80.0))
+    found, exact = disturbance_rejection(short), disturbance_rejection(whole)
+    assert found.peak is None
+    assert found.bounds["peak"].at_least
+    assert found.bounds["peak"].value == pytest.approx(abs(short.values[0, 0, -1]), rel=0.01)
+    assert exact.peak is not None
+    assert not exact.bounds
+    assert found.bounds["peak"].value < exact.peak.value
+    modulus = loop_margins(integrator(20.0, 22.0)).bounds["modulus_margin"]
+    assert not modulus.at_least
+    assert modulus.value == pytest.approx(1.0 / found.bounds["peak"].value)
+
+
+def test_a_sensitivity_that_stays_low_bounds_the_bandwidth_from_below() -> None:
+    found = disturbance_rejection(sensitivity(integrator(20.0, 5.0)))
+    assert found.bandwidth_rad_s is None
+    assert found.bounds["bandwidth_rad_s"].value == pytest.approx(5.0)
+    assert "peak" not in found.bounds

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from rotorid.pipeline.preparation.controllers import LoggedController, logged_co
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.preparation.segments import histories
-from rotorid.spectral.derived import Estimated, LogCurve, log_curve, selected, with_model_error
+from rotorid.spectral.derived import Estimated, log_curve, selected, with_model_error
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.loops import injected_loop, sensitivity, series
 from rotorid.spectral.margins import (
@@ -30,7 +30,7 @@ from rotorid.spectral.margins import (
     disturbance_rejection,
     loop_margins,
 )
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 ATTITUDE: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
 MODEL_ERROR = 0.007
@@ -215,15 +215,17 @@ def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) ->
 _BEYOND_RATIO = 6.0
 """How far over the end of the band the model is taken."""
 
-_BEYOND_POINTS = 40
-_TOP_OCTAVES = 1.0
+_BEYOND_POINTS = 800
+_TOP_OCTAVE = (0.45, 0.85)
+"""Share of the band's end between which a model is tied to the measurement: the last points hold the end of a sweep."""
+
 _SAME_LOOP = 0.2
 """Rms of the logarithm of measured over computed loop below which the controller is the one that flew."""
 
 _WRONG_PER_E_FOLD = 0.15
 """What a rate model is off by outside of its band, for each factor of e in frequency."""
 
-_FEWEST_POINTS = 8
+_FEWEST_POINTS, _FEWEST_TIED = 8, 4
 _WORDS = {
     "disturbance_rejection_peak": ("sensitivity peak", 0.0, "dB"),
     "phase_margin_rad": ("phase margin", 180.0 / np.pi, "°"),
@@ -243,31 +245,28 @@ def _beyond(axis: Axis, found: AxisLoop, measured: Measured, flown: Sequence[Fli
     curve = log_curve(found.loop)
     if len(controllers) != 1 or vehicle is None or not curve.bands:
         return None
-    end = curve.bands[-1][1]
-    controller = _flown(controllers[0], vehicle, found.loop, end)
+    end = float(np.exp(curve.bands[-1][1]))
+    x = np.log(found.loop.omega_rad_s / end)
+    tied = (
+        np.isin(np.log(found.loop.omega_rad_s), curve.x) & (x >= np.log(_TOP_OCTAVE[0])) & (x <= np.log(_TOP_OCTAVE[1]))
+    )
+    if np.count_nonzero(tied) < _FEWEST_TIED:
+        return None
+    controller = _flown(controllers[0], vehicle, found.loop, tied)
     if controller is None:
         return None
-    top = np.exp(end) * _BEYOND_RATIO
+    top = end * _BEYOND_RATIO
     if controller.controller.step_s > 0.0:
         top = min(top, 0.5 * np.pi / controller.controller.step_s)
-    omega = np.geomspace(np.exp(end), top, _BEYOND_POINTS + 1)[1:]
-    if omega[0] >= omega[-1]:
+    if top <= end:
         return None
-    extended = _extended(
-        found.loop, curve, omega, vehicle.loop(controller, omega) / vehicle.loop(controller, omega[:1])
-    )
-    whole = AxisLoop(
-        method="",
-        loop=extended,
-        margins=loop_margins(extended),
-        rejection=disturbance_rejection(sensitivity(extended)),
-        attitude=None,
-    )
-    wanted = {*found.bounds, *found.not_seen} - set(found.numbers)
+    omega = np.geomspace(end * _TOP_OCTAVE[1], top, _BEYOND_POINTS)
+    numbers = _margins_beyond(found.loop, tied, omega, lambda at: vehicle.loop(controller, at))
+    wanted = set(found.not_seen) | {"crossover_rad_s"}
     return Beyond(
         method=f"a lag of {vehicle.model.order.words} fitted to the measured vehicle, times the controller in the log",
         up_to_rad_s=float(omega[-1]),
-        numbers={name: number for name, number in whole.numbers.items() if name in wanted},
+        numbers={name: number for name, number in numbers.items() if name in wanted - set(found.numbers)},
     )
 
 
@@ -302,12 +301,10 @@ def _late_lag(plant: FrequencyResponse, sample_rate_hz: float) -> _Vehicle | Non
 
 
 def _flown(
-    controller: LoggedController, vehicle: _Vehicle, loop: FrequencyResponse, end: float
+    controller: LoggedController, vehicle: _Vehicle, loop: FrequencyResponse, tied: BoolArray
 ) -> LoggedController | None:
-    """With the angle loop or without: which makes the measured loop in the last octave; ``None`` where none does."""
-    x = np.log(loop.omega_rad_s)
-    last = (x > end - _TOP_OCTAVES * np.log(2.0)) & (x <= end)
-    omega, values = loop.omega_rad_s[last], loop.values[0, 0, last]
+    """With the angle loop or without: which makes the measured loop near its end; ``None`` where none does."""
+    omega, values = loop.omega_rad_s[tied], loop.values[0, 0, tied]
     tried = [
         (float(np.sqrt(np.mean(np.abs(np.log(values / vehicle.loop(one, omega))) ** 2))), one)
         for one in (controller, controller.rate_loop)
@@ -316,38 +313,66 @@ def _flown(
     return best if off <= _SAME_LOOP else None
 
 
-def _extended(
-    loop: FrequencyResponse, curve: LogCurve, omega_rad_s: FloatArray, course: ComplexArray
-) -> FrequencyResponse:
-    """The measured loop up to the end of its band, and from there on what a model makes of its end."""
-    end = curve.at(curve.bands[-1][1])
-    kept = loop.omega_rad_s <= end.omega_rad_s * (1.0 + 1e-9)
-    trusted = np.exp(curve.x)
-    values = np.concatenate([loop.values[0, 0, kept], np.exp(end.value) * course])
-    measured, beyond = int(kept.sum()), omega_rad_s.size
-    # The end errs as the points do that make it, and the model the more the farther it goes on.
-    rows = np.zeros((measured + beyond, curve.x.size), dtype=np.complex128)
-    rows[:measured] = (loop.omega_rad_s[kept][:, None] == trusted).astype(np.float64)
-    rows[measured:] = end.weights
-    relative = rows @ curve.covariance @ rows.conj().T
-    away = np.concatenate([np.zeros(measured), np.log(omega_rad_s / end.omega_rad_s)])
-    relative += 2.0 * _WRONG_PER_E_FOLD**2 * np.outer(away, away)
-    covariance = relative * np.outer(values, values.conj())
-    error = np.sqrt(0.5 * np.einsum("ff->f", relative).real)
-    error[:measured] = loop.random_error[0, 0, kept]
-    coherence = np.concatenate([loop.coherence[0, 0, kept], np.ones(beyond)])
-    return replace(
-        loop,
-        omega_rad_s=np.concatenate([loop.omega_rad_s[kept], omega_rad_s]),
-        values=values[None, None],
-        coherence=coherence[None, None],
-        random_error=error[None, None],
-        covariance=covariance[None, None],
-        output_correlation=None,
-        input_correlation=None,
-        disturbance=None,
-        processing=(*loop.processing, f"beyond {end.omega_rad_s:.3g} rad/s model times controller"),
-    )
+def _margins_beyond(
+    loop: FrequencyResponse, tied: BoolArray, omega_rad_s: FloatArray, model: Callable[[FloatArray], ComplexArray]
+) -> dict[str, Estimated]:
+    r"""Margins of a model that is brought to the mean of what was measured near the end of the band.
+
+    .. math:: L = L_{model} \, e^{a + b \ln(\omega / \omega_0)}
+
+    with the complex level :math:`a` measured, and a complex :math:`b` of zero and 0.15: a model is off the more the
+    farther it goes on. Deviations follow from a step of one deviation of each to either side.
+    """
+    H, x = loop.values[0, 0, tied], np.log(loop.omega_rad_s[tied])
+    weight = 1.0 / loop.random_error[0, 0, tied] ** 2
+    weight /= weight.sum()
+    level = weight @ np.log(H / model(loop.omega_rad_s[tied]))
+    relative = loop.covariance[0, 0][np.ix_(tied, tied)] / np.outer(H, H.conj())
+    std = np.sqrt(0.5 * max(float(np.real(weight @ relative @ weight)), 0.0))
+    away, course = np.log(omega_rad_s) - weight @ x, model(omega_rad_s) * np.exp(level)
+    exact = _read(omega_rad_s, course)
+    ways = [
+        part * direction for part in (std * np.ones_like(away), _WRONG_PER_E_FOLD * away) for direction in (1.0, 1j)
+    ]
+    moved = [[_read(omega_rad_s, course * np.exp(sign * way)) for sign in (1.0, -1.0)] for way in ways]
+    return {
+        name: Estimated(
+            value=value,
+            std=float(np.sqrt(sum(0.25 * (up[name] - down[name]) ** 2 for up, down in moved))),
+        )
+        for name, value in exact.items()
+        if all(name in one for pair in moved for one in pair)
+    }
+
+
+def _read(omega_rad_s: FloatArray, values: ComplexArray) -> dict[str, float]:
+    """Margins of exact values on a close grid, as far as they are there, by the names of the loop's numbers."""
+    found: dict[str, float] = {}
+    x, gain = np.log(omega_rad_s), np.log(np.abs(values))
+    for k in np.flatnonzero((gain[:-1] > 0.0) & (gain[1:] <= 0.0))[-1:]:
+        share = gain[k] / (gain[k] - gain[k + 1])
+        omega = float(np.exp(x[k] + share * (x[k + 1] - x[k])))
+        # From the opposite of minus one, so that no turn lies between the two points.
+        margin = float(np.angle(-values[k]) + share * np.angle(values[k + 1] / values[k]))
+        found |= {
+            "crossover_rad_s": omega,
+            "phase_margin_rad": margin,
+            "delay_margin_s": margin % (2.0 * np.pi) / omega,
+        }
+    turns = np.flatnonzero((values.imag[:-1] < 0.0) & (values.imag[1:] >= 0.0) & (values.real[:-1] < 0.0))
+    for k in turns[:1]:
+        share = values.imag[k] / (values.imag[k] - values.imag[k + 1])
+        margin = float(np.exp(-(gain[k] + share * (gain[k + 1] - gain[k]))))
+        found |= {"gain_margin_up": margin} if margin >= 1.0 else {"gain_margin_down": margin}
+    distance = np.abs(1.0 + values)
+    least = int(distance.argmin())
+    if 0 < least < distance.size - 1 and distance[least] < 1.0:
+        found |= {"modulus_margin": float(distance[least]), "modulus_omega_rad_s": float(omega_rad_s[least])}
+        found |= {
+            "disturbance_rejection_peak": float(1.0 / distance[least]),
+            "disturbance_rejection_peak_omega_rad_s": float(omega_rad_s[least]),
+        }
+    return found
 
 
 def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
