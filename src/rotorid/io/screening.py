@@ -182,7 +182,7 @@ def _ahead(stamps: FloatArray) -> BoolArray:
     """Single stamps that run ahead of the two that follow, which themselves go on behind what came before."""
     before, after = np.append(-np.inf, stamps[:-1]), np.append(stamps[1:], np.inf)
     # Ahead of the next one alone, it may as well be that one that is wrong.
-    return (stamps > after) & (after >= before) & (stamps > np.append(after[1:], -np.inf))
+    return (stamps > after) & (after >= before) & (stamps > np.append(stamps[2:], [-np.inf, -np.inf]))
 
 
 def _behind(stamps: FloatArray) -> BoolArray:
