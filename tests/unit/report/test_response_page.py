@@ -77,7 +77,8 @@ def test_every_number_that_a_loop_can_have_has_its_words() -> None:
 
 def blank(part: Any) -> dict[str, Any]:
     """Everything that a part may fail to see, each for a reason of its own."""
-    names = [field.name for field in dataclasses.fields(part) if not field.name.endswith(("crossovers", "not_seen", "bounds"))]
+    told = ("crossovers", "not_seen", "bounds")
+    names = [field.name for field in dataclasses.fields(part) if not field.name.endswith(told)]
     return dict.fromkeys(names) | {"not_seen": {name: f"{type(part).__name__} {name}" for name in names}}
 
 
