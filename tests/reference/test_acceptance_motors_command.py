@@ -68,7 +68,9 @@ def test_px4_doublets_alone_tell_roll_and_pitch(unpacked: Callable[[str], Path])
     assert "I_zz" not in found.parameters
     # Thrust was not moved: a line is assumed, and inertia is no surer than its slope.
     assert {"no_excitation", "assumed_curve"} <= kinds(found)
-    assert found.parameters["I_xx"].std == pytest.approx(0.3 * value(found, "I_xx"), rel=0.05)
+    std = found.parameters["I_xx"].std
+    assert std is not None
+    assert 0.3 * value(found, "I_xx") < std < 0.4 * value(found, "I_xx")
 
 
 def test_thrust_of_two_flights_agrees_within_what_is_stated(unpacked: Callable[[str], Path]) -> None:

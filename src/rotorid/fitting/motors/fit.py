@@ -620,6 +620,8 @@ class MotorFit(Fit):
         Whether the values came to rest.
     moved
         By how many standard deviations a value moved in the last round.
+    white_force
+        Whether errors of the specific force were whitened.
     """
 
     problem: MotorProblem
@@ -627,6 +629,7 @@ class MotorFit(Fit):
     rounds: int
     settled: bool
     moved: float = 0.0
+    white_force: bool = False
 
     @property
     def moving(self) -> tuple[str, ...]:
@@ -704,7 +707,15 @@ def fit_motors(
         progress(f"motors, round {count}: values moved by {moved:.2g} standard deviations")
         if settled:
             break
-    return MotorFit(problem=problem, solution=solution, excitations=found, rounds=count, settled=settled, moved=moved)
+    return MotorFit(
+        problem=problem,
+        solution=solution,
+        excitations=found,
+        rounds=count,
+        settled=settled,
+        moved=moved,
+        white_force=white_force,
+    )
 
 
 def _deviations(solution: Solution, before: FloatArray) -> FloatArray:

@@ -248,6 +248,9 @@ calibrated accelerometer is off by. Below, what is slow and large tells the curv
 _LEAST_EXPLAINED = 50.0
 """Percent of an axis that the motors must explain: less than that, and they leave more than they explain."""
 
+_LEAST_OF_GUSTY = 100.0 * (1.0 - 0.5**0.5)
+"""The same in power, for specific force among gusts."""
+
 _LARGEST_STD = 1.0
 """Of an inertia or of the slope of thrust, as a share of the value: beyond, nothing is known of it."""
 
@@ -426,7 +429,9 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
     channels = {CHANNELS[axis]: axis for axis in fitted.axes}
     found: dict[str, Finding] = {}
     for name, percent in fit_percents(fitted.moved, list(channels)).items():
-        if not percent >= _LEAST_EXPLAINED:
+        # Gusts whose color is in the fit may hold as much power as thrust does.
+        gusty = channels[name] == "az" and fitted.fit.white_force
+        if not percent >= (_LEAST_OF_GUSTY if gusty else _LEAST_EXPLAINED):
             found[channels[name]] = warn(
                 "poor_fit",
                 name,
