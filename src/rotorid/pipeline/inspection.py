@@ -17,6 +17,7 @@ from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError
+from rotorid.io.advice import flying_advice, logging_advice
 from rotorid.models.library import RATE_AXES
 from rotorid.pipeline.fits.frequency import LOWEST_TOP_RAD_S
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
@@ -29,16 +30,6 @@ from rotorid.signal.excitations import candidate_excitations, find_excitations, 
 from rotorid.signal.kinematics import KinematicCheck
 from rotorid.typing import Axis, FloatArray, IntArray
 
-_LOGGING_ADVICE = {
-    "ArduPilot DataFlash": "set LOG_BITMASK so that fast attitude (bit 0) and fast IMU (bit 18) are logged",
-    "PX4 ULog": "set SDLOG_PROFILE to 25 (default, system identification and high rate)",
-}
-_OTHER_LOGGING = "log it, or name its source with --map"
-_FLYING_ADVICE = {
-    "ArduPilot DataFlash": "fly SYSTEMID mode with SID_AXIS {sid_axis}",
-    "PX4 ULog": "sweep the {axis} stick, slow to fast, for a minute or more",
-}
-_OTHER_FLYING = "fly a {axis} sweep, slow to fast, for a minute or more, or name one with --segment"
 _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 
 _PerAxis: TypeAlias = Mapping[str, Sequence[Maneuver]]
@@ -137,7 +128,7 @@ def _best_rate_hz(record: FlightRecord, channel: str) -> float:
 
 def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:
     """The refusal of a log that lacks channels, or holds them too slowly."""
-    advice = _LOGGING_ADVICE.get(record.source.format, _OTHER_LOGGING)
+    advice = logging_advice(record, min(rates.values()))
     missing = [name for name in rates if name not in record.channel_names]
     if missing:
         return Support(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
@@ -157,8 +148,7 @@ def _unflown(
         because = (
             f"only short maneuvers ({kinds}) excite this axis" if kinds else "no excitation of this axis was found"
         )
-        flying = _FLYING_ADVICE.get(record.source.format, _OTHER_FLYING)
-        remedy = flying.format(axis=axis, sid_axis=_SID_AXIS[axis])
+        remedy = flying_advice(record).format(axis=axis, sid_axis=_SID_AXIS[axis])
         if tried is not None:
             remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
         return Support(possible=False, because=because, remedy=remedy)

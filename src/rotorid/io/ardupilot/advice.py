@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rotorid.data.findings import Finding, Severity, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, Topic
-from rotorid.io.ardupilot.firmware import RATE_FROM, Firmware
+from rotorid.io.ardupilot.firmware import RATE_FROM, SYSTEM_ID_FROM, Firmware, named
 
 _LOOP_BY_LOOP = 0.75
 """Below this part of the loop's rate at most every second sample was logged."""
@@ -93,6 +93,39 @@ def slow_topics(topics: Sequence[Topic], parameters: Mapping[str, float], firmwa
             f"ArduPilot writes it ten times a second whatever LOG_BITMASK says: {mixer}"
         )
         yield _too_slow("RCOU", rates["RCOU"], "info" if usable else "warning", remedy)
+
+
+def logging_advice(parameters: Mapping[str, float], firmware: str, rate_hz: float) -> str:
+    """How the next log gets commands and rates fast enough, by what this one has.
+
+    Parameters
+    ----------
+    parameters
+        The autopilot's.
+    firmware
+        As it introduces itself.
+    rate_hz
+        Rate of the slowest channel that is needed; zero where it is not logged.
+    """
+    known = named(firmware)
+    if known.before(RATE_FROM):
+        return f"fly firmware 3.4 or newer: {firmware} logs neither the mixer's inputs nor rates at the loop's rate"
+    if limit := _limit(rate_hz, parameters):
+        return limit
+    missing = [f"{meaning} (bit {bit})" for _, bit, meaning in _FAST_BITS if not _mask(parameters) >> bit & 1]
+    if not missing:
+        return "LOG_BITMASK logs fast attitude and fast IMU already: the autopilot's loop or its storage is too slow"
+    mask = _mask(parameters)
+    wanted = mask | sum(1 << bit for _, bit, _ in _FAST_BITS)
+    becomes = f": {mask} becomes {wanted}" if mask else ""
+    return f"set LOG_BITMASK so that {' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} logged{becomes}"
+
+
+def flying_advice(firmware: str) -> str:
+    """How to fly an excitation, with places for ``axis`` and ``sid_axis``; before 4.0 there is no SYSTEMID mode."""
+    if named(firmware).before(SYSTEM_ID_FROM):
+        return "sweep the {axis} stick, slow to fast, for a minute or more"
+    return "fly SYSTEMID mode with SID_AXIS {sid_axis}"
 
 
 def _mask(parameters: Mapping[str, float]) -> int:

@@ -21,6 +21,9 @@ _NORMALIZED_FROM = (3, 4)
 RATE_FROM = (3, 3)
 """The first copter firmware with a ``RATE`` message."""
 
+SYSTEM_ID_FROM = (4, 0)
+"""The first copter firmware with SYSTEMID mode."""
+
 _WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
 
@@ -55,7 +58,17 @@ def firmware_of(tables: Mapping[str, Table]) -> Firmware:
     for name, column in (("VER", "FWS"), ("MSG", "Message")):
         if name in tables and tables[name].holds_text(column):
             texts += [str(text) for text in tables[name].column(column).tolist()]
-    text = next((text for text in texts if _VERSION.search(text)), "")
+    return named(next((text for text in texts if _VERSION.search(text)), ""))
+
+
+def named(text: str) -> Firmware:
+    """The firmware that introduces itself like this.
+
+    Examples
+    --------
+    >>> named("APM:Copter V3.4-rc2 (f46a31d0)").copter, named("ArduPlane V4.5.1").copter
+    ((3, 4), None)
+    """
     match = _COPTER.search(text)
     return Firmware(text, (int(match[1]), int(match[2])) if match else None)
 

@@ -18,6 +18,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, T
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.files import without_places
+from rotorid.io.flags import vehicle_findings
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
 from rotorid.typing import AnyArray, FloatArray
@@ -223,13 +224,14 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
             needed="a log of a flight, such as vehicle_torque_setpoint with vehicle_angular_velocity",
             remedy="check that the logger was on in flight (SDLOG_MODE, SDLOG_PROFILE)",
         )
+    status = status_of(arrays, parameters, _span_s(topics))
     return FlightRecord(
         source=source,
         topics=topics,
         parameters=parameters,
         instruments=_instruments(topics),
-        findings=(*findings_of(topics, facts), *remarks),
-        status=status_of(arrays, parameters, _span_s(topics)),
+        findings=(*vehicle_findings(status), *findings_of(topics, facts), *remarks),
+        status=status,
     )
 
 
@@ -361,7 +363,7 @@ _NEEDED = {
 }
 
 
-def _remedy(parameters: Mapping[str, float]) -> str:
+def logging_advice(parameters: Mapping[str, float]) -> str:
     """What makes this firmware log more; a log that lost its parameters is taken for one of today."""
     profile = parameters.get("SDLOG_PROFILE")
     if profile is None and parameters:
@@ -388,7 +390,7 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any]) -> Iterator[F
     """
     yield from _damage(facts["damage"], facts["size_bytes"])
     yield from _dropouts(facts["dropouts"])
-    remedy = _remedy(facts["parameters"])
+    remedy = logging_advice(facts["parameters"])
     yield from _missing(topics, remedy)
     yield from _slow(topics, remedy)
 
