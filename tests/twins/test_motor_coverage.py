@@ -83,4 +83,5 @@ def _table(found: list[Judged]) -> Iterator[str]:
     for name, values in groups.items():
         rms = np.sqrt(np.mean([min(abs(one.error / one.stated), 10.0) ** 2 for one in values]))
         wide = np.median([one.stated for one in values]) / np.sqrt(np.mean([one.error**2 for one in values]))
-        yield f"{name:16s} {len(values):4d} {100.0 * _held(values):5.1f} % held, error/stated {rms:.2f}, {wide:.1f} wide"
+        held = 100.0 * _held(values)
+        yield f"{name:16s} {len(values):4d} {held:5.1f} % held, error/stated {rms:.2f}, stated/error {wide:.1f}"

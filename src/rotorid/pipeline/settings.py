@@ -780,13 +780,17 @@ class MotorChoices:
         Whether thrust follows the voltage of the battery, where outputs of motors were logged.
     bootstrap
         Refits to noise drawn anew, beside the stated standard deviations.
+    search
+        A global search for a start, with its options, as ``genetic:15x50``.
+    evaluations
+        Its budget.
     seed
-        Of what a bootstrap draws.
+        Of what a bootstrap or a search draws.
 
     Raises
     ------
     UsageError
-        A length is not positive, or there is no such curve.
+        A length is not positive, or there is no such curve or search.
     """
 
     known: Mapping[str, float] = field(default_factory=dict)
@@ -797,9 +801,12 @@ class MotorChoices:
     segments: "tuple[Maneuver, ...]" = ()
     voltage: bool = True
     bootstrap: int | None = None
+    search: str | None = None
+    evaluations: int | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_search(self.search, self.evaluations, "default")
         for name, length_m in (("an arm", self.arm_m), ("a rotor diameter", self.rotor_diameter_m)):
             if length_m is not None and not length_m > 0.0:
                 raise UsageError(f"{name} of {length_m:g} m came", needed="a positive length")
@@ -825,11 +832,12 @@ class MotorChoices:
             "voltage": self.voltage,
         }
         # Told only where there is one, as the values do not depend on it.
-        return choices if self.bootstrap is None else choices | {"bootstrap": self.bootstrap}
+        asked = {name: getattr(self, name) for name in ("bootstrap", "search", "evaluations")}
+        return choices | {name: value for name, value in asked.items() if value is not None}
 
 
 _OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
-_ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "bootstrap")
+_ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "bootstrap", "search", "evaluations")
 
 
 def motor_choices(
@@ -864,7 +872,7 @@ def motor_choices(
     if wrong:
         raise UsageError(
             f"{', '.join(name.replace('_', ' ') for name in wrong)} came with {MODEL}, which has no such choice",
-            needed="--fix, --layout, --arm, --curve, --segment, --bootstrap, --verify",
+            needed="--fix, --layout, --arm, --curve, --segment, --bootstrap, --search, --verify",
             remedy="leave it out, or choose another model",
         )
     return MotorChoices(
@@ -872,6 +880,8 @@ def motor_choices(
         segments=settings.segments,
         seed=settings.seed,
         bootstrap=settings.bootstrap,
+        search=settings.search,
+        evaluations=settings.evaluations,
         **{name: getattr(settings, name) for name in _OF_MOTORS},
     )
 

@@ -42,7 +42,7 @@ from rotorid.data.base import read_only
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.problem import Fit, Part, Problem
+from rotorid.fitting.problem import Fit, Part, Problem, Scale, StartBox
 from rotorid.models.motors import RATES
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import BoolArray, FloatArray
@@ -656,6 +656,7 @@ def fit_motors(
     solver: LevenbergMarquardt = _SOLVER,
     rounds: int = 15,
     white_force: bool = False,
+    start: Mapping[str, float] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> MotorFit:
     r"""Fit the motor chain by a prediction error method.
@@ -678,6 +679,8 @@ def fit_motors(
         How often to whiten at most.
     white_force
         Whether errors of the specific force are whitened too.
+    start
+        Values to start from, such as those of a search; by default what thrust, lag and inertia are at first sight.
     progress
         Told after each round.
 
@@ -696,7 +699,10 @@ def fit_motors(
             needed=f"a correlation of {LEAST_CORRELATION:g} up to 5 Hz",
             remedy="fly sweeps or doublets on these axes, or leave them out",
         )
-    problem = _slow_problem(problem.with_parameters(_start(problem, found)), found)
+    parameters = _start(problem, found)
+    if start is not None:
+        parameters = parameters.with_values({name: start[name] for name in parameters.free if name in start})
+    problem = _slow_problem(problem.with_parameters(parameters), found)
     solution = solver.minimize(problem.residuals, problem.parameters.pack(), *problem.box)
     settled, count, moved = False, 0, 0.0
     for count in range(1, rounds + 1):
@@ -716,6 +722,74 @@ def fit_motors(
         moved=moved,
         white_force=white_force,
     )
+
+
+_SEARCHED_HZ = 50.0
+_FAR = 5.0
+_REACH: Mapping[str, tuple[float, float]] = {
+    "T_motor": (0.003, 0.3),
+    "tau_gyro": (0.0, 0.06),
+    "tau_accel": (0.0, 0.06),
+    "L_p": (-6.0, 1.0),
+    "M_q": (-6.0, 1.0),
+    "N_r": (-6.0, 1.0),
+    "Z_w": (-3.0, 0.5),
+}
+
+
+def searched_motors(problem: MotorProblem) -> MotorProblem:
+    """The problem of slow motion on a coarser clock, with a box around it, for a search to find a start in.
+
+    Outputs are averaged over the coarser samples, of which there are some 50 in a second; filters in front of the
+    sensors are left to the delays.
+
+    Parameters
+    ----------
+    problem
+        As for :func:`fit_motors`.
+    """
+    coarse = replace(problem, records=tuple(_coarser(record) for record in problem.records), filters=(), region=None)
+    found = excitations(coarse.records, coarse.levers)
+    slow = _slow_problem(coarse.with_parameters(_start(coarse, found)), found)
+    return slow.within(_reach(slow))
+
+
+def _coarser(record: MotorRecord) -> MotorRecord:
+    every = max(1, int(record.sample_rate_hz / _SEARCHED_HZ))
+    count = record.samples // every
+
+    def mean(rows: FloatArray) -> FloatArray:
+        return np.asarray(rows[..., : count * every].reshape(*rows.shape[:-1], count, every).mean(axis=-1))
+
+    return replace(
+        record,
+        sample_rate_hz=record.sample_rate_hz / every,
+        outputs=mean(record.outputs),
+        rates=record.rates[:, : count * every : every],
+        az=record.az[: count * every : every],
+        w=record.w[: count * every : every],
+        strength=mean(record.strength),
+        gyro_taps=np.ones(1),
+        accel_taps=np.ones(1),
+    )
+
+
+def _reach(problem: MotorProblem) -> StartBox:
+    """Where a vehicle may lie: thrust that carries it, inertia within a factor, lags, damping."""
+    parameters = problem.parameters
+    weight = parameters["m"].value * STANDARD_GRAVITY_M_S2
+    sides: list[tuple[float, float]] = []
+    for name in parameters.free:
+        value = parameters[name].value
+        low, high = min(value / _FAR, value * _FAR), max(value / _FAR, value * _FAR)
+        if name in ("c_0", "c_1", "c_2"):
+            size = weight / max(_summed(problem, int(name[-1])), 1e-9)
+            low, high = -size, 2.0 * size
+        low, high = _REACH.get(name, (low, high))
+        sides.append((max(low, parameters[name].lower), min(high, parameters[name].upper)))
+    scales: list[Scale] = ["logarithmic" if low * high > 0.0 else "linear" for low, high in sides]
+    lower, upper = np.array(sides).T
+    return StartBox(lower=lower, upper=upper, scales=tuple(scales))
 
 
 def _deviations(solution: Solution, before: FloatArray) -> FloatArray:

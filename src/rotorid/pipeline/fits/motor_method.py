@@ -26,6 +26,7 @@ from rotorid.pipeline.fits.motors import (
     scores,
     simulated_record,
 )
+from rotorid.pipeline.fits.searching import judge_minima, search_summary, searched_minima
 from rotorid.pipeline.preparation.motor_data import MotorData, motor_data
 from rotorid.pipeline.results import FittedData, Verifications, no_response
 from rotorid.pipeline.settings import MotorChoices
@@ -106,6 +107,8 @@ class Motors:
                 ),
                 fit_percent=fit_percents(fitted.moved, fitted.channels),
                 hold="zero",
+                minima=searched_minima(fitted.search),
+                search=search_summary(fitted.search),
                 bootstrap=fitted.bootstrap.summary if fitted.bootstrap else None,
                 records=tuple(_record_fit(motion) for motion in fitted.moved),
             ),
@@ -125,6 +128,7 @@ class Motors:
         return (
             *judge_motors(fitted, self.settings, told.fit.fit_percent or {}),
             *judge_combinations(told.combinations),
+            *judge_minima(fitted.search, fitted.parameters, fitted.bounds),
             *(fitted.bootstrap.findings if fitted.bootstrap else ()),
         )
 

@@ -35,6 +35,7 @@ from rotorid.fitting.motors.fit import (
     excited_axes,
     fit_motors,
     motor_speed,
+    searched_motors,
 )
 from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
 from rotorid.models.motors import (
@@ -52,9 +53,10 @@ from rotorid.models.toml import from_toml
 from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
 from rotorid.pipeline.fits.frequency import judge_parameters
 from rotorid.pipeline.fits.motor_errors import CURVE_SHARE, gusts_between, motor_model_error, with_model_errors
+from rotorid.pipeline.fits.searching import Searched, searched
 from rotorid.pipeline.preparation.motor_data import MotorData, MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
-from rotorid.pipeline.settings import MotorChoices
+from rotorid.pipeline.settings import IdentifySettings, MotorChoices
 from rotorid.pipeline.summary import Derived
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart
@@ -293,6 +295,8 @@ class FittedMotors(Immutable):
         Axes that were excited and of which nothing is stated, and why.
     bootstrap
         Refits to noise drawn anew, where they were asked for. Their spread is that of random errors alone.
+    search
+        For a start, where one was asked for.
     """
 
     data: MotorData
@@ -307,6 +311,7 @@ class FittedMotors(Immutable):
     derived: Mapping[str, Derived]
     left_out: tuple[Finding, ...] = ()
     bootstrap: Bootstrap | None = None
+    search: Searched | None = None
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -360,8 +365,8 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
         raise _nothing_excited(data, found)
     left_out: list[Finding] = []
     while True:
-        fit, curve = _fitted(data, choices, levers, axes)
-        fitted = _bounded(data, choices, fit, curve)
+        fit, curve, search = _fitted(data, choices, levers, axes)
+        fitted = replace(_bounded(data, choices, fit, curve), search=search)
         wrong = _useless(fitted)
         left_out += wrong.values()
         if not wrong:
@@ -499,11 +504,11 @@ def _fitted(
     choices: MotorChoices,
     levers: FloatArray,
     axes: tuple[str, ...],
-) -> tuple[MotorFit, Curve]:
-    """The fit of some axes, with a motor lag where the data tell one."""
+) -> tuple[MotorFit, Curve, Searched | None]:
+    """The fit of some axes, with a motor lag where the data tell one, and the search that it went on from."""
     curve = _curve(choices, data, axes)
 
-    def fitted(lag: bool, *, gusty: bool = False) -> MotorFit:
+    def posed(*, lag: bool) -> MotorProblem:
         parameters = motor_parameters(
             curve=curve,
             known=choices.known,
@@ -512,8 +517,13 @@ def _fitted(
             heave_damping=all(record.w.size > 0 for record in data.records),
             earliest_s=-_STAMPS_S if any(record.gyro_taps.size > 1 for record in data.records) else 0.0,
         )
-        problem = MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *axes))
-        return fit_motors(problem, white_force=gusty)
+        return MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *axes))
+
+    search = _searched(posed(lag=data.kind != "speed"), choices)
+    start = search.values(search.minima[0]) if search else None
+
+    def fitted(lag: bool, *, gusty: bool = False) -> MotorFit:
+        return fit_motors(posed(lag=lag), white_force=gusty, start=start)
 
     _PROGRESS.info("fitting motors, thrust and inertia")
     fit = fitted(data.kind != "speed")
@@ -523,7 +533,15 @@ def _fitted(
         fit = fitted(data.kind != "speed", gusty=True)
     if _lag_unseen(fit):
         fit = fitted(False, gusty=gusty)
-    return fit, curve
+    return fit, curve, search
+
+
+def _searched(problem: MotorProblem, choices: MotorChoices) -> Searched | None:
+    """The search that was asked for, on slow motion."""
+    if choices.search is None:
+        return None
+    settings = IdentifySettings(search=choices.search, evaluations=choices.evaluations, seed=choices.seed)
+    return searched(searched_motors(problem), settings)
 
 
 def _lag_unseen(fit: MotorFit) -> bool:
