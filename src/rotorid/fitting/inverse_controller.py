@@ -27,6 +27,9 @@ r"""Narrower bands give no verdict. A vehicle that crosses :math:`-1/C` departs 
 over a ratio :math:`\rho` that is an rms error of :math:`20 \log_{10}(\rho) / \sqrt{12}` dB, a cost of 60 at 2. Gains
 that are free to fit follow a part of it."""
 
+_NO_VEHICLE_COST, _AS_NEAR = 100.0, 3.0
+"""What no vehicle explains better than this, and the inverse of the controller not much worse, is a mixture of both."""
+
 _STEP_RATIO = 1.5
 _LEAST_POINTS = 6
 _OUTLIER = 2.0
@@ -39,6 +42,9 @@ _FREE_GAIN = 12.0
 _LOWER = np.array([-_FREE_GAIN, 0.0, 0.0, 0.0, -_FITTED_DELAY_S])
 _UPPER = np.array([_FREE_GAIN, 30.0, 0.1, 0.2, _FITTED_DELAY_S])
 _STARTS = ((0.1, 0.001, 0.001), (3.0, 0.02, 0.01), (0.1, 0.05, 0.01), (3.0, 0.001, 0.06), (15.0, 0.01, 0.02))
+_VEHICLE_LOWER = np.array([-_FREE_GAIN, 0.0, 0.0, 0.0])
+_VEHICLE_UPPER = np.array([_FREE_GAIN, 10.0, 0.2, 0.05])
+_VEHICLE_STARTS = ((1.0, 0.02, 0.01), (0.5, 0.1, 0.005), (5.0, 0.005, 0.02))
 _SOLVER = LevenbergMarquardt(iterations=60, tolerance=1e-6)
 
 
@@ -62,12 +68,15 @@ class SubBand:
         Cost against the gains in the log; infinite where they are not known.
     fitted_cost
         Cost against the best gains; infinite where the band is too narrow to fit them.
+    vehicle_cost
+        Cost against the best vehicle; zero where that was not asked for.
     """
 
     low_rad_s: float
     high_rad_s: float
     known_cost: float
     fitted_cost: float
+    vehicle_cost: float = 0.0
 
     @property
     def cost(self) -> float:
@@ -76,8 +85,17 @@ class SubBand:
 
     @property
     def inverse(self) -> bool:
-        """Whether this is the inverse of the controller: hardly to be told from it, on CIFER's scale."""
-        return self.cost < EXCELLENT_COST
+        """Whether this is the inverse of the controller, hardly to be told from it on CIFER's scale, or a mixture."""
+        return self.cost < EXCELLENT_COST or self.mixed
+
+    @property
+    def mixed(self) -> bool:
+        """Whether no vehicle explains it, and the inverse of the controller is about as near."""
+        return (
+            self.cost >= EXCELLENT_COST
+            and self.vehicle_cost > _NO_VEHICLE_COST
+            and self.cost < _AS_NEAR * self.vehicle_cost
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,6 +124,7 @@ def inverse_controller(
     *,
     controllers: Sequence[Controls] = (),
     unknown_gains: bool = True,
+    vehicle_from_rad_s: float = np.inf,
 ) -> Verdict:
     r"""Test in sub-bands whether a response is the inverse of its controller.
 
@@ -118,9 +137,17 @@ def inverse_controller(
     A cost below 50 makes it the inverse, except for points whose own cost is more than twice that. The delay stands
     for filters on the way to the log and for stamps; it may be negative.
 
+    Where gusts and excitation move the vehicle alike, the response lies between both. Against that stands the best
+    vehicle,
+
+    .. math:: \frac{K e^{-s t}}{(s + d)(1 + T s)}, \qquad 0 \le d \le 10 \text{ 1/s}, \quad
+        0 \le T \le 0.2 \text{ s}, \quad 0 \le t \le 50 \text{ ms}
+
+    A sub-band that it explains to no better than a cost of 100, while the inverse of the controller costs less than
+    three times as much, counts as the controller's too.
+
     Assumes a linear controller that feeds back one rate of its own axis, by positive gains. A vehicle near the limit
-    of stability over more than an octave (loop gain one at −180° throughout) would be taken for its controller; a
-    mixture of both is taken for neither.
+    of stability over more than an octave (loop gain one at −180° throughout) would be taken for its controller.
 
     Parameters
     ----------
@@ -136,6 +163,9 @@ def inverse_controller(
     unknown_gains
         Whether gains that nobody logged are tried too. They explain an unstable airframe near its modes as well, so a
         response that there is reason to trust should not be tested with them.
+    vehicle_from_rad_s
+        Frequency above which the response, if it is a vehicle's, has that form, so that mixtures can be told. What is
+        trusted should not be tested.
 
     Returns
     -------
@@ -167,10 +197,16 @@ def inverse_controller(
         known = _known(omega, data, weight, controllers)
         fitted = _fitted(omega, data, weight) if unknown_gains else _NONE
         band = SubBand(
-            low_rad_s=float(omega[0]), high_rad_s=float(omega[-1]), known_cost=known.cost, fitted_cost=fitted.cost
+            low_rad_s=float(omega[0]),
+            high_rad_s=float(omega[-1]),
+            known_cost=known.cost,
+            fitted_cost=fitted.cost,
+            vehicle_cost=_vehicle(omega, data, weight).cost if omega[0] > vehicle_from_rad_s else 0.0,
         )
         bands.append(band)
-        if band.inverse:
+        if band.mixed:
+            inverse |= members
+        elif band.inverse:
             # Known gains are the sharper test, where they hold: fitted ones bend toward what is not the controller's.
             nearest = known if known.cost < EXCELLENT_COST else fitted
             inverse[members] |= nearest.point_costs < _OUTLIER * EXCELLENT_COST
@@ -215,6 +251,28 @@ def _known(omega: FloatArray, data: ComplexArray, weight: FloatArray, controller
         costs = pair_costs(late[:, None], data[None, None], np.broadcast_to(weight, late.shape)[:, None])
         judged.append(_judged(late[np.argmin(costs)], data, weight))
     return min(judged, key=lambda item: item.cost, default=_NONE)
+
+
+def _vehicle(omega: FloatArray, data: ComplexArray, weight: FloatArray) -> _Hypothesis:
+    """The nearest rate of a vehicle: gain, damping, motor lag and delay."""
+    if omega[-1] < LEAST_KNOWN_RATIO * omega[0]:
+        return _Hypothesis(cost=0.0, point_costs=np.zeros(0))
+    s = 1j * omega
+    level = float(np.mean(np.log(np.abs(data) * omega)))
+    magnitude, phase = (scale[0, 0] for scale in residual_scales(weight[None, None]))
+
+    def model(theta: FloatArray) -> ComplexArray:
+        return np.asarray(np.exp(level + theta[0] - theta[3] * s) / ((s + theta[1]) * (1.0 + theta[2] * s)))
+
+    def residuals(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        error = log_error(model(theta), data)
+        slope = np.stack([np.ones_like(s), -1.0 / (s + theta[1]), -s / (1.0 + theta[2] * s), -s])
+        jacobian = np.concatenate([magnitude * slope.real, phase * slope.imag], axis=1).T
+        return np.concatenate([magnitude * error.real, phase * error.imag]), jacobian
+
+    starts = (np.array([0.0, *start]) for start in _VEHICLE_STARTS)
+    solutions = [_SOLVER.minimize(residuals, start, _VEHICLE_LOWER, _VEHICLE_UPPER) for start in starts]
+    return _judged(model(min(solutions, key=lambda solution: solution.cost).theta), data, weight)
 
 
 def _fitted(omega: FloatArray, data: ComplexArray, weight: FloatArray) -> _Hypothesis:

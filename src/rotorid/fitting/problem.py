@@ -104,20 +104,20 @@ class ErrorShapes(Immutable):
         Columns of unit size, shape ``(n, m)``.
     group
         Index of the group of each column, shape ``(m,)``.
-    clocks
-        Columns of known size, shape ``(n, c)``.
+    known
+        Columns of known size, shape ``(n, c)``: clocks, and places of sensors.
     """
 
     names: tuple[str, ...]
     smooth: FloatArray
     group: IntArray
-    clocks: FloatArray
+    known: FloatArray
 
     def __post_init__(self) -> None:
         self._set(
             smooth=read_only(self.smooth, np.float64, ndim=2),
             group=read_only(self.group, np.int64, ndim=1),
-            clocks=read_only(self.clocks, np.float64, ndim=2),
+            known=read_only(self.known, np.float64, ndim=2),
         )
 
     def covariance(self, sizes: Mapping[str, float]) -> FloatArray:
@@ -128,7 +128,7 @@ class ErrorShapes(Immutable):
     def root(self, sizes: Mapping[str, float]) -> FloatArray:
         """Columns whose outer products sum to that covariance, shape ``(n, m + c)``."""
         each = np.array([sizes[name] for name in self.names])
-        return np.concatenate([self.smooth * each[self.group], self.clocks], axis=1)
+        return np.concatenate([self.smooth * each[self.group], self.known], axis=1)
 
 
 Scale: TypeAlias = Literal["linear", "logarithmic"]
@@ -399,8 +399,9 @@ class Problem(Immutable, ABC):
         del theta, weights
         return None
 
-    def error_shapes(self) -> ErrorShapes | None:
-        """Shapes of errors in the residuals that are no noise; none by default."""
+    def error_shapes(self, theta: FloatArray) -> ErrorShapes | None:
+        """Shapes of errors in the residuals about the model at ``theta`` that are no noise; none by default."""
+        del theta
         return None
 
     def parts(self, theta: FloatArray) -> list[Part]:

@@ -157,7 +157,7 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", 
         gain = _behind_whitening(errors, gain)
     random = gain @ errors.covariance @ gain.T
     total, found = random, None
-    shapes = problem.error_shapes() if model_errors else None
+    shapes = problem.error_shapes(solution.theta) if model_errors else None
     if shapes is not None:
         about = problem.stated_errors(solution.theta, weights="covariance")
         assert about is not None

@@ -136,7 +136,7 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
         shapes=shapes,
         sizes=dict(zip(shapes.names, map(float, np.exp(logs)), strict=True)),
         scatter=own,
-        expected=np.concatenate([shapes.smooth, shapes.clocks], axis=1) @ likelihood.expected(logs),
+        expected=np.concatenate([shapes.smooth, shapes.known], axis=1) @ likelihood.expected(logs),
     )
 
 
@@ -147,7 +147,7 @@ def _part(shapes: ErrorShapes, place: int, rows: IntArray) -> ErrorShapes:
         names=(shapes.names[place],),
         smooth=shapes.smooth[np.ix_(rows, np.flatnonzero(columns))],
         group=np.zeros(int(columns.sum()), dtype=np.int64),
-        clocks=shapes.clocks[rows],
+        known=shapes.known[rows],
     )
 
 
@@ -183,7 +183,7 @@ class _Likelihood:
         from scipy.linalg import solve_triangular
 
         root = np.linalg.cholesky(covariance + np.diag(_OWN_SHARE * np.diag(covariance) + own**2))
-        stacked = np.concatenate([jacobian, shapes.smooth, shapes.clocks, residual[:, None]], axis=1)
+        stacked = np.concatenate([jacobian, shapes.smooth, shapes.known, residual[:, None]], axis=1)
         white = solve_triangular(root, stacked, lower=True, check_finite=False)
         slopes, beside = np.split(white, [jacobian.shape[1]], axis=1)
         length = np.linalg.norm(slopes, axis=0)

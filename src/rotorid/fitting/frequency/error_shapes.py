@@ -81,9 +81,7 @@ def response_error_shapes(
         late = phase * omega_rad_s * CLOCK_SAMPLES / sample_rate_hz
         channels = [*(source == u for u in np.unique(source)), *(output == y for y in np.unique(output))]
         clocks = np.concatenate([np.zeros((count, len(channels))), late[:, None] * np.stack(channels, axis=1)])
-    shapes = ErrorShapes(
-        names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), clocks=clocks
-    )
+    shapes = ErrorShapes(names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), known=clocks)
     return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
 
 

@@ -492,6 +492,11 @@ def _between_outputs(data: FrequencyResponse, output: IntArray, source: IntArray
     return np.asarray(factor @ factor.conj().T)
 
 
+_PLACE = "z_imu"
+ACCELEROMETER_PLACE_M = 0.01
+"""Standard deviation of its distance from the center of gravity where nobody measured it: the board of an autopilot is
+mounted by eye. What turns the vehicle moves such an accelerometer, as a force would."""
+
 _LARGEST_ERROR = 0.3
 _LONGEST_DIP = 3
 _FEWEST_POINTS = 3
@@ -599,10 +604,10 @@ class FrequencyProblem(Problem):
         """The errors that the responses state; with weights of the covariance, those about the model at ``theta``."""
         return self.errors if weights == "cifer" else self.errors_about(theta)
 
-    def error_shapes(self) -> ErrorShapes:
-        """A smooth error of each response, and clocks."""
+    def error_shapes(self, theta: FloatArray) -> ErrorShapes:
+        """A smooth error of each response, clocks, and an accelerometer that the model has at the center of gravity."""
         points = self.points
-        return response_error_shapes(
+        shapes = response_error_shapes(
             points.omega_rad_s[points.frequency],
             points.output,
             points.input,
@@ -611,6 +616,17 @@ class FrequencyProblem(Problem):
             inputs=self.data.inputs,
             sample_rate_hz=self.data.sample_rate_hz,
         )
+        if self.structure.constants.get(_PLACE) != 0.0:
+            return shapes
+        return replace(shapes, known=np.concatenate([shapes.known, self._displaced(theta)[:, None]], axis=1))
+
+    def _displaced(self, theta: FloatArray) -> FloatArray:
+        """What an accelerometer beside the center of gravity does to the residuals, shape ``(2 n,)``."""
+        values, omega = self.parameters.unpack(theta).values, self.points.omega_rad_s
+        moved = self.structure.with_constants({_PLACE: ACCELEROMETER_PLACE_M})
+        index = (self.points.output, self.points.input, self.points.frequency)
+        there, here = (structure.response(values, omega)[index] for structure in (moved, self.structure))
+        return _weighted(np.nan_to_num(log_error(there, here)), *self.point_scales)
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals whose squares sum to the weighted cost, shape ``(2 n,)``, and their Jacobian ``(2 n, p)``.

@@ -685,16 +685,16 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
         The model does not describe what it was fitted to; its findings say why.
     """
     fitted = fit_with_bounds(problem, measured, settings)
-    poor = _poor_pairs(fitted)
-    beside = {place: finding for place, finding in poor.items() if place not in _main_pairs(problem)}
-    if beside:
+    main, left_out = _main_pairs(problem), []
+    while beside := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
         used = np.array(problem.used)
-        for place in beside:
+        for place, finding in beside.items():
             used[place] = False
-        fitted = fit_with_bounds(replace(problem, used=used), measured, settings)
-        left_out = [replace(finding, message=f"{finding.message} It was left out.") for finding in beside.values()]
-        fitted = replace(fitted, findings=(*left_out, *fitted.findings))
-        poor = _poor_pairs(fitted)
+            left_out.append(replace(finding, message=f"{finding.message} It was left out."))
+        problem = replace(problem, used=used)
+        fitted = fit_with_bounds(problem, measured, settings)
+    fitted = replace(fitted, findings=(*left_out, *fitted.findings))
+    poor = _poor_pairs(fitted)
     reasons = [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
     if reasons:
         name = problem.structure.name
@@ -730,8 +730,8 @@ def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
             poor[y, u] = warn(
                 "structure_error",
                 str(names[y, u]),
-                f"The model does not describe {names[y, u]}, which costs {costs[y, u]:.0f}: it is off by {off_db:.1f} dB "
-                f"and {off_deg:.0f}°.",
+                f"The model does not describe {names[y, u]}, which costs {costs[y, u]:.0f}: it is off by "
+                f"{off_db:.1f} dB and {off_deg:.0f}°.",
                 cost=float(costs[y, u]),
                 off_db=off_db,
                 off_deg=off_deg,
