@@ -161,4 +161,5 @@ def _hidden(topic: Topic, row: int, sample: int, value: float) -> bool:
 
 
 def _turned(name: str, differences: FloatArray) -> FloatArray:
-    return differences - 2.0 * np.pi * np.round(differences / (2.0 * np.pi)) if name in TURNING else differences
+    turns = np.clip(np.round(differences / (2.0 * np.pi)), -1.0, 1.0)
+    return differences - 2.0 * np.pi * turns if name in TURNING else differences

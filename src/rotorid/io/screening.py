@@ -294,14 +294,14 @@ def _lone_samples(values: FloatArray, name: str) -> IntArray:
         return none
     steps = np.diff(values)
     if name in TURNING:
-        steps -= 2.0 * np.pi * np.round(steps / (2.0 * np.pi))
+        steps = _less_a_turn(steps)
     sizes = np.abs(steps)
     # How far each inner sample stands out from both of its neighbors.
     out = np.minimum(sizes[:-1], sizes[1:])
     out *= (steps[:-1] > 0.0) != (steps[1:] > 0.0)
     farthest = float(out.max())
     # A giant stands out by half of its distance, and at most two of them span the whole range.
-    found = _giants(values, out) if farthest > 0.25 * float(np.ptp(values)) else none
+    found = _giants(values, out, name) if farthest > 0.25 * float(np.ptp(values)) else none
     if name in _OUTPUTS:
         found = np.union1d(found, _reversed(values, out))
     if name in MEASURED:
@@ -340,16 +340,22 @@ def _is_alone(steps: FloatArray, out: FloatArray, place: int) -> bool:
     return bool(out[place] > _ROUGHNESS * rough)
 
 
-def _giants(values: FloatArray, out: FloatArray) -> IntArray:
+def _less_a_turn(angles: FloatArray) -> FloatArray:
+    """Differences of angles without the turn at the end of the circle; more than one turn is no such step."""
+    return angles - 2.0 * np.pi * np.clip(np.round(angles / (2.0 * np.pi)), -1.0, 1.0)
+
+
+def _giants(values: FloatArray, out: FloatArray, name: str) -> IntArray:
     """Indices of a few single samples that lie ten times as far from the median as all others."""
-    distance = np.abs(values - np.median(values))
+    offset = values - np.median(values)
+    distance = np.abs(_less_a_turn(offset) if name in TURNING else offset)
     largest = np.argpartition(distance, values.size - _MOST_GIANTS - 1)[-_MOST_GIANTS - 1 :]
     largest = largest[np.argsort(-distance[largest])]
     sizes = distance[largest]
     gaps = np.flatnonzero((sizes[:-1] > _GIANT * sizes[1:]) & (sizes[1:] > 0.0))
     if not gaps.size:
         return np.empty(0, dtype=np.int64)
-    giants = largest[: int(gaps[0]) + 1]
+    giants = largest[: int(gaps[-1]) + 1]
     inner = giants[(giants > 0) & (giants < values.size - 1)]
     return np.sort(inner[out[inner - 1] > 0.5 * distance[inner]])
 

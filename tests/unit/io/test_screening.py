@@ -113,6 +113,20 @@ def test_a_turn_through_the_end_of_the_circle_stays() -> None:
     assert screened(record) is record
 
 
+def test_two_wrong_set_points_of_different_size_are_left_out() -> None:
+    heading = 1.6 + 0.001 * np.random.default_rng(2).standard_normal(SAMPLES)
+    heading[[400, 1900]] = 161.0, 0.0
+    record = screened(flight(psi_setpoint=heading))
+    assert record["psi_setpoint"].values.size == SAMPLES - 2
+
+
+def test_a_few_stamps_beyond_the_end_of_the_circle_stay() -> None:
+    heading = 3.1 + 0.001 * np.random.default_rng(2).standard_normal(SAMPLES)
+    heading[[400, 1900]] = -3.15
+    record = flight(psi=heading, psi_setpoint=heading)
+    assert screened(record) is record
+
+
 def test_a_channel_that_is_mostly_impossible_is_refused() -> None:
     wrong = flight()["motor_1"].values.copy()
     wrong[:3000] = 1500.0
