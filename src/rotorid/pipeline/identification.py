@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +18,7 @@ from rotorid.pipeline.preparation.resolve import answers_setpoints, resolve_mode
 from rotorid.pipeline.provenance import provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
 from rotorid.pipeline.settings import MODEL, IdentifySettings, MotorChoices, as_records, as_settings, motor_choices
-from rotorid.pipeline.summary import UnseenCombination
+from rotorid.pipeline.summary import ParameterEstimate, UnseenCombination
 
 DataT = TypeVar("DataT", bound=Prepared)
 FittedT = TypeVar("FittedT", bound=Fitted)
@@ -87,9 +88,11 @@ def identify_by(
     fitted = method.fit(data)
     unseen = method.verify(data, fitted, verify)
     told = method.describe(data, fitted)
+    parameters = parameter_estimates(fitted.listed, fitted.bounds)
+    _require_numbers(fitted.structure.name, parameters)
     return IdentifiedModel(
         structure=fitted.structure,
-        parameters=parameter_estimates(fitted.listed, fitted.bounds),
+        parameters=parameters,
         bounds=fitted.bounds,
         fit=told.fit,
         data=told.data,
@@ -118,6 +121,23 @@ def identify_by(
             sources=data.sources,
         ),
     )
+
+
+def _require_numbers(model: str, parameters: Mapping[str, ParameterEstimate]) -> None:
+    """Refuse what is no number, or has none for its uncertainty."""
+    odd = [
+        name
+        for name, parameter in parameters.items()
+        if not math.isfinite(parameter.value) or not (parameter.std is None or math.isfinite(parameter.std))
+    ]
+    if odd:
+        message = f"The data do not determine {', '.join(odd)}."
+        raise InsufficientDataError(
+            f"{model} has no finite {', '.join(odd)}",
+            needed="parameters that the data can see",
+            remedy="fix some with --fix NAME=VALUE, or take a smaller model",
+            findings=[refusal("not_identifiable", name, message) for name in odd],
+        )
 
 
 def identify_motors(records: Records, choices: MotorChoices | None = None, *, verify: Records = ()) -> IdentifiedModel:

@@ -262,13 +262,13 @@ def test_good_data_say_when_a_dropped_parameter_is_real() -> None:
     solution = fit_frequency(posed)
     limits = bounds(posed, solution)
     place = limits.names.index("L_p")
-    assert abs(solution.theta[place]) > 3.0 * limits.std[place]
+    assert abs(solution.theta[place]) > 3.0 * limits.random_std[place]
     reduction = reduce(posed, solution)
     step = of(reduction, "L_p")
     assert step.action == "dropped"
     assert "of its standard deviations from zero all the same" in step.reason
     # What it did is now done by the others, further than chance would move them.
-    moved = np.abs(reduction.solution.theta - np.delete(solution.theta, place)) / np.delete(limits.std, place)
+    moved = np.abs(reduction.solution.theta - np.delete(solution.theta, place)) / np.delete(limits.random_std, place)
     assert moved.max() > 3.0
     assert step.doubtful
     furthest = reduction.problem.parameters.free[int(np.argmax(moved))]

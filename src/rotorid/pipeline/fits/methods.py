@@ -49,6 +49,7 @@ from rotorid.pipeline.fits.time import (
     judge_following,
     judge_time_fit,
     record_fits,
+    require_sound_in_time,
     residuals,
     simulated_records,
 )
@@ -455,6 +456,7 @@ class InTime(_Linear[TimeDomainData]):
             data.structure, data.records, data.settings, method=self.kind, frequency=data.frequency.fitted
         )
         fitted = replace(fitted, simulated=simulated_records(fitted, data.records))
+        require_sound_in_time(fitted, fitted.fit_percent)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         return replace(fitted, bootstrap=again)
 

@@ -11,6 +11,7 @@ The identified vehicle as a linear model around hover, from motor outputs to rat
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -53,6 +54,7 @@ from rotorid.models.toml import from_toml
 from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
 from rotorid.pipeline.fits.frequency import judge_parameters
 from rotorid.pipeline.fits.motor_errors import CURVE_SHARE, gusts_between, motor_model_error, with_model_errors
+from rotorid.pipeline.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, searched
 from rotorid.pipeline.preparation.motor_data import MotorData, MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
@@ -293,6 +295,8 @@ class FittedMotors(Immutable):
         Thrust of a rotor and its slope at that output, at full output, and thrust over weight there.
     left_out
         Axes that were excited and of which nothing is stated, and why.
+    disagreeing
+        Parameters of which each log alone says something else.
     bootstrap
         Refits to noise drawn anew, where they were asked for. Their spread is that of random errors alone.
     search
@@ -310,6 +314,7 @@ class FittedMotors(Immutable):
     hover_output: float
     derived: Mapping[str, Derived]
     left_out: tuple[Finding, ...] = ()
+    disagreeing: tuple[Disagreement, ...] = ()
     bootstrap: Bootstrap | None = None
     search: Searched | None = None
 
@@ -374,12 +379,42 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
         axes = tuple(axis for axis in axes if axis not in wrong)
         if not axes:
             raise _nothing_explained(data, left_out)
+    found_apart = disagreements(_each_alone(fitted, choices))
+    fitted = replace(fitted, bounds=widened(fitted.bounds, found_apart), disagreeing=found_apart)
     _require_end(fitted, choices)
     again = None
     if choices.bootstrap is not None:
         held = fit.problem.with_parameters(fitted.parameters)
         again = bootstrap(held, replace(fit.solution, theta=fitted.parameters.pack()), fitted.bounds, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
+
+
+_COMPARED = ("I_xx", "I_yy", "kappa_per_I_zz", "L_p", "M_q", "N_r", "Z_w", "T_motor", "tau_gyro", "tau_accel")
+"""Of one curve of thrust only the sum counts, which two flights at different outputs need not share."""
+
+
+def _each_alone(fitted: FittedMotors, choices: MotorChoices) -> list[Alone]:
+    """What each log says by itself, of those that share an axis with another one."""
+    data, problem = fitted.data, fitted.fit.problem
+    counted: dict[str, set[str]] = {}
+    for record, filters in zip(problem.records, problem.filters, strict=True):
+        counted.setdefault(record.name, set()).update(axis for axis in filters if axis != "weight")
+    found = []
+    for name, axes in counted.items():
+        others = set().union(*(of for other, of in counted.items() if other != name))
+        if not axes & others:
+            continue
+        part = data._replace(stretches=tuple(one for one in data.stretches if one.record.name == name))
+        _PROGRESS.info(f"fitting {name} alone")
+        with contextlib.suppress(InsufficientDataError):
+            ordered = tuple(axis for axis in AXIS_WORDS if axis in axes)
+            fit, curve, _ = _fitted(part, replace(choices, search=None), problem.levers, ordered)
+            alone = _bounded(part, choices, fit, curve)
+            if not _useless(alone):
+                stds = dict(zip(alone.bounds.names, alone.bounds.std.tolist(), strict=True))
+                stds = {key: stds[key] for key in _COMPARED if key in stds}
+                found.append(Alone(record=name, values=alone.parameters.values, stds=stds))
+    return found
 
 
 def _bounded(data: MotorData, choices: MotorChoices, fit: MotorFit, curve: Curve) -> FittedMotors:
@@ -641,6 +676,7 @@ def judge_motors(
     """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
     return (
         *identified.left_out,
+        *(one.finding(identified.parameters[one.parameter].unit) for one in identified.disagreeing),
         *_unexcited(identified),
         *_turned_around(identified),
         *_assumed(identified),

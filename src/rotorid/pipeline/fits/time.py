@@ -26,7 +26,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
@@ -611,6 +611,39 @@ _APART = 3.0
 
 _COLORED = 1.2
 _SETTLED = 1e-6
+
+
+LEAST_EXPLAINED_PERCENT = 100.0 * (1.0 - math.sqrt(0.5))
+"""Below it a simulation leaves more of the variance of an output than it explains."""
+
+
+def require_sound_in_time(fitted: TimeFit, fit_percent: Mapping[str, float]) -> None:
+    """Refuse a model that does not describe the records it was fitted to.
+
+    A simulation that leaves more of every output than it explains; a search that came to no rest, but for black boxes,
+    whose single numbers mean nothing.
+
+    Raises
+    ------
+    InsufficientDataError
+        One of these.
+    """
+    name, reasons = fitted.problem.structure.name, []
+    if fitted.method == "output_error" and fit_percent and max(fit_percent.values()) < LEAST_EXPLAINED_PERCENT:
+        for output, percent in fit_percent.items():
+            message = f"Simulated, the model leaves more of {output} than it explains: its fit is {percent:.0f} %."
+            reasons.append(refusal("poor_fit", output, message, fit_percent=percent))
+    black_box = black_box_order(fitted.problem.structure) is not None
+    if fitted.solution.outcome is Outcome.OUT_OF_ITERATIONS and not black_box:
+        message = f"The fit did not converge: {fitted.solution.outcome.value}"
+        reasons.append(refusal("not_converged", name, message))
+    if reasons:
+        raise InsufficientDataError(
+            f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
+            needed="a model that follows the records it is fitted to",
+            remedy="take a structure with the missing dynamics, or segments in which the inputs move the vehicle",
+            findings=reasons,
+        )
 
 
 def judge_time_fit(fitted: TimeFit, records: TimeRecords, fit_percent: Mapping[str, float]) -> tuple[Finding, ...]:
