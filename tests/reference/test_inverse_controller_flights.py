@@ -153,3 +153,20 @@ def test_no_vehicle_is_taken_for_its_controller(screened: Screen, vehicle: Vehic
     result = screened(*vehicle, estimate=estimate)
     assert result.findings == ()
     assert np.count_nonzero(result.problem.used) > 20
+
+
+@pytest.mark.parametrize(
+    ("start_s", "duration_s"),
+    [
+        # Here 30 to 80 rad/s are coherent, and neither the controller nor any vehicle explains them well.
+        *((59.5, 5.0), (61.6, 5.0), (59.5, 6.0), (61.6, 6.0), (57.4, 8.0), (59.5, 8.0), (61.6, 8.0), (57.4, 12.0)),
+        *(
+            pytest.param(start_s, duration_s, marks=pytest.mark.slow)
+            for duration_s in (5.0, 6.0, 8.0, 12.0, 18.0, 25.0, 35.0, 40.0)
+            for start_s in np.arange(13.3, 106.9 - duration_s, 2.1)
+        ),
+    ],
+)
+def test_no_window_of_its_yaw_is_a_plant(screened: Screen, start_s: float, duration_s: float) -> None:
+    with pytest.raises(InsufficientDataError):
+        screened(ZMR250, "yaw", (start_s, start_s + duration_s), (0.5, 80.0), estimate="direct")

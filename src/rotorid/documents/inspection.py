@@ -122,6 +122,7 @@ class InspectDocument(Document):
     skews: list[SkewDocument] = Field(default_factory=list)
     battery: BatteryDocument | None = None
     settings: dict[str, float] = Field(default_factory=dict)
+    vehicle: str = ""
 
 
 def inspect_document(inspection: Inspection) -> InspectDocument:

@@ -7,7 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.record import Intervals, Vehicle
+from rotorid.data.findings import Finding, warn
+from rotorid.data.record import Intervals, Status, Vehicle
 from rotorid.typing import AnyArray, BoolArray, FloatArray
 
 _MULTIROTORS = (2, 3, 13, 14, 15, 29, 35)
@@ -70,6 +71,18 @@ def shared(one: Intervals, other: Intervals) -> Intervals:
     """
     parts = ((max(a, c), min(b, d)) for a, b in one for c, d in other)
     return tuple((start, stop) for start, stop in parts if start < stop)
+
+
+def vehicle_findings(status: Status) -> tuple[Finding, ...]:
+    """What to say of a vehicle that is no multirotor."""
+    if not status.foreign:
+        return ()
+    article = "an" if status.vehicle[0] in "aeiou" else "a"
+    message = (
+        f"The log is of {article} {status.vehicle}, as {status.named_in} says, and no multirotor: models, filters and "
+        "advice for multirotors do not fit it. Its responses can be measured all the same."
+    )
+    return (warn("other_vehicle", status.named_in, message),)
 
 
 def most_frequent(values: AnyArray) -> int:

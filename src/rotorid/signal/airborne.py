@@ -85,8 +85,8 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     """Find the flights in a record.
 
     Where the log has landed flags, they say it, and nothing is cut from their flights. An autopilot that says "not
-    landed" as soon as the throttle rises is believed from 5 s on, where the vehicle then moved for 2 s and more: by body
-    rates above 0.1 rad/s, or a specific force that is 0.5 m/s² off gravity.
+    landed" as soon as the throttle rises is believed from 5 s on, where the vehicle then moved for 2 s and more: by
+    body rates above 0.1 rad/s, or a specific force that is 0.5 m/s² off gravity.
 
     Elsewhere the first of these that the record holds: the thrust command, the mean of the motor outputs (more than
     half of its usual value while it runs, or body rates above 0.1 rad/s while the motors run, as in a dive at zero
@@ -152,7 +152,7 @@ def _found(
 
 
 def _moves(record: FlightRecord, interval: tuple[float, float]) -> bool:
-    """Whether the vehicle turns or accelerates for as long as a flight lasts at least; without sensors, it is believed."""
+    """Whether the vehicle turns or accelerates for as long as a flight lasts at least; believed without sensors."""
     looked_at = False
     for names, most in ((_RATES, _MOVING_RAD_S), (_FORCES, _MOVING_M_S2)):
         sensors = _together(record, names)

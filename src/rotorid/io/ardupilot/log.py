@@ -25,6 +25,7 @@ from rotorid.io.ardupilot.dataflash import Table, decode, sniff
 from rotorid.io.ardupilot.firmware import Firmware, firmware_of, is_centivolts, is_legacy_rate
 from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
 from rotorid.io.files import file_bytes, without_places
+from rotorid.io.flags import vehicle_findings
 from rotorid.io.screening import without_lone
 from rotorid.typing import AnyArray, Axis, BoolArray
 from rotorid.units import parse_unit
@@ -208,6 +209,7 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
         *motor_topics(tables, parameters),
         *(() if sticks is None else (sticks,)),
     )
+    status = status_of(tables, parameters, firmware.text, _span_s(topics))
     return FlightRecord(
         source=replace(source, firmware=firmware.text),
         topics=topics,
@@ -216,13 +218,14 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
         instruments=_instruments(runs, sticks),
         findings=(
             *findings,
+            *vehicle_findings(status),
             *_system_id_findings(runs),
             *decimation_findings(topics, [run.band_rad_s[1] if run.band_rad_s else 0.0 for run in runs], parameters),
             *_dialect(tables, firmware, parameters),
             *_contradictions(tables),
             *slow_topics(topics, parameters, firmware),
         ),
-        status=status_of(tables, parameters, firmware.text, _span_s(topics)),
+        status=status,
     )
 
 

@@ -95,6 +95,11 @@ def is_free(flights: Sequence[Flight], name: str) -> bool:
     return all(sets_rates_directly(record, (m.start_s, m.stop_s)) for record, m in flights)
 
 
+def open_loop(flights: Sequence[Flight], *inputs: str) -> bool:
+    """Whether the log declares inputs as the excitation itself, so that nothing was fed back."""
+    return all(maneuver.signal in inputs and maneuver.origin == "declared" for _, maneuver in flights)
+
+
 def is_injection(name: str) -> bool:
     """Whether a channel is a test signal that the autopilot adds: where it is not logged, it was zero.
 

@@ -18,6 +18,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.frequency import pose, require_support
 from rotorid.pipeline.preparation.controllers import LoggedController, logged_controllers
 from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import open_loop
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.typing import BoolArray, FloatArray
@@ -30,6 +31,9 @@ _FED_BACK: Mapping[str, tuple[str, float]] = {
     "thrust_command": ("az", -1.0),
 }
 """Input to the output that its innermost loop feeds back, and the sign that makes this feedback negative."""
+
+_VEHICLE_FROM_RAD_S = {"p": 10.0, "q": 10.0, "r": 0.0}
+"""Above it a rate follows its command by damping, lag and delay alone: below, drag and speed move roll and pitch."""
 
 _NEEDED = "points that show the vehicle: excitation that is stronger than gusts and noise"
 _REMEDY = (
@@ -176,6 +180,9 @@ def _trap(
         controllers=_controllers(flights, measured, name, fed_back),
         # An instrument keeps the controller out, unless it contains feedback itself: that only its own gains may tell.
         unknown_gains=data.estimate == "direct",
+        vehicle_from_rad_s=_VEHICLE_FROM_RAD_S.get(fed_back, np.inf)
+        if data.estimate == "direct" and not open_loop(flights, name)
+        else np.inf,
     )
     if not verdict.inverse.any():
         return None
@@ -230,9 +237,10 @@ def _left(omega_rad_s: FloatArray) -> str:
 def _sentence(data: FrequencyResponse, trap: _Trap) -> str:
     """What was seen, and why it is no vehicle."""
     omega, numbers = data.omega_rad_s[trap.inverse], _numbers(data, trap)
+    what = "a mixture of the vehicle with the inverse" if all(band.mixed for band in trap.bands) else "the inverse"
     upward = " of the acceleration upward" if _sign(data, trap) < 0.0 else ""
     return (
-        f"What was measured as {_name(data, trap)} between {omega[0]:.2g} and {omega[-1]:.3g} rad/s is the inverse of "
+        f"What was measured as {_name(data, trap)} between {omega[0]:.2g} and {omega[-1]:.3g} rad/s is {what} of "
         f"the controller (about 1/{numbers['gain']:.3g}, phase{upward} {numbers['lowest_phase_deg']:.0f}° to "
         f"{numbers['highest_phase_deg']:.0f}°), not the vehicle: {_evidence(trap)}. There gusts and noise moved the "
         "vehicle, not the excitation."
@@ -277,6 +285,9 @@ def _costs(trap: _Trap) -> tuple[float, float]:
 
 def _evidence(trap: _Trap) -> str:
     known, fitted = _costs(trap)
+    if min(known, fitted) >= EXCELLENT_COST:
+        vehicle, controller = min(band.vehicle_cost for band in trap.bands), min(known, fitted)
+        return f"no vehicle explains it (cost {vehicle:.0f}), the controller about as well (cost {controller:.0f})"
     if known < EXCELLENT_COST:
         return f"it agrees with the gains in the log (cost {known:.1f})"
     return f"a controller with P, I and D explains it (cost {fitted:.1f})"

@@ -20,7 +20,7 @@ from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
 from rotorid.pipeline.preparation.consistency import data_quality
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import choose_instruments, is_free, no_instrument
+from rotorid.pipeline.preparation.instruments import choose_instruments, is_free, no_instrument, open_loop
 from rotorid.pipeline.preparation.segments import cut, histories, require_known, source_of, with_surroundings
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import MeasureSettings
@@ -155,9 +155,8 @@ def measure(
     if instruments:
         joint, diagnostics = _respond(records, inputs, outputs, omega, plan, instruments)
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
-    open_loop = all(maneuver.signal in inputs and maneuver.origin == "declared" for _, maneuver in flights)
-    open_loop = open_loop or all(is_free(flights, name) for name in inputs)
-    unknown = settings.estimate == "auto" and not instruments and not open_loop
+    free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
+    unknown = settings.estimate == "auto" and not instruments and not free
     return Measured(
         response=joint or direct,
         direct=direct if joint else None,
