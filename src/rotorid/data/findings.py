@@ -258,6 +258,11 @@ KINDS: Mapping[str, Kind] = {
         "info", "Lag and delay together", "The sum of motor lag and delay, which is known better than either."
     ),
     "legacy_units": Kind("info", "Units of an older firmware", "Units of an older firmware were converted."),
+    "logs_disagree": Kind(
+        "warning",
+        "Logs disagree",
+        "Each log alone says another value, by more than their errors; the interval holds the scatter.",
+    ),
     "low_coherence": Kind(
         "warning", "Low coherence", "A response, or a part of the band, is not coherent enough to be used."
     ),

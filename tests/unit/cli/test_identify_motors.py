@@ -50,7 +50,7 @@ def test_a_refusal_exits_with_one_and_says_why(tmp_path: Path) -> None:
     [
         (["--band", "1:10"], "band rad s came with physical.motors"),
         (["--method", "output_error"], "method came with physical.motors"),
-        (["--search", "sobol"], "search came with physical.motors"),
+        (["--starts", "central"], "starts came with physical.motors"),
         (["--cross-validate", "each"], "cross validate came with physical.motors"),
         (["--curve", "cubic"], "the curve 'cubic' came"),
         (["--arm", "-1"], "an arm of -1 m came"),
