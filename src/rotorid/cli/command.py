@@ -100,8 +100,23 @@ def with_command(result: Any) -> Any:
 
 
 def command_line() -> list[str]:
-    """The words that were typed."""
-    return ["rotorid", *sys.argv[1:]]
+    """The words that were typed, of files and folders the names alone: where they lie is nobody's concern.
+
+    Examples
+    --------
+    >>> _without_folder("/home/someone/flights/a.ulg"), _without_folder("--out=~/b"), _without_folder("transfer:0/1")
+    ('a.ulg', '--out=b', 'transfer:0/1')
+    """
+    return ["rotorid", *map(_without_folder, sys.argv[1:])]
+
+
+def _without_folder(word: str) -> str:
+    option, equals, value = word.partition("=") if word.startswith("-") else ("", "", word)
+    path = Path(value)
+    outside = path.is_absolute() or value.startswith(("~", "./", "../", ".\\", "..\\"))
+    if len(path.parts) > 1 and (outside or path.exists()):
+        value = path.name or value
+    return f"{option}{equals}{value}"
 
 
 def _changed(value: Any, **fields: Any) -> Any:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rotorid.data.findings import Finding
-    from rotorid.data.record import Maneuver
+    from rotorid.data.record import FlightRecord, Maneuver
     from rotorid.pipeline.inspection import Inspection, LoggedChannel
     from rotorid.pipeline.preparation.consistency import ChannelSkew
 
@@ -25,6 +25,7 @@ Plot: TypeAlias = Annotated[
     Path | None, typer.Option("--plot", help="Write a picture of the log: FILE.html or FILE.png.")
 ]
 
+FILE, REPORT = "inspect.json", "report.html"
 _MOST_FINDINGS = 8
 _MOST_SKEWS = 6
 _TOLD_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
@@ -32,7 +33,15 @@ _TOLD_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematic
 
 
 def inspect_command(
-    log: Log, *, map: Map = None, plot: Plot = None, output: Annotated[Output, Only("json", "quiet")]
+    log: Log,
+    *,
+    map: Map = None,
+    plot: Plot = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder for inspect.json and report.html. [default: nothing is written]"),
+    ] = None,
+    output: Annotated[Output, Only("json", "quiet")],
 ) -> None:
     """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
     from rotorid.io.registry import read
@@ -46,16 +55,30 @@ def inspect_command(
     inspection = inspect(record)
     if plot is not None:
         write_inspection(plot, record, inspection)
+    if out is not None:
+        _write(out, record, inspection)
     if output.json:
         from rotorid.documents.base import to_json
         from rotorid.documents.inspection import inspect_document
 
         sys.stdout.write(to_json(inspect_document(inspection)))
     elif not output.quiet:
-        _print(inspection, plot)
+        _print(inspection, plot, out)
 
 
-def _print(inspection: Inspection, plot: Path | None) -> None:
+def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:
+    from rotorid.documents.inspection import inspect_document
+    from rotorid.io.files import write_atomically
+    from rotorid.report.files import to_json, write_together
+    from rotorid.report.inspection import render_inspection
+
+    text, page = to_json(inspect_document(inspection)), render_inspection(record, inspection)
+    write_together(
+        folder, {FILE: lambda path: write_atomically(path, text), REPORT: lambda path: write_atomically(path, page)}
+    )
+
+
+def _print(inspection: Inspection, plot: Path | None, out: Path | None) -> None:
     """One screen: the log, its topics, what was flown, whether it agrees with itself, what it supports, remarks."""
     from rotorid.cli.console import output_console
 
@@ -86,6 +109,8 @@ def _print(inspection: Inspection, plot: Path | None) -> None:
         say(_findings(findings), "findings")
     if plot is not None:
         say([f"\npicture: {plot}"])
+    if out is not None:
+        say([f"\nreport: {out / REPORT}", f"file: {out / FILE}"])
 
 
 def _head(inspection: Inspection) -> Iterator[str]:
@@ -102,7 +127,12 @@ def _head(inspection: Inspection) -> Iterator[str]:
         spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in inspection.flights)
         yield f"in the air {spans}, as {inspection.flights[0].seen_in} tells"
     if inspection.settings:
-        yield "  ".join(f"{name}={value:.6g}" for name, value in inspection.settings.items())
+        yield "  ".join(f"{name}={_setting(value)}" for name, value in inspection.settings.items())
+
+
+def _setting(value: float) -> str:
+    """A parameter for a person; whole numbers with all digits, since many are masks of bits."""
+    return f"{value:.0f}" if value == round(value) else f"{value:.6g}"
 
 
 def _topics(inspection: Inspection) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol, TypeAlias, TypeVar, overload
 
 from rotorid import __version__
@@ -113,6 +113,7 @@ def provenance(
     sources
         What names stand for.
     """
+    names = _names(records)
     return Provenance(
         command=tuple(command),
         inputs=hashes(records),
@@ -121,7 +122,10 @@ def provenance(
         estimate=response.estimate if response else None,
         instruments=tuple(response.instruments) if response else (),
         sources=sources or {},
-        maneuvers=tuple(logged(record, maneuver) for record, maneuver in flights),
+        maneuvers=tuple(
+            replace(logged(record, maneuver), record=names.get(_key(record), record.source.name))
+            for record, maneuver in flights
+        ),
     )
 
 
@@ -149,14 +153,23 @@ def logged(
 
 def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
     """Hash of each log by its name; logs of one name are told apart by a number."""
-    hashes: dict[str, str] = {}
+    return {name: sha256 for (_, sha256), name in _names(records).items()}
+
+
+def _names(records: Sequence[FlightRecord]) -> dict[tuple[str, str], str]:
+    """Name and hash of each log to the name that no other log has."""
+    names: dict[tuple[str, str], str] = {}
     for record in records:
-        name, sha256 = record.source.name, record.source.sha256
-        count = 1
-        while hashes.setdefault(name, sha256) != sha256:
+        name, count = record.source.name, 1
+        while name in names.values() and _key(record) not in names:
             count += 1
             name = f"{record.source.name} ({count})"
-    return hashes
+        names.setdefault(_key(record), name)
+    return names
+
+
+def _key(record: FlightRecord) -> tuple[str, str]:
+    return record.source.name, record.source.sha256
 
 
 @dataclass(frozen=True, kw_only=True)

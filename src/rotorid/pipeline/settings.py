@@ -824,7 +824,7 @@ class MotorChoices:
         """The choices for a provenance."""
         choices: dict[str, Setting] = {
             "known": [f"{name}={value:g}" for name, value in self.known.items()],
-            "layout": self.layout,
+            "layout": Path(self.layout).name if self.layout else None,
             "arm_m": self.arm_m,
             "curve": self.curve,
             "rotor_diameter_m": self.rotor_diameter_m,

@@ -73,14 +73,12 @@ def excitation_signals(
     within
         Start and stop of the interval in question; all of the flight where it is not given.
     """
-    known = record.instruments.get(axis, ())
-    direct = RATE_SETPOINTS.get(axis, "")
-    if sets_rates_directly(record, within):
-        injected = [name for name in known if name.endswith("_excitation")]
-        known = (*injected, direct, *(name for name in known if name not in injected))
     added = (f"{axis}_excitation", f"{axis}_setpoint_excitation")
-    usual = (*added, f"{axis}_stick", *OUTER_SETPOINTS[axis]) if not known else ()
-    names = (*known, *usual, f"{axis}_command")
+    free = record.instruments.get(axis, ()) or (*added, f"{axis}_stick", *OUTER_SETPOINTS[axis])
+    if sets_rates_directly(record, within):
+        injected = [name for name in free if name.endswith("_excitation")]
+        free = (*injected, RATE_SETPOINTS.get(axis, ""), *(name for name in free if name not in injected))
+    names = (*free, f"{axis}_command")
     return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
 
 

@@ -10,6 +10,7 @@ import pytest
 from tests.unit.cli.commands import Ran, rotorid
 
 from rotorid import __version__
+from rotorid.cli.command import command_line
 from rotorid.documents.inspection import inspect_document
 from rotorid.io.registry import read
 from rotorid.pipeline.inspection import inspect
@@ -40,6 +41,36 @@ def test_inspect_json_is_the_document_of_the_api(flight: Path) -> None:
     ran = rotorid("inspect", flight, "--json")
     assert (ran.code, ran.err) == (0, "")
     assert json.loads(ran.out) == json.loads(inspect_document(inspect(read(flight))).model_dump_json(by_alias=True))
+
+
+def test_inspect_writes_its_object_and_its_page(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid("inspect", flight, "--out", tmp_path / "seen")
+    assert ran.code == 0
+    assert str(tmp_path / "seen" / "inspect.json") in ran.out
+    table = json.loads((tmp_path / "seen" / "inspect.json").read_text())
+    assert table["schema"] == "rotorid.inspect/1"
+    assert [sorted(flight) for flight in table["flights"]] == [["seen_in", "start_s", "stop_s"]] * len(table["flights"])
+    assert (tmp_path / "seen" / "report.html").exists()
+
+
+def test_the_command_of_a_result_names_files_and_not_their_folders(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "a.ulg").touch()
+    monkeypatch.chdir(tmp_path)
+    typed = [
+        "rotorid",
+        "identify",
+        "logs/a.ulg",
+        f"--out={tmp_path}/x",
+        "--map",
+        "~/m.toml",
+        "--pair",
+        "p/roll_command",
+    ]
+    monkeypatch.setattr("sys.argv", typed)
+    assert command_line() == ["rotorid", "identify", "a.ulg", "--out=x", "--map", "m.toml", "--pair", "p/roll_command"]
 
 
 def test_inspect_shows_channels_excitations_and_what_they_support(flight: Path) -> None:

@@ -240,6 +240,15 @@ class TestReading:
         assert found.band_rad_s == (1.0, 30.0)
         assert found.parameters["L_roll"].value == s500.LATERAL["L_roll"]
 
+    def test_the_file_that_was_given_is_read(self, tmp_path: Path) -> None:
+        self.write(tmp_path)
+        table = json.loads((tmp_path / "result.json").read_text())
+        (tmp_path / "mine.json").write_text(json.dumps(table | {"cost": None}))
+        assert read_candidate(tmp_path / "mine.json").band_rad_s is None
+        (tmp_path / "mine.json").write_text(json.dumps(table | {"parameters": {"L_roll": {"value": 1.0}}}))
+        with pytest.raises(UsageError, match="holds other values"):
+            read_candidate(tmp_path / "mine.json")
+
     def test_a_model_alone_has_no_band(self, tmp_path: Path) -> None:
         self.write(tmp_path)
         (tmp_path / "result.json").unlink()

@@ -179,12 +179,17 @@ def _others(messages: Mapping[str, Messages], sender: tuple[int, int]) -> Iterat
         )
 
 
+_MOTION = ("p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
+
+
 def _decimated(topics: tuple[Topic, ...]) -> Finding:
-    fastest = max(topics, key=lambda topic: topic.sample_rate_hz)
+    moving = [topic for topic in topics if any(topic.row(name) is not None for name in _MOTION)]
+    fastest = max(moving or topics, key=lambda topic: topic.sample_rate_hz)
     return remark(
         "decimated",
         "telemetry",
-        "Telemetry is decimated without a filter, so that faster motion appears as slower: the fastest topic, "
+        "Telemetry is decimated without a filter, so that faster motion appears as slower: the fastest topic with "
+        "motion, "
         f"{fastest.name}, comes at {fastest.sample_rate_hz:.0f} Hz. Use the log on the vehicle's SD card for motor "
         "lag, delay and anything above a fifth of that rate.",
         fastest_hz=fastest.sample_rate_hz,

@@ -6,6 +6,7 @@ The controllers that flew, from the gains in a log or a file, and whether they a
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -257,6 +258,7 @@ def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores)
 
 
 RESULT, MODEL = "result.json", "model.toml"
+_SAME_VALUE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -336,8 +338,8 @@ def read_candidate(result: Path) -> Candidate:
     Parameters
     ----------
     result
-        A folder that ``identify`` wrote, or one of the two files. Of a ``result.json`` the ``model.toml`` next to it
-        is read too.
+        A folder that ``identify`` wrote, or one of the two files. Of a ``result.json``, whatever it is called, the
+        ``model.toml`` next to it is read too, and has to hold its values.
 
     Raises
     ------
@@ -352,7 +354,7 @@ def read_candidate(result: Path) -> Candidate:
     structure = from_toml(_text(model), where=model.name)
     if structure.name == MOTORS:
         raise motors_refused(str(result))
-    document = folder / RESULT
+    document = result if result.suffix == ".json" else folder / RESULT
     if result.suffix != ".toml" or document.exists():
         return _with_result(structure, document, required=result.suffix != ".toml")
     return Candidate(structure=structure, parameters=structure.parameters)
@@ -384,6 +386,8 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
         if not required:
             return Candidate(structure=structure, parameters=structure.parameters)
         raise UsageError(f"{path} is not the result of the {MODEL} next to it", needed=wanted)
+    if required and not _holds_values(structure, table):
+        raise UsageError(f"the {MODEL} next to {path} holds other values", needed="both as identify wrote them")
     pairs = (table.get("cost") or {}).get("pairs") or {}
     bands = [pair["band_rad_s"] for pair in pairs.values()]
     sources = (table.get("provenance") or {}).get("sources") or None
@@ -394,6 +398,17 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
         sources=sources,
         provenance=_provenance(table),
     )
+
+
+def _holds_values(structure: LinearStructure, table: Mapping[str, Any]) -> bool:
+    """Whether the values of a model are those of a result, as far as the result tells them."""
+    told = {
+        name: one["value"]
+        for name, one in (table.get("parameters") or {}).items()
+        if isinstance(one, Mapping) and isinstance(one.get("value"), int | float)
+    }
+    values = structure.parameters.values
+    return all(math.isclose(values[name], told[name], rel_tol=_SAME_VALUE) for name in told if name in values)
 
 
 def _provenance(table: Mapping[str, Any]) -> Provenance | None:

@@ -35,7 +35,10 @@ def checks_of(found: Verifications, states: Sequence[str]) -> Checks:
     return Checks(
         records={
             f"{check.record}: {check.maneuver.axis} {check.maneuver.kind} at {check.maneuver.start_s:.1f} s": {
-                output: scores for output, scores in check.scores.items() if math.isfinite(scores.nrmse_fit_percent)
+                output: scores
+                for output, scores in check.scores.items()
+                # What did not move tells nothing of the model: its score is that of the noise.
+                if output in (check.moved or check.output_names) and math.isfinite(scores.nrmse_fit_percent)
             }
             for check in found.maneuvers
         },

@@ -546,12 +546,11 @@ def has_seen(provenance: Provenance, record: FlightRecord, maneuver: Maneuver) -
     record, maneuver
         What may have been fitted.
     """
-    # Logs of one name are told apart by a number behind it.
-    names = {_plain(name) for name, sha256 in provenance.inputs.items() if sha256 == record.source.sha256}
+    names = {name for name, sha256 in provenance.inputs.items() if sha256 == record.source.sha256}
     return bool(names) and (
         not provenance.maneuvers
         or any(
-            _plain(one.record) in names and one.start_s < maneuver.stop_s and maneuver.start_s < one.stop_s
+            one.record in names and one.start_s < maneuver.stop_s and maneuver.start_s < one.stop_s
             for one in provenance.maneuvers
         )
     )
@@ -559,8 +558,8 @@ def has_seen(provenance: Provenance, record: FlightRecord, maneuver: Maneuver) -
 
 def fitted_logs(provenance: Provenance) -> frozenset[str]:
     """Hashes of the logs that a result was fitted to, without those that only verified it."""
-    names = {_plain(one.record) for one in provenance.maneuvers}
-    return frozenset(sha256 for name, sha256 in provenance.inputs.items() if not names or _plain(name) in names)
+    names = {one.record for one in provenance.maneuvers}
+    return frozenset(sha256 for name, sha256 in provenance.inputs.items() if not names or name in names)
 
 
 def seen_data(record: FlightRecord, maneuver: Maneuver) -> Finding:
@@ -574,10 +573,6 @@ def seen_data(record: FlightRecord, maneuver: Maneuver) -> Finding:
         start_s=maneuver.start_s,
         stop_s=maneuver.stop_s,
     )
-
-
-def _plain(name: str) -> str:
-    return name.partition(" (")[0]
 
 
 def verify_fitted_in_time(
