@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import rotorid
+from rotorid.errors import InsufficientDataError
 from rotorid.fitting.delay.estimate import DelayEstimate
 from rotorid.pipeline.delays import Delays, delay
 from rotorid.pipeline.settings import MeasureSettings, parse_segment
@@ -27,7 +28,8 @@ def test_bebop_as_measured(shared_data: Path) -> None:
         "velocity_down/velocity_down_setpoint",
     }
     for name, pair in found.pairs.items():
-        assert pair.recommended.order == "second order", name
+        assert pair.recommended.order is not None
+        assert pair.recommended.order.words == "second order", name
         assert pair.recommended.delay_s == pytest.approx(0.070, abs=0.020), name
     assert "acausal_output" not in {finding.kind for finding in found.findings}
 
@@ -52,7 +54,7 @@ def test_bebop_filtered_is_explained(shared_data: Path) -> None:
 def test_rig_has_delay_and_lag(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "antx" / "prbs.mat", mapping=shared_data / "antx" / "map.toml")
     settings = MeasureSettings(segments=(parse_segment("pitch:50:76"),))
-    found = delay([record], input="pitch_command", output="q", settings=settings).analyses["q/pitch_command"]
+    found = delay([record], input="pitch_command", output="q", settings=settings).pairs["q/pitch_command"]
     by_records = next(one for one in (found.recommended, *found.others) if one.method == "records")
     (second,) = [fit for fit in by_records.orders if fit.order == (0, 2)]
     lag_s = 1.0 / max(abs(pole) for pole in second.poles_rad_s)
@@ -99,3 +101,15 @@ def test_the_interval_of_the_simulated_autopilot_is_missed_by_three_deviations_a
 
 def test_a_log_of_20_megabytes_has_delays(unpacked: Callable[[str], Path]) -> None:
     assert delay([rotorid.read(unpacked("px4_sitl/roll.ulg"))]).pairs
+
+
+def test_a_delay_that_the_data_contradict_is_refused_and_the_other_pair_stays(shared_data: Path) -> None:
+    record = rotorid.read(shared_data / "betaflight/smooth_tune.BBL")
+    found = delay([record])
+    assert set(found.pairs) == {"p/roll_command"}
+    assert found.pairs["p/roll_command"].recommended.delay_s > 0.0
+    (refused,) = (finding for finding in found.findings if finding.kind == "no_delay")
+    assert (refused.severity, refused.where) == ("error", "q/pitch_command")
+    assert "zeros" in refused.message
+    with pytest.raises(InsufficientDataError):
+        delay([record], input="pitch_command", output="q")

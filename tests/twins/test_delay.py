@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag
 
-from rotorid.fitting.delay.estimate import estimate_delay
+from rotorid.fitting.delay.estimate import DelayEstimate, contradicted, estimate_delay
+from rotorid.fitting.delay.fit import Order
 
 SEEDS = 200
 
@@ -35,3 +36,37 @@ def test_intervals_cover(delay_samples: float) -> None:
     assert 0.91 <= inside / SEEDS <= 0.985
     # The mean of the normalized errors of 200 flights has a standard deviation of 0.07.
     assert abs(float(np.mean(scores))) < 0.3
+
+
+SECOND = Order(0, 2)
+
+
+def estimate(interval_s: tuple[float, float], order: Order = SECOND) -> DelayEstimate:
+    return DelayEstimate(method="response", delay_s=float(np.mean(interval_s)), interval_s=interval_s, order=order)
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "feedback", "joint", "reason"),
+    [
+        ((-0.035, -0.023), True, True, "cannot answer before"),
+        ((-0.004, -0.001), True, False, "runs the other way"),
+        ((-0.035, -0.023), False, False, "one clock"),
+        ((-0.004, -0.001), True, True, ""),
+        ((-0.004, -0.001), False, False, ""),
+        ((-0.010, 0.001), True, False, ""),
+        ((0.003, 0.005), True, True, ""),
+    ],
+)
+def test_an_output_that_surely_runs_ahead_shows_no_delay(
+    interval_s: tuple[float, float], feedback: bool, joint: bool, reason: str
+) -> None:
+    why = contradicted(estimate(interval_s), ("pitch_command", "q"), feedback=feedback, joint=joint, sample_s=0.0005)
+    assert reason in why
+    assert bool(why) == bool(reason)
+
+
+def test_zeros_in_the_place_of_a_delay_are_named() -> None:
+    why = contradicted(
+        estimate((-0.035, -0.023), Order(2, 3)), ("pitch_command", "q"), feedback=True, joint=True, sample_s=0.0005
+    )
+    assert "third order with 2 zeros take the place of a delay" in why

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,9 +14,12 @@ from rotorid.cli.options import Logs, Map, Output
 from rotorid.pipeline.settings import MeasureSettings
 
 if TYPE_CHECKING:
+    from rotorid.data.record import FlightRecord
     from rotorid.documents.delay import DelayDocument, DelayEstimateDocument
+    from rotorid.pipeline.delays import Delays
 
 FILE = "delay.json"
+_WAYS = {"records": "by the records", "response": "by the frequency response", "samples": "in whole samples"}
 
 
 def delay_command(
@@ -31,11 +35,20 @@ def delay_command(
     map: Map = None,
     output: Output,
 ) -> None:
-    """Estimate delays between channels as fractions of a sample, with an interval and what they mean."""
+    """Estimate delays between channels as fractions of a sample, with an interval and what they mean.
+
+    Exit code 1 where the data contradict the delay of a pair: it is left out, and the reason is said.
+    """
     from rotorid.documents.delay import delay_document
     from rotorid.io.files import write_atomically
     from rotorid.pipeline.delays import delay, refused_delay
     from rotorid.report.files import to_json, write_together
+
+    results: list[Delays] = []
+
+    def compute(records: Sequence[FlightRecord]) -> Delays:
+        results.append(delay(records, input=input, output=answer, settings=settings))
+        return results[-1]
 
     carry_out(
         logs,
@@ -43,7 +56,7 @@ def delay_command(
         output=output,
         folder=default_folder(logs[0], "delay"),
         file=FILE,
-        compute=lambda records: delay(records, input=input, output=answer, settings=settings),
+        compute=compute,
         write=lambda folder, result: write_together(
             folder, {FILE: lambda path: write_atomically(path, to_json(delay_document(result)))}
         ),
@@ -51,10 +64,12 @@ def delay_command(
         document=delay_document,
         show=_print,
     )
+    if any(finding.severity == "error" for result in results for finding in result.findings):
+        raise typer.Exit(1)
 
 
 def _print(document: DelayDocument, folder: Path) -> None:
-    """Delays for a person: the recommended one of each pair, the others below it, findings, where the file is."""
+    """Delays for a person: one of each pair, what other ways would have said, findings, where the file is."""
     from rich.table import Table
 
     from rotorid.cli.console import output_console, print_findings
@@ -65,9 +80,11 @@ def _print(document: DelayDocument, folder: Path) -> None:
         table.add_column(name, justify="left" if name in ("pair", "what it is") else "right")
     for name, pair in document.pairs.items():
         table.add_row(name, *_cells(pair.recommended))
-        for other in pair.others:
-            table.add_row("  compare", *_cells(other))
     console.print(table)
+    for name, pair in document.pairs.items():
+        if pair.others:
+            others = ", ".join(f"{1e3 * other.delay_s:.1f} ms {_WAYS[other.method]}" for other in pair.others)
+            console.print(f"{name}, for comparison only: {others}", soft_wrap=True, markup=False, highlight=False)
     print_findings(document.findings)
     console.print(f"result: {folder / FILE}", soft_wrap=True, markup=False)
 

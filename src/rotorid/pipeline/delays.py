@@ -96,7 +96,7 @@ class Delays(Immutable):
     pairs
         Delays by pair ``output/input``.
     findings
-        Remarks, the grave ones first.
+        Remarks, the grave ones first; an error for each pair that was refused because the data contradict a delay.
     provenance
         Where all of it came from.
     """
@@ -184,9 +184,11 @@ def delay(
             if input is not None:
                 raise
             refusals.append(_refusal(error, source, answer))
-    unseen = [finding for pair in found.values() for finding in pair.findings if finding.kind == "no_delay"]
-    if len(unseen) == len(found):
-        refusals += unseen
+    # A number that tells no delay is none, beside others that do too.
+    for name in [name for name, pair in found.items() if pair.recommended.unseen]:
+        pair = found.pop(name)
+        refusals += [replace(f, severity="error") if f.kind == "no_delay" else f for f in pair.findings]
+    if not found:
         raise InsufficientDataError(
             "no pair of channels shows a delay",
             needed="a set-point that moves and its response",

@@ -50,6 +50,8 @@ _FEWEST_LINES, _FEWEST_POINTS = 12, 8
 _REWEIGHTINGS = 2
 _AT_LIMIT_S = 1e-4
 _SAME_WIDTH = 2.0
+_STAMPS_SAMPLES, _STAMPS_S = 2.0, 2e-3
+"""How far stamps alone may let an output run ahead."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -243,6 +245,55 @@ def in_samples(
         most=most,
     )
     return DelayEstimate(method="samples", delay_s=samples / rate)
+
+
+def contradicted(
+    estimate: DelayEstimate, pair: tuple[str, str], *, feedback: bool, joint: bool, sample_s: float
+) -> str:
+    """Why an output that runs ahead of its input does so in the fit alone; empty where it does not run ahead.
+
+    An output cannot answer before its input moves, but for a difference of stamps. What lets it seem to is feedback,
+    which runs the other way, and zeros of a lag, which turn the phase as a negative delay does.
+
+    Parameters
+    ----------
+    estimate
+        With its interval.
+    pair
+        Input and output.
+    feedback
+        Whether the input contains feedback of the output.
+    joint
+        Whether an instrument kept it out.
+    sample_s
+        Sample interval of the data.
+    """
+    if estimate.interval_s is None:
+        return ""
+    low_s, high_s = estimate.interval_s
+    stamps_s = max(_STAMPS_SAMPLES * sample_s, _STAMPS_S)
+    if high_s >= (0.0 if feedback and not joint else -stamps_s):
+        return ""
+    input, output = pair
+    came = (
+        f"it comes out as {1e3 * estimate.delay_s:.1f} ms ({1e3 * low_s:.1f} to {1e3 * high_s:.1f}), and {output} "
+        f"cannot answer before {input} moves"
+    )
+    if feedback and not joint:
+        return f"{came}: {input} contains feedback of {output}, which runs the other way"
+    if estimate.order is not None and estimate.order.zeros:
+        return f"{came}: {_zeros(estimate)}"
+    return f"{came}: their stamps are not of one clock, or {output} was filtered without phase"
+
+
+def _zeros(estimate: DelayEstimate) -> str:
+    plain = [fit for fit in estimate.orders if fit.order.zeros == 0]
+    order = estimate.order.words if estimate.order else ""
+    said = f"zeros of the lag of {order} take the place of a delay"
+    if not plain:
+        return said
+    best = min(plain, key=lambda fit: fit.criterion)
+    return f"{said}, and without zeros the data are not explained as well ({1e3 * best.delay_s:.1f} ms)"
 
 
 _CLEARLY_BETTER = 0.05
@@ -472,6 +523,10 @@ def estimate_delay(
             *response, limits=limits, orders=lags, filtered=filtered, hold=pooled, sample_s=sample_s
         ):
             estimates = [found, *estimates] if feedback and joint else [*estimates, found]
+    if as_filtered is None and not estimates[0].unseen:
+        by_joint = estimates[0].method == "response"
+        why = contradicted(estimates[0], pair, feedback=feedback, joint=by_joint, sample_s=sample_s)
+        estimates[0] = replace(estimates[0], unseen=why)
     # Records of different rates have no samples in common to count.
     whole = [in_samples(histories, input, output, limits.delays_s, feedback)] if one_rate else []
     findings = [
