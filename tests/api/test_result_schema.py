@@ -16,7 +16,8 @@ NAMES = {
         *("method", "hold", "pieces_s", "records", "noise", "log_likelihood", "information", "residuals", "minima"),
         *("frequency_fit", "cross_validation", "equations", "search", "bootstrap", "motors"),
     },
-    "ParameterEstimate": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"},
+    "ParameterEstimate": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"}
+    | {"std_random", "std_model", "lower", "upper"},
     "Cost": {"average", "pairs"},
     "PairCost": {"value", "band_rad_s", "points"},
     "MatricesDocument": {"M", "F", "G", "H0", "H1", "delays_s"},

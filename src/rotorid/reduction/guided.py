@@ -304,8 +304,12 @@ def _optional(problem: FrequencyProblem) -> list[str]:
 def _distances(problem: FrequencyProblem, solution: Solution) -> dict[str, float]:
     """Standard deviations from zero of each parameter, random and model error together, with weights of the errors.
 
-    Where several parameters change nothing there is no such number, and the cost alone decides.
+    Where the data state no errors, or several parameters change nothing, there is no such number, and the cost alone
+    decides.
     """
+    variance = np.einsum("yuff->yuf", problem.data.covariance).real
+    if not variance[problem.used].all():
+        return dict.fromkeys(problem.parameters.free, 0.0)
     try:
         final = refine(problem, solution)
         limits = bounds(problem, final, weights="covariance")

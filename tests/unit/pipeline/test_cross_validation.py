@@ -53,11 +53,11 @@ def each() -> CrossValidated:
 def test_every_flight_is_identified_on_and_scored(each: CrossValidated) -> None:
     document = each.summary
     assert list(document.records) == NAMES
-    assert document.outputs == ["phi"]
+    assert list(document.outputs) == ["phi"]
     assert document.horizon_s is None
     for name, fold in zip(NAMES, document.folds, strict=True):
-        assert fold.identified == [name]
-        assert fold.unseen == [other for other in NAMES if other != name]
+        assert list(fold.identified) == [name]
+        assert list(fold.unseen) == [other for other in NAMES if other != name]
         assert fold.scores.keys() == set(NAMES)
         assert {parameter: one.value for parameter, one in fold.parameters.items()} == pytest.approx(TRUE, rel=0.1)
         assert all(one.std is not None for one in fold.parameters.values())

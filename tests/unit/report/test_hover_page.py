@@ -119,13 +119,26 @@ class TestParameters:
 
 
 class TestFit:
-    def test_words_say_weights_end_trace_and_inflation(self) -> None:
+    def test_words_say_weights_end_and_trace(self) -> None:
         fit = hover_document().fit
         assert fit is not None
         assert " ".join(fit_sentences(fit)).endswith(
             "The solver ended after 6 evaluations: the cost no longer falls. In 2 steps the cost of all responses "
-            "together went from 66 to 26.9. Residuals are 4.7 times as large as the errors of the data explain; "
-            "standard deviations were raised by that factor."
+            "together went from 66 to 26.9."
+        )
+
+    def test_words_say_what_the_structure_misses(self) -> None:
+        fit = FitEnd(
+            weights="cifer",
+            outcome="Done.",
+            evaluations=1,
+            trace=(3.0,),
+            inflation=2.0,
+            model_error={"p/roll_command": 0.005, "ay/roll_command": 0.04},
+        )
+        assert fit_sentences(fit)[-1] == (
+            "Over frequency the structure misses ay/roll_command by 4 %, and the others by less; with this and with "
+            "clocks standard deviations are 2 times those of random errors."
         )
 
     def test_nothing_is_said_of_what_did_not_happen(self) -> None:

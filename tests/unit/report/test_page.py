@@ -73,9 +73,10 @@ def test_why_a_truth_may_lie_far_off_is_said_where_one_does(truth: float, said: 
     assert ("leaves out the coupling of the axes" in text) == said
 
 
-def test_error_is_said_to_cover_random_errors_only() -> None:
+def test_it_is_said_what_an_error_covers() -> None:
     text = " ".join("".join(Page(render_sections([identification()], title="t")).text).split())
-    assert "± is one standard deviation: it covers the random errors of this flight, not what the structure" in text
+    assert "± is one standard deviation, random and model error together" in text
+    assert "what the structure leaves out as far as the residuals show it" in text
 
 
 def test_guideline_of_coherence_is_the_one_in_force() -> None:

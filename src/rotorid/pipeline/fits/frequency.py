@@ -34,7 +34,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
@@ -73,7 +73,7 @@ from rotorid.uncertainty.cramer_rao import (
     Weights,
     bounds,
 )
-from rotorid.uncertainty.identifiability import Combination
+from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.uncertainty.propagation import covariance_of_all
 
 _EXCITED_SHARE = 0.7
@@ -613,37 +613,50 @@ def _determined(problem: FrequencyProblem, solution: Solution, settings: Identif
         weights = _weights(problem, settings)
         final = refine(problem, solution) if weights == "covariance" else solution
         limits = bounds(problem, final, weights=weights, model_errors=False)
-        name = _least_certain(problem, final, limits)
-        if name is None:
+        loose = _without_bound(final, limits)
+        if not loose:
             limits = bounds(problem, final, weights=weights)
             return _Determined(problem, solution, final, weights, limits, tuple(findings))
+        for name in loose:
+            smaller = _smaller(problem, name)
+            if smaller is not None:
+                break
+        else:
+            raise _nothing_bounds(loose, problem.parameters.unpack(final.theta), limits)
         row = limits.names.index(name)
         findings.append(_unbound(name, float(final.theta[row]), float(limits.std[row])))
-        problem = problem.with_parameters(problem.parameters.drop(name))
-        problem = without_structural_zeros(problem)[0]
-        solution = fit_frequency(problem)
+        problem, solution = smaller, fit_frequency(smaller)
 
 
-def _least_certain(problem: FrequencyProblem, final: Solution, limits: Bounds) -> str | None:
+def _without_bound(final: Solution, limits: Bounds) -> list[str]:
+    """Parameters without a bound, the least certain first."""
     size = np.abs(final.theta)
     ratio = np.divide(limits.std, size, out=np.full(size.shape, np.inf), where=size > 0.0)
     loose = (ratio > _UNBOUND) & (limits.cramer_rao > _LOOP * limits.insensitivity)
-    if not loose.any():
+    return [limits.names[row] for row in np.argsort(-ratio, kind="stable").tolist() if loose[row]]
+
+
+def _smaller(problem: FrequencyProblem, name: str) -> FrequencyProblem | None:
+    """The problem without a parameter, where that leaves the main response to every input."""
+    own = problem.parameters[name]
+    if own.essential or not own.lower <= 0.0 <= own.upper:
         return None
-    may_go = [
-        row
-        for row in np.flatnonzero(loose).tolist()
-        if not (own := problem.parameters[limits.names[row]]).essential and own.lower <= 0.0 <= own.upper
-    ]
-    if may_go:
-        return limits.names[max(may_go, key=lambda row: float(ratio[row]))]
-    names = ", ".join(name for name, without in zip(limits.names, loose, strict=True) if without)
-    message = f"The responses do not determine {names}: other parameters can take over whatever they do."
-    raise InsufficientDataError(
-        f"nothing bounds {names}",
+    try:
+        smaller = without_structural_zeros(problem.with_parameters(problem.parameters.drop(name)))[0]
+    except ModelError:
+        return None
+    return smaller if all(smaller.used[place].any() for place in _main_pairs(problem)) else None
+
+
+def _nothing_bounds(names: Sequence[str], parameters: ParameterSet, limits: Bounds) -> InsufficientDataError:
+    told = " ".join(found.words() for found in unseen_combinations(parameters, limits) if found.flat)
+    together = ", ".join(names)
+    message = told or f"The responses do not determine {together}: other parameters take over whatever they do."
+    return InsufficientDataError(
+        f"nothing bounds {together}. {message}",
         needed="responses that tell them apart from the other parameters",
         remedy="give some values with --fix NAME=VALUE, take a smaller model, or excite what shows them",
-        findings=[refusal("not_identifiable", names, message)],
+        findings=[refusal("not_identifiable", together, message)],
     )
 
 
