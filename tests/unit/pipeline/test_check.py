@@ -137,7 +137,7 @@ def test_the_part_of_a_log_that_was_not_fitted_is_unseen(record: FlightRecord, l
 def test_a_model_that_is_plainly_wrong_is_refused(record: FlightRecord) -> None:
     # A lag of 0.2 s where there is none: wrong by far more than any noise.
     settings = IdentifySettings(band_rad_s=BAND, fix={"T_motor": 0.2, "L_p": -2.0})
-    with pytest.raises(InsufficientDataError, match="rate.roll does not describe these flights") as refused:
+    with pytest.raises(InsufficientDataError, match="does not describe these flights") as refused:
         identify([record], "rate.roll", settings=settings)
     assert "poor_fit" in {finding.kind for finding in refused.value.findings}
 
