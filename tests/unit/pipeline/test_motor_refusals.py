@@ -50,10 +50,20 @@ def test_an_inertia_no_better_known_than_nothing_is_left_out(fitted: FittedMotor
 
 
 def test_a_fit_that_still_moves_is_refused(fitted: FittedMotors) -> None:
-    moving = replace(fitted, fit=replace(fitted.fit, settled=False, moved=3.0))
+    free, std = fitted.fit.parameters.free, dict(zip(fitted.bounds.names, fitted.bounds.std, strict=True))
+    far = np.array([3.0 * std[name] if name == "I_xx" else 0.0 for name in free])
+    moving = replace(fitted, fit=replace(fitted.fit, settled=False, moved=far))
     with pytest.raises(InsufficientDataError, match=r"still moved by 3\.0 standard") as refused:
         motors._require_end(moving, CHOICES)
     assert refused.value.findings[0].kind == "not_converged"
+
+
+def test_a_fit_that_moves_by_less_than_it_states_is_told(fitted: FittedMotors) -> None:
+    free, std = fitted.fit.parameters.free, dict(zip(fitted.bounds.names, fitted.bounds.std, strict=True))
+    near = np.array([0.2 * std[name] if name == "I_xx" else 0.0 for name in free])
+    moving = replace(fitted, fit=replace(fitted.fit, settled=False, moved=near))
+    motors._require_end(moving, CHOICES)
+    assert "not_converged" in {one.kind for one in motors.judge_motors(moving, CHOICES, {})}
 
 
 def test_what_physics_does_not_allow_is_refused(fitted: FittedMotors) -> None:

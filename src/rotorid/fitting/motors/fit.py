@@ -31,7 +31,7 @@ sample, :math:`\int x \, dt` and :math:`\int x^2 \, dt`, has closed forms. Every
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Self
 
@@ -619,7 +619,7 @@ class MotorFit(Fit):
     settled
         Whether the values came to rest.
     moved
-        By how many standard deviations a value moved in the last round.
+        By how much each free parameter moved in the last round, shape ``(p,)``; nothing where there was none.
     white_force
         Whether errors of the specific force were whitened.
     """
@@ -628,7 +628,7 @@ class MotorFit(Fit):
     excitations: tuple[Mapping[str, Excitation], ...]
     rounds: int
     settled: bool
-    moved: float = 0.0
+    moved: FloatArray = field(default_factory=lambda: np.zeros(0))
     white_force: bool = False
 
     @property
@@ -704,11 +704,12 @@ def fit_motors(
         parameters = parameters.with_values({name: start[name] for name in parameters.free if name in start})
     problem = _slow_problem(problem.with_parameters(parameters), found)
     solution = solver.minimize(problem.residuals, problem.parameters.pack(), *problem.box)
-    settled, count, moved = False, 0, 0.0
+    settled, count, last = False, 0, np.zeros(0)
     for count in range(1, rounds + 1):
         problem = _with_whitening(problem, solution.theta, white_force=white_force)
         following = solver.minimize(problem.residuals, solution.theta, *problem.box)
         moved = float(np.max(_deviations(following, solution.theta), initial=0.0))
+        last = following.theta - solution.theta
         solution, settled = following, moved <= _AT_REST
         progress(f"motors, round {count}: values moved by {moved:.2g} standard deviations")
         if settled:
@@ -719,7 +720,7 @@ def fit_motors(
         excitations=found,
         rounds=count,
         settled=settled,
-        moved=moved,
+        moved=last,
         white_force=white_force,
     )
 

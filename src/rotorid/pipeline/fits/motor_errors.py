@@ -54,7 +54,11 @@ CURVE_SHARE = 0.3
 """Thrust that was not moved: its slope lies between that of a line and twice as much, that of a parabola."""
 
 SENSOR_SHARE = 0.005
-"""Scale of gyros and accelerometers, which no flight with the same sensors shows."""
+"""Scale of gyros, which no flight with the same sensors shows."""
+
+THRUST_SHARE = 0.01
+"""Slope of thrust, as far as it depends on how fast and how far rotors are moved and on the air they move in: on
+flights of rotors that feel their inflow, or that speed up faster than they slow down, it is one to two percent low."""
 
 _GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
@@ -65,6 +69,10 @@ PIECES = 10
 
 _DRAG_1_S = 0.3
 """Of a small multirotor, drag over mass: what it was asked for longer ago has no speed any more."""
+
+LEFT_OUT_SHARE = 0.02
+"""Of what motors do to a rate, that a model of rotors with one lag may leave out without being another model. Nearly
+collinear with lag and damping, more of it could always be had for a little less error."""
 
 _INFLOW_1_S, _SECOND_1_S = 10.0, 30.0
 """Where thrust may come late, and where a second lag would show: within what flying excites."""
@@ -107,15 +115,29 @@ def motor_model_error(fit: MotorFit, random: FloatArray) -> FloatArray:
     if len(scores) > 1:
         moved = inverse @ np.stack(list(scores.values()), axis=1)
         found = _beyond(moved @ moved.T * len(scores) / (len(scores) - 1.0), random)
-    steps = [_inverse(slow_normal) @ slow_score, *_left_out(blocks, inverse)]
+    steps = [_slow_step(slow_normal, slow_score, inverse), *_left_out(blocks, inverse)]
     return found + sum((np.outer(step, step) for step in steps), start=np.zeros_like(found))
 
 
+def _slow_step(normal: FloatArray, score: FloatArray, inverse: FloatArray) -> FloatArray:
+    """The step to the values of slow motion, without what chance alone would make of it (Hausman's difference)."""
+    of_slow = _inverse(normal)
+    step: FloatArray = of_slow @ score
+    length = np.sqrt(np.maximum(of_slow.diagonal(), 1e-300))
+    apart = np.linalg.pinv((of_slow - inverse) / np.outer(length, length), rcond=1e-6, hermitian=True)
+    chance = float((step / length) @ apart @ (step / length))
+    return step * np.sqrt(max(0.0, 1.0 - step.size / chance)) if chance > 0.0 else step
+
+
 def _left_out(blocks: Sequence[_Block], inverse: FloatArray) -> Iterator[FloatArray]:
-    """How far the parameters would move with something more in the model of an axis, one thing after the other."""
+    """How far the parameters would move with something more in the model of a rate, one thing after the other.
+
+    Errors of the specific force are not white, and say too little of what is missing.
+    """
     told = sum((block.slopes @ block.error for block in blocks), start=np.zeros(len(inverse)))
-    for axis in {block.axis for block in blocks}:
+    for axis in RATES:
         own = [block for block in blocks if block.axis == axis]
+        made = sum(block.made for block in own)
         for rows in zip(*(block.more for block in own), strict=True):
             beside = sum((one.slopes @ row for one, row in zip(own, rows, strict=True)), start=np.zeros(len(inverse)))
             # What of it no parameter follows, and the errors say of that.
@@ -123,7 +145,10 @@ def _left_out(blocks: Sequence[_Block], inverse: FloatArray) -> Iterator[FloatAr
             left = size - float(beside @ inverse @ beside)
             score = sum(float(row @ one.error) for one, row in zip(own, rows, strict=True))
             if left > _SEEN * size:
-                yield inverse @ beside * ((score - float(beside @ inverse @ told)) / left)
+                factor = (score - float(beside @ inverse @ told)) / left
+                # Of white errors alone it would have a variance of one over what is left.
+                likely = min(max(0.0, factor**2 - 1.0 / left), LEFT_OUT_SHARE**2 * made / size)
+                yield inverse @ beside * np.sqrt(likely)
 
 
 def _beyond(found: FloatArray, random: FloatArray) -> FloatArray:
@@ -153,8 +178,12 @@ class _Block(NamedTuple):
         Record and axis.
     slopes, error
         Of what is measured by what is moving, shape ``(p, n)``, and the errors ``(n,)``.
+    made
+        Sum of squares of what the motors contribute.
     more
-        What might be in the equation beside the model, shape ``(k, n)``.
+        What might be in the equation beside the model, shape ``(k, n)``; of rates alone.
+    gusty
+        Whether slow errors are gusts, to which a controller answers.
     """
 
     place: int
@@ -162,13 +191,15 @@ class _Block(NamedTuple):
     rate_hz: float
     slopes: FloatArray
     error: FloatArray
+    made: float
     more: FloatArray
+    gusty: bool
 
     @property
     def slow(self) -> FloatArray:
         """Slopes and errors of slow motion, shape ``(p + 1, m)``; the mean of a force is slow as it is."""
         rows = np.vstack([self.slopes, self.error[None]])
-        return rows if self.axis == "weight" else slow_rows(rows, self.rate_hz)
+        return rows if self.axis == "weight" or self.gusty else slow_rows(rows, self.rate_hz)
 
 
 def _blocks(fit: MotorFit) -> Iterator[_Block]:
@@ -177,19 +208,22 @@ def _blocks(fit: MotorFit) -> Iterator[_Block]:
     axes = [{one.name: one for one in equations} for equations in problem.equations(theta)]
     for place, name, error, slopes in problem.whitened(theta):
         record = problem.records[place]
-        more = np.zeros((0, error.size))
-        if name != "weight":
-            shape = problem.filters[place][name]
-            more = shape(np.stack(list(_more(axes[place][name], problem, values, record))))
-            more = more - more.mean(axis=1, keepdims=True)
+        made, more = 0.0, np.zeros((0, error.size))
+        if name in RATES:
+            rows = problem.filters[place][name](np.stack(list(_more(axes[place][name], problem, values, record))))
+            rows = rows - rows.mean(axis=1, keepdims=True)
+            made, more = float(rows[0] @ rows[0]), rows[1:]
         # The problem has the errors of the motion; slopes are those of the motion too.
-        yield _Block(place, name, record.sample_rate_hz, -slopes[kept], error, more)
+        yield _Block(
+            place, name, record.sample_rate_hz, -slopes[kept], error, made, more, name == "az" and fit.white_force
+        )
 
 
 def _more(axis: Axis, problem: MotorProblem, values: Mapping[str, float], record: MotorRecord) -> Iterator[FloatArray]:
-    """What might be in an equation beside the model, each up to a factor, shape ``(n,)``."""
+    """What the motors contribute, and what might be there beside it, each up to a factor, shape ``(n,)``."""
     made = _made_by_motors(axis, problem, values, record.w)
     made = made - made.mean()
+    yield made
     yield _low_passed(made, _INFLOW_1_S, record.sample_rate_hz)
     late = _low_passed(made, _SECOND_1_S, record.sample_rate_hz)
     yield late - _low_passed(late, _SECOND_1_S, record.sample_rate_hz)
@@ -229,8 +263,8 @@ def with_model_errors(
     r"""Bounds that also hold what is wrong in the same way all through a flight.
 
     - What the structure leaves out, see :func:`motor_model_error`.
-    - The accelerometer is off by up to :data:`ACCELEROMETER_BIAS_M_S2`, which thrust and inertia follow, and sensors
-      scale by :data:`SENSOR_SHARE`.
+    - The accelerometer is off by up to :data:`ACCELEROMETER_BIAS_M_S2`, which thrust and inertia follow, gyros scale by
+      up to :data:`SENSOR_SHARE`, and the slope of thrust is not the same in all air (:data:`THRUST_SHARE`).
     - Where within a sample a value belongs is known to 0.15 of it, of motors and of sensors: delays, and motor lag.
     - Where thrust was not moved, its slope is a guess (:data:`CURVE_SHARE`), and inertia follows it.
     - Motors that were logged too slowly did between their samples what the log does not tell. Errors of the outputs
@@ -264,10 +298,11 @@ def _of_slope(values: Mapping[str, float], share: float) -> dict[str, float]:
 
 
 def _by_sensors(values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
+    """Scales of the gyros, and the slope of thrust, which inertia follows; the scale of the accelerometer is in it."""
     for name in _INERTIA.values():
         if name in values:
             yield {name: SENSOR_SHARE * values[name]}
-    yield _of_slope(values, SENSOR_SHARE)
+    yield _of_slope(values, THRUST_SHARE)
 
 
 def _by_clocks(data: MotorData) -> Iterator[Mapping[str, float]]:

@@ -258,8 +258,8 @@ _LEAST_OF_GUSTY = 100.0 * (1.0 - 0.5**0.5)
 _LARGEST_STD = 1.0
 """Of an inertia or of the slope of thrust, as a share of the value: beyond, nothing is known of it."""
 
-_LAST_MOVE = 1.0
-"""Standard deviations by which values may still move in the last round of a fit that has come to its end."""
+_LAST_MOVE = 0.5
+"""Stated deviations by which values may still move in the last round of a fit that has come to its end."""
 
 _STAMPS_S = 0.01
 """Errors of stamps, and of the rate at which a filter is taken to work, stay below."""
@@ -495,6 +495,15 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
     return found
 
 
+def _last_move(fitted: FittedMotors) -> float:
+    """By how many stated deviations a value moved in the last round."""
+    moved = dict(zip(fitted.fit.parameters.free, fitted.fit.moved.tolist(), strict=False))
+    return max(
+        (abs(moved.get(name, 0.0)) / std for name, std in zip(fitted.bounds.names, fitted.bounds.std, strict=True)),
+        default=0.0,
+    )
+
+
 def _require_end(fitted: FittedMotors, choices: MotorChoices) -> None:
     """Refuse a fit that has not come to its end, or came to one that physics does not allow.
 
@@ -505,12 +514,12 @@ def _require_end(fitted: FittedMotors, choices: MotorChoices) -> None:
     """
     fit, names = fitted.fit, ", ".join(dict.fromkeys(record.name for record in fitted.data.records))
     wrong: list[Finding] = []
-    if not fit.settled and not fit.moved <= _LAST_MOVE:
+    moved = _last_move(fitted)
+    if not fit.settled and not moved <= _LAST_MOVE:
         message = (
-            f"Values and color of the errors still moved by {fit.moved:.1f} standard deviations after {fit.rounds} "
-            "rounds."
+            f"Values and color of the errors still moved by {moved:.1f} standard deviations after {fit.rounds} rounds."
         )
-        wrong.append(refusal("not_converged", "physical.motors", message, moved=fit.moved))
+        wrong.append(refusal("not_converged", "physical.motors", message, moved=moved))
     numbers = [*fitted.parameters.values.values(), *fitted.bounds.covariance.ravel().tolist()]
     numbers += [number for one in fitted.derived.values() for number in (one.value, one.std)]
     if not np.isfinite(numbers).all():
@@ -868,8 +877,12 @@ def _ended(identified: FittedMotors) -> Iterator[Finding]:
             "The data do not tell a motor lag from none, or from a delay; tau_gyro stands for both.",
         )
     if not fit.settled:
+        moved = _last_move(identified)
         yield warn(
-            "not_converged", "physical.motors", f"Values and color of the errors still moved after {fit.rounds} rounds."
+            "not_converged",
+            "physical.motors",
+            f"Values and color of the errors still moved after {fit.rounds} rounds, by {moved:.2g} stated deviations.",
+            moved=moved,
         )
 
 
