@@ -123,6 +123,14 @@ def test_motors_at_nine_hertz_are_no_ground_for_a_number(shared_data: Path) -> N
     assert "rate_too_low" in {finding.kind for finding in refused.value.findings}
 
 
+def test_what_is_explained_by_less_than_half_is_no_number(shared_data: Path) -> None:
+    """42 and 22 % were explained, and an inertia stated in kg m^2 of an arm and a mass that nobody knew."""
+    record = read(shared_data / "ardupilot" / "beast_0036.BIN")
+    with pytest.raises(InsufficientDataError, match="explain less than half") as refused:
+        identify_motors([record], MotorChoices())
+    assert "poor_fit" in {finding.kind for finding in refused.value.findings}
+
+
 @pytest.fixture(scope="module")
 def iris(shared_data: Path) -> ResultDocument:
     mapping = Path(__file__).resolve().parents[2] / "docs" / "mappings" / "gazebo_iris.toml"
