@@ -110,8 +110,13 @@ def test_set_points_of_acro_are_free_of_feedback(record: Callable[[str], rotorid
     found = rotorid.response([record(FREESTYLE)], inputs=("p_setpoint",), outputs=("p",), **settings)
     warned = {finding.kind for finding in found.findings if finding.severity == "warning"}
     assert not warned & {"closed_loop_bias", "no_excitation", "inverse_controller"}
-    (delay,) = rotorid.delay([record(FREESTYLE)], input="p_setpoint", output="p", segments=[given]).pairs.values()
+
+
+@pytest.mark.slow
+def test_the_delay_behind_such_a_set_point_needs_no_instrument(record: Callable[[str], rotorid.FlightRecord]) -> None:
+    (delay,) = rotorid.delay([record(FREESTYLE)], input="p_setpoint", output="p").pairs.values()
     assert not delay.feedback
+    assert {finding.severity for finding in delay.findings} == {"info"}
 
 
 @pytest.mark.slow

@@ -32,8 +32,8 @@ _FED_BACK: Mapping[str, tuple[str, float]] = {
 }
 """Input to the output that its innermost loop feeds back, and the sign that makes this feedback negative."""
 
-_VEHICLE_FROM_RAD_S = {"p": 10.0, "q": 10.0, "r": 0.0}
-"""Above it a rate follows its command by damping, lag and delay alone: below, drag and speed move roll and pitch."""
+_VEHICLE_FROM_RAD_S = dict.fromkeys(("p", "q", "r"), 10.0)
+"""Above it a rate follows its command by damping, lag and delay alone: below, drag and speed move the vehicle too."""
 
 _NEEDED = "points that show the vehicle: excitation that is stronger than gusts and noise"
 _REMEDY = (
