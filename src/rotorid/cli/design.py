@@ -130,23 +130,27 @@ def _print_prediction(prediction: PredictionDocument) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
+    from rotorid.report.parts import FAR_SIGMAS
 
     console = output_console()
     if prediction.refused:
         console.print(f"{prediction.model}: {prediction.refused}", markup=False, soft_wrap=True)
         return
     table = Table(title=f"what it will tell: {prediction.model}", title_justify="left", box=None, pad_edge=False)
-    for name in ("parameter", "expected", "± std", "unit", "%", "least %"):
+    for name in ("parameter", "value", "expected", "± std", "unit", "% of value", "least %", "off"):
         table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     for name, one in prediction.parameters.items():
         least = 100.0 * one.lowest_std / abs(one.value) if one.value else math.inf
+        off = abs(one.expected - one.value) / one.std if one.std > 0.0 else 0.0
         table.add_row(
             name,
+            f"{one.value:.5g}",
             f"{one.expected:.5g}",
             f"{one.std:.2g}",
             one.unit,
             "" if one.percent is None else f"{one.percent:.2g}",
             f"{least:.2g}" if math.isfinite(least) else "",
+            f"{off:.0f} σ" if off > FAR_SIGMAS else "",
         )
     console.print(table)
     for pair, response in prediction.responses.items():

@@ -258,8 +258,13 @@ class PredictedParameter:
     lowest_std: float
 
     @property
+    def off_sigmas(self) -> float:
+        """How far the fit will end from the value, in standard deviations as stated."""
+        return abs(self.expected - self.value) / self.std if self.std > 0.0 else 0.0
+
+    @property
     def percent(self) -> float:
-        """The standard deviation in percent of the value; infinite for a value of zero."""
+        """The standard deviation in percent of the value as it was given; infinite for a value of zero."""
         return self.in_percent(self.std)
 
     def in_percent(self, number: float) -> float:

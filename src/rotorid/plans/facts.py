@@ -58,6 +58,8 @@ class PredictedBound(Immutable):
         Predicted standard deviation of its estimate, in ``unit``.
     model
         Of which model, where several are predicted.
+    given
+        The value that the prediction began with, which the estimate may miss; ``value`` when omitted.
     """
 
     name: str
@@ -65,11 +67,18 @@ class PredictedBound(Immutable):
     value: float
     std: float
     model: str = ""
+    given: float | None = None
 
     @property
     def percent(self) -> float | None:
-        """Predicted standard deviation over the magnitude of the expected value; ``None`` where that is zero."""
-        return 100.0 * self.std / abs(self.value) if self.value else None
+        """Predicted standard deviation in percent of the value that was given; ``None`` where that is zero."""
+        given = self.value if self.given is None else self.given
+        return 100.0 * self.std / abs(given) if given else None
+
+    @property
+    def off_sigmas(self) -> float:
+        """How far the estimate will end from the value that was given, in standard deviations."""
+        return 0.0 if self.given is None or not self.std > 0.0 else abs(self.value - self.given) / self.std
 
     @property
     def known(self) -> bool:

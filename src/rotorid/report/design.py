@@ -180,7 +180,7 @@ def predicted_rows(prediction: Prediction) -> tuple[PredictedRow, ...]:
 
 
 def _predicted_row(one: PredictedParameter) -> PredictedRow:
-    sigmas = abs(one.expected - one.value) / one.std if one.std > 0.0 else 0.0
+    sigmas = one.off_sigmas
     bound, insensitivity = one.in_percent(one.cramer_rao), one.in_percent(one.insensitivity)
     return PredictedRow(
         name=one.name,
@@ -338,6 +338,15 @@ def _plan_sentence(one: Designed) -> str:
         count = "1 parameter" if len(found.rows) == 1 else f"{len(found.rows)} parameters"
         least = f", {worst.label} worst" if low != high else ""
         parts.append(f"it will tell {count} with standard deviations of {spread} %{least}")
+    off = [
+        f"{parameter.name} {significant(parameter.expected, digits=3)} for {significant(parameter.value, digits=3)}, "
+        f"{parameter.off_sigmas:.0f} σ off"
+        for told in one.told
+        for parameter in (told.prediction.parameters if told.prediction is not None else ())
+        if parameter.off_sigmas > FAR_SIGMAS
+    ]
+    if off:
+        parts.append(f"its estimates will be biased: {'; '.join(off)}")
     if zero:
         parts.append(f"{zero} more {'is' if zero == 1 else 'are'} zero, of which there is no percent")
     if refused:

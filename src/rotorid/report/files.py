@@ -272,6 +272,7 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> Fligh
             value=parameter.expected,
             std=parameter.std,
             model=told.model,
+            given=parameter.value,
         )
         for told in one.told
         for parameter in (told.prediction.parameters if told.prediction is not None else ())

@@ -22,6 +22,7 @@ from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_
 from rotorid.plans.px4 import LOG_PROFILE
 from rotorid.plot.frequency import COHERENCE_GUIDELINE
 from rotorid.report.frame import MISSING, asset, percent, significant, unit, with_error
+from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -336,6 +337,7 @@ class BoundRow:
     value: str
     unit: str
     percent: str
+    off: str
 
 
 def flight_card(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
@@ -503,6 +505,9 @@ def _bound_rows(bounds: Sequence[PredictedBound]) -> tuple[BoundRow, ...]:
             value=with_error(bound.value, bound.std) if bound.known else _NOT_KNOWN,
             unit=unit(bound.unit) if bound.known else "",
             percent=percent(bound.percent) if bound.known else MISSING,
+            off=f"{bound.off_sigmas:.0f} σ off {significant(bound.given, digits=3)}"
+            if bound.given is not None and bound.off_sigmas > FAR_SIGMAS
+            else "",
         )
         for bound in bounds[:MOST_BOUNDS]
     )

@@ -289,9 +289,9 @@ def test_words_come_first(page: Page) -> None:
     assert sentences == (
         "Multisine tells most about L_roll.",
         "Pilot sweep on roll and pitch, 49 s in all: it will tell 2 parameters with standard deviations of 2 to 5 %, "
-        "L_p worst; it cannot support rate.yaw.",
+        "L_p worst; its estimates will be biased: L_p −3 for −4, 5 σ off; it cannot support rate.yaw.",
         "Multisine on roll and pitch, 26 s in all: it will tell 2 parameters with standard deviations of 1 to 5 %, "
-        "L_p worst; it cannot support rate.yaw.",
+        "L_p worst; its estimates will be biased: L_p −3 for −4, 5 σ off; it cannot support rate.yaw.",
         "L_roll to 1.5 % in rate.roll: 40 s of pilot sweep and 40 s of multisine are enough.",
         "All of it is for px4_quad in turbulence of 0.5 m/s.",
     )

@@ -319,3 +319,16 @@ def test_the_pdf_is_one_page(name: str) -> None:
     streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", document, re.DOTALL)
     objects = b"".join(zlib.decompressobj().decompress(stream) for stream in streams)
     assert len(re.findall(rb"/Type\s*/Page\b", document + objects)) == 1
+
+
+def test_a_parameter_that_will_come_out_elsewhere_is_marked_and_its_percent_is_of_the_value_given() -> None:
+    bounds = (
+        PredictedBound(name="tau_roll", unit="s", value=0.029, std=0.00036, given=0.0111),
+        PredictedBound(name="L_roll", unit="1/s", value=224.0, std=14.0, given=250.0),
+    )
+    page = Page(flight_card_html(four_chirps(), facts(bounds=bounds)))
+    found = {row[0]: row[1:] for table in page.tables[1:] for row in table[1:]}
+    assert found["tau_roll"][0].endswith("50 σ off 0.0111")
+    assert found["tau_roll"][2] == "3.2"
+    assert "off" not in found["L_roll"][0]
+    assert found["L_roll"][2] == "5.6"
