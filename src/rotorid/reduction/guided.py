@@ -268,19 +268,17 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     """
     best, solution = problem, fit_frequency(problem)
     findings: list[Finding] = []
-    asked: set[str] = set()
-    while optional := [name for name in _optional(best) if name not in asked]:
-        distances = _distances(best, solution)
-        name = min(optional, key=lambda name: distances[name])
-        asked.add(name)
-        if distances[name] > CERTAIN:
-            continue
+    kept: set[str] = set()
+    while optional := [name for name in _optional(best) if name not in kept]:
+        name = optional[0] if len(optional) == 1 else min(optional, key=_distances(best, solution).__getitem__)
         smaller = best.with_parameters(best.parameters.drop(name))
         trial = fit_frequency(smaller)
         rise = mean_cost(smaller, trial) - mean_cost(best, solution)
-        if rise <= LARGEST_RISE:
-            findings.append(_not_missed(best.parameters[name], rise, inputs=len(problem.structure.inputs)))
-            best, solution = smaller, trial
+        if rise > LARGEST_RISE or _is_certain(best, solution, name):
+            kept.add(name)
+            continue
+        findings.append(_not_missed(best.parameters[name], rise, inputs=len(problem.structure.inputs)))
+        best, solution = smaller, trial
     for name in best.parameters.free:
         value = dict(zip(best.parameters.free, solution.theta, strict=True)).get(name)
         bounds = (best.parameters[name].lower, best.parameters[name].upper)
@@ -301,8 +299,15 @@ def _optional(problem: FrequencyProblem) -> list[str]:
     return [name for name in problem.structure.optional if name in free and _may_be_zero(problem.parameters[name])]
 
 
-def _distances(problem: FrequencyProblem, solution: Solution) -> dict[str, float]:
-    """Standard deviations from zero of each parameter, random and model error together, with weights of the errors.
+def _is_certain(problem: FrequencyProblem, solution: Solution, name: str) -> bool:
+    """Whether a parameter lies more than five standard deviations from zero, by random errors and by all errors."""
+    return all(
+        _distances(problem, solution, model_errors=model_errors)[name] > CERTAIN for model_errors in (False, True)
+    )
+
+
+def _distances(problem: FrequencyProblem, solution: Solution, *, model_errors: bool = False) -> dict[str, float]:
+    """Standard deviations from zero of each parameter, where errors are weighed by their covariance.
 
     Where the data state no errors, or several parameters change nothing, there is no such number, and the cost alone
     decides.
@@ -312,7 +317,7 @@ def _distances(problem: FrequencyProblem, solution: Solution) -> dict[str, float
         return dict.fromkeys(problem.parameters.free, 0.0)
     try:
         final = refine(problem, solution)
-        limits = bounds(problem, final, weights="covariance")
+        limits = bounds(problem, final, weights="covariance", model_errors=model_errors)
     except InsufficientDataError:
         return dict.fromkeys(problem.parameters.free, 0.0)
     return dict(zip(limits.names, map(float, np.abs(final.theta) / limits.std), strict=True))

@@ -131,7 +131,9 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
     block = bounds.covariance[np.ix_(rows, rows)]
     lag_std, delay_std = (math.sqrt(block[row, row]) for row in range(2))
     together, std = sum(values), math.sqrt(max(float(block.sum()), 0.0))
-    correlation = float(bounds.correlation[rows[0], rows[1]])
+    # Clocks blur each of them, and do not make one look like the other.
+    random = bounds.random[np.ix_(rows, rows)]
+    correlation = float(random[0, 1] / np.sqrt(random[0, 0] * random[1, 1]))
     known = lag_std <= _KNOWN * abs(values[0]) and delay_std <= _KNOWN * abs(values[1])
     apart = known and abs(correlation) <= _LARGEST_CORRELATION
     each = f"{1e3 * values[0]:.1f} ± {1e3 * lag_std:.1f} ms and {1e3 * values[1]:.1f} ± {1e3 * delay_std:.1f} ms"
