@@ -685,14 +685,16 @@ def _held_at_zero(coupling: UnseenCoupling) -> Finding:
 
 WORST_PAIR_COST = 150.0
 LARGEST_DEVIATION_DB, LARGEST_DEVIATION_DEG = 2.0, 15.0
+_LEFT_OUT_SHARE = 1.0 / 3.0
+"""Of the responses at most: where more are not described, the structure does not hold at all."""
 
 
 def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
     """Fit as :func:`fit_with_bounds` does, leave out what the structure cannot follow, and refuse what does not hold.
 
     A response that costs more than 150 and is off by more than 2 dB or 15°, as root mean squares, is left out with a
-    finding, unless it is the main response to its input. What is left must have converged, with an average cost of at
-    most 100 and no pole that a sample could not show.
+    finding, unless it is the main response to its input or they are more than a third. What is left must have
+    converged, with an average cost of at most 100 and no pole that a sample could not show.
 
     Raises
     ------
@@ -700,8 +702,11 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
         The model does not describe what it was fitted to; its findings say why.
     """
     fitted = fit_with_bounds(problem, measured, settings)
-    main, left_out = _main_pairs(problem), []
+    main, left_out = _main_pairs(problem), list[Finding]()
+    may_go = int(np.count_nonzero(problem.used.any(axis=-1)) * _LEFT_OUT_SHARE)
     while beside := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
+        if len(left_out) + len(beside) > may_go:
+            break
         used = np.array(problem.used)
         for place, finding in beside.items():
             used[place] = False
