@@ -142,15 +142,15 @@ def test_parameters_that_only_stand_in_a_product_are_named(flight: Path, here: P
     text = EQUATION.replace("b*", "b*c*") + NUMBERS.replace("100.0", "20.0") + C.format(5.0)
     file.write_text(text, encoding="utf-8")
     ran = rotorid("identify", flight, "--model", file, "--band", "12:40", "--out", tmp_path / "out", "--json")
-    assert ran.code == 1
+    assert (ran.code, ran.err) == (0, "")
     document = ResultDocument.model_validate_json(ran.out)
-    assert not document.parameters
-    (finding,) = [finding for finding in document.findings if finding.kind == "not_identifiable"]
-    assert "b*c" in finding.message.replace(" ", "")
-    assert "--fix b=VALUE" in finding.message
+    (combination,) = document.identifiability
+    assert "b*c" in combination.words.replace(" ", "")
+    assert "--fix b=VALUE" in combination.words
+    assert {name for name, share in combination.vector.items() if abs(share) > 0.1} == {"b", "c"}
     # A person reads the same sentence.
     said = rotorid("identify", flight, "--model", file, "--band", "12:40", "--out", tmp_path / "out")
-    assert finding.message in said.err
+    assert combination.words in said.out
 
 
 def test_parameters_that_no_fitted_response_shows_are_named(flight: Path, here: Path) -> None:

@@ -91,7 +91,7 @@ def test_direct_estimate_leans_toward_the_inverse_of_the_controller(
     # Feedback turns noise into command: without the instrument gain and lag come out too low, which it cures.
     record = rotorid.read(unpacked("px4_sitl/roll.ulg"))
     direct = rotorid.identify([record], "rate.roll", settings=rotorid.IdentifySettings(estimate="direct"))
-    assert (result_document(direct).provenance.estimate, direct.beside) == ("direct", None)
+    assert (result_document(direct).provenance.estimate, direct.data.direct) == ("direct", None)
     joint = result_document(found("roll")).parameters
     assert result_document(direct).parameters["L_roll"].value < joint["L_roll"].value
     assert result_document(direct).parameters["T_motor"].value < joint["T_motor"].value

@@ -11,7 +11,6 @@ from tests.unit.fitting.known_models import measured, posed
 
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.fit import fit_frequency
-from rotorid.fitting.frequency.screening import without_structural_zeros
 from rotorid.fitting.frequency.problem import (
     FrequencyProblem,
     log_error,
@@ -21,6 +20,7 @@ from rotorid.fitting.frequency.problem import (
     point_weights,
     within_bands,
 )
+from rotorid.fitting.frequency.screening import without_structural_zeros
 from rotorid.models.library import library_model
 from rotorid.models.toml import from_toml
 

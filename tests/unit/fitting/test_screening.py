@@ -23,16 +23,18 @@ def lateral() -> LinearStructure:
     return library_model("hover.lateral").select(outputs=["p", "r", "ay"])
 
 
-def posed(usable: Collection[str], structure: LinearStructure) -> FrequencyProblem:
+def posed(usable: Collection[str], structure: LinearStructure, weak: str = "") -> FrequencyProblem:
     """Responses of a symmetric vehicle, of which only some are coherent."""
     values = {**structure.parameters.values, **SYMMETRIC, "Y_roll": 0.0}
     exact = structure.response(values, OMEGA)
     noise = 1e-3 * np.random.default_rng(0).standard_normal((*exact.shape, 2)) @ np.array([1.0, 1j])
+    every = [f"{output}/{source}" for output in structure.outputs for source in structure.inputs]
+    error = np.where(np.array(every).reshape(exact.shape[:2]) == weak, 0.25, 1e-3)[..., None]
     data = FrequencyResponse(
         omega_rad_s=OMEGA,
         values=exact * (1.0 + noise) + 1e-6 * np.abs(noise),
         coherence=np.ones(exact.shape),
-        random_error=np.full(exact.shape, 1e-3),
+        random_error=np.broadcast_to(error, exact.shape),
         covariance=((1e-6 * np.abs(exact)[..., None] ** 2 + 1e-18) * np.eye(OMEGA.size)).astype(np.complex128),
         inputs=structure.inputs,
         outputs=structure.outputs,
@@ -70,7 +72,7 @@ def test_what_a_response_of_its_own_equation_shows_stays_free() -> None:
 def test_a_weak_response_of_another_equation_frees_nothing() -> None:
     """In steady wind the acceleration answers a turn; that says nothing of what turns the vehicle."""
     pairs = ["p/roll_command", "r/yaw_command", "ay/roll_command", "ay/yaw_command"]
-    _, unseen = without_unseen_couplings(posed(pairs, lateral()))
+    _, unseen = without_unseen_couplings(posed(pairs, lateral(), weak="ay/yaw_command"))
     names = {coupling.name for coupling in unseen}
     assert {"L_r", "L_yaw", "N_p", "N_v", "N_roll"} <= names
     assert not {"Y_r", "Y_yaw"} & names
@@ -81,3 +83,10 @@ def test_parameters_with_a_value_of_their_own_are_no_couplings() -> None:
     known = structure.parameters.with_values({"L_yaw": 2.0})
     problem = posed(["p/roll_command", "r/yaw_command"], replace(structure, parameters=known))
     assert "L_yaw" not in {coupling.name for coupling in without_unseen_couplings(problem)[1]}
+
+
+def test_what_a_well_known_response_shows_lets_others_be_seen() -> None:
+    """The side force by the yaw command is known well: then so is what a side speed does to the yaw rate."""
+    pairs = ["p/roll_command", "r/yaw_command", "ay/roll_command", "ay/yaw_command"]
+    _, unseen = without_unseen_couplings(posed(pairs, lateral()))
+    assert "N_v" not in {coupling.name for coupling in unseen}

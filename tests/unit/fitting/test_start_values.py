@@ -9,8 +9,8 @@ import pytest
 from tests.unit.fitting.known_models import at_zero, posed
 
 from rotorid.fitting.frequency.fit import fit_frequency
-from rotorid.fitting.frequency.screening import without_structural_zeros
 from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.frequency.screening import without_structural_zeros
 from rotorid.fitting.frequency.starts import (
     delay_grid_s,
     equation_error,

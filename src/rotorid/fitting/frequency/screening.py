@@ -7,7 +7,7 @@ against each other to any size, and takes parameters along that are well seen ot
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -90,8 +90,9 @@ def without_unseen_couplings(problem: FrequencyProblem) -> tuple[FrequencyProble
     A coupling is a parameter that is zero unless known better: its value in the structure is zero, zero is allowed, it
     is no time and not essential. It stays free if, to first order about the model in hover without any coupling, it
     changes a usable response of an output that shows the equation in which it stands. The first condition leaves out
-    what acts through other couplings alone. Without the second a weak response of another axis, which has a reason of
-    its own to be there, would let couplings grow that hardly touch it. Three sets of generic values are tried.
+    what acts through other couplings alone; those that a well-known response shows are no question any more, and the
+    model goes on with them. Without the second a weak response of another axis, which has a reason of its own to be
+    there, would let couplings grow that hardly touch it. Three sets of generic values are tried.
 
     Parameters
     ----------
@@ -108,8 +109,14 @@ def without_unseen_couplings(problem: FrequencyProblem) -> tuple[FrequencyProble
     couplings = [name for name in problem.parameters.free if _is_coupling(problem.structure.parameters[name])]
     if not couplings:
         return problem, ()
-    shown = _shown(problem, couplings)
-    used = problem.used.any(axis=-1)
+    used, known = problem.used.any(axis=-1), _known_well(problem)
+    there: set[str] = set()
+    while True:
+        shown = _shown(problem, couplings, there)
+        more = {name for name, would in zip(couplings, shown, strict=True) if (would & known).any()}
+        if more <= there:
+            break
+        there |= more
     names = np.array(pair_names(problem.data)).reshape(used.shape)
     unseen = tuple(
         UnseenCoupling(name, tuple(names[would].tolist()))
@@ -129,12 +136,21 @@ def _is_coupling(parameter: Parameter) -> bool:
     return zero and parameter.unit != "s" and not parameter.essential
 
 
-def _shown(problem: FrequencyProblem, couplings: Sequence[str]) -> BoolArray:
-    """Which responses show which coupling to first order, shape ``(c, y, u)``."""
+_WELL_KNOWN, _MANY = 0.1, 12
+
+
+def _known_well(problem: FrequencyProblem) -> BoolArray:
+    """Responses that are known to 10 % at a dozen points and more, shape ``(y, u)``."""
+    error = np.where(problem.used, problem.data.random_error, np.inf)
+    return np.asarray(np.count_nonzero(error <= _WELL_KNOWN, axis=-1) >= _MANY)
+
+
+def _shown(problem: FrequencyProblem, couplings: Sequence[str], there: Collection[str]) -> BoolArray:
+    """Which responses show which coupling to first order beside those that are there, shape ``(c, y, u)``."""
     parameters = problem.parameters
     structure = problem.structure.with_constants({name: 0.0 for name in _TRIM if name in problem.structure.constants})
     omega = problem.data.omega_rad_s[problem.used.any(axis=(0, 1))]
-    zero = np.array([name in couplings for name in parameters.free])
+    zero = np.array([name in couplings and name not in there for name in parameters.free])
     rows = [parameters.free.index(name) for name in couplings]
     shown = np.zeros((len(couplings), *problem.used.shape[:2]), dtype=np.bool_)
     rng, drawn = np.random.default_rng(0), 0

@@ -598,6 +598,7 @@ class _Determined(NamedTuple):
 
 _UNBOUND = 10.0
 _LOOP = 30.0
+_GROWN = 1e3
 """A direction has no bound where a parameter is ten times less certain than it is large, and thirty times less than it
 would be with the others known: they grow against each other."""
 
@@ -615,7 +616,7 @@ def _determined(problem: FrequencyProblem, solution: Solution, settings: Identif
         weights = _weights(problem, settings)
         final = refine(problem, solution) if weights == "covariance" else solution
         limits = bounds(problem, final, weights=weights, model_errors=False)
-        loose = _without_bound(final, limits)
+        loose = _without_bound(problem, final, limits)
         if not loose:
             limits = bounds(problem, final, weights=weights)
             return _Determined(problem, solution, final, weights, limits, tuple(findings))
@@ -630,12 +631,27 @@ def _determined(problem: FrequencyProblem, solution: Solution, settings: Identif
         problem, solution = smaller, fit_frequency(smaller)
 
 
-def _without_bound(final: Solution, limits: Bounds) -> list[str]:
-    """Parameters without a bound, the least certain first."""
+def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds) -> list[str]:
+    """Parameters without a bound, the least certain first.
+
+    A ratio or a product of which a structure shows no more, such as that of force and inertia, is no matter of the
+    data: the response is known, and the parameters stay where they began. That is said with the answer.
+    """
     size = np.abs(final.theta)
     ratio = np.divide(limits.std, size, out=np.full(size.shape, np.inf), where=size > 0.0)
     loose = (ratio > _UNBOUND) & (limits.cramer_rao > _LOOP * limits.insensitivity)
-    return [limits.names[row] for row in np.argsort(-ratio, kind="stable").tolist() if loose[row]]
+    if not loose.any():
+        return []
+    began = np.array([abs(problem.structure.parameters[name].value) for name in limits.names])
+    near = (size > began / _GROWN) & (size < began * _GROWN)
+    flat = {
+        name
+        for found in unseen_combinations(problem.parameters.unpack(final.theta), limits)
+        if found.flat
+        for name in found.names or [name for name, share in found.vector.items() if abs(share) > 0.1]
+    }
+    by_structure = np.array([name in flat for name in limits.names]) & near
+    return [limits.names[row] for row in np.argsort(-ratio, kind="stable").tolist() if (loose & ~by_structure)[row]]
 
 
 def _smaller(problem: FrequencyProblem, name: str) -> FrequencyProblem | None:
