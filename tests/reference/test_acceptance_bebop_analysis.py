@@ -54,10 +54,17 @@ unit = "rad"
 
 
 def history(path: Path, mapping: Path, rate_hz: float) -> TimeHistory:
-    """The samples as they are, on a clock of one rate."""
-    (topic,) = rotorid.read(path, mapping=mapping).topics
+    """The samples as they are, on a clock of one rate; a channel that lost some has them by the nearest one."""
+    first, *others = rotorid.read(path, mapping=mapping).topics
+    values = [first.values]
+    for topic in others:
+        nearest = np.abs(first.time_s[:, None] - topic.time_s).argmin(axis=1)
+        values.append(topic.values[:, nearest])
     return TimeHistory(
-        values=topic.values, channels=topic.channels, sample_rate_hz=rate_hz, start_s=float(topic.time_s[0])
+        values=np.concatenate(values),
+        channels=(*first.channels, *(channel for topic in others for channel in topic.channels)),
+        sample_rate_hz=rate_hz,
+        start_s=float(first.time_s[0]),
     )
 
 
