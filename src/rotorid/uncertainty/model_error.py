@@ -12,8 +12,9 @@ phase a Gaussian process over :math:`\ln \omega` with the kernel :math:`\exp(-\f
 octave; and clocks :math:`T d`, a phase of :math:`0.15 \, \omega \Delta t` for every input and every output, for no log
 says where within a sample a value belongs. The size :math:`a_k` of the model error of a response is the one that makes
 its residuals most likely, with what the parameters absorb projected out (restricted maximum likelihood), between 0.5 %,
-which no sensor is better than, and 30 %. The values stay what the fit gave. With its own gain M, from residuals to
-parameters,
+which no sensor is better than, and 30 %, and at most three times its typical residual: a few points at the end of a
+band, which nothing smooth explains, would ask for any size. The values stay what the fit gave. With its own gain M, from
+residuals to parameters,
 
 .. math:: \mathrm{Cov}\,\theta = M \, (C + \sum_k a_k^2 s B_k B_k^T s + T T^T) \, M^T
 
@@ -47,6 +48,8 @@ _OWN_ERRORS = (0.002, 0.005, 0.01, 0.02, 0.05)
 relative error of which the likelihood chooses one for each group."""
 
 _FOLLOWED = 1e-9
+_NORMAL = 1.4826
+_LARGEST_SHARE = 3.0
 _BOX = (math.log(SMALLEST_MODEL_ERROR), math.log(LARGEST_MODEL_ERROR))
 _COARSE = 9
 """Sizes that are tried for each group before the search, so that it begins near its end."""
@@ -117,12 +120,14 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     >>> 0.01 < found.sizes["p/roll"] < 0.1
     True
     """
-    grid = np.linspace(*_BOX, _COARSE)
-    own, start = np.zeros(residual.size), np.zeros(len(shapes.names))
+    own, start, tops = np.zeros(residual.size), np.zeros(len(shapes.names)), np.zeros(len(shapes.names))
     scale = _scale_of(shapes, np.diag(covariance))
     for place in range(len(shapes.names)):
         rows = np.flatnonzero(shapes.smooth[:, shapes.group == place].any(axis=1))
         part = _part(shapes, place, rows)
+        typical = _NORMAL * float(np.median(np.abs(residual[rows]) / scale[rows]))
+        tops[place] = np.clip(math.log(max(_LARGEST_SHARE * typical, SMALLEST_MODEL_ERROR)), _BOX[0] + 1e-6, _BOX[1])
+        grid = np.linspace(_BOX[0], tops[place], _COARSE)
         block = covariance[np.ix_(rows, rows)]
         tried = [
             _coarse(_Likelihood.of(part, residual[rows], jacobian[rows], block, error * scale[rows]), grid)
@@ -131,7 +136,7 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
         best = min(range(len(tried)), key=lambda which: tried[which][0])
         own[rows], start[place] = _OWN_ERRORS[best] * scale[rows], tried[best][1]
     likelihood = _Likelihood.of(shapes, residual, jacobian, covariance, own)
-    logs = likelihood.best(start)
+    logs = likelihood.best(start, tops)
     return ModelError(
         shapes=shapes,
         sizes=dict(zip(shapes.names, map(float, np.exp(logs)), strict=True)),
@@ -206,12 +211,13 @@ class _Likelihood:
         value = self.rest + 0.5 * float(np.linalg.slogdet(inner)[1]) - 0.5 * float((D * self.y) @ x)
         return value, self.member @ (1.0 - np.diag(G) - x**2)
 
-    def best(self, start: FloatArray) -> FloatArray:
-        """The most likely logarithms of the sizes, from a start near them."""
+    def best(self, start: FloatArray, tops: FloatArray) -> FloatArray:
+        """The most likely logarithms of the sizes up to some, from a start near them."""
         from scipy.optimize import minimize
 
-        found = minimize(self, start, jac=True, method="L-BFGS-B", bounds=[_BOX] * start.size)
-        return np.clip(found.x, *_BOX)
+        box = [(_BOX[0], top) for top in tops.tolist()]
+        found = minimize(self, start, jac=True, method="L-BFGS-B", bounds=box)
+        return np.clip(found.x, _BOX[0], tops)
 
     def expected(self, logs: FloatArray) -> FloatArray:
         """Most likely factors of all columns."""
