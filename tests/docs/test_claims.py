@@ -55,4 +55,3 @@ def test_the_readme_shows_what_the_first_command_prints() -> None:
 @pytest.mark.usefixtures("shared_data")
 def test_the_table_of_accuracy_shows_what_is_identified(flight: Flight) -> None:
     assert row_of(flight) in SAMPLES["known truths"].shown, "renew it with `python -m tests.docs.measured`"
-

@@ -13,8 +13,8 @@ octave; and clocks :math:`T d`, a phase of :math:`0.15 \, \omega \Delta t` for e
 says where within a sample a value belongs. The size :math:`a_k` of the model error of a response is the one that makes
 its residuals most likely, with what the parameters absorb projected out (restricted maximum likelihood), between 0.5 %,
 which no sensor is better than, and 30 %, and at most three times its typical residual: a few points at the end of a
-band, which nothing smooth explains, would ask for any size. The values stay what the fit gave. With its own gain M, from
-residuals to parameters,
+band, which nothing smooth explains, would ask for any size. The values stay what the fit gave. With its own gain M,
+from residuals to parameters,
 
 .. math:: \mathrm{Cov}\,\theta = M \, (C + \sum_k a_k^2 s B_k B_k^T s + T T^T) \, M^T
 
