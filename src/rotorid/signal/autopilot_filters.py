@@ -556,7 +556,8 @@ def _notches(settings: Mapping[str, float], rate_hz: float) -> Iterator[Passage]
             continue
         center_hz, cutoff_hz = (settings[name] for name in names)
         said = " and ".join(f"{name} = {settings[name]:g}" for name in names)
-        if cutoff_hz < center_hz < 0.5 * rate_hz:
+        # Whole numbers of hertz: what is less is damage.
+        if 1.0 <= cutoff_hz < center_hz < 0.5 * rate_hz:
             quality = center_hz * cutoff_hz / (center_hz**2 - cutoff_hz**2)
             yield built(said, partial(notch, center_hz, quality, rate_hz))
         else:
