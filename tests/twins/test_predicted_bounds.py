@@ -212,7 +212,10 @@ def compared(case: Case, flights: int) -> tuple[Prediction, dict[str, FloatArray
     """The prediction, and what each flight gave: estimates and their stated errors."""
     found = case.predicted()
     results = [result_document(case.identified(seed)).parameters for seed in range(flights)]
-    kept = [{name: (one.value, one.std) for name, one in result.items() if one.std is not None} for result in results]
+    kept = [
+        {name: (one.value, one.std_random) for name, one in result.items() if one.std_random is not None}
+        for result in results
+    ]
     names = [one.name for one in found.parameters]
     # What a flight drops that others keep would be compared with another model.
     alike = [one for one in kept if set(one) == set(names)]
@@ -225,7 +228,7 @@ def compared(case: Case, flights: int) -> tuple[Prediction, dict[str, FloatArray
 def test_a_few_flights_state_what_was_predicted(case: Case) -> None:
     found, estimates, stated = compared(case, 2)
     for one in found.parameters:
-        assert one.std == pytest.approx(stated[one.name].mean(), rel=BAR)
+        assert one.std / found.inflation == pytest.approx(stated[one.name].mean(), rel=BAR)
         # Where the structure does not fit, the bias was predicted too.
         assert estimates[one.name].mean() == pytest.approx(one.expected, abs=4.0 * one.std / found.inflation)
 
@@ -233,13 +236,13 @@ def test_a_few_flights_state_what_was_predicted(case: Case) -> None:
 def test_records_windows_and_points_are_those_of_the_identification() -> None:
     case = CASES[0]
     found, flown = case.predicted(), case.identified(0)
-    np.testing.assert_allclose(found.response.windows_s, flown.response.windows_s)
-    np.testing.assert_allclose(found.response.omega_rad_s, flown.response.omega_rad_s)
-    assert np.count_nonzero(found.used != flown.fitted) <= 2
-    used = found.used & flown.fitted
+    np.testing.assert_allclose(found.response.windows_s, flown.data.response.windows_s)
+    np.testing.assert_allclose(found.response.omega_rad_s, flown.data.response.omega_rad_s)
+    assert np.count_nonzero(found.used != flown.data.used) <= 2
+    used = found.used & flown.data.used
     # Of one flight a coherence scatters by a few hundredths where it is far from one.
-    assert np.abs(found.response.coherence - flown.response.coherence)[used].mean() < 0.03
-    ratio = found.response.random_error[used] / flown.response.random_error[used]
+    assert np.abs(found.response.coherence - flown.data.response.coherence)[used].mean() < 0.03
+    ratio = found.response.random_error[used] / flown.data.response.random_error[used]
     assert np.median(ratio) == pytest.approx(1.0, abs=BAR)
 
 
@@ -248,7 +251,7 @@ def test_records_windows_and_points_are_those_of_the_identification() -> None:
 def test_many_flights_achieve_what_was_predicted(case: Case) -> None:
     found, estimates, stated = compared(case, case.flights)
     for one in found.parameters:
-        assert one.std == pytest.approx(stated[one.name].mean(), rel=BAR)
+        assert one.std / found.inflation == pytest.approx(stated[one.name].mean(), rel=BAR)
         scatter = float(estimates[one.name].std(ddof=1))
         assert estimates[one.name].mean() == pytest.approx(one.expected, abs=0.5 * one.std + scatter)
         if len(found.response.outputs) == 1:
@@ -297,8 +300,8 @@ def test_sweeps_of_any_length_through_a_log_that_does_not_declare_them(duration_
     plan = swept_from_outside(duration_s)
     found, flown = of_px4(plan), [through_a_log(plan, seed, tmp_path) for seed in range(5)]
     for each in flown:
-        np.testing.assert_allclose(found.response.windows_s, each.response.windows_s, rtol=1e-3)
-        np.testing.assert_allclose(found.response.omega_rad_s, each.response.omega_rad_s, rtol=1e-3)
+        np.testing.assert_allclose(found.response.windows_s, each.data.response.windows_s, rtol=1e-3)
+        np.testing.assert_allclose(found.response.omega_rad_s, each.data.response.omega_rad_s, rtol=1e-3)
     for one in found.parameters:
         stated = [result_document(each).parameters[one.name].std for each in flown]
         assert one.std == pytest.approx(np.mean(np.array(stated, dtype=np.float64)), rel=BAR)
