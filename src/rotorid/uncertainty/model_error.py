@@ -49,6 +49,8 @@ relative error of which the likelihood chooses one for each group."""
 
 _FOLLOWED = 1e-9
 _NORMAL = 1.4826
+"""Standard deviation over the median size of a normal error."""
+
 _LARGEST_SHARE = 3.0
 _BOX = (math.log(SMALLEST_MODEL_ERROR), math.log(LARGEST_MODEL_ERROR))
 _COARSE = 9

@@ -211,15 +211,14 @@ _COSTLY = 30.0
 def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds) -> tuple[Finding, ...]:
     """Where the structure does not hold, whatever its average cost is.
 
-    The model error of the main response to an input, the one with the most points, is above 10 %; or one response costs
+    The model error of the main response to an input, the one that is known best, is above 10 %; or one response costs
     many times what the others do.
     """
     findings = []
     names = np.array(pair_names(problem.data)).reshape(costs.shape)
-    points = np.count_nonzero(problem.used, axis=-1)
     sizes = limits.model_error.sizes if limits.model_error else {}
-    for u in np.flatnonzero(points.any(axis=0)):
-        name = str(names[int(np.argmax(points[:, u])), u])
+    for place in sorted(_main_pairs(problem), key=lambda place: place[1]):
+        name = str(names[place])
         if sizes.get(name, 0.0) > LARGEST_STRUCTURE_ERROR:
             findings.append(
                 warn(
@@ -231,7 +230,7 @@ def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds
                     model_error_percent=100.0 * sizes[name],
                 )
             )
-    used = points > 0
+    used = problem.used.any(axis=-1)
     typical = float(np.median(costs[used]))
     for y, u in np.argwhere(used & (costs > max(_MANY_TIMES * typical, _COSTLY))):
         findings.append(
@@ -598,9 +597,11 @@ class _Determined(NamedTuple):
 
 _UNBOUND = 10.0
 _LOOP = 30.0
-_GROWN = 1e3
 """A direction has no bound where a parameter is ten times less certain than it is large, and thirty times less than it
 would be with the others known: they grow against each other."""
+
+_GROWN = 1e3
+"""Times from where it began, within which a parameter has stayed where it was."""
 
 
 def _determined(problem: FrequencyProblem, solution: Solution, settings: IdentifySettings) -> _Determined:
