@@ -10,6 +10,7 @@ import pytest
 
 import rotorid
 from rotorid.documents.result import result_document
+from rotorid.errors import InsufficientDataError
 
 
 class Case(NamedTuple):
@@ -43,7 +44,7 @@ def test_gain_and_delay_above_the_speed_modes(case: Case, band: tuple[float, flo
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.axis)
-def test_without_a_band_the_speed_modes_spoil_the_fit_and_it_is_said(case: Case, shared_data: Path) -> None:
+def test_without_a_band_the_speed_modes_spoil_the_fit_and_it_is_refused(case: Case, shared_data: Path) -> None:
     record = rotorid.read(shared_data / "s500" / f"{case.axis}_sweeps.csv")
-    document = result_document(rotorid.identify([record], f"rate.{case.axis}"))
-    assert ("poor_fit", "warning") in {(finding.kind, finding.severity) for finding in document.findings}
+    with pytest.raises(InsufficientDataError, match=r"does not describe these flights.*narrow --band"):
+        rotorid.identify([record], f"rate.{case.axis}")
