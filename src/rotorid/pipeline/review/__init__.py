@@ -1,0 +1,1 @@
+"""What an ordinary flight tells, part by part: values, no page."""
