@@ -25,7 +25,7 @@ class Quantity(Immutable):
     lower, upper
         Ends of the 95 % interval; infinite where a side has no bound.
     unit
-        SI unit, ``rad/s`` for angular frequencies, ``1`` for shares, and ``dB``, ``deg``, ``%`` where the field speaks so.
+        SI, ``1`` for shares; ``dB``, ``deg``, ``%`` where the field speaks so.
 
     Raises
     ------
