@@ -1,0 +1,349 @@
+r"""A flight as loops are read from it: when it flew, what tells each axis' loops, and channels on one fast clock.
+
+Whoever flies by stick gives set-points that hold feedback: the response to them is told jointly with the stick, which
+holds none. In acro the set-point is the pilot's own. A stick is often logged at 5 to 50 Hz only. As an instrument it
+need not follow the motion, only be correlated with it and free of feedback; so it is held up to the rate of the
+channels that it explains, instead of thinning these out to its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.record import FlightRecord, Intervals, TimeHistory, Topic
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.review.values import Instrument
+from rotorid.signal.airborne import Airborne, airborne
+from rotorid.signal.clock import missing_channel, resample, source_topic
+from rotorid.spectral.estimate import frequency_response
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+RATE_OF: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
+ANGLE_OF: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
+VELOCITY_OF: Mapping[Axis, str] = {"roll": "v", "pitch": "u", "thrust": "w"}
+
+LEAST_STICK = 0.01
+"""A stick that moves less, as its standard deviation tells, rests."""
+
+LEAST_RATE_RAD_S = 0.05
+"""A set-point of body rates that moves less rests."""
+
+LEAST_MOTION_S = 10.0
+"""Sticks that moved for less tell nothing that holds."""
+
+USABLE_ERROR = 0.3
+"""A response is used where its magnitude is known better than this, one standard deviation."""
+
+INDEPENDENT_FLOOR, SHARED_FLOOR, SHARED_OVER = 0.003, 0.01, 0.5
+"""Relative errors that no record shortens: a flight is no linear system. What neighbors share falls to 1/e over half of
+a natural logarithm of frequency."""
+
+_WINDOWS_S = (16.0, 8.0, 4.0, 2.0, 1.0)
+_SHORT_WINDOW_S = 0.5
+_SLOW_WINDOWS_S = (24.0, 16.0, 8.0, 4.0, 2.0)
+_FAST_HZ = 900.0
+_POINTS = 55
+_LOWEST_RAD_S, _LOWEST_SLOW_RAD_S = 0.7, 0.4
+_HIGHEST_RAD_S, _HIGHEST_FAST_RAD_S = 200.0, 250.0
+_OF_NYQUIST = 0.4
+_ENOUGH_RATE_HZ = 500.0
+_SHORTEST_S = 4.0
+_MOTION_WINDOW_S = 1.0
+_MOSTLY = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Flown(Immutable):
+    """A record with its flights.
+
+    Parameters
+    ----------
+    record
+        The log.
+    airborne
+        Its flights, and what tells them.
+    """
+
+    record: FlightRecord
+    airborne: Airborne
+
+    @property
+    def flights(self) -> Intervals:
+        """In the air, on the log's own clock."""
+        return self.airborne.intervals
+
+    @cached_property
+    def direct(self) -> Intervals:
+        """Parts of the flights in which the set-points of the body rates came straight from the sticks."""
+        return _shared(self.flights, self.record.status.direct_rates)
+
+    def during(self, instrument: Instrument) -> Intervals:
+        """The parts of the flights in which an instrument may be used: ``direct`` ones in acro, others throughout."""
+        return self.direct if instrument == "direct" else self.flights
+
+    def instrument(self, axis: Axis, *, of_rates: bool = True) -> tuple[Instrument, str]:
+        """What tells the loops of an axis, and its channel; the channel is empty where nothing does.
+
+        Set-points of rates that come straight from the sticks are free of feedback (``direct``). Else the stick, or a
+        set-point that was excited on purpose (``stick``): whatever an outer loop asks for holds its feedback.
+
+        Parameters
+        ----------
+        axis
+            Of the loop.
+        of_rates
+            Whether the loop in question is that of the body rates.
+        """
+        names = self.record.channel_names
+        setpoint = f"{RATE_OF.get(axis, '')}_setpoint"
+        direct_s, flown_s = _length(self.direct), _length(self.flights)
+        if of_rates and setpoint in names and direct_s > _MOSTLY * flown_s and direct_s >= LEAST_MOTION_S:
+            return "direct", setpoint
+        moving = {name: self.moving_s(name) for name in (f"{axis}_stick", f"{axis}_setpoint_excitation")}
+        best = max(moving, key=moving.__getitem__)
+        if moving[best] > 0.0 or f"{axis}_stick" in names:
+            return "stick", best if moving[best] > 0.0 else f"{axis}_stick"
+        return "stick", ""
+
+    def moving_s(self, channel: str, intervals: Intervals | None = None) -> float:
+        """For how many seconds of the flights a stick or set-point moved; zero where it rests or was not logged.
+
+        It moves while it spreads, within a second, by more than 0.01 of full stick (0.05 rad/s, 0.01 rad).
+        """
+        least = LEAST_RATE_RAD_S if channel in ("p_setpoint", "q_setpoint", "r_setpoint") else LEAST_STICK
+        moved_s = 0.0
+        for time_s, values in self.samples(channel, intervals):
+            if time_s.size < 2:
+                continue
+            # A stick that is logged when it changes holds its value in between.
+            clock = np.arange(time_s[0], time_s[-1], 0.1)
+            held = values[np.searchsorted(time_s, clock, side="right") - 1]
+            size = round(_MOTION_WINDOW_S / 0.1)
+            count = held.size // size
+            spread = held[: count * size].reshape(count, size).std(axis=1)
+            moved_s += _MOTION_WINDOW_S * float(np.count_nonzero(spread > least))
+        return moved_s
+
+    def samples(self, channel: str, intervals: Intervals | None = None) -> list[tuple[FloatArray, FloatArray]]:
+        """Finite samples of a channel in each flight, stamps rising; empty where it was not logged."""
+        found = []
+        for start_s, stop_s in self.flights if intervals is None else intervals:
+            try:
+                topic, row = source_topic(self.record, channel, start_s, stop_s)
+            except InsufficientDataError:
+                continue
+            time_s, values = _sound(topic, row)
+            inside = (time_s >= start_s) & (time_s <= stop_s)
+            found.append((time_s[inside], values[inside]))
+        return found
+
+    def rate_hz(self, channel: str) -> float:
+        """Median rate of a channel in the longest flight; zero where it was not logged."""
+        start_s, stop_s = self.airborne.longest
+        found = self.samples(channel, ((start_s, stop_s),))
+        steps = np.diff(found[0][0]) if found else np.zeros(0)
+        return float(1.0 / np.median(steps)) if steps.size else 0.0
+
+    def histories(
+        self, channels: Sequence[str], *, held: Sequence[str] = (), intervals: Intervals | None = None
+    ) -> tuple[TimeHistory, ...]:
+        """Channels on one clock, a history for each stretch of 4 s and more without a long gap.
+
+        Parameters
+        ----------
+        channels
+            The slowest of them sets the rate; above 500 Hz all are thinned out alike, to no less than half of that.
+        held
+            Instruments: slower ones are held up to that rate.
+        intervals
+            Parts of the record; its flights, when none are given.
+
+        Raises
+        ------
+        InsufficientDataError
+            A channel was not logged, or not for long enough.
+        """
+        names = self.record.channel_names
+        for name in (*channels, *held):
+            if name not in names:
+                raise missing_channel(self.record, name)
+        asked = self.flights if intervals is None else intervals
+        rates = {name: self.rate_hz(name) for name in channels}
+        slowest = min(rates, key=rates.__getitem__)
+        fewer = int(rates[slowest] / _ENOUGH_RATE_HZ) if rates[slowest] > _ENOUGH_RATE_HZ else 1
+        rate_hz = None
+        found: list[TimeHistory] = []
+        for start_s, stop_s in sorted(asked, key=lambda interval: interval[0] - interval[1]):
+            if stop_s - start_s < _SHORTEST_S:
+                continue
+            record = self._with_held([name for name in held if name not in channels], slowest, start_s, stop_s)
+            try:
+                # Those of the longest flight say how fast the clock is.
+                if rate_hz is None and fewer > 1:
+                    rate_hz = rates[slowest] / fewer
+                parts = resample(
+                    record,
+                    channels=channels,
+                    auxiliary=[name for name in held if name not in channels],
+                    start_s=start_s,
+                    stop_s=stop_s,
+                    sample_rate_hz=rate_hz,
+                ).histories
+            except InsufficientDataError:
+                continue
+            if parts:
+                rate_hz = parts[0].sample_rate_hz
+            found += [part for part in parts if part.duration_s >= _SHORTEST_S]
+        if not found:
+            raise InsufficientDataError(
+                f"{self.record.source.name} holds no {_SHORTEST_S:g} s in the air with {', '.join(channels)}",
+                needed="a longer flight, or a log without gaps",
+                remedy="log them throughout the flight",
+            )
+        return tuple(sorted(found, key=lambda history: history.start_s))
+
+    def _with_held(self, names: Sequence[str], base: str, start_s: float, stop_s: float) -> FlightRecord:
+        """The record with instruments held on the stamps of a faster channel."""
+        try:
+            topic, row = source_topic(self.record, base, start_s, stop_s)
+        except InsufficientDataError:
+            return self.record
+        clock_s, _ = _sound(topic, row)
+        topics = []
+        for name in names:
+            try:
+                slow, slow_row = source_topic(self.record, name, start_s, stop_s)
+            except InsufficientDataError:
+                continue
+            time_s, values = _sound(slow, slow_row)
+            if not time_s.size or slow.sample_rate_hz >= topic.sample_rate_hz:
+                continue
+            place = np.maximum(np.searchsorted(time_s, clock_s, side="right") - 1, 0)
+            held = values[place][None]
+            topics.append(Topic(name=slow.name, time_s=clock_s, channels=(slow.channels[slow_row],), values=held))
+        return replace(self.record, topics=(*topics, *self.record.topics)) if topics else self.record
+
+
+def flown(record: FlightRecord) -> Flown:
+    """Find the flights of a record.
+
+    Parameters
+    ----------
+    record
+        The log.
+
+    Raises
+    ------
+    InsufficientDataError
+        The vehicle never flew, or nothing tells whether it did.
+    """
+    return Flown(record=record, airborne=airborne(record))
+
+
+def loop_response(
+    flight: Flown,
+    *,
+    reference: str,
+    answer: str,
+    instrument: str = "",
+    intervals: Intervals | None = None,
+    slow: bool = False,
+    histories: Sequence[TimeHistory] = (),
+) -> FrequencyResponse:
+    """Response of one channel to another over a whole flight, with the errors that a flight deserves.
+
+    Parameters
+    ----------
+    flight
+        The flight.
+    reference, answer
+        Input and output of the response: a set-point and its state, or a command and a rate.
+    instrument
+        Channel without feedback that moves both; the input itself or none for the direct estimate.
+    intervals
+        Parts of the record; its flights, when none are given.
+    slow
+        Whether it is a loop of attitude or velocity: lower frequencies, longer windows, double the shared floor.
+    histories
+        Already on one clock; otherwise they are made.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel was not logged, rests, or was not logged for long enough.
+    """
+    instruments = () if instrument in ("", reference) else (instrument,)
+    records = tuple(histories) or flight.histories((reference, answer), held=instruments, intervals=intervals)
+    rate_hz = records[0].sample_rate_hz
+    logged_hz = min(flight.rate_hz(reference), flight.rate_hz(answer)) or rate_hz
+    fast = logged_hz >= _FAST_HZ and not slow
+    highest = min(
+        _HIGHEST_FAST_RAD_S if fast else _HIGHEST_RAD_S, _OF_NYQUIST * np.pi * logged_hz, 0.8 * np.pi * rate_hz
+    )
+    windows: tuple[float, ...] = _SLOW_WINDOWS_S if slow else (*_WINDOWS_S, _SHORT_WINDOW_S) if fast else _WINDOWS_S
+    longest_s = 0.4 * max(record.duration_s for record in records)
+    windows = tuple(window for window in windows if window <= longest_s) or (longest_s,)
+    lowest = max(_LOWEST_SLOW_RAD_S if slow else _LOWEST_RAD_S, 4.0 * np.pi / max(windows))
+    response = frequency_response(
+        records,
+        inputs=[reference],
+        outputs=[answer],
+        instruments=list(instruments),
+        omega_rad_s=np.geomspace(min(lowest, 0.5 * highest), highest, _POINTS),
+        windows_s=windows,
+    )
+    return with_floor(response, shared=(2.0 if slow else 1.0) * SHARED_FLOOR)
+
+
+def with_floor(
+    response: FrequencyResponse, *, independent: float = INDEPENDENT_FLOOR, shared: float = SHARED_FLOOR
+) -> FrequencyResponse:
+    r"""A response with the errors that a flight has beside its noise, because it is no linear system.
+
+    .. math:: C_{ij} + \delta_{ij} (a |H_i|)^2 + b^2 H_i H_j^* e^{-|\ln \omega_i/\omega_j| / 0.5}
+
+    The second part is shared by neighbors: an independent error averages out over many of them, this one does not.
+
+    Parameters
+    ----------
+    response
+        As estimated.
+    independent, shared
+        :math:`a` and :math:`b`.
+    """
+    distance = np.abs(np.subtract.outer(np.log(response.omega_rad_s), np.log(response.omega_rad_s)))
+    values = np.nan_to_num(response.values)
+    pairs: ComplexArray = values[..., :, None] * values.conj()[..., None, :]
+    kernel = shared**2 * np.exp(-distance / SHARED_OVER) + independent**2 * np.eye(response.omega_rad_s.size)
+    return replace(
+        response,
+        covariance=response.covariance + pairs * kernel,
+        random_error=np.sqrt(response.random_error**2 + independent**2 + shared**2),
+        processing=(*response.processing, f"floor of errors of {independent:g} and, shared by neighbors, {shared:g}"),
+    )
+
+
+def _sound(topic: Topic, row: int) -> tuple[FloatArray, FloatArray]:
+    """Finite samples of a channel at stamps that rise."""
+    values = topic.values[row]
+    kept = np.isfinite(values) & np.isfinite(topic.time_s)
+    time_s, values = topic.time_s[kept], values[kept]
+    if time_s.size > 1:
+        rising = np.concatenate([[True], time_s[1:] > np.maximum.accumulate(time_s)[:-1]])
+        time_s, values = time_s[rising], values[rising]
+    return time_s, values
+
+
+def _shared(one: Intervals, other: Intervals) -> Intervals:
+    both = [(max(a, c), min(b, d)) for a, b in one for c, d in other]
+    return tuple((start, stop) for start, stop in sorted(both) if stop > start)
+
+
+def _length(intervals: Intervals) -> float:
+    return sum(stop - start for start, stop in intervals)
