@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.command import carry_out, read_logs
-from rotorid.cli.console import default_folder, output_console, print_findings
+from rotorid.cli.command import carry_out, read_logs, with_command
+from rotorid.cli.console import default_folder, output_console, print_findings, say
 from rotorid.cli.options import Logs, Map, Output
-from rotorid.pipeline.settings import IdentifySettings, motor_choices, parse_names
+from rotorid.errors import UsageError
+from rotorid.pipeline.settings import ALL, MODEL, IdentifySettings, motor_choices, parse_names
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,13 +22,19 @@ if TYPE_CHECKING:
     from rotorid.documents.result import ResultDocument
     from rotorid.models.structure import LinearStructure
     from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.pipeline.several import SeveralModels
     from rotorid.pipeline.summary import ParameterEstimate
 
 
 def identify_command(
     logs: Logs,
     model: Annotated[
-        str, typer.Option("--model", help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml.")
+        list[str],
+        typer.Option(
+            "--model",
+            help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml. Several with commas or "
+            "repeated; all: every one that the logs may support.",
+        ),
     ],
     *,
     verify: Annotated[
@@ -58,8 +65,18 @@ def identify_command(
     from rotorid.report.files import write_results
 
     kind = parse_kind(cross_validate)
-    motors = motor_choices(model, settings, beside={"cross validate": cross_validate, "inputs": inputs})
-    wanted = model if motors else _wanted(model, settings, inputs=inputs, decoupled=decoupled)
+    models = [name for text in model for name in parse_names(text)]
+    if len(models) > 1 or models == [ALL]:
+        if kind or inputs or decoupled:
+            raise UsageError(
+                "--cross-validate, --inputs or --decoupled came with several models",
+                needed="them with a single --model",
+            )
+        _identify_several(logs, models, verify=verify or (), settings=settings, map=map, output=output)
+        return
+    (model_name,) = models
+    motors = motor_choices(model_name, settings, beside={"cross validate": cross_validate, "inputs": inputs})
+    wanted = model_name if motors else _wanted(model_name, settings, inputs=inputs, decoupled=decoupled)
     name = wanted if isinstance(wanted, str) else wanted.name
 
     def compute(records: Sequence[FlightRecord]) -> IdentifiedModel:
@@ -85,6 +102,61 @@ def identify_command(
     )
 
 
+def _identify_several(
+    logs: Sequence[Path],
+    models: Sequence[str],
+    *,
+    verify: Sequence[Path],
+    settings: IdentifySettings,
+    map: Path | None,
+    output: Output,
+) -> None:
+    """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
+    from rotorid.documents.results import RESULTS, ResultsDocument, results_document
+    from rotorid.pipeline.several import identify_several
+    from rotorid.report.several import write_several
+
+    asked: str | list[LinearStructure | str] = (
+        ALL
+        if models == [ALL]
+        else [name if name == MODEL else _wanted(name, settings, inputs=None, decoupled=False) for name in models]
+    )
+    found: list[SeveralModels] = []
+
+    def compute(records: Sequence[FlightRecord]) -> SeveralModels:
+        unseen = list(read_logs(verify, map))
+        several = identify_several(records, asked, settings=settings, verify=unseen)
+        found.append(replace(several, answers={name: with_command(answer) for name, answer in several.items()}))
+        return found[0]
+
+    def write(folder: Path, several: SeveralModels) -> None:
+        if several.identified:
+            write_several(folder, several, title=f"{len(several)} models from {', '.join(log.name for log in logs)}")
+
+    def show(document: ResultsDocument, folder: Path) -> None:
+        for result in document.results:
+            _print_model(result)
+        if found[0].identified:
+            output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+
+    carry_out(
+        logs,
+        mapping=map,
+        output=output,
+        folder=default_folder(logs[0], "+".join(Path(name).stem if "/" in name else name for name in models)),
+        file=RESULTS,
+        compute=compute,
+        write=write,
+        # One model that the data cannot support ends no other; logs that cannot be read are no refusal.
+        refused=lambda error, _: error,
+        document=results_document,
+        show=show,
+    )
+    if not found[0].identified:
+        say(f"rotorid: none of {len(found[0])} models stands: {', '.join(found[0])}")
+        raise typer.Exit(1)
+
+
 def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:
     """The structure, or the name of one that takes its channels from the logs."""
     from rotorid.pipeline.preparation.resolve import finds_its_channels, require_known, resolve_model
@@ -99,14 +171,22 @@ def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decou
 
 def print_result(document: ResultDocument, folder: Path) -> None:
     """Parameters, cost, checks, findings, where the files are."""
+    _print_model(document)
+    output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+
+
+def _print_model(document: ResultDocument) -> None:
     console = output_console()
+    if not document.parameters:
+        console.print(f"{document.model}: refused", markup=False)
+        print_findings([finding for finding in document.findings if finding.severity == "error"])
+        return
     console.print(_table(document))
     for line in (*_motors(document), *_fit(document), *_repeated(document), *_verified(document)):
         console.print(line)
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
     print_findings(document.findings)
-    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
 def _table(document: ResultDocument) -> Table:

@@ -751,6 +751,9 @@ class IdentifySettings(MeasureSettings):
         }
 
 
+ALL = "all"
+"""In place of the names of models: every one of the library that the logs may support."""
+
 MODEL = "physical.motors"
 """Name of the model, which is no linear structure."""
 

@@ -284,7 +284,9 @@ _LEAST_WIDTH = 2.0
 """Highest over lowest fitted frequency: below an octave, gain, damping and delay cannot be told apart."""
 
 
-def require_support(measured: Measured, used: BoolArray, *, least_coherence: float, rate_model: bool) -> None:
+def require_support(
+    measured: Measured, used: BoolArray, *, least_coherence: float, rate_model: bool, chosen: bool = True
+) -> None:
     """Refuse a fit where the data end below, or hold less than, what the model needs.
 
     Parameters
@@ -297,6 +299,8 @@ def require_support(measured: Measured, used: BoolArray, *, least_coherence: flo
         The limit by which they were chosen.
     rate_model
         Whether the model needs data above the speed modes.
+    chosen
+        Whether the user gave the band; else it ends where the log does.
 
     Raises
     ------
@@ -309,6 +313,8 @@ def require_support(measured: Measured, used: BoolArray, *, least_coherence: flo
     needed = max(low, LOWEST_TOP_RAD_S) if rate_model else low
     if measured.excited_to_rad_s < needed:
         raise _not_excited(measured, needed)
+    if high < needed and not chosen:
+        raise _logged_too_slowly(measured, high, needed)
     if high < needed:
         raise UsageError(
             f"the band {low:g}:{high:g} rad/s ends below the {needed:g} rad/s that a rate model needs",
@@ -324,6 +330,16 @@ def require_support(measured: Measured, used: BoolArray, *, least_coherence: flo
 
 def _name(measured: Measured) -> str:
     return f"{measured.response.outputs[0]}/{measured.response.inputs[0]}"
+
+
+def _logged_too_slowly(measured: Measured, high: float, needed: float) -> InsufficientDataError:
+    message = f"Logged at this rate {_name(measured)} can be measured up to {high:.3g} rad/s."
+    return InsufficientDataError(
+        f"{_name(measured)} can be measured up to {high:.3g} rad/s at the rate of this log",
+        needed=f"at least {needed:g} rad/s, above the speed modes of the airframe",
+        remedy="log rates and commands faster",
+        findings=[refusal("rate_too_low", _name(measured), message)],
+    )
 
 
 def _not_excited(measured: Measured, needed: float) -> InsufficientDataError:
@@ -516,7 +532,13 @@ def pose(structure: LinearStructure, measured: Measured, settings: IdentifySetti
     if settings.pairs:
         used = only_pairs(used, data, settings.pairs)
         used = within_bands(used, data, {name: band for name, band in settings.pairs.items() if band is not None})
-    require_support(measured, used, least_coherence=limit, rate_model=structure.name in RATE_AXES)
+    require_support(
+        measured,
+        used,
+        least_coherence=limit,
+        rate_model=structure.name in RATE_AXES,
+        chosen=settings.band_rad_s is not None,
+    )
     problem = FrequencyProblem(
         structure=structure,
         parameters=chosen_parameters(structure, settings),

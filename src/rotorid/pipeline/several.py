@@ -1,0 +1,192 @@
+"""Several models of the same logs in one run: each stands or is refused by itself."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from rotorid.data.base import Immutable
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.library import RATE_AXES
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.identification import identify, refused
+from rotorid.pipeline.preparation.instruments import axis_of
+from rotorid.pipeline.preparation.ordinary import ordinary_flights
+from rotorid.pipeline.preparation.resolve import resolve_model
+from rotorid.pipeline.preparation.selection import RICH_KINDS
+from rotorid.pipeline.provenance import Provenance, provenance
+from rotorid.pipeline.results import IdentifiedModel, Records, Refused
+from rotorid.pipeline.settings import ALL, MODEL, IdentifySettings, as_records, as_settings
+from rotorid.signal.excitations import find_excitations
+from rotorid.typing import Axis
+
+_AXIS_OF: Mapping[str, Axis] = {name: axis_of(model.input) for name, model in RATE_AXES.items()}
+_COUPLED: Mapping[str, tuple[Axis, ...]] = {
+    "hover.longitudinal": ("pitch", "thrust"),
+    "hover.lateral": ("roll", "yaw"),
+}
+_OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
+    """What became of each model, by its name.
+
+    Parameters
+    ----------
+    answers
+        Identified models, and what to say of those that the data cannot support.
+    provenance
+        Where all of it came from.
+    """
+
+    answers: Mapping[str, IdentifiedModel | Refused]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(answers=self.answers)
+
+    def __getitem__(self, name: str) -> IdentifiedModel | Refused:
+        return self.answers[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.answers)
+
+    def __len__(self) -> int:
+        return len(self.answers)
+
+    @property
+    def identified(self) -> dict[str, IdentifiedModel]:
+        """The models that stand."""
+        return {name: answer for name, answer in self.answers.items() if isinstance(answer, IdentifiedModel)}
+
+    @property
+    def refused(self) -> dict[str, Refused]:
+        """Those that the data cannot support."""
+        return {name: answer for name, answer in self.answers.items() if isinstance(answer, Refused)}
+
+
+def identify_several(
+    records: Records,
+    models: Sequence[str | Path | LinearStructure] | str = ALL,
+    *,
+    settings: IdentifySettings | None = None,
+    verify: Records = (),
+    **options: Any,
+) -> SeveralModels:
+    """Identify several models, see :func:`rotorid.identify`; one that the data cannot support ends no other.
+
+    Options that a model does not have are left out for it. Where no axis of a log was excited on purpose, rate models
+    are fitted to the whole flight, with the stick or its set-points as instrument.
+
+    Parameters
+    ----------
+    records, settings, verify, **options
+        As for :func:`rotorid.identify`.
+    models
+        Names, files or structures; ``all`` for those that the logs may support (:func:`supported_models`).
+
+    Returns
+    -------
+    SeveralModels
+        By name an identified model, or what to say of data that cannot support it.
+
+    Raises
+    ------
+    UsageError
+        An option is wrong, or is one of no model that was asked for.
+
+    Examples
+    --------
+    >>> answers = identify_several("flight.ulg", ["rate.roll", "rate.pitch"])  # doctest: +SKIP
+    """
+    logs, unseen = as_records(records), as_records(verify)
+    chosen = as_settings(IdentifySettings, settings, options)
+    wanted = supported_models(logs, chosen) if isinstance(models, str) and models == ALL else _each(models)
+    _require_known_fixes(wanted, chosen)
+    answers: dict[str, IdentifiedModel | Refused] = {}
+    for number, model in enumerate(wanted):
+        name = model.name if isinstance(model, LinearStructure) else str(model)
+        _PROGRESS.info(f"identifying {name}", extra={"done": number, "total": len(wanted)})
+        own = settings_of(model, logs, chosen)
+        try:
+            answers[name] = identify(logs, model, settings=own, verify=unseen)
+        except InsufficientDataError as error:
+            answers[name] = refused(error, logs, model, settings=own)
+    return SeveralModels(answers=answers, provenance=provenance((*logs, *unseen), chosen))
+
+
+def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings | None = None) -> tuple[str, ...]:
+    """Names of the models that logs may support: what fits them may still be refused.
+
+    Rate models of axes that were excited on purpose or, failing that, flown at all; hover models where all their axes
+    were excited on purpose; ``physical.motors`` where motors are logged.
+    """
+    given = {segment.axis for segment in settings.segments} if settings else set()
+    excited = {axis for axis in _AXIS_OF.values() if axis in given or _excited_on_purpose(records, axis)}
+    rates = [
+        name
+        for name, axis in _AXIS_OF.items()
+        if axis in excited or any(ordinary_flights(record, axis) for record in records)
+    ]
+    coupled = [name for name, axes in _COUPLED.items() if excited.issuperset(axes)]
+    motors = [MODEL] if any("motor_1" in record.channel_names for record in records) else []
+    return (*rates, *coupled, *motors)
+
+
+def settings_of(
+    model: str | Path | LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings
+) -> IdentifySettings:
+    """The choices that a model has; for a rate model of a flight without excitation, the flight as its segment."""
+    usual = IdentifySettings()
+    if model == MODEL:
+        kept = (*_OF_MOTORS, "fix", "seed", "bootstrap", "search", "evaluations")
+        others = [item.name for item in fields(settings) if item.name not in kept]
+        return replace(settings, **{name: getattr(usual, name) for name in others})
+    settings = replace(settings, **{name: getattr(usual, name) for name in _OF_MOTORS})
+    structure = resolve_model(model) if isinstance(model, str) and model in RATE_AXES else None
+    if structure is None:
+        return _own_fixes(model, settings)
+    axis = _AXIS_OF[structure.name]
+    own = tuple(segment for segment in settings.segments if segment.axis == axis)
+    if not own and not _excited_on_purpose(records, axis):
+        own = tuple(flight for record in records for flight in ordinary_flights(record, axis))
+    return _own_fixes(structure, replace(settings, segments=own))
+
+
+def _excited_on_purpose(records: Sequence[FlightRecord], axis: Axis) -> bool:
+    return any(one.kind in RICH_KINDS for record in records for one in find_excitations(record, axis))
+
+
+def _own_fixes(model: str | Path | LinearStructure, settings: IdentifySettings) -> IdentifySettings:
+    if not settings.fix:
+        return settings
+    names = _names(model)
+    return replace(settings, fix={name: value for name, value in settings.fix.items() if name in names})
+
+
+def _names(model: str | Path | LinearStructure) -> frozenset[str]:
+    structure = model if isinstance(model, LinearStructure) else resolve_model(model)
+    return frozenset(parameter.name for parameter in structure.parameters)
+
+
+def _require_known_fixes(models: Sequence[str | Path | LinearStructure], settings: IdentifySettings) -> None:
+    if not settings.fix or MODEL in models:
+        return
+    known = frozenset[str]().union(*(_names(model) for model in models))
+    unknown = [name for name in settings.fix if name not in known]
+    if unknown:
+        raise UsageError(f"--fix {unknown[0]} came, which none of the models has", needed=f"one of {sorted(known)}")
+
+
+def _each(models: Sequence[str | Path | LinearStructure] | str) -> tuple[str | Path | LinearStructure, ...]:
+    """The models in their order, each once."""
+    listed = (models,) if isinstance(models, str) else tuple(models)
+    if not listed:
+        raise UsageError("no model was named", needed="a name of rotorid models, a file, or all")
+    return tuple(dict.fromkeys(listed))

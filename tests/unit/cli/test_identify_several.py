@@ -1,0 +1,62 @@
+"""Several models in one run: each stands or is refused by itself, into one folder, one report, one list of results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from tests.unit.cli.commands import rotorid
+
+import rotorid as api
+from rotorid.errors import UsageError
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.several import identify_several, supported_models
+
+
+def test_each_model_has_its_folder_and_all_share_a_report(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid("identify", flight, "--model", "rate.roll,rate.yaw", "--band", "12:50", "--out", tmp_path, "--json")
+    assert ran.code == 0  # one model stands
+    told = json.loads(ran.out)
+    assert told["schema"] == "rotorid.results/1"
+    stands, refused = told["results"]
+    assert (stands["model"], refused["model"]) == ("rate.roll", "rate.yaw")
+    assert stands["schema"] == "rotorid.result/1"
+    assert "parameters" not in refused
+    assert any(finding["severity"] == "error" for finding in refused["findings"])
+    assert stands["provenance"]["command"][:2] == ["rotorid", "identify"]
+    assert (tmp_path / "results.json").read_text(encoding="utf-8") == ran.out
+    assert {path.name for path in (tmp_path / "rate.roll").iterdir()} >= {"result.json", "model.toml", "responses.npz"}
+    assert api.load(tmp_path / "rate.roll")["L_roll"].value == pytest.approx(stands["parameters"]["L_roll"]["value"])
+
+
+def test_a_second_model_is_not_the_only_one_that_counts(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid(
+        "identify", flight, "--model", "rate.yaw", "--model", "rate.roll", "--band", "12:50", "--out", tmp_path
+    )
+    assert ran.code == 0
+    assert "rate.yaw: refused" in ran.out
+    assert "L_roll" in ran.out
+
+
+def test_none_that_stands_is_a_refusal(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid("identify", flight, "--model", "rate.yaw,rate.vertical", "--out", tmp_path / "out", "--json")
+    assert ran.code == 1
+    assert [("parameters" in result) for result in json.loads(ran.out)["results"]] == [False, False]
+    assert "none of 2 models stands" in ran.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_all_is_what_the_log_may_support(flight: Path) -> None:
+    record = api.read(flight)
+    names = supported_models([record])
+    assert "rate.roll" in names
+    assert "rate.yaw" not in names
+    answers = identify_several(record, "all", band_rad_s=(12.0, 50.0))
+    assert tuple(answers) == names
+    assert isinstance(answers["rate.roll"], IdentifiedModel)
+
+
+def test_a_parameter_of_no_model_is_said(flight: Path) -> None:
+    with pytest.raises(UsageError, match="none of the models has"):
+        identify_several(api.read(flight), ["rate.roll", "rate.pitch"], fix={"N_r": -1.0})
