@@ -324,7 +324,8 @@ def with_floor(
     return replace(
         response,
         covariance=response.covariance + pairs * kernel,
-        random_error=np.sqrt(response.random_error**2 + independent**2 + shared**2),
+        # A variance of the complex response is twice that of its magnitude.
+        random_error=np.sqrt(response.random_error**2 + 0.5 * (independent**2 + shared**2)),
         processing=(*response.processing, f"floor of errors of {independent:g} and, shared by neighbors, {shared:g}"),
     )
 
