@@ -18,9 +18,16 @@ from rotorid.errors import UsageError
 from rotorid.typing import Axis, FloatArray
 
 Shape: TypeAlias = Literal[
-    "pilot_sweep", "logarithmic_sweep", "multisine", "random_binary", "doublet", "two_one_one", "three_two_one_one"
+    "pilot_sweep",
+    "logarithmic_sweep",
+    "multisine",
+    "random_binary",
+    "doublet",
+    "two_one_one",
+    "three_two_one_one",
+    "sticks",
 ]
-"""Forms of a test input."""
+"""Forms of a test input; ``sticks`` are those of an ordinary flight, which tests nothing."""
 
 Entry: TypeAlias = Literal["command", "rate_setpoint", "attitude_setpoint", "stick"]
 """Where a test input is added: to what the mixer receives, to a set-point of the controllers, or by the pilot."""
@@ -37,6 +44,7 @@ _KINDS: Mapping[Shape, Kind] = MappingProxyType(
         "doublet": "doublet",
         "two_one_one": "multistep",
         "three_two_one_one": "multistep",
+        "sticks": "other",
     }
 )
 
@@ -167,8 +175,8 @@ class FlightPlan(Immutable):
 
     @property
     def maneuvers(self) -> tuple[Maneuver, ...]:
-        """The excited intervals."""
-        return tuple(one.maneuver for one in self.inputs)
+        """The intervals that are excited on purpose."""
+        return tuple(one.maneuver for one in self.inputs if one.shape != "sticks")
 
     @property
     def axes(self) -> tuple[Axis, ...]:

@@ -10,14 +10,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
-from rotorid.data.flight_plan import FlightPlan, SimulatedFlight
+from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.excitation.sticks import everyday_stick
 from rotorid.io.files import sha256_of
 from rotorid.io.registry import START_S, write_log
 from rotorid.io.tables.csv import write_csv
@@ -28,6 +30,7 @@ from rotorid.pipeline.settings import require_seed
 from rotorid.planning.amplitude import Reached, reached
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
+from rotorid.typing import Axis
 from rotorid.vehicles import rig
 from rotorid.vehicles.catalog import VEHICLES
 
@@ -154,6 +157,62 @@ def fly_run(choices: SimulateChoices, number: int) -> Run:
     craft = changed(choices.aircraft, drawn)
     flown = fly_multirotor(craft, choices.plan, duration_s=choices.duration_s, wind=choices.wind, seed=seed)
     return Run(seed=seed, drawn=drawn, flown=flown)
+
+
+EVERYDAY_S = 120.0
+"""Length of an everyday flight when none is asked for."""
+
+_SHARE_OF_STICK: Mapping[Axis, float] = MappingProxyType({"roll": 1.0, "pitch": 1.0, "yaw": 0.5, "thrust": 0.3})
+
+
+def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: float = 0.5, seed: int = 0) -> FlightPlan:
+    """Sticks of a flight in which nobody tests anything; nothing in it counts as a maneuver.
+
+    Parameters
+    ----------
+    craft
+        What flies; its autopilot's turns are those of the sticks.
+    duration_s
+        Length of the flight.
+    level
+        Largest deflection of roll and pitch; half of it is yaw's, less the throttle's.
+    seed
+        Of what the pilot does.
+
+    Raises
+    ------
+    UsageError
+        The level is not above zero and up to one.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles import aircraft
+    >>> plan = everyday_plan(aircraft("x500"), duration_s=20.0)
+    >>> plan.axes, plan.maneuvers, round(plan.duration_s, 3)
+    (('roll', 'pitch', 'yaw', 'thrust'), (), 20.0)
+    """
+    rate_hz = craft.autopilot.rate_hz
+    inputs = []
+    for place, (axis, share) in enumerate(_SHARE_OF_STICK.items()):
+        values = everyday_stick(
+            level=share * level,
+            duration_s=duration_s,
+            sample_rate_hz=rate_hz,
+            rng=np.random.default_rng([seed, 3, place]),
+        )
+        inputs.append(
+            PlannedInput(
+                axis=axis,
+                shape="sticks",
+                start_s=0.0,
+                values=values,
+                sample_rate_hz=rate_hz,
+                amplitude=float(share * level),
+                entry="stick",
+                settings={"seed": float(seed)},
+            )
+        )
+    return FlightPlan(name="everyday", inputs=tuple(inputs), trim_s=0.0)
 
 
 def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLog:

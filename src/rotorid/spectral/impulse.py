@@ -132,7 +132,7 @@ class ImpulseResponse(Immutable):
         """Standard deviation of its answer to a unit step, shape ``(n,)``."""
         sums = np.tril(np.ones(self.covariance.shape)) - 0.5 * np.eye(self.values.size)
         rows = sums * self.width_s
-        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, self.covariance, rows, optimize=True), 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.sum((rows @ self.covariance) * rows, axis=1), 0.0)))
 
 
 def phase_crossing(omega_rad_s: FloatArray, values: ComplexArray, phase_rad: float = -0.5 * math.pi) -> float:
