@@ -6,9 +6,11 @@ attributes of the same names, so a value needs no copy of its own for JSON.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from rotorid.io.documents import DocumentError
 
 
 class Document(BaseModel):
@@ -22,6 +24,32 @@ class Document(BaseModel):
 def to_json(document: Document) -> str:
     """A document as JSON text, with the names of its schema."""
     return document.model_dump_json(by_alias=True, indent=2) + "\n"
+
+
+Checked = TypeVar("Checked", bound=Document)
+
+
+def checked(kind: type[Checked], table: Any) -> Checked:
+    """A table that was read from a file as the document that it should be.
+
+    Parameters
+    ----------
+    kind
+        The document.
+    table
+        As :func:`rotorid.io.documents.parse_json` returns it.
+
+    Raises
+    ------
+    DocumentError
+        It does not fit; the message names the first place that is wrong.
+    """
+    try:
+        return kind.model_validate(table)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise DocumentError(f"{place}: {first['msg']}") from error
 
 
 def _listed(values: Any) -> Any:

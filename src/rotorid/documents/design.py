@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from rotorid.data.findings import Finding, worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
-from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument
+from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument, checked
 from rotorid.errors import UsageError
+from rotorid.io import documents
 from rotorid.pipeline.designs import Designed, Told, best_of
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.simulation import Simulation, flown_vehicle
 from rotorid.typing import Axis
 
-_LARGEST_FILE = 200_000_000
 _DIGITS = 9
 
 
@@ -101,19 +101,13 @@ def read_plan(path: Path) -> FlightPlan:
     UsageError
         The file cannot be read, or is no plan; the message names the first place that is wrong.
     """
+    wanted = "a plan.json of rotorid design"
+    text = documents.read_text(path, needed=wanted, most_bytes=documents.MOST_JSON_BYTES)
     try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise UsageError(f"{path} has {path.stat().st_size} bytes", needed=f"a plan of at most {_LARGEST_FILE}")
-        document = PlanDocument.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}", needed="a plan.json of rotorid design") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise UsageError(
-            f"{path} is no plan: {place}: {first['msg']}", needed="a plan.json of rotorid design"
-        ) from error
-    return plan_of(document)
+        plan = plan_of(checked(PlanDocument, documents.parse_json(text)))
+    except documents.DocumentError as error:
+        raise UsageError(f"{path} is no plan: {error}", needed=wanted) from error
+    return plan
 
 
 class TruthDocument(Document):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,9 +11,11 @@ from pydantic import Field
 
 from rotorid.data.findings import Finding
 from rotorid.data.response import FrequencyResponse
-from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, to_json
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, checked, to_json
 from rotorid.errors import UsageError
+from rotorid.io import documents
 from rotorid.io.files import write_atomically, write_npz
+from rotorid.io.tables.npz import read_arrays
 from rotorid.models.expression import Expression
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
@@ -228,7 +229,7 @@ def load(path: str | Path) -> IdentifiedModel:
     if structure.name != document.model:
         raise UsageError(f"{MODEL} holds {structure.name} and {file} {document.model}", needed="files of one result")
     responses = file.parent / RESPONSES
-    arrays = dict(np.load(responses)) if responses.exists() else None
+    arrays = read_arrays(responses) if responses.exists() else None
     return identified_model(document, structure, arrays)
 
 
@@ -445,11 +446,7 @@ def read_text(path: Path) -> str:
     UsageError
         It cannot be read.
     """
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise UsageError(f"{path} cannot be read: {reason}", needed=_WANTED) from error
+    return documents.read_text(path, needed=_WANTED, most_bytes=documents.MOST_JSON_BYTES)
 
 
 def read_result(file: Path, text: str) -> ResultDocument:
@@ -467,23 +464,19 @@ def read_result(file: Path, text: str) -> ResultDocument:
     UsageError
         It is no result, or one without a model.
     """
-    from pydantic import ValidationError
-
     try:
-        table = json.loads(text)
-    except ValueError as error:
+        table = documents.parse_json(text)
+    except documents.DocumentError as error:
         raise UsageError(f"{file} is no JSON: {error}", needed=_WANTED) from error
     schema = table.get("schema") if isinstance(table, dict) else None
     if schema != SCHEMA:
         came = f"has the schema {schema}" if isinstance(schema, str) else "names no schema"
         raise UsageError(f"{file} {came}", needed=f"a {RESULT} with the schema {SCHEMA}")
     try:
-        document = ResultDocument.model_validate(table)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
+        document = checked(ResultDocument, table)
+    except documents.DocumentError as error:
         raise UsageError(
-            f"{file} does not fit its schema at {where}: {first['msg']}",
+            f"{file} does not fit its schema at {error}",
             needed=f"a {RESULT} of this version",
             remedy="identify anew",
         ) from error

@@ -40,6 +40,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import MOTORS, FlightRecord
 from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.io.documents import DocumentError, parse_toml
 from rotorid.models.parameter import no_such
 from rotorid.typing import FloatArray
 
@@ -50,6 +51,7 @@ _TYPICAL_KAPPA = 0.1
 """Torque over thrust and arm, for judging rank alone: a rotor's is 0.02 to 0.2 of its arm."""
 
 _SMALLEST = 1e-6
+_LARGEST = 1e3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -298,8 +300,8 @@ def layout_from_toml(text: str, *, where: str) -> RotorLayout:
     (True, 0.1562)
     """
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(text)
+    except DocumentError as error:
         raise ModelError(f"{where} is no TOML: {error}", needed=_NEEDED) from error
     unknown = sorted(set(table) - {"name", "rotor"})
     rotors = table.get("rotor")
@@ -308,13 +310,20 @@ def layout_from_toml(text: str, *, where: str) -> RotorLayout:
         raise ModelError(f"{where} holds {held}", needed=_NEEDED)
     rows = [_rotor(rotor, f"{where}, rotor {number}") for number, rotor in enumerate(rotors, start=1)]
     return RotorLayout(
-        name=str(table.get("name", where)),
+        name=_name_of(table, where),
         positions=np.array([position for position, _, _ in rows]),
         spins=np.array([spin for _, spin, _ in rows]),
         axes=np.array([axis for _, _, axis in rows]),
         arm_known=True,
         source=where,
     )
+
+
+def _name_of(table: Mapping[str, Any], where: str) -> str:
+    name = table.get("name", where)
+    if not isinstance(name, str):
+        raise ModelError(f"{where} has the name {name!r}", needed="a text in quotes")
+    return name
 
 
 def _rotor(rotor: Mapping[str, Any], where: str) -> tuple[FloatArray, float, FloatArray]:
@@ -336,7 +345,10 @@ def _vector(value: Any, where: str) -> FloatArray:
         isinstance(number, int | float) and not isinstance(number, bool) for number in numbers
     ):
         raise ModelError(f"{where} is {value!r}", needed="three numbers: forward, right, down")
-    return np.array(numbers, dtype=np.float64)
+    vector = np.array(numbers, dtype=np.float64)
+    if np.any(np.abs(vector) > _LARGEST):
+        raise ModelError(f"{where} is {value!r}", needed=f"three numbers of at most {_LARGEST:g}")
+    return vector
 
 
 REMEDY = "name a layout of the library with --layout, such as quad.x, or a TOML file of [[rotor]] tables"

@@ -19,8 +19,6 @@ which a general writer of TOML does not keep.
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar, get_args
@@ -28,6 +26,7 @@ from typing import Any, TypeVar, get_args
 import numpy as np
 
 from rotorid.errors import ModelError
+from rotorid.io.documents import DocumentError, parse_toml
 from rotorid.models.equations import (
     DynamicRows,
     OutputRows,
@@ -237,13 +236,10 @@ def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[s
 
 def _table(source: Source) -> Mapping[str, Any]:
     try:
-        table = tomllib.loads(source.text)
-    except (ValueError, RecursionError) as error:  # too long a number and too deep a nesting are no decode errors
-        message = str(error)
-        line = re.search(r"at line (\d+)", message)
-        last = 1 + source.text.rstrip("\n").count("\n")
-        at = int(line[1]) if line else last if "end of document" in message else 1
-        raise source.error_at(at, f"this is not valid TOML: {message}", remedy="correct the line it names") from error
+        table = parse_toml(source.text, any_integer=True)
+    except DocumentError as error:
+        came = f"this is not valid TOML: {error}"
+        raise source.error_at(error.line or 1, came, remedy="correct the line it names") from error
     if (schema := table.get("schema", SCHEMA)) != SCHEMA:
         raise source.error(("schema",), f"the model has the schema {schema!r}", needed=SCHEMA)
     return table

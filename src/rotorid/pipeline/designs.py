@@ -7,7 +7,6 @@ its library entry, or from a previous result.
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 from collections.abc import Mapping, Sequence
@@ -23,6 +22,7 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.excitation.plan import planned, sequence, together
+from rotorid.io.documents import MOST_JSON_BYTES, parse_json, read_text
 from rotorid.io.registry import format_of, log_rate_hz
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
@@ -43,7 +43,6 @@ from rotorid.typing import Axis, ComplexArray, FloatArray
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
-_LARGEST_FILE = 100_000_000
 _SHORTEST_LAG_S = 0.005
 """Where a fit of a motor without lag begins; it drops the lag where the data have none."""
 
@@ -81,27 +80,20 @@ def read_prior(path: Path) -> Prior:
         The model has no linear structure, or holds one that the design cannot use.
     """
     file = path / "result.json" if path.is_dir() else path
-    try:
-        if file.stat().st_size > _LARGEST_FILE:
-            raise UsageError(f"{file} has {file.stat().st_size} bytes", needed=f"a result of at most {_LARGEST_FILE}")
-        content = file.read_bytes()
-        text = file.with_name("model.toml").read_text(encoding="utf-8")
-    except OSError as error:
-        raise UsageError(
-            f"{error.filename} cannot be read: {error.strerror}",
-            needed="the result.json of an identification, with its model.toml beside it",
-        ) from error
+    needed = "the result.json of an identification, with its model.toml beside it"
+    content = read_text(file, needed=needed, most_bytes=MOST_JSON_BYTES)
+    text = read_text(file.with_name("model.toml"), needed=needed)
     try:
         values = _values(content)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{file} is no result of an identification", needed="a result.json") from error
     structure = from_toml(text, where=str(file.with_name("model.toml")))
     return Prior(structure=structure, values=values, source=file.as_posix())
 
 
-def _values(content: bytes) -> dict[str, float]:
+def _values(content: str) -> dict[str, float]:
     """Values of the parameters of a ``result.json``."""
-    result = json.loads(content)
+    result = parse_json(content)
     if result["schema"] != "rotorid.result/1":
         raise ValueError(f"the schema {result['schema']}")
     return {name: float(parameter["value"]) for name, parameter in result["parameters"].items()}

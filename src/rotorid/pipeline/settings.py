@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, U
 
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
+from rotorid.io.documents import read_text
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord, Maneuver
@@ -911,7 +912,4 @@ def chosen_layout(text: str) -> "RotorLayout":
             needed=f"a TOML file, or one of {', '.join(layout_names())}",
             remedy=f"did you mean {near[0]}?" if near else "",
         )
-    try:
-        return layout_from_toml(path.read_text(encoding="utf-8"), where=path.name)
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} cannot be read: {error}", needed="a TOML file of [[rotor]] tables") from error
+    return layout_from_toml(read_text(path, needed="a TOML file of [[rotor]] tables"), where=path.name)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -19,6 +18,7 @@ from typing import Any, cast, get_args
 from rotorid.data.record import AXES, STANDARD_UNITS, Kind
 from rotorid.errors import UsageError
 from rotorid.frames import BodyFrame, SignedAngles, WorldFrame, signed_angles, signed_axes
+from rotorid.io.documents import DocumentError, parse_toml, read_text
 from rotorid.typing import Axis
 from rotorid.units import parse_unit
 
@@ -231,8 +231,6 @@ _CHANNEL_KEYS = (*_SERIES_KEYS, *_PLACE_KEYS)
 _VECTOR_KEYS = ("sources", "source", "by", "unit", "scale", *_PLACE_KEYS)
 
 _LARGEST_BYTES = 20_000
-_LARGEST_INTEGER = 2**63
-"""TOML's own limit; Python would carry more, and fail to write them down."""
 
 _KEYS = ("channels", "vectors", "clock", "experiments", "segments", *FRAME_KEYS)
 _CLOCK_KEYS = ("time", "steps", "sample_rate_hz")
@@ -248,48 +246,23 @@ def read_mapping(path: Path) -> ChannelMapping:
     UsageError
         The file is missing, is no TOML, or says something impossible; the message names the key.
     """
+    wanted = "a TOML file with a table [channels.NAME] for each channel"
     try:
-        content = path.read_bytes()
-        if len(content) > _LARGEST_BYTES:
-            raise UsageError(
-                f"the mapping {path.name} holds {len(content)} bytes",
-                needed=f"at most {_LARGEST_BYTES}",
-                remedy="give the mapping to --map, and the log before it",
-            )
-        document = tomllib.loads(content.decode("utf-8"))
-    except OSError as error:
+        document = parse_toml(read_text(path, needed=wanted, most_bytes=_LARGEST_BYTES))
+    except UsageError as error:
+        remedy = "give the mapping to --map, and the log before it"
         raise UsageError(
-            f"the mapping {path} cannot be opened: {error.strerror or error}",
-            needed="a TOML file with a table [channels.NAME] for each channel",
-            remedy="check the path given to --map",
+            f"the mapping {error.came.replace('cannot be read', 'cannot be opened')}",
+            needed=error.needed,
+            remedy=remedy,
         ) from error
-    # The parser follows nested brackets by recursion, and refuses numbers of thousands of digits with a plain error.
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as error:
+    except DocumentError as error:
         raise UsageError(
             f"the mapping {path.name} is no TOML: {error}",
             needed='text as in `[channels.q]` followed by `source = "gyro_y"`',
             remedy="correct the line",
         ) from error
-    if _holds_huge_integer(document):
-        raise UsageError(
-            f"the mapping {path.name} holds a number of more than 64 bits",
-            needed="numbers that a flight log may hold",
-            remedy="correct it",
-        )
     return parse_mapping(document, path.name)
-
-
-def _holds_huge_integer(document: Mapping[str, Any]) -> bool:
-    waiting: list[object] = [document]
-    while waiting:
-        value = waiting.pop()
-        if isinstance(value, Mapping):
-            waiting += value.values()
-        elif isinstance(value, list):
-            waiting += value
-        elif isinstance(value, int) and not -_LARGEST_INTEGER <= value < _LARGEST_INTEGER:
-            return True
-    return False
 
 
 def parse_mapping(document: Mapping[str, Any], where: str = "mapping") -> ChannelMapping:

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from rotorid.data.record import FlightRecord, Source
-from rotorid.errors import LogError
+from rotorid.errors import LogError, UsageError
+from rotorid.io.documents import require_file
 from rotorid.io.files import UnpackLimits
 from rotorid.io.tables.mapped import assemble, by_variables, sources_of
 from rotorid.io.tables.mapping import ChannelMapping
@@ -21,17 +22,22 @@ from rotorid.typing import AnyArray
 
 FORMAT = "NumPy archive"
 
+# RuntimeError is zipfile's word for an encrypted member, NotImplementedError for a method that it does not know,
+# UnicodeDecodeError and ValueError for names and offsets that are none, TypeError NumPy's for numbers of no width.
+_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError, TypeError)
 _ZIP = b"PK\x03\x04"
 _NPY = b"\x93NUMPY"
 _LONGEST_HEADER = 10_000
 _MOST_DIMENSIONS = 32
 # The header is a Python literal; only the form that NumPy writes is understood, so that nothing has to be evaluated.
+# Nothing that was taken is given back, and each size of the shape ends with a comma or is the last one.
 _HEADER = re.compile(
-    r"\{'descr': (?P<type>.+), 'fortran_order': (?P<columns>True|False), "
-    r"'shape': \((?P<shape>(?:\d{1,18},? ?)*)\),? ?\}\s*",
-    re.DOTALL,
+    r"\{'descr': (?P<type>'[^']*+'|\[[^\]]*+\]), 'fortran_order': (?P<columns>True|False), "
+    r"'shape': \((?P<shape>(?:\d{1,18}+, ?+)*+(?:\d{1,18}+)?+)\),?+ ?+\}\s*+",
 )
+_SIZE = re.compile(r"\d++")
 _NUMBERS = re.compile(r"'[<>|=][biuf]\d{1,2}'")
+_OF_RESULTS = re.compile(r"'[<>|=][biufcU]\d{1,6}'")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -73,15 +79,47 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     try:
         with zipfile.ZipFile(path) as archive:
             arrays, mapping = _arrays(archive, path.stat().st_size, mapping, source.name)
-    # RuntimeError is zipfile's word for an encrypted member, NotImplementedError for a method that it does not know,
-    # UnicodeDecodeError and ValueError for names and offsets that are none, TypeError NumPy's for numbers of no width.
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError, TypeError) as error:
+    except _DAMAGE as error:
         raise LogError(
             f"{source.name} cannot be read as a NumPy archive: {error}",
             needed="an undamaged file, as numpy.savez writes it",
             remedy="save it again",
         ) from error
     return assemble(arrays, mapping, source)
+
+
+def read_arrays(path: Path) -> dict[str, AnyArray]:
+    """All arrays of numbers and of texts of an archive of ours, within the limits that logs have.
+
+    Parameters
+    ----------
+    path
+        A file as :func:`rotorid.io.files.write_npz` writes it.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, is damaged, or asks for more memory than it may.
+    """
+    try:
+        require_file(path)
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            _check_size(sum(item.file_size for item in members), path.stat().st_size, path.name)
+            layouts = {item.filename: _layout(archive, item, _OF_RESULTS) for item in members}
+            return {
+                item.filename.removesuffix(".npy"): _load(archive, item, layouts[item.filename])
+                for item in members
+                if layouts[item.filename].dtype is not None
+            }
+    except LogError as error:
+        raise UsageError(error.came, needed=error.needed, remedy=error.remedy) from None
+    except _DAMAGE as error:
+        raise UsageError(
+            f"{path} cannot be read as a NumPy archive: {error}",
+            needed="the file as it was written beside its result",
+            remedy="identify anew",
+        ) from error
 
 
 def _arrays(
@@ -99,7 +137,7 @@ def _arrays(
         # The names alone, without samples, let the message about the missing one say what there is.
         return {name: np.empty(0) for name in numeric}, mapping
     _check_size(sum(members[name].file_size for name in wanted), packed_bytes, file)
-    return {name: _load(archive, members[name], layouts[name]) for name in wanted}, mapping
+    return {name: _load(archive, members[name], layouts[name]).astype(np.float64) for name in wanted}, mapping
 
 
 def _check_size(size_bytes: int, packed_bytes: int, file: str) -> None:
@@ -113,7 +151,7 @@ def _check_size(size_bytes: int, packed_bytes: int, file: str) -> None:
         )
 
 
-def _layout(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> _Layout:
+def _layout(archive: zipfile.ZipFile, item: zipfile.ZipInfo, understood: re.Pattern[str] = _NUMBERS) -> _Layout:
     """The header of a member, checked against its declared size before anything is taken."""
     if item.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise zipfile.BadZipFile(f"{item.filename} is packed by a method that NumPy does not write")
@@ -127,9 +165,9 @@ def _layout(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> _Layout:
     found = _HEADER.fullmatch(text)
     if found is None or length > _LONGEST_HEADER:
         raise zipfile.BadZipFile(f"the header of {item.filename} is damaged")
-    shape = tuple(int(size) for size in re.findall(r"\d+", found["shape"]))
+    shape = tuple(int(size) for size in _SIZE.findall(found["shape"]))
     layout = _Layout(
-        dtype=np.dtype(found["type"].strip("'")) if _NUMBERS.fullmatch(found["type"]) else None,
+        dtype=np.dtype(found["type"].strip("'")) if understood.fullmatch(found["type"]) else None,
         by_columns=found["columns"] == "True",
         shape=shape,
         data_start=len(start) + width + length,
@@ -143,5 +181,5 @@ def _layout(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> _Layout:
 def _load(archive: zipfile.ZipFile, item: zipfile.ZipInfo, layout: _Layout) -> AnyArray:
     # zipfile stops at the declared size, and compares the checksum.
     data = archive.read(item)
-    flat = np.frombuffer(data, dtype=layout.dtype, offset=layout.data_start)
-    return flat.reshape(layout.shape, order="F" if layout.by_columns else "C").astype(np.float64)
+    flat: AnyArray = np.frombuffer(data, dtype=layout.dtype, offset=layout.data_start)
+    return flat.reshape(layout.shape, order="F" if layout.by_columns else "C")

@@ -5,9 +5,7 @@ The controllers that flew, from the gains in a log or a file, and whether they a
 
 from __future__ import annotations
 
-import json
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -20,7 +18,9 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, TimeHistory
 from rotorid.errors import ModelError, UsageError
-from rotorid.models.controller import Driven, RateController, rate_controller
+from rotorid.io.documents import MOST_JSON_BYTES, DocumentError, parse_json, parse_toml, read_text
+from rotorid.models.autopilots.reading import rate_controller
+from rotorid.models.controller import FILTERS, Driven, RateController
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
@@ -85,12 +85,10 @@ def read_controllers(path: Path) -> dict[Axis, GivenController]:
     UsageError
         The file cannot be read, is no TOML, or says something else; the message names the line.
     """
+    text = read_text(path, needed="a TOML file with gains")
     try:
-        text = path.read_text(encoding="utf-8")
-        table = tomllib.loads(text)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}", needed="a TOML file with gains") from error
-    except (ValueError, RecursionError) as error:
+        table = parse_toml(text)
+    except DocumentError as error:
         raise UsageError(f"{path.name} is no TOML: {error}", needed="[pitch] and proportional_s = 0.15") from error
     source = Source(text=text, where=path.name)
     try:
@@ -111,7 +109,7 @@ def _axis(name: str, source: Source) -> Axis:
 
 
 def _given(table: Mapping[str, Any], axis: str, source: Source) -> GivenController:
-    known = [one.name for one in fields(RateController)]
+    known = [one.name for one in fields(RateController) if one.name not in FILTERS]
     values: dict[str, Any] = {}
     for name, value in table.items():
         if name not in (*known, "setpoint"):
@@ -351,7 +349,7 @@ def read_candidate(result: Path) -> Candidate:
     """
     folder = result if result.is_dir() else result.parent
     model = result if result.suffix == ".toml" else folder / MODEL
-    structure = from_toml(_text(model), where=model.name)
+    structure = from_toml(read_text(model, needed=_RESULT_FILES), where=model.name)
     if structure.name == MOTORS:
         raise motors_refused(str(result))
     document = result if result.suffix == ".json" else folder / RESULT
@@ -378,8 +376,8 @@ def motors_refused(which: str) -> UsageError:
 def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:
     wanted = "a result.json with the schema rotorid.result/1, as identify writes it"
     try:
-        table = json.loads(_text(path))
-    except ValueError as error:
+        table = parse_json(read_text(path, needed=_RESULT_FILES, most_bytes=MOST_JSON_BYTES))
+    except DocumentError as error:
         raise UsageError(f"{path} is no JSON: {error}", needed=wanted) from error
     known = isinstance(table, dict) and table.get("schema") == "rotorid.result/1"
     if not known or table.get("model") != structure.name:
@@ -424,12 +422,4 @@ def _provenance(table: Mapping[str, Any]) -> Provenance | None:
         return None
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise UsageError(
-            f"{path} cannot be read: {reason}",
-            needed="a folder that rotorid identify wrote, its result.json or a model.toml",
-        ) from error
+_RESULT_FILES = "a folder that rotorid identify wrote, its result.json or a model.toml"

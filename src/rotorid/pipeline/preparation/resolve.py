@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rotorid.data.findings import refusal
 from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError
+from rotorid.io.documents import read_text
 from rotorid.models.black_box import black_box, black_box_pairs
 from rotorid.models.library import (
     RATE_AXES,
@@ -62,11 +63,7 @@ def resolve_model(
     path = Path(model)
     if path.suffix != ".toml":
         return named_model(str(model), inputs=inputs, outputs=outputs, decoupled=decoupled, logged=logged)
-    try:
-        structure = from_toml(path.read_text(encoding="utf-8"), where=path.name)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise UsageError(f"{path} cannot be read: {reason}", needed="a model.toml, as identify writes it") from error
+    structure = from_toml(read_text(path, needed="a model.toml, as identify writes it"), where=path.name)
     if inputs:
         raise _has_inputs(structure, inputs)
     return structure
