@@ -20,7 +20,8 @@ import rotorid
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.models.controller import RateController, rate_controller
+from rotorid.models.autopilots.reading import rate_controller
+from rotorid.models.controller import RateController
 from rotorid.pipeline.preparation.controllers import logged_controller
 from rotorid.pipeline.preparation.loops import MODEL_ERROR
 from rotorid.signal.clock import resample

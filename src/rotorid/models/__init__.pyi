@@ -1,8 +1,11 @@
+from rotorid.models.autopilots.reading import axis_controller as axis_controller
+from rotorid.models.autopilots.reading import rate_controller as rate_controller
+from rotorid.models.autopilots.settings import AxisController as AxisController
+from rotorid.models.autopilots.settings import described as described
 from rotorid.models.black_box import black_box_pairs as black_box_pairs
 from rotorid.models.black_box import from_state_space as from_state_space
 from rotorid.models.controller import RateController as RateController
 from rotorid.models.controller import SteppedController as SteppedController
-from rotorid.models.controller import rate_controller as rate_controller
 from rotorid.models.equations import structure_from_equations as structure_from_equations
 from rotorid.models.expression import Expression as Expression
 from rotorid.models.expression import parse_expression as parse_expression
@@ -16,6 +19,7 @@ from rotorid.models.library import response_model as response_model
 from rotorid.models.library import response_pairs as response_pairs
 from rotorid.models.library import speed_damping as speed_damping
 from rotorid.models.library import transfer_function as transfer_function
+from rotorid.models.loop_filter import LoopFilter as LoopFilter
 from rotorid.models.motors import check_motor_constants as check_motor_constants
 from rotorid.models.motors import motor_parameters as motor_parameters
 from rotorid.models.motors import yaw_range as yaw_range

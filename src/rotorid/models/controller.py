@@ -1,21 +1,24 @@
-"""The rate controller of an autopilot, from the gains in its log: as a frequency response, and step by step.
+"""The rate controller of an autopilot: as a frequency response, and step by step.
 
-One :class:`RateController` for all autopilots. Where the rate of the autopilot's program is known, its frequency
-response is exactly that of the program's sums and differences; otherwise that of the same terms in continuous time.
+One :class:`RateController` for all autopilots; :mod:`rotorid.models.autopilots` reads it from the gains in a log. Where
+the rate of the autopilot's program is known, its frequency response is exactly that of the program's sums and
+differences; otherwise that of the same terms in continuous time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.models.loop_filter import LoopFilter
+from rotorid.signal.filters import KnownFilter
+from rotorid.typing import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,13 +27,14 @@ class RateController(Immutable):
 
     The command is :math:`u = r - C y` with the rate :math:`y` and
 
-    .. math:: C(s) = F_u F_e \left[ \left(P + \frac{I}{s}\right) \left(1 + F_t \frac{A}{s}\right)
-        + D s F_d \left(1 + F_t \frac{A}{s}\right)^{d} \right]
+    .. math:: C = C_y + C_r \frac{A F_a}{s}, \qquad
+        C_y = F_u F_e \left[P F_P + \frac{I}{s} + D s F_d \right], \qquad
+        C_r = F_u F_t \left[F_e \left(P F_P + \frac{I}{s} + d \, D s F_d\right) + K_{FF} + K_{DFF} s \right]
 
-    where :math:`F = 1/(1 + s/\omega_c)` are first-order filters and :math:`d` is one when the derivative is taken of
-    the error, zero when it is taken of the rate alone. The angle is the integral of the rate, which holds near hover;
-    limits, anti-windup and slew rates are left out. Filters in front of the controller and its computing time may be
-    given as a delay, :math:`C(s) e^{-s \tau}`.
+    where :math:`F` are filters, each a first-order one :math:`1/(1 + s/\omega_c)` with a cutoff and all that is given
+    beside it, and :math:`d` is one when the derivative is taken of the error, zero when it is taken of the rate alone.
+    The angle is the integral of the rate, which holds near hover; limits, anti-windup and slew rates are left out.
+    Filters in front of the controller and its computing time may be given as a delay, :math:`C(s) e^{-s \tau}`.
 
     With a step :math:`T` the terms are those of a program that runs every :math:`T`, with :math:`z = e^{sT}`,
 
@@ -52,12 +56,20 @@ class RateController(Immutable):
         :math:`A`, rate set-point per rad of angle error; zero without an angle loop.
     derivative_of_error
         Whether the derivative sees the set-point too.
-    derivative_cutoff_hz, error_cutoff_hz, target_cutoff_hz, command_cutoff_hz
-        Filters on the derivative, on the rate error, on the rate set-point and on the command; zero for none.
+    derivative_cutoff_hz, error_cutoff_hz, target_cutoff_hz, command_cutoff_hz, proportional_cutoff_hz
+        First-order filters on the derivative, on the rate error, on the rate set-point, on the command, and on the
+        proportional term alone; zero for none.
+    feedforward, feedforward_derivative_s
+        :math:`K_{FF}` and :math:`K_{DFF}`, command per rad/s and per rad/s² of the rate set-point: outside of the rate
+        loop, inside of the angle loop.
+    derivative_filters, error_filters, target_filters, angle_filters
+        Further filters on the derivative, on the rate error, on the rate set-point, and behind the angle gain.
     delay_s
         How late the controller sees the rate.
     step_s
         Period of the program, :math:`T`; zero for continuous time.
+    derivative_step_s
+        Period of the derivative and its filters where a sensor's own rate makes them; zero for that of the program.
     late_integral
         Whether the sum is used before the error of the same step is added to it, as PX4 does: one :math:`z^{-1}` more.
     late_angle
@@ -85,15 +97,28 @@ class RateController(Immutable):
     error_cutoff_hz: float = 0.0
     target_cutoff_hz: float = 0.0
     command_cutoff_hz: float = 0.0
+    proportional_cutoff_hz: float = 0.0
+    feedforward: float = 0.0
+    feedforward_derivative_s: float = 0.0
+    derivative_filters: tuple[LoopFilter, ...] = ()
+    error_filters: tuple[LoopFilter, ...] = ()
+    target_filters: tuple[LoopFilter, ...] = ()
+    angle_filters: tuple[LoopFilter, ...] = ()
     delay_s: float = 0.0
     step_s: float = 0.0
+    derivative_step_s: float = 0.0
     late_integral: bool = False
     late_angle: bool = False
 
     def __post_init__(self) -> None:
+        self._set(**{name: tuple(getattr(self, name)) for name in FILTERS})
         gains = (self.proportional_s, self.integral, self.derivative_s2)
-        cutoffs = (self.derivative_cutoff_hz, self.error_cutoff_hz, self.target_cutoff_hz, self.command_cutoff_hz)
-        numbers = (*gains, self.angle_1_s, *cutoffs, self.delay_s, self.step_s)
+        ahead = (self.feedforward, self.feedforward_derivative_s)
+        cutoffs = (
+            *(self.derivative_cutoff_hz, self.error_cutoff_hz, self.target_cutoff_hz),
+            *(self.command_cutoff_hz, self.proportional_cutoff_hz),
+        )
+        numbers = (*gains, *ahead, self.angle_1_s, *cutoffs, self.delay_s, self.step_s, self.derivative_step_s)
         if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or not any(gains):
             raise UsageError(
                 f"gains {gains}, an angle gain {self.angle_1_s:g}, cutoffs {cutoffs} Hz, a delay of "
@@ -135,7 +160,7 @@ class RateController(Immutable):
         >>> controller.response(np.array([4.0]), np.array([0.5])).round(3)
         array([0.1-0.2j])
         """
-        s = np.asarray(1j * omega_rad_s, dtype=np.complex128)
+        s = _imaginary(omega_rad_s)
         of_rate = self._command(s, self.derivative_s2)
         if rate_filter is not None:
             of_rate = of_rate * rate_filter
@@ -143,21 +168,34 @@ class RateController(Immutable):
         return np.asarray((of_rate + of_angle) * np.exp(-s * self.delay_s))
 
     def setpoint_response(self, omega_rad_s: FloatArray) -> ComplexArray:
-        r"""Command by the set-point of the rate, :math:`C_r F_t`, per rad/s, shape ``(f,)``."""
-        s = np.asarray(1j * omega_rad_s, dtype=np.complex128)
+        r"""Command by the set-point of the rate, :math:`C_r`, per rad/s, shape ``(f,)``."""
+        s = _imaginary(omega_rad_s)
         inside = self._command(s, self.derivative_s2 if self.derivative_of_error else 0.0)
-        return np.asarray(inside * self._low_pass(s, self.target_cutoff_hz))
+        ahead = self.feedforward + self.feedforward_derivative_s * _difference(s, self.step_s)
+        target = _low_pass(s, self.target_cutoff_hz, self.step_s) * _row(self.target_filters, s, self.step_s)
+        return np.asarray((inside + ahead * _low_pass(s, self.command_cutoff_hz, self.step_s)) * target)
 
     def angle_response(self, omega_rad_s: FloatArray) -> ComplexArray:
-        r"""Command by the error of the angle, :math:`C_r F_t A`, per rad, shape ``(f,)``."""
-        late = np.exp(-1j * omega_rad_s * (self.step_s if self.late_angle else 0.0))
-        return np.asarray(self.setpoint_response(omega_rad_s) * self.angle_1_s * late)
+        r"""Command by the error of the angle, :math:`C_r A F_a`, per rad, shape ``(f,)``."""
+        s = _imaginary(omega_rad_s)
+        late = np.exp(-s * (self.step_s if self.late_angle else 0.0))
+        behind = _row(self.angle_filters, s, self.step_s) * late
+        return np.asarray(self.setpoint_response(omega_rad_s) * self.angle_1_s * behind)
+
+    def derivative_response(self, omega_rad_s: FloatArray) -> ComplexArray:
+        r"""What the derivative makes of the rate, :math:`D s F_d`, command per rad/s, shape ``(f,)``."""
+        s = _imaginary(omega_rad_s)
+        step_s = self.derivative_step_s or self.step_s
+        filters = _low_pass(s, self.derivative_cutoff_hz, step_s) * _row(self.derivative_filters, s, step_s)
+        return np.asarray(self.derivative_s2 * _difference(s, step_s) * filters)
 
     def _command(self, s: ComplexArray, derivative_s2: float) -> ComplexArray:
         """Command by an error that all terms see, the derivative with its own gain."""
-        slope = derivative_s2 * self._difference(s) * self._low_pass(s, self.derivative_cutoff_hz)
-        filters = self._low_pass(s, self.command_cutoff_hz) * self._low_pass(s, self.error_cutoff_hz)
-        return np.asarray(filters * (self.proportional_s + self.integral * self._sum(s) + slope))
+        slope = self.derivative_response(s.imag) if derivative_s2 else 0.0
+        error = _low_pass(s, self.error_cutoff_hz, self.step_s) * _row(self.error_filters, s, self.step_s)
+        filters = _low_pass(s, self.command_cutoff_hz, self.step_s) * error
+        proportional = self.proportional_s * _low_pass(s, self.proportional_cutoff_hz, self.step_s)
+        return np.asarray(filters * (proportional + self.integral * self._sum(s) + slope))
 
     def _sum(self, s: ComplexArray) -> ComplexArray:
         if self.step_s == 0.0:
@@ -165,134 +203,43 @@ class RateController(Immutable):
         back = np.exp(-s * self.step_s)
         return np.asarray(self.step_s * (back if self.late_integral else 1.0) / (1.0 - back))
 
-    def _difference(self, s: ComplexArray) -> ComplexArray:
-        return s if self.step_s == 0.0 else np.asarray((1.0 - np.exp(-s * self.step_s)) / self.step_s)
 
-    def _low_pass(self, s: ComplexArray, cutoff_hz: float) -> ComplexArray:
-        """A first-order filter; the one of a program passes all where its step is long."""
-        if cutoff_hz == 0.0:
-            return np.ones_like(s)
-        corner = 2.0 * math.pi * cutoff_hz
-        if self.step_s == 0.0:
-            return np.asarray(1.0 / (1.0 + s / corner))
-        share = self.step_s / (self.step_s + 1.0 / corner)
-        return np.asarray(share / (1.0 - (1.0 - share) * np.exp(-s * self.step_s)))
+FILTERS = ("derivative_filters", "error_filters", "target_filters", "angle_filters")
+"""Fields of a :class:`RateController` that hold filters."""
 
 
-class _Autopilot(NamedTuple):
-    """Where an autopilot keeps what a :class:`RateController` needs; the first name that is there counts."""
-
-    axes: Mapping[Axis, str]
-    gains: Mapping[str, tuple[str, ...]]
-    factor: str
-    loop_rate: str
-    derivative_of_error: bool
-    late_integral: bool
-    late_angle: bool
+def _imaginary(omega_rad_s: FloatArray) -> ComplexArray:
+    return np.asarray(1j * omega_rad_s, dtype=np.complex128)
 
 
-_PX4 = _Autopilot(
-    axes={"roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"},
-    gains={
-        "proportional_s": ("MC_{}RATE_P",),
-        "integral": ("MC_{}RATE_I",),
-        "derivative_s2": ("MC_{}RATE_D",),
-        "angle_1_s": ("MC_{}_P",),
-        "derivative_cutoff_hz": ("IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF"),
-        "command_cutoff_hz": ("MC_{}_TQ_CUTOFF",),
-    },
-    factor="MC_{}RATE_K",
-    loop_rate="IMU_GYRO_RATEMAX",
-    derivative_of_error=False,
-    late_integral=True,
-    late_angle=False,
-)
-
-_ARDUPILOT = _Autopilot(
-    axes={"roll": "RLL", "pitch": "PIT", "yaw": "YAW"},
-    gains={
-        "proportional_s": ("ATC_RAT_{}_P",),
-        "integral": ("ATC_RAT_{}_I",),
-        "derivative_s2": ("ATC_RAT_{}_D",),
-        "angle_1_s": ("ATC_ANG_{}_P",),
-        "derivative_cutoff_hz": ("ATC_RAT_{}_FLTD",),
-        # Before version 4 one filter stood on the error, under another name.
-        "error_cutoff_hz": ("ATC_RAT_{}_FLTE", "ATC_RAT_{}_FILT"),
-        "target_cutoff_hz": ("ATC_RAT_{}_FLTT",),
-    },
-    factor="",
-    loop_rate="SCHED_LOOP_RATE",
-    derivative_of_error=True,
-    late_integral=False,
-    late_angle=True,
-)
-
-_SCALED = ("proportional_s", "integral", "derivative_s2")
+def _difference(s: ComplexArray, step_s: float) -> ComplexArray:
+    return s if step_s == 0.0 else np.asarray((1.0 - np.exp(-s * step_s)) / step_s)
 
 
-def rate_controller(
-    parameters: Mapping[str, float], axis: Axis, *, loop_rate_hz: float | None = None
-) -> RateController | None:
-    """The controller of an axis, from the parameters of a PX4 or ArduPilot log.
+def _low_pass(s: ComplexArray, cutoff_hz: float, step_s: float) -> ComplexArray:
+    """A first-order filter; the one of a program passes all where its step is long."""
+    if cutoff_hz == 0.0:
+        return np.ones_like(s)
+    corner = 2.0 * math.pi * cutoff_hz
+    if step_s == 0.0:
+        return np.asarray(1.0 / (1.0 + s / corner))
+    share = step_s / (step_s + 1.0 / corner)
+    return np.asarray(share / (1.0 - (1.0 - share) * np.exp(-s * step_s)))
 
-    Parameters
-    ----------
-    parameters
-        Names and values as the autopilot has them.
-    axis
-        ``roll``, ``pitch`` or ``yaw``; thrust is not controlled by a rate.
-    loop_rate_hz
-        Steps of the program per second, where the caller knows better than the parameters (a slow sensor holds PX4's
-        loop back, whatever ``IMU_GYRO_RATEMAX`` allows); zero for continuous time. Where neither says it, time is
-        continuous.
 
-    Returns
-    -------
-    RateController or None
-        ``None`` when the gains are not there, are all zero, or are none that an autopilot could fly with.
-
-    Notes
-    -----
-    A gain that changed in flight, a reduction of gains at high throttle and a scaling with the battery are not seen.
-    Whether the angle loop was closed depends on the flight mode; see :attr:`RateController.rate_loop`.
-
-    References
-    ----------
-    PX4 parameter reference, multicopter rate and attitude control; ArduPilot Copter parameter reference, ``ATC_``.
-
-    Examples
-    --------
-    >>> rate_controller({"MC_YAWRATE_P": 0.15, "MC_YAWRATE_I": 0.2, "MC_YAW_P": 1.0}, "yaw").angle_1_s
-    1.0
-    >>> rate_controller({}, "yaw") is None
-    True
-    """
-    for autopilot in (_PX4, _ARDUPILOT):
-        letters = autopilot.axes.get(axis)
-        if letters is None:
-            continue
-        found = {
-            field: next((parameters[name.format(letters)] for name in names if name.format(letters) in parameters), 0.0)
-            for field, names in autopilot.gains.items()
-        }
-        factor = parameters.get(autopilot.factor.format(letters), 1.0)
-        found |= {field: factor * found[field] for field in _SCALED}
-        if any(found[field] for field in _SCALED) and min(found.values()) >= 0.0:
-            rate_hz = parameters.get(autopilot.loop_rate, 0.0) if loop_rate_hz is None else loop_rate_hz
-            return RateController(
-                **found,
-                derivative_of_error=autopilot.derivative_of_error,
-                step_s=1.0 / rate_hz if rate_hz > 0.0 else 0.0,
-                late_integral=autopilot.late_integral,
-                late_angle=autopilot.late_angle,
-            )
-    return None
+def _row(filters: Sequence[LoopFilter], s: ComplexArray, step_s: float) -> ComplexArray:
+    total = np.ones_like(s)
+    for one in filters:
+        total = total * one.response(s, step_s)
+    return total
 
 
 Driven: TypeAlias = Literal["angle", "rate"]
 """What the set-point of a controller is."""
 
-STATES = ("angle", "integral", "target", "error", "damped", "seen", "slope", "command")
+STATES = ("angle", "integral", "target", "error", "damped", "seen", "slope", "proportional", "command")
+"""States of every controller; those of further filters follow."""
+
 UNKNOWN = ("angle", "integral")
 """States that remember for long, so that no record shows how they began; the others settle within their filters."""
 
@@ -309,12 +256,15 @@ class SteppedController(Immutable):
     ----------
     transition, drive, read, direct
         A, B, C and D, shapes ``(z, z)``, ``(z, 2)``, ``(1, z)`` and ``(1, 2)``.
+    unknown
+        Rows of the states in :data:`UNKNOWN`.
     """
 
     transition: FloatArray
     drive: FloatArray
     read: FloatArray
     direct: FloatArray
+    unknown: tuple[int, ...] = tuple(STATES.index(name) for name in UNKNOWN)
 
     def __post_init__(self) -> None:
         names = ("transition", "drive", "read", "direct")
@@ -325,10 +275,10 @@ def stepped(controller: RateController, *, step_s: float, driven: Driven) -> Ste
     r"""A controller at the rate of an autopilot's program.
 
     Each step integrates the angle, filters the rate set-point :math:`A (r - \int y)`, filters the error, differences
-    and filters the derivative, integrates the error, and filters the command. Filters are
-    :math:`x_k = x_{k-1} + \frac{h}{h + 1/\omega_c} (v_k - x_{k-1})`, integrals :math:`x_k = x_{k-1} + h v_k`, as PX4
-    and ArduPilot have them. All of it is within the order of the step of :meth:`RateController.response`; the delay
-    of the controller is not part of it.
+    and filters the derivative, integrates the error, adds what is fed forward, and filters the command. First-order
+    filters are :math:`x_k = x_{k-1} + \frac{h}{h + 1/\omega_c} (v_k - x_{k-1})`, integrals
+    :math:`x_k = x_{k-1} + h v_k`, as PX4 and ArduPilot have them. All of it is within the order of the step of
+    :meth:`RateController.response`; the delay of the controller is not part of it.
 
     Parameters
     ----------
@@ -345,31 +295,70 @@ def stepped(controller: RateController, *, step_s: float, driven: Driven) -> Ste
     >>> half.direct
     array([[ 0.5, -0.5]])
     """
-    count = len(STATES)
-    columns = [_advanced(controller, step_s, driven, unit) for unit in np.eye(count + 2)]
+    program = _Program(controller, step_s, driven)
+    count = len(STATES) + sum(section.order for row in program.rows for section in row)
+    columns = [program.advanced(unit) for unit in np.eye(count + 2)]
     matrix = np.array(columns).T
-    command = matrix[-1:]
+    command = matrix[STATES.index("command")][None]
     return SteppedController(
         transition=matrix[:, :count], drive=matrix[:, count:], read=command[:, :count], direct=command[:, count:]
     )
 
 
-def _advanced(controller: RateController, step_s: float, driven: Driven, before: FloatArray) -> list[float]:
-    """The states after one step; the command is the last of them."""
-    angle, integral, target, error, damped, seen, slope, command, setpoint, rate = before.tolist()
+class _Section:
+    """A filter of a program, in the transposed direct form."""
 
-    def low_pass(last: float, value: float, cutoff_hz: float) -> float:
-        share = step_s / (step_s + 1.0 / (2.0 * math.pi * cutoff_hz)) if cutoff_hz > 0.0 else 1.0
-        return last + share * (value - last)
+    def __init__(self, known: KnownFilter) -> None:
+        size = max(len(known.numerator), len(known.denominator))
+        over, under = (np.pad(c, (0, size - len(c))) for c in (known.numerator, known.denominator))
+        self.over, self.under, self.order = over / under[0], under / under[0], size - 1
 
-    angle += step_s * rate
-    wanted = controller.angle_1_s * (setpoint - angle) if driven == "angle" else setpoint
-    target = low_pass(target, wanted, controller.target_cutoff_hz)
-    error = low_pass(error, target - rate, controller.error_cutoff_hz)
-    damped = low_pass(damped, -rate, controller.error_cutoff_hz)
-    now = error if controller.derivative_of_error else damped
-    slope = low_pass(slope, (now - seen) / step_s, controller.derivative_cutoff_hz)
-    integral += step_s * error
-    total = controller.proportional_s * error + controller.integral * integral + controller.derivative_s2 * slope
-    command = low_pass(command, total, controller.command_cutoff_hz)
-    return [angle, integral, target, error, damped, now, slope, command]
+    def advanced(self, states: list[float], value: float) -> tuple[float, list[float]]:
+        """Output and states after one step."""
+        out = float(self.over[0] * value + states[0])
+        later = [*states[1:], 0.0]
+        return out, [float(later[k] + self.over[k + 1] * value - self.under[k + 1] * out) for k in range(self.order)]
+
+
+class _Program:
+    """One step of a controller; filters of the error stand twice, for the error and for the rate alone."""
+
+    def __init__(self, controller: RateController, step_s: float, driven: Driven) -> None:
+        self.controller, self.step_s, self.driven = controller, step_s, driven
+        own = controller
+        chains = (own.angle_filters, own.target_filters, own.error_filters, own.error_filters, own.derivative_filters)
+        sampled = [[one.sampled(1.0 / step_s) for one in chain] for chain in chains]
+        self.rows = [[_Section(known) for known in row if known is not None] for row in sampled]
+
+    def advanced(self, before: FloatArray) -> list[float]:
+        """The states after one step, of states, set-point and rate before it."""
+        own, step_s, count = self.controller, self.step_s, len(STATES)
+        angle, integral, target, error, damped, seen, slope, proportional, command = before[:count].tolist()
+        left, (setpoint, rate) = before[count:-2].tolist(), before[-2:].tolist()
+        after: list[float] = []
+
+        def through(row: int, value: float) -> float:
+            for section in self.rows[row]:
+                states = [left.pop(0) for _ in range(section.order)]
+                value, states = section.advanced(states, value)
+                after.extend(states)
+            return value
+
+        def low_pass(last: float, value: float, cutoff_hz: float) -> float:
+            share = step_s / (step_s + 1.0 / (2.0 * math.pi * cutoff_hz)) if cutoff_hz > 0.0 else 1.0
+            return last + share * (value - last)
+
+        angle += step_s * rate
+        held = through(0, own.angle_1_s * (setpoint - angle))
+        before_target = target
+        target = low_pass(target, through(1, held if self.driven == "angle" else setpoint), own.target_cutoff_hz)
+        error = low_pass(error, through(2, target - rate), own.error_cutoff_hz)
+        damped = low_pass(damped, through(3, -rate), own.error_cutoff_hz)
+        now = error if own.derivative_of_error else damped
+        slope = low_pass(slope, through(4, (now - seen) / step_s), own.derivative_cutoff_hz)
+        integral += step_s * error
+        proportional = low_pass(proportional, own.proportional_s * error, own.proportional_cutoff_hz)
+        ahead = own.feedforward * target + own.feedforward_derivative_s * (target - before_target) / step_s
+        total = proportional + own.integral * integral + own.derivative_s2 * slope + ahead
+        command = low_pass(command, total, own.command_cutoff_hz)
+        return [angle, integral, target, error, damped, now, slope, proportional, command, *after]

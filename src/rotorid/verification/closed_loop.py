@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
-from rotorid.models.controller import STATES, UNKNOWN, Driven, RateController, SteppedController, stepped
+from rotorid.models.controller import UNKNOWN, Driven, RateController, SteppedController, stepped
 from rotorid.models.state_space import StateSpace
 from rotorid.simulation.linear import Discretized, discretize
 from rotorid.typing import FloatArray
@@ -246,6 +246,11 @@ def _together(controllers: Sequence[SteppedController]) -> SteppedController:
         drive=wide("drive"),
         read=block_diag(*(one.read for one in controllers)),
         direct=wide("direct"),
+        unknown=tuple(
+            row + sum(len(other.transition) for other in controllers[:place])
+            for place, one in enumerate(controllers)
+            for row in one.unknown
+        ),
     )
 
 
@@ -298,11 +303,11 @@ class _Flown:
     def _starts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Initial states of airframe and controllers and steady forces, a column for each response."""
         order, loops = len(self.plant.step.transition), len(self.controlled)
-        unknown = [STATES.index(name) + loop * len(STATES) for loop in range(loops) for name in UNKNOWN]
+        unknown = list(self.controller.unknown)
         columns = 1 + order + len(unknown) + loops
         start, state, steady = (
             np.zeros((order, columns)),
-            np.zeros((loops * len(STATES), columns)),
+            np.zeros((len(self.controller.transition), columns)),
             np.zeros((loops, columns)),
         )
         start[:, 1 : 1 + order] = np.eye(order)
@@ -379,7 +384,8 @@ def controller_alone(
         ]
     )
     forcing = np.ascontiguousarray((own.drive @ driving).T)
-    starts = [np.zeros(len(STATES)), *(np.eye(len(STATES))[STATES.index(name)] for name in UNKNOWN)]
+    count = len(own.transition)
+    starts = [np.zeros(count), *(np.eye(count)[row] for row in own.unknown)]
     made = np.array(
         [
             recursion(own.transition, forcing if not start.any() else np.zeros_like(forcing), start) @ own.read[0]

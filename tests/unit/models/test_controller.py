@@ -10,7 +10,8 @@ import pytest
 from scipy import signal
 
 from rotorid.errors import UsageError
-from rotorid.models.controller import RateController, rate_controller
+from rotorid.models.autopilots.reading import rate_controller
+from rotorid.models.controller import RateController
 from rotorid.typing import ComplexArray
 
 OMEGA = np.geomspace(0.5, 200.0, 40)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.record import FlightRecord
-from rotorid.models.controller import RateController, rate_controller
+from rotorid.models.autopilots.reading import rate_controller
+from rotorid.models.controller import RateController
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of
 from rotorid.pipeline.preparation.measure import Measured

@@ -1,0 +1,104 @@
+"""What the parameters of an autopilot say of the controller of one axis, in its own names and in SI."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rotorid.data.base import Immutable
+from rotorid.models.controller import RateController
+from rotorid.typing import Axis
+
+Version = tuple[int, int]
+
+_VERSION = re.compile(r"(\d+)\.(\d+)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisController(Immutable):
+    """The controller of one axis of an autopilot.
+
+    Parameters
+    ----------
+    autopilot
+        ``PX4``, ``ArduPilot`` or ``Betaflight``.
+    firmware
+        As the log names it; empty where it does not.
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    controller
+        Rate controller with its angle loop.
+    gains, filters
+        Names and values as the firmware has them, as far as the log holds them.
+    ends
+        Names of states between which the controller moves in flight, to the controllers there; empty for one that
+        stays as it is.
+    notes
+        Sentences on what is on and not part of the linear controller.
+    """
+
+    autopilot: str
+    firmware: str
+    axis: Axis
+    controller: RateController
+    gains: Mapping[str, float]
+    filters: Mapping[str, float]
+    ends: Mapping[str, RateController] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(gains=self.gains, filters=self.filters, ends=self.ends, notes=tuple(self.notes))
+
+    @property
+    def loop_rate_hz(self) -> float | None:
+        """Steps of the controller per second; ``None`` where the log does not say."""
+        return 1.0 / self.controller.step_s if self.controller.step_s > 0.0 else None
+
+    def described(self) -> dict[str, Any]:
+        """As the documents have it: ``autopilot``, ``firmware``, ``loop_rate_hz``, ``gains``, ``filters``."""
+        return described([self])
+
+
+def described(controllers: Sequence[AxisController]) -> dict[str, Any]:
+    """Controllers of some axes of one vehicle as the documents have them, names and values of the firmware.
+
+    Parameters
+    ----------
+    controllers
+        At least one.
+
+    Examples
+    --------
+    >>> from rotorid.models.autopilots.reading import axis_controller
+    >>> parameters = {"MC_YAWRATE_P": 0.2, "MC_YAW_TQ_CUTOFF": 2.0, "IMU_GYRO_RATEMAX": 400.0}
+    >>> yaw = axis_controller(parameters, "yaw", firmware="PX4 1.16.0")
+    >>> described([yaw])["gains"], described([yaw])["filters"]
+    ({'MC_YAWRATE_P': 0.2}, {'MC_YAW_TQ_CUTOFF': 2.0})
+    """
+    first = controllers[0]
+    return {
+        "autopilot": first.autopilot,
+        "firmware": first.firmware,
+        "loop_rate_hz": first.loop_rate_hz,
+        "gains": {name: value for one in controllers for name, value in one.gains.items()},
+        "filters": {name: value for one in controllers for name, value in one.filters.items()},
+    }
+
+
+def version_of(firmware: str) -> Version | None:
+    """Major and minor number of a firmware's name, or ``None`` where it has none.
+
+    Examples
+    --------
+    >>> version_of("ArduCopter V4.6.2 (3fc7011a)"), version_of("Betaflight 2025.12.0"), version_of("PX4")
+    ((4, 6), (2025, 12), None)
+    """
+    found = _VERSION.search(firmware)
+    return (int(found[1]), int(found[2])) if found else None
+
+
+def present(parameters: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
+    """Those of some parameters that a log holds."""
+    return {name: float(parameters[name]) for name in names if name in parameters}
