@@ -35,6 +35,11 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
     found |= within([f"{axis}_setpoint_excitation" for axis in AXES], 100.0)
     found |= within([f"{axis}_stick" for axis in AXES], 5.0)
     found |= within("p q r p_setpoint q_setpoint r_setpoint", FASTEST_RATE_RAD_S)
+    found |= within("p_raw q_raw r_raw p_filtered q_filtered r_filtered", FASTEST_RATE_RAD_S)
+    found |= within([f"{axis}_{term}_term" for axis in AXES[:3] for term in "pidf"], 100.0)
+    found |= within("wind_north wind_east", 300.0) | {"accel_clips": (0.0, 1e10), "hover_thrust": (-1.0, 2.0)}
+    accelerations = [f"{name}_{stage}" for name in ("ax", "ay", "az") for stage in ("raw", "filtered", "vibration")]
+    found |= within(accelerations, 2000.0)
     # Angles may be unwrapped, over many turns in yaw.
     found |= within("phi theta phi_setpoint theta_setpoint", 100.0) | within("psi psi_setpoint", 1e4)
     speeds = "u v w velocity_north velocity_east velocity_down"
@@ -43,7 +48,7 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
     found |= within(f"{places} {' '.join(f'{name}_setpoint' for name in places.split())}", 1e6)
     # 200 g: what the coarsest accelerometers end at.
     found |= within("ax ay az u_dot v_dot w_dot", 2000.0) | within("p_dot q_dot r_dot", 1e5)
-    return MappingProxyType(found | {"battery_voltage": (-1.0, 1000.0)})
+    return MappingProxyType(found | {"battery_voltage": (-1.0, 1000.0), "battery_current": (-2000.0, 2000.0)})
 
 
 RANGES: Mapping[str, tuple[float, float]] = _ranges()

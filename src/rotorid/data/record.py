@@ -43,6 +43,10 @@ _OF_AXES = ("command", "excitation", "setpoint_excitation", "stick")
 """Channels of each axis: what the mixer receives, what was added to it, what was added to a set-point, the stick."""
 
 
+_FILTERED = {**dict.fromkeys("pqr", "rad/s"), **dict.fromkeys(("ax", "ay", "az"), "m/s^2")}
+"""What autopilots filter: logged before as ``p_raw``, behind and as fast as the sensor as ``p_filtered``."""
+
+
 def _standard() -> Mapping[str, str]:
     units = {f"{axis}_{kind}": "1" for axis in AXES for kind in _OF_AXES}
     units |= {f"motor_{number}": "1" for number in range(1, MOTORS + 1)}
@@ -59,7 +63,11 @@ def _standard() -> Mapping[str, str]:
     units |= controlled
     units |= {f"{name}_setpoint": unit for name, unit in controlled.items() if unit != "m/s^2"}
     units |= {f"{name}_dot": "rad/s^2" for name in "pqr"} | {f"{name}_dot": "m/s^2" for name in "uvw"}
-    return MappingProxyType(units | {"battery_voltage": "V"})
+    units |= {f"{name}_{stage}": unit for name, unit in _FILTERED.items() for stage in ("raw", "filtered")}
+    units |= {f"{axis}_{term}_term": "1" for axis in AXES[:3] for term in "pidf"}
+    units |= {"wind_north": "m/s", "wind_east": "m/s", "accel_clips": "1", "hover_thrust": "1"}
+    units |= {f"{name}_vibration": "m/s^2" for name in ("ax", "ay", "az")}
+    return MappingProxyType(units | {"battery_voltage": "V", "battery_current": "A"})
 
 
 STANDARD_UNITS: Mapping[str, str] = _standard()
@@ -329,6 +337,8 @@ class Status:
         What says when it was armed and in the air, such as ``vehicle_land_detected``.
     direct_rates
         When the set-points of the body rates came straight from the sticks, so that no feedback was in them.
+    modes
+        Flight mode, as the autopilot calls it, with start and stop of each stay in it.
     """
 
     vehicle: Vehicle = ""
@@ -338,6 +348,7 @@ class Status:
     early: bool = False
     flagged_in: str = ""
     direct_rates: Intervals = ()
+    modes: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def foreign(self) -> bool:

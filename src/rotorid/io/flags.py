@@ -73,6 +73,33 @@ def shared(one: Intervals, other: Intervals) -> Intervals:
     return tuple((start, stop) for start, stop in parts if start < stop)
 
 
+def stays_of(
+    time_s: FloatArray, modes: AnyArray, names: Mapping[int, str], *, until_s: float
+) -> tuple[tuple[str, float, float], ...]:
+    """Name, start and stop of each stay in a flight mode, in order of time; one without a name is told by its number.
+
+    Parameters
+    ----------
+    time_s, modes
+        Stamps and numbers, shape ``(samples,)``; a mode holds until the next one is logged.
+    names
+        Number to name.
+    until_s
+        End of the record.
+
+    Examples
+    --------
+    >>> stays_of(np.array([0.0, 4.0, 5.0]), np.array([2, 2, 9]), {2: "altitude"}, until_s=8.0)
+    (('altitude', 0.0, 5.0), ('mode 9', 5.0, 8.0))
+    """
+    found = [
+        (names.get(number, f"mode {number}"), start_s, stop_s)
+        for number in np.unique(modes).tolist()
+        for start_s, stop_s in intervals_of(time_s, modes == number, until_s=until_s)
+    ]
+    return tuple(sorted(found, key=lambda stay: stay[1]))
+
+
 def vehicle_findings(status: Status) -> tuple[Finding, ...]:
     """What to say of a vehicle that is no multirotor."""
     if not status.foreign:

@@ -128,6 +128,9 @@ def test_every_channel_comes_back_to_the_rounding_of_its_field(record: FlightRec
     for topic in record.topics:
         source = {**flown.columns, **flown.raw} if topic.name.startswith("SIDD") else flown.columns
         for channel, values in zip(topic.channels, topic.values, strict=True):
+            if channel.name in ("hover_thrust", "battery_current"):
+                # Constants of the writer; the flight has no such channels.
+                continue
             seen.add(channel.name)
             expected = source[channel.name][samples_of(topic, flown)]
             error = values - expected

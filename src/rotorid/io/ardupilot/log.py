@@ -21,6 +21,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError, UsageError
 from rotorid.io.ardupilot.advice import decimation_findings, missing_rate, slow_topics
+from rotorid.io.ardupilot.batches import BATCH_MESSAGES, sensor_topics
 from rotorid.io.ardupilot.dataflash import Table, decode, sniff
 from rotorid.io.ardupilot.firmware import Firmware, firmware_of, is_centivolts, is_legacy_rate
 from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
@@ -58,6 +59,7 @@ def _rows(text: str, unit: str) -> tuple[Row, ...]:
 _RATES = "R:p RDes:p_setpoint P:q PDes:q_setpoint Y:r YDes:r_setpoint"
 _OUTPUTS = "ROut:roll_command POut:pitch_command YOut:yaw_command"
 _EKF = (*_rows("VN:velocity_north VE:velocity_east VD:velocity_down", "m/s"), *_rows("PN:north PE:east PD:down", "m"))
+_WIND = _rows("VWN:wind_north VWE:wind_east", "m/s")
 _ATTITUDE = _rows(
     "Roll:phi DesRoll:phi_setpoint Pitch:theta DesPitch:theta_setpoint Yaw:psi DesYaw:psi_setpoint", "deg"
 )
@@ -71,9 +73,23 @@ MESSAGES: Mapping[str, tuple[Row, ...]] = MappingProxyType(
         "XKF1": _EKF,
         "NKF1": _EKF,
         "EKF1": _EKF,
-        "CTUN": (Row("ThO", "thrust_command", "1"), Row("ThrOut", "thrust_command", "1", 1e-3)),
-        "BAT": _rows("Volt:battery_voltage", "V"),
-        "CURR": _rows("Volt:battery_voltage", "V"),
+        "CTUN": (
+            Row("ThO", "thrust_command", "1"),
+            Row("ThrOut", "thrust_command", "1", 1e-3),
+            Row("ThH", "hover_thrust", "1"),
+        ),
+        "BAT": (*_rows("Volt:battery_voltage", "V"), *_rows("Curr:battery_current", "A")),
+        "CURR": (*_rows("Volt:battery_voltage", "V"), *_rows("Curr:battery_current", "A")),
+        "PIDR": _rows("P:roll_p_term I:roll_i_term D:roll_d_term FF:roll_f_term", "1"),
+        "PIDP": _rows("P:pitch_p_term I:pitch_i_term D:pitch_d_term FF:pitch_f_term", "1"),
+        "PIDY": _rows("P:yaw_p_term I:yaw_i_term D:yaw_d_term FF:yaw_f_term", "1"),
+        "VIBE": (
+            *_rows("VibeX:ax_vibration VibeY:ay_vibration VibeZ:az_vibration", "m/s^2"),
+            Row("Clip", "accel_clips", "1"),
+            Row("Clip0", "accel_clips", "1"),
+        ),
+        "XKF2": _WIND,
+        "NKF2": _WIND,
     }
 )
 """Messages in order of preference, the rows of old and new firmware side by side."""
@@ -94,8 +110,8 @@ _LEGACY_RATE = (
 )
 """``RATE`` of firmware before 3.4: centidegrees per second, mixer inputs of ±4500, throttle of 0 to 1000."""
 
-_CENTIVOLTS = (Row("Volt", "battery_voltage", "V", 0.01),)
-"""Voltage of firmware before 3.4: whole hundredths."""
+_CENTIVOLTS = (Row("Volt", "battery_voltage", "V", 0.01), Row("Curr", "battery_current", "A", 0.01))
+"""Voltage and current of firmware before 3.4: whole hundredths."""
 
 _VOLTAGES = ("BAT", "CURR")
 
@@ -151,7 +167,7 @@ target, 10–13 the mixer.
 _ENDED_EARLY = 0.9
 
 WANTED = frozenset(
-    {*MESSAGES, *STATUS_MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "TIME"}
+    {*MESSAGES, *STATUS_MESSAGES, *BATCH_MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "TIME"}
 ) | {f"ESC{number}" for number in range(1, 33)}
 """Messages that are read at all."""
 
@@ -208,6 +224,7 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
         *_common_topics(tables, firmware),
         *motor_topics(tables, parameters),
         *(() if sticks is None else (sticks,)),
+        *sensor_topics(tables, parameters),
     )
     status = status_of(tables, parameters, firmware.text, _span_s(topics))
     return FlightRecord(
@@ -292,7 +309,7 @@ def _common_topics(tables: Mapping[str, Table], firmware: Firmware) -> Iterator[
         if name not in tables:
             continue
         table = tables[name]
-        number = instances(table)
+        number = None if name.startswith("PID") else instances(table)
         first = None if number is None else number == number.min()
         topic = topic_of(table, _in_units_of(table, rows, firmware), chosen=first)
         if topic is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rotorid.data.record import Intervals, Status, Vehicle
 from rotorid.io.ardupilot.dataflash import Table
-from rotorid.io.flags import intervals_of
+from rotorid.io.flags import intervals_of, stays_of
 from rotorid.typing import AnyArray, FloatArray
 
 STATUS_MESSAGES = frozenset({"EV", "ARM", "MODE"})
@@ -70,6 +70,7 @@ def status_of(
         early=True,
         flagged_in="" if events is None else "EV",
         direct_rates=_acro(tables, parameters, span_s[1]),
+        modes=_modes(tables, vehicle, span_s[1]),
     )
 
 
@@ -105,6 +106,43 @@ def _acro(tables: Mapping[str, Table], parameters: Mapping[str, float], until_s:
     modes = _stamped(tables, "MODE", "ModeNum") or _stamped(tables, "MODE", "Mode")
     rates_only = int(parameters.get("ACRO_OPTIONS", 0.0)) & 2 and parameters.get("ACRO_TRAINER", 2.0) == 0.0
     return intervals_of(modes[0], modes[1] == _ACRO, until_s=until_s) if modes and rates_only else ()
+
+
+_MODES: Mapping[int, str] = {
+    0: "stabilize",
+    1: "acro",
+    2: "altitude hold",
+    3: "auto",
+    4: "guided",
+    5: "loiter",
+    6: "return",
+    7: "circle",
+    9: "land",
+    11: "drift",
+    13: "sport",
+    14: "flip",
+    15: "autotune",
+    16: "position hold",
+    17: "brake",
+    18: "throw",
+    19: "avoid",
+    20: "guided without GPS",
+    21: "smart return",
+    22: "flow hold",
+    23: "follow",
+    24: "zigzag",
+    25: "system identification",
+    26: "autorotate",
+    27: "auto return",
+    28: "turtle",
+}
+"""Numbers of Copter's modes; other vehicles have others."""
+
+
+def _modes(tables: Mapping[str, Table], vehicle: str, until_s: float) -> tuple[tuple[str, float, float], ...]:
+    modes = _stamped(tables, "MODE", "ModeNum") or _stamped(tables, "MODE", "Mode")
+    named = _MODES if vehicle in ("", "multirotor", "helicopter") else {}
+    return stays_of(*modes, named, until_s=until_s) if modes else ()
 
 
 def _stamped(tables: Mapping[str, Table], name: str, column: str) -> tuple[FloatArray, AnyArray] | None:

@@ -190,6 +190,8 @@ def _rows(flight: Flight) -> Iterator[Row]:
     yield from _motor_speeds(flight)
     yield from _navigation(flight)
     yield from _battery(flight)
+    yield from _terms(flight)
+    yield from _unfiltered(flight)
 
 
 def _body(flight: Flight, field: str, names: str, scale: float) -> Iterator[Row]:
@@ -324,6 +326,54 @@ def _battery(flight: Flight) -> Iterator[Row]:
     yield Row(
         "battery_voltage", source, _float(flight, source) * (0.01 if name == "INAV" or version >= (4, 0) else 0.1)
     )
+    if "amperageLatest" in flight.fields:
+        yield Row("battery_current", "amperageLatest", _float(flight, "amperageLatest") * 0.01)
+
+
+def _terms(flight: Flight) -> Iterator[Row]:
+    """What each term of a controller puts into the mixer, in its units."""
+    for index, axis in enumerate(("roll", "pitch", "yaw")):
+        for term in "PIDF":
+            source = f"axis{term}[{index}]"
+            if source in flight.fields:
+                scale = FRD[index] / _CONTROLLER_SCALE
+                yield Row(f"{axis}_{term.lower()}_term", source, _float(flight, source) * scale)
+
+
+_UNFILTERED_MODES = {(3, 4): (6,), (3, 0): (7, 8)}
+"""``debug_mode`` whose debug fields hold the gyro before its filters, by the first version that numbers it so: the mode
+was called NOTCH, with two others before it that came and went, and then GYRO_SCALED."""
+_SAME_SLOPE = 0.1
+
+
+def _unfiltered(flight: Flight) -> Iterator[Row]:
+    """The gyro before its filters: a field of its own in newer versions, debug fields in older ones."""
+    names = "p_raw q_raw r_raw"
+    if "gyroUnfilt[0]" in flight.fields:
+        yield from _body(flight, "gyroUnfilt", names, gyro_scale(flight.header))
+        return
+    revision = _REVISION.search(flight.header.values.get("Firmware revision", ""))
+    if revision is None or revision[1] != "Betaflight":
+        return
+    version = (int(revision[2]), int(revision[3]))
+    modes = next((modes for first, modes in _UNFILTERED_MODES.items() if version >= first), ())
+    if flight.header.number("debug_mode") in modes and _follows_gyro(flight):
+        yield from _body(flight, "debug", names, _DEGREE * _tenths(flight.header))
+
+
+def _follows_gyro(flight: Flight) -> bool:
+    """Whether the debug fields are the gyro's, as slow motion tells; numbers of debug modes move between versions."""
+    if not {f"{field}[{index}]" for field in ("debug", "gyroADC") for index in range(3)} <= set(flight.fields):
+        return False
+    for index in range(2):
+        raw, filtered = (
+            np.diff(np.add.reduceat(_float(flight, f"{field}[{index}]"), np.arange(0, flight.time_s.size, 32)))
+            for field in ("debug", "gyroADC")
+        )
+        power = float(filtered @ filtered)
+        if power == 0.0 or abs(float(raw @ filtered) / power - 1.0) > _SAME_SLOPE:
+            return False
+    return True
 
 
 _PHASE_SCALE = 5000.0

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from rotorid.data.record import Intervals, Status
 from rotorid.io.betaflight.blackbox import Flight
-from rotorid.io.flags import intervals_of
+from rotorid.io.flags import intervals_of, stays_of
 
 _FLAGS, _FAILSAFE = "flightModeFlags", "failsafePhase"
 _ARM, _ANGLE, _HORIZON = 1, 2, 4
@@ -33,6 +33,7 @@ def status_of(flights: Sequence[Flight]) -> Status:
         armed=_sorted(_intervals(flight, direct=False) for flight in told) if len(told) == len(flights) else None,
         flagged_in=_FLAGS,
         direct_rates=_sorted(_intervals(flight, direct=True) for flight in told),
+        modes=tuple(sorted((stay for flight in told for stay in _modes(flight)), key=lambda stay: stay[1])),
     )
 
 
@@ -52,6 +53,14 @@ def _intervals(flight: Flight, *, direct: bool) -> Intervals:
         if _FAILSAFE in flight.slow_fields:
             on = on & (flight.slow_field(_FAILSAFE) == 0)
     return intervals_of(flight.slow_time_s, on, until_s=float(flight.time_s[-1]))
+
+
+_MODES = {0: "acro", _ANGLE: "angle", _HORIZON: "horizon", _ANGLE | _HORIZON: "angle"}
+
+
+def _modes(flight: Flight) -> tuple[tuple[str, float, float], ...]:
+    levels = flight.slow_field(_FLAGS) & (_ANGLE | _HORIZON)
+    return stays_of(flight.slow_time_s, levels, _MODES, until_s=float(flight.time_s[-1]))
 
 
 def _sorted(each: Iterable[Intervals]) -> Intervals:

@@ -19,6 +19,7 @@ from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.files import without_places
 from rotorid.io.flags import vehicle_findings
+from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
 from rotorid.typing import AnyArray, FloatArray
@@ -149,6 +150,8 @@ RULES: tuple[Rule, ...] = (
     _rule("manual_control_setpoint", "roll pitch yaw throttle", _STICKS),
     _rule("manual_control_setpoint", "y x r z", _STICKS),
     _rule("battery_status", "voltage_v", "battery_voltage"),
+    _rule("wind", "windspeed_north windspeed_east", "wind_north wind_east"),
+    _rule("wind_estimate", "windspeed_north windspeed_east", "wind_north wind_east"),
 )
 """Newest names first: the order of the topics is the order of preference."""
 
@@ -193,6 +196,8 @@ _INSTRUMENTS = {
 def wanted_fields() -> dict[str, list[str]]:
     """Name of each topic to the names of its fields, as the table wants them; stamps are wanted without being named."""
     wanted: dict[str, list[str]] = {topic: list(fields) for topic, fields in STATUS_FIELDS.items()}
+    for topic, fields in SENSOR_FIELDS.items():
+        wanted.setdefault(topic, []).extend(fields)
     for rule in ALL_RULES:
         wanted.setdefault(rule.topic, []).extend((*rule.fields, *rule.letters))
     return wanted
@@ -218,6 +223,7 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
     """
     parameters: Mapping[str, float] = facts["parameters"]
     topics, remarks = _topics(arrays, parameters)
+    topics = (*topics, *sensor_topics(arrays, parameters)) if topics else ()
     if not topics:
         raise LogError(
             f"{source.name} holds no topic with commands, rates, attitude or position",

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.data.record import Intervals, Status, Vehicle
-from rotorid.io.flags import MAV_TYPES, intervals_of, most_frequent, shared
+from rotorid.io.flags import MAV_TYPES, intervals_of, most_frequent, shared, stays_of
 from rotorid.typing import AnyArray, FloatArray
 
 STATUS_FIELDS: Mapping[str, Sequence[str]] = MappingProxyType(
@@ -83,6 +83,7 @@ def status_of(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float], s
         in_air=in_air,
         flagged_in=" and ".join(named),
         direct_rates=_acro(arrays, span_s[1]),
+        modes=_modes(arrays, span_s[1]),
     )
 
 
@@ -107,6 +108,35 @@ def _acro(arrays: Mapping[str, AnyArray], until_s: float) -> Intervals:
     """Where the sticks were set-points of rates."""
     held = _held(arrays, "vehicle_status/nav_state")
     return () if held is None else intervals_of(held[0], held[1] == _ACRO, until_s=until_s)
+
+
+_MODES: Mapping[int, str] = MappingProxyType(
+    {
+        0: "manual",
+        1: "altitude",
+        2: "position",
+        3: "mission",
+        4: "hold",
+        5: "return",
+        6: "position slow",
+        10: "acro",
+        12: "descend",
+        13: "termination",
+        14: "offboard",
+        15: "stabilized",
+        17: "takeoff",
+        18: "land",
+        19: "follow target",
+        20: "precision land",
+        21: "orbit",
+    }
+)
+"""``nav_state`` as PX4 calls it."""
+
+
+def _modes(arrays: Mapping[str, AnyArray], until_s: float) -> tuple[tuple[str, float, float], ...]:
+    held = _held(arrays, "vehicle_status/nav_state")
+    return () if held is None else stays_of(*held, _MODES, until_s=until_s)
 
 
 def _vehicle(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float]) -> tuple[Vehicle, str]:
