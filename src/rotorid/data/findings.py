@@ -219,7 +219,11 @@ KINDS: Mapping[str, Kind] = {
         "warning", "A flight that cannot judge the model", "An unseen flight that was too disturbed to judge the model."
     ),
     "dropped_parameter": Kind("info", "A parameter was dropped", "A parameter that the data do not show was dropped."),
+    "feedforward": Kind("info", "Feed-forward", "A loop was seen together with its feed-forward."),
     "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
+    "flat_bandwidth": Kind(
+        "info", "A bandwidth that says little", "A response lies flat near −3 dB, so that its bandwidth says little."
+    ),
     "gap": Kind("warning", "A gap in the data", "Samples are missing."),
     "held_out": Kind(
         "info",
