@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.record import FlightRecord
-from rotorid.models.autopilots.reading import rate_controller
+from rotorid.models.autopilots.reading import axis_controller
+from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of
@@ -23,6 +24,8 @@ _EVERY_STEP_HZ = 200.0
 
 _LEAST_PASSED = 0.01
 """Of a channel that its filters leave less of, nothing can be said."""
+
+_LEAST_THRUST = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +76,57 @@ def logged_controller(record: FlightRecord, command: str, *, source: str) -> Log
         Where the logged rate stands in the log. Of one whose filters are not known it is taken that the controller
         sees it as it is.
     """
-    controller = rate_controller(record.parameters, axis_of(command), loop_rate_hz=_loop_rate_hz(record, source))
-    if controller is None:
-        return None
+    found = logged_axis(record, command, source=source)
+    return None if found is None else acting_on(record, found.controller, source=source)
+
+
+def logged_axis(
+    record: FlightRecord, command: str, *, source: str, throttle: float | None = None
+) -> AxisController | None:
+    """What the parameters of a log say of the controller of a command; ``None`` where it holds no gains.
+
+    Parameters
+    ----------
+    record, command, source
+        As for :func:`logged_controller`.
+    throttle
+        Share of the throttle that was flown, on which controllers of Betaflight depend; the usual one of the log when
+        not given.
+    """
+    return axis_controller(
+        record.parameters,
+        axis_of(command),
+        firmware=record.source.firmware,
+        loop_rate_hz=_loop_rate_hz(record, source),
+        throttle=_usual_throttle(record) if throttle is None else throttle,
+    )
+
+
+def acting_on(record: FlightRecord, controller: RateController, *, source: str) -> LoggedController:
+    """A controller as it acts on a logged rate.
+
+    Parameters
+    ----------
+    record, source
+        As for :func:`logged_controller`.
+    controller
+        Gains and steps.
+    """
     logged = known_filters(record, source)
     # A mean over a loop is no filter of the controller; an unknown source is taken for the controller's own.
     seen = controller_filters(record) if logged else ()
     return LoggedController(controller=controller, seen=seen, logged=logged)
+
+
+def _usual_throttle(record: FlightRecord) -> float:
+    """Median of the thrust command where there is thrust; zero where it is not logged."""
+    for topic in record.topics:
+        row = topic.row("thrust_command")
+        if row is not None:
+            values = topic.values[row]
+            values = values[np.isfinite(values) & (values > _LEAST_THRUST)]
+            return float(np.median(values)) if values.size else 0.0
+    return 0.0
 
 
 def logged_controllers(
