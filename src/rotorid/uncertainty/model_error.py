@@ -48,8 +48,9 @@ _OWN_ERRORS = (0.002, 0.005, 0.01, 0.02, 0.05)
 relative error of which the likelihood chooses one for each group."""
 
 _FOLLOWED = 1e-9
-_NORMAL = 1.4826
-"""Standard deviation over the median size of a normal error."""
+_TYPICAL, _NORMAL = 0.75, 0.8693
+"""The upper quartile of the size of residuals is typical, also where only magnitudes are off; the standard deviation of
+a normal error over it."""
 
 _LARGEST_SHARE = 3.0
 _BOX = (math.log(SMALLEST_MODEL_ERROR), math.log(LARGEST_MODEL_ERROR))
@@ -127,7 +128,7 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     for place in range(len(shapes.names)):
         rows = np.flatnonzero(shapes.smooth[:, shapes.group == place].any(axis=1))
         part = _part(shapes, place, rows)
-        typical = _NORMAL * float(np.median(np.abs(residual[rows]) / scale[rows]))
+        typical = _NORMAL * float(np.quantile(np.abs(residual[rows]) / scale[rows], _TYPICAL))
         tops[place] = np.clip(math.log(max(_LARGEST_SHARE * typical, SMALLEST_MODEL_ERROR)), _BOX[0] + 1e-6, _BOX[1])
         grid = np.linspace(_BOX[0], tops[place], _COARSE)
         block = covariance[np.ix_(rows, rows)]
