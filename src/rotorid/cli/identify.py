@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.command import carry_out, read_logs, with_command
-from rotorid.cli.console import default_folder, output_console, print_findings, say
+from rotorid.cli.console import default_folder, output_console, print_findings
 from rotorid.cli.options import Logs, Map, Output
 from rotorid.errors import UsageError
 from rotorid.pipeline.settings import ALL, MODEL, IdentifySettings, motor_choices, parse_names
@@ -113,7 +113,7 @@ def _identify_several(
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
     from rotorid.documents.results import RESULTS, ResultsDocument, results_document
-    from rotorid.pipeline.several import identify_several
+    from rotorid.pipeline.several import identify_several, none_stands
     from rotorid.report.several import write_several
 
     asked: str | list[LinearStructure | str] = (
@@ -127,18 +127,16 @@ def _identify_several(
         unseen = list(read_logs(verify, map))
         several = identify_several(records, asked, settings=settings, verify=unseen)
         found.append(replace(several, answers={name: with_command(answer) for name, answer in several.items()}))
+        if not several.identified:
+            raise none_stands(several)
         return found[0]
-
-    def write(folder: Path, several: SeveralModels) -> None:
-        if several.identified:
-            write_several(folder, several, title=f"{len(several)} models from {', '.join(log.name for log in logs)}")
 
     def show(document: ResultsDocument, folder: Path) -> None:
         for result in document.results:
             _print_model(result)
-        if found[0].identified:
-            output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+        output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
+    title = f"{', '.join(models)} from {', '.join(log.name for log in logs)}"
     carry_out(
         logs,
         mapping=map,
@@ -146,15 +144,11 @@ def _identify_several(
         folder=default_folder(logs[0], "+".join(Path(name).stem if "/" in name else name for name in models)),
         file=RESULTS,
         compute=compute,
-        write=write,
-        # One model that the data cannot support ends no other; logs that cannot be read are no refusal.
-        refused=lambda error, _: error,
+        write=lambda folder, several: write_several(folder, several, title=title),
+        refused=lambda _error, _records: results_document(found[0]),
         document=results_document,
         show=show,
     )
-    if not found[0].identified:
-        say(f"rotorid: none of {len(found[0])} models stands: {', '.join(found[0])}")
-        raise typer.Exit(1)
 
 
 def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:

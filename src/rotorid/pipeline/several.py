@@ -71,6 +71,16 @@ class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
         return {name: answer for name, answer in self.answers.items() if isinstance(answer, Refused)}
 
 
+def none_stands(models: SeveralModels) -> InsufficientDataError:
+    """That the data support none of the models."""
+    return InsufficientDataError(
+        f"none of {len(models)} models stands: {', '.join(models)}",
+        needed="flights that move these axes, logged fast enough",
+        remedy="the findings say what each lacks",
+        findings=[one for answer in models.refused.values() for one in answer.findings if one.severity == "error"],
+    )
+
+
 def identify_several(
     records: Records,
     models: Sequence[str | Path | LinearStructure] | str = ALL,

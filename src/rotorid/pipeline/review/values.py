@@ -172,11 +172,16 @@ class FlightSummary(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class LoggingReview(Immutable):
-    """How it was logged: median rates by channel, gaps, and what to change (sentences that name settings)."""
+    """How it was logged: median rates by channel, gaps, and what to change (sentences that name settings).
+
+    ``topics`` is the text of a PX4 ``logger_topics.txt`` that would log what is missing; empty where nothing is, or of
+    another autopilot.
+    """
 
     rates_hz: Mapping[str, float]
     longest_gap_s: float
     change: tuple[str, ...] = ()
+    topics: str = ""
 
     def __post_init__(self) -> None:
         self._set(rates_hz=self.rates_hz)

@@ -1,0 +1,70 @@
+"""Logs that were named: files as they are, folders by the logs that they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rotorid.errors import UsageError
+
+ENDINGS = frozenset(
+    (
+        ".ulg",
+        ".bin",
+        ".log",
+        ".bbl",
+        ".bfl",
+        ".tlog",
+        ".csv",
+        ".mat",
+        ".npz",
+        ".parquet",
+        ".bag",
+        ".mcap",
+        ".db3",
+        ".px4log",
+        ".txt",
+        ".usd",
+    )
+)
+"""What the files of a folder are recognized by; a file that is named itself may be called anything."""
+
+_PACKED = frozenset((".gz", ".xz", ".bz2", ".zip"))
+
+
+def logs_in(paths: Sequence[Path]) -> list[Path]:
+    """The logs behind what was named, each once: of a folder all logs below it, in the order of their names.
+
+    A folder that is itself one log, of ``ulog2csv`` files, stays as it is.
+
+    Raises
+    ------
+    UsageError
+        A folder holds no log.
+    """
+    return list(dict.fromkeys(log for path in paths for log in _behind(path)))
+
+
+def _behind(path: Path) -> Iterator[Path]:
+    from rotorid.io.px4.folder import is_folder_log
+
+    if not path.is_dir() or is_folder_log(path):
+        yield path
+        return
+    found = sorted(file for file in path.rglob("*") if file.is_file() and _is_log(file) and not _hidden(file, path))
+    if not found:
+        raise UsageError(
+            f"{path} holds no flight log", needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not"
+        )
+    yield from found
+
+
+def _is_log(file: Path) -> bool:
+    suffixes = [suffix.lower() for suffix in file.suffixes]
+    if suffixes and suffixes[-1] in _PACKED:
+        suffixes.pop()
+    return bool(suffixes) and suffixes[-1] in ENDINGS
+
+
+def _hidden(file: Path, below: Path) -> bool:
+    return any(part.startswith(".") for part in file.relative_to(below).parts)

@@ -1,0 +1,271 @@
+"""``review.json``, schema ``rotorid.review/1``: what an ordinary flight tells, and the arrays beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+
+from rotorid.documents.base import Document, FindingDocument
+from rotorid.documents.result import ResultDocument, refused_document, result_document
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.review.cards import cards
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.review.values import LoopReview, MarginReview, Review
+
+
+class QuantityDocument(Document):
+    """A number with its error: one standard deviation, and an interval of 95 %."""
+
+    value: float
+    std: float | None
+    lower: float | None
+    upper: float | None
+    unit: str
+
+
+class _Told(Document):
+    """A part of which a number that cannot be told is absent."""
+
+    @model_serializer(mode="wrap")
+    def _without_gaps(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        written: dict[str, Any] = serialize(self)
+        return {name: value for name, value in written.items() if value is not None}
+
+
+class LoopReviewDocument(_Told):
+    """A closed loop as it was flown."""
+
+    reference: str
+    answer: str
+    estimate: Literal["direct", "joint"]
+    instrument: str
+    band_rad_s: tuple[float, float]
+    bandwidth_3db_rad_s: QuantityDocument | None = None
+    bandwidth_90deg_rad_s: QuantityDocument | None = None
+    delay_s: QuantityDocument | None = None
+    peak_db: QuantityDocument | None = None
+    rise_time_s: QuantityDocument | None = None
+    overshoot_percent: QuantityDocument | None = None
+    settling_time_s: QuantityDocument | None = None
+    by_size: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
+
+
+class MarginReviewDocument(_Told):
+    """The broken rate loop of an axis as it was flown."""
+
+    instrument: str
+    crossover_rad_s: QuantityDocument | None = None
+    gain_margin_db: QuantityDocument | None = None
+    phase_margin_deg: QuantityDocument | None = None
+    delay_margin_s: QuantityDocument | None = None
+    sensitivity_peak: QuantityDocument | None = None
+    disturbance_rejection_rad_s: QuantityDocument | None = None
+    by_model: list[str] = Field(default_factory=list)
+
+
+class VehicleReviewDocument(Document):
+    """What flew."""
+
+    autopilot: str
+    firmware: str
+    kind: str
+    frame: str
+    motors: int | None = None
+
+
+class FlightReviewDocument(Document):
+    """An interval in the air."""
+
+    start_s: float
+    stop_s: float
+
+
+class PeakDocument(Document):
+    """A line in the noise, and what makes it."""
+
+    channel: str
+    frequency_hz: QuantityDocument
+    height_db: float
+    source: Literal["rotor", "frame", "unknown"]
+    harmonic: int | None = None
+    sentence: str = ""
+
+
+class NoiseReviewDocument(Document):
+    """Noise of the sensors, and what of it reaches the motors."""
+
+    peaks: list[PeakDocument] = Field(default_factory=list)
+    numbers: dict[str, QuantityDocument] = Field(default_factory=dict)
+
+
+class MotorReviewDocument(Document):
+    """Motors: limits, balance, headroom."""
+
+    means: dict[str, QuantityDocument] = Field(default_factory=dict)
+    numbers: dict[str, QuantityDocument] = Field(default_factory=dict)
+    pattern: str = ""
+    events: list[float] = Field(default_factory=list)
+
+
+class LoggingReviewDocument(Document):
+    """Rates by channel, the longest gap, and what to change."""
+
+    rates_hz: dict[str, float]
+    longest_gap_s: float
+    change: list[str] = Field(default_factory=list)
+
+
+class UntoldDocument(Document):
+    """What the flight cannot tell, why, and what would make it tell."""
+
+    what: str
+    why: str
+    remedy: str = ""
+
+
+class CardDocument(Document):
+    """A judgment of the first screen."""
+
+    key: str
+    title: str
+    state: Literal["good", "look", "cannot"]
+    number: str
+    sentence: str
+
+
+class ReviewDocument(Document):
+    """``review.json``: everything that one ordinary flight tells."""
+
+    schema_name: Annotated[Literal["rotorid.review/1"], Field(alias="schema")] = "rotorid.review/1"
+    name: str
+    sha256: str
+    cards: list[CardDocument] = Field(default_factory=list)
+    vehicle: VehicleReviewDocument
+    flights: list[FlightReviewDocument]
+    seen_in: str = ""
+    modes: dict[str, float] = Field(default_factory=dict)
+    battery: dict[str, QuantityDocument] = Field(default_factory=dict)
+    hover_throttle: QuantityDocument | None = None
+    thrust_to_weight: QuantityDocument | None = None
+    wind: dict[str, QuantityDocument] = Field(default_factory=dict)
+    logging: LoggingReviewDocument
+    loops: dict[str, LoopReviewDocument] = Field(default_factory=dict)
+    margins: dict[str, MarginReviewDocument] = Field(default_factory=dict)
+    models: dict[str, ResultDocument] = Field(default_factory=dict)
+    noise: NoiseReviewDocument
+    motors: MotorReviewDocument
+    cannot_tell: list[UntoldDocument] = Field(default_factory=list)
+    next_commands: list[str] = Field(default_factory=list)
+    findings: list[FindingDocument] = Field(default_factory=list)
+
+    @model_serializer(mode="wrap")
+    def _refusals_without_parameters(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        written: dict[str, Any] = serialize(self)
+        for result in written["models"].values():
+            if not result["parameters"]:
+                del result["parameters"]
+        return {name: value for name, value in written.items() if value is not None}
+
+
+class ReviewsDocument(Document):
+    """Several logs side by side, in the order in which they were given."""
+
+    schema_name: Annotated[Literal["rotorid.reviews/1"], Field(alias="schema")] = "rotorid.reviews/1"
+    reviews: list[ReviewDocument]
+
+
+def review_document(review: Review) -> ReviewDocument:
+    """A review as ``review.json`` holds it."""
+    return ReviewDocument(
+        name=review.name,
+        sha256=review.sha256,
+        cards=[CardDocument.model_validate(card) for card in cards(review)],
+        vehicle=VehicleReviewDocument.model_validate(review.vehicle),
+        flights=[FlightReviewDocument(start_s=start_s, stop_s=stop_s) for start_s, stop_s in review.flight.flights],
+        seen_in=review.flight.seen_in,
+        modes=dict(review.flight.modes),
+        battery=_numbers(review.flight.battery),
+        hover_throttle=_number(review.flight.hover_throttle),
+        thrust_to_weight=_number(review.flight.thrust_to_weight),
+        wind=_numbers(review.flight.wind),
+        logging=LoggingReviewDocument(
+            rates_hz=dict(review.logging.rates_hz),
+            longest_gap_s=review.logging.longest_gap_s,
+            change=list(review.logging.change),
+        ),
+        loops={name: _loop(loop) for name, loop in review.loops.items()},
+        margins={axis: _margin(margin) for axis, margin in review.margins.items()},
+        models={
+            name: result_document(model) if isinstance(model, IdentifiedModel) else refused_document(model)
+            for name, model in review.models.items()
+        },
+        noise=NoiseReviewDocument(
+            peaks=[PeakDocument.model_validate(peak) for peak in review.noise.peaks],
+            numbers=_numbers(review.noise.numbers),
+        ),
+        motors=MotorReviewDocument(
+            means=_numbers(review.motors.means),
+            numbers=_numbers(review.motors.numbers),
+            pattern=review.motors.pattern,
+            events=list(review.motors.events),
+        ),
+        cannot_tell=[UntoldDocument.model_validate(one) for one in review.cannot_tell],
+        next_commands=list(review.next_commands),
+        findings=[FindingDocument.model_validate(finding) for finding in review.findings],
+    )
+
+
+def _loop(loop: LoopReview) -> LoopReviewDocument:
+    return LoopReviewDocument(
+        reference=loop.reference,
+        answer=loop.answer,
+        estimate="direct" if loop.instrument == "direct" else "joint",
+        instrument=loop.instrument,
+        band_rad_s=loop.band_rad_s,
+        by_size={name: _numbers(one.numbers) for name, one in loop.by_size.items()},
+        **_numbers(loop.numbers),
+    )
+
+
+def _margin(margin: MarginReview) -> MarginReviewDocument:
+    return MarginReviewDocument(
+        instrument=margin.instrument, by_model=list(margin.by_model), **_numbers(margin.numbers)
+    )
+
+
+def _numbers(quantities: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: QuantityDocument.model_validate(quantity) for name, quantity in quantities.items()}
+
+
+def _number(quantity: Any) -> QuantityDocument | None:
+    return None if quantity is None else QuantityDocument.model_validate(quantity)
+
+
+def review_arrays(review: Review) -> dict[str, np.ndarray]:
+    """Arrays of ``review.npz``: step responses, closed and broken loops, spectra and maps; no pickles."""
+    arrays: dict[str, np.ndarray] = {}
+    for name, loop in review.loops.items():
+        arrays |= _response(f"loop_{name}", loop.response.omega_rad_s, loop.response)
+        if loop.step is not None:
+            for column in ("time_s", "value", "lower", "upper"):
+                arrays[f"step_{name}_{column}"] = getattr(loop.step, column)
+    for axis, margin in review.margins.items():
+        arrays |= _response(f"broken_{axis}", margin.loop.omega_rad_s, margin.loop)
+    for number, one in enumerate(review.noise.maps):
+        key = f"noise_{one.channel}_{one.stage}_{number}"
+        for column in ("level", "frequency_hz", "density", "windows", "average"):
+            arrays[f"{key}_{column}"] = getattr(one, column)
+    return arrays
+
+
+def _response(key: str, omega_rad_s: np.ndarray, response: Any) -> dict[str, np.ndarray]:
+    return {
+        f"{key}_omega_rad_s": omega_rad_s,
+        f"{key}_values": response.values[0, 0],
+        f"{key}_random_error": response.random_error[0, 0],
+        f"{key}_coherence": response.coherence[0, 0],
+    }

@@ -1,0 +1,403 @@
+"""The page of a review: a first screen for a pilot, and under it everything for an engineer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from rotorid.data.quantity import Quantity
+from rotorid.errors import UsageError
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.review.cards import Card, cards
+from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseMap, Review, StepCurve
+from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.plot.frequency import bode
+from rotorid.plot.loops import Crossing, broken_loop
+from rotorid.plot.review import motor_bars, noise_maps, spectra, step_answers
+from rotorid.report.frame import MISSING, Picture, in_all_units, render, significant, unit, with_error
+from rotorid.report.parts import finding_rows
+from rotorid.report.words import Verdict
+
+LOOP_WORDS = {
+    "p": "roll rate",
+    "q": "pitch rate",
+    "r": "yaw rate",
+    "phi": "roll angle",
+    "theta": "pitch angle",
+    "psi": "heading",
+    "u": "forward speed",
+    "v": "sideward speed",
+    "w": "climb rate",
+}
+_LOOP_ROWS = {
+    "rise_time_s": ("rise time, 10 to 90 %", "ms", 1e3),
+    "delay_s": ("until half of the step", "ms", 1e3),
+    "overshoot_percent": ("overshoot", "%", 1.0),
+    "settling_time_s": ("settled within 5 % after", "ms", 1e3),
+    "bandwidth_3db_rad_s": ("bandwidth at −3 dB", "rad/s", 1.0),
+    "bandwidth_90deg_rad_s": ("bandwidth at −90°", "rad/s", 1.0),
+    "peak_db": ("resonance peak", "dB", 1.0),
+}
+_MARGIN_ROWS = {
+    "phase_margin_deg": ("phase margin", "°", 1.0),
+    "crossover_rad_s": ("at a crossover of", "rad/s", 1.0),
+    "gain_margin_db": ("gain margin", "dB", 1.0),
+    "delay_margin_s": ("delay margin", "ms", 1e3),
+    "sensitivity_peak": ("largest sensitivity M_s", "", 1.0),
+    "disturbance_rejection_rad_s": ("rejects disturbances up to", "rad/s", 1.0),
+}
+_STATES = {"good": Verdict("good", "good"), "look": Verdict("fair", "look here"), "cannot": Verdict("", "cannot tell")}
+_STAGES = {"before": "before the filters", "after": "after the filters"}
+_FAST, _SLOW = ("p", "q", "r"), ("phi", "theta", "psi", "u", "v", "w")
+_MOST_PEAKS = 6
+_NUMBER_WORDS = {
+    "vibration_m_s2": ("vibration", "m/s²", 1.0),
+    "clipping_share": ("accelerometer at its limits", "%", 100.0),
+    "filter_delay_configured_s": ("delay of the gyro filters as configured", "ms", 1e3),
+    "filter_delay_measured_s": ("delay of the gyro filters as measured", "ms", 1e3),
+    "saturated_high_share": ("time with a motor at full output", "%", 100.0),
+    "saturated_low_share": ("time with a motor at its lowest", "%", 100.0),
+    "imbalance": ("imbalance of the motors in steady flight", "%", 100.0),
+    "headroom": ("output left above steady flight", "%", 100.0),
+    "output_delay_s": ("from motor output to gyro", "ms", 1e3),
+    "start_v": ("battery at the start", "V", 1.0),
+    "stop_v": ("battery at the end", "V", 1.0),
+    "lowest_v": ("lowest voltage", "V", 1.0),
+    "resistance_ohm": ("internal resistance", "mΩ", 1e3),
+    "sag_v": ("sag under load", "V", 1.0),
+    "speed_m_s": ("wind", "m/s", 1.0),
+    "direction_deg": ("wind from", "°", 1.0),
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NumberRow:
+    """A quantity in words and one cell for each column, its 95 % interval below the value."""
+
+    words: str
+    cells: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ModelRow:
+    """A model: its parameters, or why there are none."""
+
+    name: str
+    stands: bool
+    parameters: tuple[tuple[str, str, str], ...]
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Section:
+    """What the page shows of one log."""
+
+    anchor: str
+    review: Review
+    cards: tuple[tuple[Card, Verdict], ...]
+    headline: str
+    steps: tuple[Picture, ...]
+    loops: tuple[NumberRow, ...]
+    loop_names: tuple[str, ...]
+    bodes: tuple[Picture, ...]
+    margins: tuple[NumberRow, ...]
+    margin_names: tuple[str, ...]
+    broken: tuple[Picture, ...]
+    noise: tuple[Picture, ...]
+    noise_numbers: tuple[NumberRow, ...]
+    motors: tuple[Picture, ...]
+    motor_numbers: tuple[NumberRow, ...]
+    power: tuple[NumberRow, ...]
+    models: tuple[ModelRow, ...]
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All that the page has to draw."""
+        return (*self.steps, *self.bodes, *self.broken, *self.noise, *self.motors)
+
+
+def render_reviews(reviews: Sequence[Review]) -> str:
+    """One page about one log, or about several side by side.
+
+    Parameters
+    ----------
+    reviews
+        At least one.
+
+    Raises
+    ------
+    UsageError
+        There is nothing to show.
+    """
+    if not reviews:
+        raise UsageError("a page about no review was asked for", needed="at least one review")
+    sections = [_section(review, f"l{number}") for number, review in enumerate(reviews, start=1)]
+    compared = _compared(reviews) if len(reviews) > 1 else ()
+    overlaid = _overlaid(reviews) if len(reviews) > 1 else ()
+    title = reviews[0].name if len(reviews) == 1 else f"{len(reviews)} flights side by side"
+    return render(
+        "review.html",
+        title=title,
+        sections=sections,
+        compared=compared,
+        names=[review.name for review in reviews],
+        overlaid=overlaid,
+        remarks={section.anchor: finding_rows(section.review.findings) for section in sections},
+        pictures=[*overlaid, *(picture for section in sections for picture in section.pictures)],
+    )
+
+
+def _section(review: Review, anchor: str) -> Section:
+    names = tuple(LOOP_WORDS[name] for name in review.loops)
+    return Section(
+        anchor=anchor,
+        review=review,
+        cards=tuple((card, _STATES[card.state]) for card in cards(review)),
+        headline=headline(review),
+        steps=tuple(_steps(review, anchor)),
+        loops=_rows(_LOOP_ROWS, [loop.numbers for loop in review.loops.values()]),
+        loop_names=names,
+        bodes=tuple(_bode(loop, f"{anchor}-bode-{name}") for name, loop in review.loops.items()),
+        margins=_rows(_MARGIN_ROWS, [margin.numbers for margin in review.margins.values()]),
+        margin_names=tuple(review.margins),
+        broken=tuple(_broken(margin, f"{anchor}-broken-{axis}") for axis, margin in review.margins.items()),
+        noise=tuple(_noise(review, anchor)),
+        noise_numbers=_single(review.noise.numbers),
+        motors=_motors(review, anchor),
+        motor_numbers=_single(review.motors.numbers),
+        power=_power(review),
+        models=tuple(_model(name, model) for name, model in review.models.items()),
+    )
+
+
+def headline(review: Review) -> str:
+    """What flew, and when, in one line."""
+    craft, air = review.vehicle, review.flight
+    what = ", ".join(part for part in (craft.kind, craft.frame, craft.firmware or craft.autopilot) if part)
+    if not air.flights:
+        return f"{what or 'An unknown vehicle'}: this log holds no flight."
+    spans = ", ".join(f"{start_s:.1f} to {stop_s:.1f} s" for start_s, stop_s in air.flights)
+    total_s = sum(stop_s - start_s for start_s, stop_s in air.flights)
+    count = "one flight" if len(air.flights) == 1 else f"{len(air.flights)} flights"
+    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, as {air.seen_in} tells)"
+
+
+def _rows(
+    words: Mapping[str, tuple[str, str, float]], columns: Sequence[Mapping[str, Quantity]]
+) -> tuple[NumberRow, ...]:
+    """A row for each quantity that any column holds."""
+    rows = []
+    for name, (told, shown, factor) in words.items():
+        if any(name in column for column in columns):
+            label = f"{told} [{shown}]" if shown else told
+            rows.append(NumberRow(words=label, cells=tuple(_cell(column.get(name), factor) for column in columns)))
+    return tuple(rows)
+
+
+def _cell(quantity: Quantity | None, factor: float) -> tuple[str, str]:
+    if quantity is None:
+        return MISSING, ""
+    half = 0.5 * (quantity.upper - quantity.lower) / 1.96
+    value = with_error(factor * quantity.value, factor * half).partition(" ±")[0]
+    low, high = (_end(factor * end, factor * half) for end in (quantity.lower, quantity.upper))
+    return value, f"{low} to {high}" if half > 0.0 else ""
+
+
+def _end(value: float, std: float) -> str:
+    if not np.isfinite(value):
+        return "∞" if value > 0.0 else "−∞"
+    return with_error(value, std).partition(" ±")[0]
+
+
+def _single(numbers: Mapping[str, Quantity]) -> tuple[NumberRow, ...]:
+    rows = []
+    for name, quantity in numbers.items():
+        told, shown, factor = _NUMBER_WORDS.get(name, (_plain(name), unit(quantity.unit), 1.0))
+        if name.endswith("_noise_share"):
+            axis, term, *_ = name.split("_")
+            told, shown, factor = f"noise through {term.upper()} of {axis}, of the motor range", "%", 100.0
+        label = f"{told} [{shown}]" if shown else told
+        rows.append(NumberRow(words=label, cells=(_cell(quantity, factor),)))
+    return tuple(rows)
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _steps(review: Review, anchor: str) -> list[Picture]:
+    pictures = []
+    for names, words, key in ((_FAST, "body rates", "rates"), (_SLOW, "angles and speeds", "angles")):
+        curves = {LOOP_WORDS[name]: review.loops[name].step for name in names if name in review.loops}
+        shown: dict[str, StepCurve] = {name: curve for name, curve in curves.items() if curve is not None}
+        if shown:
+            pictures.append(
+                Picture(
+                    key=f"{anchor}-step-{key}",
+                    description=f"Answers of {words} to a step of their set-points, with 95 % bands",
+                    figure=step_answers(shown, until_s=_interesting_s(review, names)),
+                )
+            )
+    return pictures
+
+
+def _interesting_s(review: Review, names: Sequence[str]) -> float:
+    """Long enough for the slowest rise four times over."""
+    rises = [
+        review.loops[name].numbers["rise_time_s"].value
+        for name in names
+        if name in review.loops and "rise_time_s" in review.loops[name].numbers
+    ]
+    ends = [float(loop.step.time_s[-1]) for name, loop in review.loops.items() if name in names and loop.step]
+    return min(max(ends), max(0.25, 6.0 * max(rises))) if rises else min(max(ends), 1.0)
+
+
+def _bode(loop: LoopReview, key: str) -> Picture:
+    draw = partial(bode, loop.response, output=loop.answer, input=loop.reference)
+    description = f"Bode plot of {LOOP_WORDS[loop.name]} over its set-point with 95 % band"
+    return in_all_units(draw, key=key, description=description, converted=True)
+
+
+def _broken(margin: MarginReview, key: str) -> Picture:
+    numbers = margin.numbers
+    gain, phase = [], []
+    if "crossover_rad_s" in numbers and "phase_margin_deg" in numbers:
+        at, value = numbers["crossover_rad_s"], numbers["phase_margin_deg"]
+        gain.append(
+            Crossing(
+                omega_rad_s=at.value,
+                value=float(np.deg2rad(value.value)),
+                omega_std_rad_s=at.std,
+                value_std=float(np.deg2rad(value.std)),
+            )
+        )
+    draw = partial(
+        broken_loop,
+        margin.loop.omega_rad_s,
+        margin.loop.values[0, 0],
+        random_error=margin.loop.random_error[0, 0],
+        gain_crossovers=gain,
+        phase_crossovers=phase,
+    )
+    return in_all_units(draw, key=key, description=f"Broken {margin.axis} rate loop with its phase margin")
+
+
+def _noise(review: Review, anchor: str) -> list[Picture]:
+    pictures = []
+    for channel in dict.fromkeys(one.channel for one in review.noise.maps):
+        maps = [one for one in review.noise.maps if one.channel == channel]
+        words = _channel_words(channel)
+        peaks = sorted(
+            (peak for peak in review.noise.peaks if peak.channel == channel), key=lambda one: -one.height_db
+        )[:_MOST_PEAKS]
+        pictures.append(
+            Picture(
+                key=f"{anchor}-spectrum-{channel}",
+                description=f"Mean noise spectrum of the {words} with its strongest lines",
+                figure=spectra(
+                    {_STAGES[one.stage]: (one.frequency_hz, one.average) for one in maps},
+                    peaks=[(peak.frequency_hz.value, _peak_words(peak.source, peak.harmonic)) for peak in peaks],
+                    unit=unit(maps[0].unit),
+                ),
+            )
+        )
+        drawn: dict[str, NoiseMap] = {
+            f"{words.capitalize()} {_STAGES[one.stage]}": one for one in maps if np.isfinite(one.density).any()
+        }
+        if drawn:
+            pictures.append(
+                Picture(
+                    key=f"{anchor}-map-{channel}",
+                    description=f"Noise of the {words} over frequency against {maps[0].against.replace('_', ' ')}",
+                    figure=noise_maps(drawn, against=maps[0].against.replace("_", " "), unit=unit(maps[0].unit)),
+                )
+            )
+    return pictures
+
+
+def _peak_words(source: str, harmonic: int | None) -> str:
+    if source == "rotor":
+        return f"rotor ×{harmonic}" if harmonic else "rotor"
+    return "frame" if source == "frame" else "?"
+
+
+def _channel_words(channel: str) -> str:
+    words = {"p": "roll gyro", "q": "pitch gyro", "r": "yaw gyro", "ax": "forward", "ay": "sideward", "az": "vertical"}
+    base = channel.removesuffix("_raw")
+    return words.get(base, channel) + (" accelerometer" if base in ("ax", "ay", "az") else "")
+
+
+def _motors(review: Review, anchor: str) -> tuple[Picture, ...]:
+    means = {name.replace("_", " "): (one.value, one.std) for name, one in review.motors.means.items()}
+    if not means:
+        return ()
+    description = "Mean output of each motor in steady flight"
+    return (Picture(key=f"{anchor}-motors", description=description, figure=motor_bars(means)),)
+
+
+def _power(review: Review) -> tuple[NumberRow, ...]:
+    rows = list(_single(review.flight.battery))
+    if review.flight.hover_throttle is not None:
+        rows.append(NumberRow(words="throttle in hover [%]", cells=(_cell(review.flight.hover_throttle, 100.0),)))
+    if review.flight.thrust_to_weight is not None:
+        rows.append(NumberRow(words="full thrust over weight", cells=(_cell(review.flight.thrust_to_weight, 1.0),)))
+    return (*rows, *_single(review.flight.wind))
+
+
+def _model(name: str, model: object) -> ModelRow:
+    if isinstance(model, IdentifiedModel):
+        shown = tuple(
+            (which, _value(parameter), unit(parameter.unit))
+            for which, parameter in model.parameters.items()
+            if parameter.status != "dropped"
+        )
+        return ModelRow(name=name, stands=True, parameters=shown, words="")
+    reasons = [finding.message for finding in getattr(model, "findings", ()) if finding.severity == "error"]
+    return ModelRow(name=name, stands=False, parameters=(), words=reasons[0] if reasons else "refused")
+
+
+def _value(parameter: ParameterEstimate) -> str:
+    return with_error(parameter.value, parameter.std) if parameter.std else significant(parameter.value, digits=4)
+
+
+def _compared(reviews: Sequence[Review]) -> tuple[NumberRow, ...]:
+    """One row for each number of the loops and margins that any of the flights tells."""
+    rows: list[NumberRow] = []
+    for name, words in LOOP_WORDS.items():
+        columns = [review.loops[name].numbers if name in review.loops else {} for review in reviews]
+        rows += [NumberRow(words=f"{words}: {row.words}", cells=row.cells) for row in _rows(_LOOP_ROWS, columns)]
+    for axis in ("roll", "pitch", "yaw"):
+        held = [review.margins.get(axis) for review in reviews]  # type: ignore[call-overload]
+        columns = [{} if one is None else one.numbers for one in held]
+        rows += [NumberRow(words=f"{axis} loop: {row.words}", cells=row.cells) for row in _rows(_MARGIN_ROWS, columns)]
+    return tuple(rows)
+
+
+def _overlaid(reviews: Sequence[Review]) -> tuple[Picture, ...]:
+    """Step responses of the same loop in several flights."""
+    pictures = []
+    for name in _FAST:
+        curves: dict[str, StepCurve] = {}
+        for review in reviews:
+            step = review.loops[name].step if name in review.loops else None
+            if step is not None:
+                curves[review.name] = step
+        if len(curves) > 1:
+            pictures.append(
+                Picture(
+                    key=f"overlaid-{name}",
+                    description=f"Answers of the {LOOP_WORDS[name]} to a step in {len(curves)} flights",
+                    figure=step_answers(
+                        curves,
+                        until_s=max(
+                            _interesting_s(review, (name,))
+                            for review in reviews
+                            if name in review.loops and review.loops[name].step
+                        ),
+                    ),
+                )
+            )
+    return tuple(pictures)
