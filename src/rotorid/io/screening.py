@@ -4,8 +4,8 @@ No log format of autopilots has a checksum over its samples, so that a flipped b
 a value like any other. Four tests tell what cannot be, each linear in the number of samples (the first but for the
 sorting of stamps that are in disorder):
 
-- Stamps must rise, and lie inside of the log. Of stamps in disorder the longest rising sequence stays; what lies far
-  from everything else that was logged is left out.
+- Stamps must rise, and lie inside of the log. Of stamps in disorder the longest rising sequence stays, of equal ones
+  the first; what lies far from everything else that was logged is left out, and so is what no clock can say.
 - A value must be possible: :mod:`rotorid.data.ranges`.
 - A measured value cannot jump and be back one sample later. With the steps :math:`d_i = x_i - x_{i-1}`, a sample stands
   out by :math:`e_i = \min(|d_i|, |d_{i+1}|)` where the two have opposite signs. It is left out where :math:`e_i` is
@@ -35,6 +35,8 @@ from rotorid.typing import BoolArray, FloatArray, IntArray
 
 _OUTSIDE_S = 10.0
 """Farther from the log than this a stamp is no stamp: autopilots log values that are a few seconds old as the first."""
+_LARGEST_STAMP_S = 2.0**53 / 1e6
+"""Farther from zero than these 285 years a double does not tell one microsecond from the next."""
 _LONE_SAMPLES = 3
 _LONE_S, _LONE_STEPS = 1.0, 100.0
 """So many samples behind a pause so long, in seconds and in steps, say nothing about when the log begins or ends."""
@@ -96,7 +98,7 @@ def screened(record: FlightRecord) -> FlightRecord:
         new is old for new, old in zip(topics, record.topics, strict=True)
     )
     if unchanged:
-        return record
+        return replace(record, findings=(*record.findings, *findings)) if findings else record
     held = {channel.name for topic in topics for channel in topic.channels}
     instruments = {
         axis: present for axis, names in record.instruments.items() if (present := tuple(n for n in names if n in held))
@@ -133,22 +135,69 @@ def _in_time(topics: Sequence[Topic]) -> tuple[list[Topic], list[Finding]]:
         kept = [mask & (topic.time_s >= low) & (topic.time_s <= high) for topic, mask in zip(topics, kept, strict=True)]
     found, findings = [], []
     for topic, mask in zip(topics, kept, strict=True):
-        if mask.all():
+        once = _once(topic.time_s, mask)
+        findings += _disorder(topic.name, int(np.sum(~mask)), int(np.sum(mask & ~once)), mask.size)
+        if once.all():
             found.append(topic)
-            continue
-        lost = int(np.sum(~mask))
-        if mask.any():
-            found.append(_chosen(topic, mask))
-        findings.append(
-            warn(
-                "clock_disorder",
-                topic.name,
-                f"{lost} of {mask.size} stamps of {topic.name} step back or lie outside of the log; their samples were "
-                "left out.",
-                samples=lost,
-            )
+        elif once.any():
+            found.append(_chosen(topic, once))
+    return found, [*findings, *_pauses(found)]
+
+
+def _pauses(topics: Sequence[Topic]) -> list[Finding]:
+    """What to say where nothing at all was logged for long: the clock jumped, or the logger stood still."""
+    longest = max(topics, key=lambda topic: topic.time_s.size, default=None)
+    if longest is None:
+        return []
+    edges = np.flatnonzero(np.diff(longest.time_s) > _OUTSIDE_S)
+    starts, stops = longest.time_s[edges], longest.time_s[edges + 1]
+    silent = np.ones(edges.size, dtype=np.bool_)
+    for topic in topics:
+        silent &= np.searchsorted(topic.time_s, starts, "right") == np.searchsorted(topic.time_s, stops, "left")
+    if not silent.any():
+        return []
+    starts, lengths = starts[silent], (stops - starts)[silent]
+    most = int(np.argmax(lengths))
+    return [
+        warn(
+            "gap",
+            "log",
+            f"Nothing was logged for {lengths[most]:.1f} s after {starts[most]:.1f} s"
+            + (f", and {lengths.size - 1} times more for over {_OUTSIDE_S:g} s" if lengths.size > 1 else "")
+            + "; what lies before and behind is taken apart.",
+            gaps=lengths.size,
+            longest_s=float(lengths[most]),
         )
-    return found, findings
+    ]
+
+
+def _once(time_s: FloatArray, mask: BoolArray) -> BoolArray:
+    """Of the chosen stamps, which rise, the first of each that are equal."""
+    chosen = np.flatnonzero(mask)
+    again = chosen[1:][np.diff(time_s[chosen]) == 0.0]
+    if not again.size:
+        return mask
+    once = mask.copy()
+    once[again] = False
+    return once
+
+
+def _disorder(name: str, lost: int, again: int, samples: int) -> Iterator[Finding]:
+    """What to say of stamps that were left out: a few that repeat limit the trust in nothing."""
+    if lost:
+        yield warn(
+            "clock_disorder",
+            name,
+            f"{lost} of {samples} stamps of {name} step back or lie outside of the log; their samples were left out.",
+            samples=lost,
+        )
+    if again:
+        yield (warn if again > _FEW * samples else remark)(
+            "clock_disorder",
+            name,
+            f"{again} of {samples} stamps of {name} repeat the one before; the first sample of each was kept.",
+            samples=again,
+        )
 
 
 def _chosen(topic: Topic, mask: BoolArray, rows: Sequence[int] | None = None) -> Topic:
@@ -164,7 +213,8 @@ def _chosen(topic: Topic, mask: BoolArray, rows: Sequence[int] | None = None) ->
 
 def _rising(time_s: FloatArray) -> BoolArray:
     """The longest sequence of stamps that are numbers and never step back."""
-    kept = np.isfinite(time_s)
+    # A stamp that is no number is not small either.
+    kept: BoolArray = np.abs(time_s) < _LARGEST_STAMP_S
     for lone in (_ahead, _behind):
         stamps = time_s[kept]
         if stamps.size < 2 or bool(np.all(stamps[1:] >= stamps[:-1])):

@@ -21,6 +21,8 @@ from rotorid.typing import FloatArray
 LONGEST_BRIDGED_GAP_S = 0.1
 """Longer holes split the data; shorter ones are interpolated, and both are reported."""
 
+_DENSEST = 4.0
+"""No uniform clock has more samples than so many times those that were logged."""
 _GAP_STEPS = 2.5
 _TURNING = ("phi", "theta", "psi", "psi_setpoint")
 _COVERED_S = 0.25
@@ -93,6 +95,7 @@ def resample(
         raise _absent(record, base, start_s, stop_s)
     rate = sample_rate_hz or rates[base]
     findings += _rate_findings(rates)
+    findings += _bursts({name: series[name][0] for name in channels}, sources, start_s, stop_s)
     holes, remarks = _holes(series, start_s, stop_s)
     findings += remarks
     low = max([start_s, *(float(time_s[0]) for time_s, _ in series.values())])
@@ -117,6 +120,25 @@ def resample(
             )
         )
     return Conditioned(histories=tuple(histories), findings=_merged(findings))
+
+
+def even_step_s(time_s: FloatArray) -> float:
+    """Step of a uniform clock for stamps that rise and may jitter.
+
+    It is their median step, and never so short that the clock has more than four times as many samples: where stamps
+    come in bursts, as messages do that were stamped on arrival, most steps are far shorter than the mean.
+
+    Parameters
+    ----------
+    time_s
+        Two or more, shape ``(samples,)``.
+
+    Examples
+    --------
+    >>> even_step_s(np.array([0.0, 0.1, 0.2, 0.31])), even_step_s(np.array([0.0, 1e-6, 2e-6, 4.0]))
+    (0.1, 0.25)
+    """
+    return max(float(np.median(np.diff(time_s))), float(time_s[-1] - time_s[0]) / (_DENSEST * time_s.size))
 
 
 def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> InsufficientDataError:
@@ -210,7 +232,19 @@ def _rate(time_s: FloatArray, start_s: float, stop_s: float) -> float:
     if steps.size == 0:
         return 0.0
     ordinary = steps[(steps < 1.5 * np.median(steps)) & (steps > 0.5 * np.median(steps))]
-    return float(1.0 / ordinary.mean()) if ordinary.size else float(1.0 / np.median(steps))
+    rate = float(1.0 / ordinary.mean()) if ordinary.size else float(1.0 / np.median(steps))
+    return min(rate, _DENSEST * _mean_rate(steps))
+
+
+def _mean_rate(steps: FloatArray) -> float:
+    """Samples by time between the gaps that split the data."""
+    between = steps[steps <= _longest_bridged(steps)]
+    return float(between.size / between.sum())
+
+
+def _longest_bridged(steps: FloatArray) -> float:
+    """Longest step that does not split the data."""
+    return max(LONGEST_BRIDGED_GAP_S, _GAP_STEPS * float(np.median(steps)))
 
 
 def _rates(stamps: Mapping[str, FloatArray], start_s: float, stop_s: float) -> dict[str, float]:
@@ -218,6 +252,26 @@ def _rates(stamps: Mapping[str, FloatArray], start_s: float, stop_s: float) -> d
     of_stamps = {id(time_s): time_s for time_s in stamps.values()}
     known = {key: _rate(time_s, start_s, stop_s) for key, time_s in of_stamps.items()}
     return {name: known[id(time_s)] for name, time_s in stamps.items()}
+
+
+def _bursts(
+    stamps: Mapping[str, FloatArray], sources: Mapping[str, tuple[Topic, int]], start_s: float, stop_s: float
+) -> list[Finding]:
+    """What to say where most steps of a topic are far shorter than their mean, once for each topic."""
+    of_topics = {sources[name][0].name: _steps(time_s, start_s, stop_s) for name, time_s in stamps.items()}
+    return [
+        warn(
+            "clock_disorder",
+            name,
+            f"The stamps of {name} come in bursts: half of the steps are {1e3 * float(np.median(steps)):.3g} ms or "
+            f"less, and their mean is {1e3 / _mean_rate(steps):.3g} ms. They say when the samples arrived, not when "
+            "they were taken.",
+            median_s=float(np.median(steps)),
+            mean_s=1.0 / _mean_rate(steps),
+        )
+        for name, steps in of_topics.items()
+        if steps.size and float(np.median(steps)) * _DENSEST * _mean_rate(steps) < 1.0
+    ]
 
 
 def _rate_findings(rates: Mapping[str, float]) -> list[Finding]:
@@ -256,11 +310,10 @@ def _holes(
     for name, (time_s, _) in series.items():
         inside = time_s[(time_s >= start_s) & (time_s <= stop_s)]
         steps = np.diff(inside)
-        limit = _GAP_STEPS * np.median(steps) if steps.size else np.inf
-        gaps = np.flatnonzero(steps > limit)
+        gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps)) if steps.size else np.empty(0, dtype=np.int64)
         if gaps.size == 0:
             continue
-        long = gaps[steps[gaps] > max(LONGEST_BRIDGED_GAP_S, limit)]
+        long = gaps[steps[gaps] > _longest_bridged(steps)]
         holes |= {(float(inside[gap]), float(inside[gap + 1])): None for gap in long}
         alike.setdefault((gaps.size, float(steps.max()), bool(long.size)), []).append(name)
     findings = [
@@ -308,8 +361,7 @@ def _sample(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz
         int(np.searchsorted(time_s, clock_s[-1] + margin)) + 1,
     )
     time_s, values = time_s[inside], values[:, inside]
-    own = 1.0 / float(np.median(np.diff(time_s)))
-    factor = round(own / rate_hz)
+    factor = round(1.0 / (even_step_s(time_s) * rate_hz)) if time_s.size > 1 else 1
     if factor < 2:
         return _spline(time_s, values, clock_s)
     return _thinned(time_s, values, clock_s, rate_hz, factor)

@@ -19,6 +19,7 @@ import numpy as np
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.airborne import airborne
+from rotorid.signal.clock import even_step_s
 from rotorid.typing import Axis, BoolArray, FloatArray
 
 OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
@@ -324,8 +325,11 @@ def _in_signal(
     moving = np.abs(motion) > _TAIL_SHARE * largest
     # Where a signal never rests between two maneuvers, each gets half of what lies between.
     edges = [0, *((a[1] + b[0]) // 2 for a, b in pairwise(cores)), time_s.size - 1]
+    # A maneuver does not go on behind a pause of the log, during which nobody knows what the vehicle did.
+    pauses = np.concatenate([[-1], np.flatnonzero(np.diff(time_s) > _LONGEST_REST_S), [time_s.size - 1]])
     for core, low, high in zip(cores, edges, edges[1:], strict=False):
-        first, last = _with_tails(core, moving, low, high)
+        begin, end = pauses[np.searchsorted(pauses, [core[0], core[1]]) - [1, 0]]
+        first, last = _with_tails(core, moving, max(low, int(begin) + 1), min(high, int(end)))
         part_time, part = time_s[first : last + 1], motion[first : last + 1]
         if part_time[-1] - part_time[0] < _SHORTEST_S:
             continue
@@ -482,7 +486,7 @@ def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float) -> f
     >>> period_of(t, wave, shortest_s=5.0)
     20.0
     """
-    step_s = float(np.median(np.diff(time_s)))
+    step_s = even_step_s(time_s)
     grid = np.arange(time_s[0], time_s[-1], step_s)
     values = np.interp(grid, time_s, motion)
     values = values - values.mean()
@@ -503,7 +507,7 @@ def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float) -> f
 
 def lines_of(time_s: FloatArray, motion: FloatArray, period_s: float) -> tuple[float, float] | None:
     """Lowest and highest line of a signal of known period, rad/s; ``None`` for fewer than three lines."""
-    step_s = float(np.median(np.diff(time_s)))
+    step_s = even_step_s(time_s)
     samples = round(period_s / step_s)
     periods = int((time_s[-1] - time_s[0]) / period_s)
     grid = time_s[0] + np.arange(samples * max(periods, 1)) * step_s

@@ -200,12 +200,45 @@ def test_a_clock_that_starts_anew_keeps_its_longer_part() -> None:
     assert found.topics[0].time_s.size == SAMPLES - 1000
 
 
-def test_stamps_that_repeat_stay() -> None:
+@pytest.mark.parametrize(("repeated", "severity"), [(slice(None), "warning"), (slice(7, 8), "info")])
+def test_of_stamps_that_repeat_the_first_sample_stays(repeated: slice, severity: str) -> None:
     record = flight()
     topic = record.topics[0]
-    doubled = Topic(name="LOG", time_s=np.repeat(TIME_S[::2], 2), channels=topic.channels, values=topic.values)
-    record = FlightRecord(source=record.source, topics=(doubled,))
-    assert screened(record) is record
+    kept = np.ones(SAMPLES, dtype=bool)
+    kept[1::2][repeated] = False
+    time_s = TIME_S.copy()
+    time_s[~kept] = TIME_S[np.flatnonzero(~kept) - 1]
+    doubled = Topic(name="LOG", time_s=time_s, channels=topic.channels, values=topic.values)
+    found = screened(FlightRecord(source=record.source, topics=(doubled,)))
+    assert found.topics[0].time_s.tolist() == TIME_S[kept].tolist()
+    assert np.array_equal(found.topics[0].values, topic.values[:, kept])
+    (finding,) = found.findings
+    assert (finding.kind, finding.severity) == ("clock_disorder", severity)
+    assert finding.numbers["samples"] == np.sum(~kept)
+
+
+@pytest.mark.parametrize("far_s", [1e10, -1e10, 2.0**64, 1e300, np.inf, np.nan])
+def test_stamps_that_no_clock_can_say_are_left_out(far_s: float) -> None:
+    record = flight()
+    topic = record.topics[0]
+    time_s = TIME_S.copy()
+    time_s[::3] = far_s
+    broken = Topic(name="LOG", time_s=time_s, channels=topic.channels, values=topic.values)
+    found = screened(FlightRecord(source=record.source, topics=(broken,)))
+    assert found.topics[0].time_s.tolist() == np.delete(TIME_S, slice(None, None, 3)).tolist()
+    assert kinds(found) == ["clock_disorder"]
+
+
+def test_a_jump_of_the_clock_is_a_gap_and_both_parts_stay() -> None:
+    record = flight()
+    topic = record.topics[0]
+    time_s = TIME_S + np.where(np.arange(SAMPLES) < SAMPLES // 2, 0.0, 2e5)
+    jumped = Topic(name="LOG", time_s=time_s, channels=topic.channels, values=topic.values)
+    found = screened(FlightRecord(source=record.source, topics=(jumped,)))
+    assert found.topics[0].time_s.size == SAMPLES
+    (finding,) = found.findings
+    assert (finding.kind, finding.where) == ("gap", "log")
+    assert finding.numbers["longest_s"] == pytest.approx(2e5, rel=1e-3)
 
 
 def test_one_sample_far_from_the_log_is_no_part_of_it() -> None:

@@ -214,3 +214,32 @@ def test_a_channel_that_is_not_there_in_this_interval_is_an_error(start_s: float
     time_s = stamps(100.0)
     with pytest.raises(InsufficientDataError, match="holds no p"):
         resample(record(topic("t", time_s, p=time_s)), channels=("p",), start_s=start_s, stop_s=start_s + 10.0)
+
+
+@pytest.mark.parametrize("pause_s", [0.1, 1.0, 3600.0])
+@pytest.mark.parametrize("burst_s", [1e-9, 1e-6, 1e-4])
+def test_no_clock_has_many_more_samples_than_were_logged(burst_s: float, pause_s: float) -> None:
+    """Messages stamped on arrival: ten at once, then none for a while."""
+    time_s = np.sort((np.arange(300)[:, None] * pause_s + np.arange(10) * burst_s).ravel())
+    made = resample(
+        record(topic("t", time_s, p=smooth(time_s), roll_command=smooth(time_s))),
+        channels=("roll_command", "p"),
+        start_s=0.0,
+        stop_s=float(time_s[-1]),
+    )
+    assert sum(history.values.shape[1] for history in made.histories) <= 4 * time_s.size + 10
+    assert all(np.isfinite(history.values).all() for history in made.histories)
+    assert ("clock_disorder" in kinds(made)) == (pause_s == 0.1)
+
+
+def test_a_jump_of_the_clock_splits_the_data() -> None:
+    time_s = stamps(250.0)
+    time_s[2500:] += 2e5
+    made = resample(
+        record(topic("t", time_s, p=smooth(time_s), roll_command=smooth(time_s))),
+        channels=("roll_command", "p"),
+        start_s=0.0,
+        stop_s=1e6,
+    )
+    assert [history.values.shape[1] for history in made.histories] == [2500, 2500]
+    assert kinds(made)["gap"]["longest_s"] == pytest.approx(2e5, rel=1e-4)

@@ -11,7 +11,7 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
 from rotorid.excitation.switching import doublet, three_two_one_one
-from rotorid.signal.excitations import classify, excitation_signals, find_excitations
+from rotorid.signal.excitations import candidate_excitations, classify, excitation_signals, find_excitations
 from rotorid.typing import Axis, FloatArray
 
 RATE_HZ = 100.0
@@ -168,3 +168,15 @@ def test_the_first_signal_that_moves_is_taken() -> None:
 def test_a_single_push_is_no_maneuver() -> None:
     time_s = np.arange(0.0, 3.0, 0.01)
     assert classify(time_s, np.ones(time_s.size)) == ("other", None)
+
+
+def test_a_maneuver_ends_where_the_clock_jumps() -> None:
+    """A square signal that never rests, half of it 2.3 days later: no clock is laid over the days between."""
+    time_s = np.arange(0.0, 60.0, 0.01)
+    time_s[3000:] += 2e5
+    values = 0.1 * np.sign(np.sin(0.3 * np.arange(time_s.size))) + 0.05 * np.sin(0.11 * np.arange(time_s.size))
+    channel = Channel(name="roll_command", unit="1")
+    log = Topic(name="t", time_s=time_s, channels=(channel,), values=values[None])
+    made = FlightRecord(source=Source(name="a", format="", sha256=""), topics=(log,))
+    for one in (*find_excitations(made, "roll"), *candidate_excitations(made, "roll")):
+        assert one.duration_s < 31.0
