@@ -40,13 +40,13 @@ def carry_out(
     output
         What the user wants to be written and said.
     folder
-        For the files, unless the user names another.
+        For the files, unless the user names another; numbered where the name is taken.
     file
-        Name of the JSON file there.
+        Name of the JSON file there, by which a result is known again.
     compute
         The verb: records in, result out.
     write
-        Writes all files of a result into a folder.
+        Writes all files of a result into a folder of the run's own, which takes the place of the target afterwards.
     refused
         The document that says why there is no result.
     document
@@ -60,11 +60,15 @@ def carry_out(
     ------
     typer.Exit
         With code 1: the data cannot support a result.
+    UsageError
+        Foreign files are in the way, or the folder cannot be written: before any log is read.
     """
     from rotorid.documents.base import to_json
     from rotorid.errors import InsufficientDataError
+    from rotorid.io.folders import making, target_folder
+    from rotorid.report.files import result_kind
 
-    folder = output.out or folder
+    target = target_folder(output.out, folder, result_kind(file), force=output.force)
     records: list[FlightRecord] = []
     try:
         with progress(quiet=output.quiet):
@@ -72,17 +76,18 @@ def carry_out(
                 records.append(record)  # noqa: PERF402 - a refusal tells of those that were read
             result = with_command(compute(records))
             tell("writing the report")
-            write(folder, result)
+            with making(target) as made:
+                write(made.place, result)
     except InsufficientDataError as error:
         why = with_command(refused(error, records))
         if output.json:
             sys.stdout.write(to_json(why))
-        say_refused(error, why.findings, folder / file, quiet=output.quiet)
+        say_refused(error, why.findings, target.folder / file, quiet=output.quiet)
         raise typer.Exit(1) from None
     if output.json:
         sys.stdout.write(to_json(document(result)))
     elif not output.quiet:
-        show(document(result), folder)
+        show(document(result), made.folder)
 
 
 def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightRecord]:

@@ -28,13 +28,15 @@ def demo_command(
 ) -> None:
     """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
     from rotorid.io.files import write_atomically
+    from rotorid.io.folders import making, target_folder
     from rotorid.io.registry import read
     from rotorid.pipeline.demo import LOG_NAME, fly_demo, identify_demo
-    from rotorid.report.files import write_overview_report, write_results
+    from rotorid.report.files import result_kind, write_overview_report, write_results
 
-    folder = output.out or Path("rotorid-out") / "demo"
-    log = folder / LOG_NAME
-    with progress(quiet=output.quiet):
+    target = target_folder(output.out, Path("rotorid-out") / "demo", result_kind("demo"), force=output.force)
+    with progress(quiet=output.quiet), making(target) as made:
+        folder = made.place
+        log = folder / LOG_NAME
         tell("flying the S500 in gusts")
         fly_demo(log, seed=seed)
         demo = identify_demo(read(log), seed=seed)
@@ -56,7 +58,7 @@ def demo_command(
         )
         sys.stdout.write(f"[{documents}]\n")
     elif not output.quiet:
-        _print(demo, folder)
+        _print(demo, made.folder)
 
 
 def _print(demo: Demonstration, folder: Path) -> None:

@@ -40,9 +40,10 @@ def design_command(
     output: Output,
 ) -> None:
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
+    from rotorid.io.folders import making, target_folder
     from rotorid.io.registry import read
     from rotorid.pipeline.designs import design as plan_flights
-    from rotorid.report.files import require_autopilot, to_json, write_design
+    from rotorid.report.files import require_autopilot, result_kind, to_json, write_design
 
     require_autopilot(autopilot)
     choices = DesignChoices(
@@ -52,15 +53,17 @@ def design_command(
         gains_source="" if gains is None else gains.name,
         **design,
     )
-    folder = output.out or Path("rotorid-out") / f"{choices.vehicle}-design"
+    default = Path("rotorid-out") / f"{choices.vehicle}-design"
+    target = target_folder(output.out, default, result_kind("design.json"), force=output.force)
     with progress(quiet=output.quiet):
         designed = plan_flights(choices)
         tell("writing the files")
-        document = write_design(folder, choices, designed, autopilot=autopilot, command=command_line())
+        with making(target) as made:
+            document = write_design(made.place, choices, designed, autopilot=autopilot, command=command_line())
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:
-        _print(document, choices, folder)
+        _print(document, choices, made.folder)
 
 
 def _shape(kind: str, vehicle: str) -> Shape:

@@ -41,22 +41,30 @@ def inspect_command(
         Path | None,
         typer.Option("--out", help="Folder for inspect.json and report.html. [default: nothing is written]"),
     ] = None,
-    output: Annotated[Output, Only("json", "quiet")],
+    output: Annotated[Output, Only("json", "quiet", "force")],
 ) -> None:
     """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
+    from rotorid.io.folders import making, target_folder
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
 
     if plot is not None:
+        from rotorid.report.files import require_replaceable
         from rotorid.report.inspection import require_suffix, write_inspection
 
         require_suffix(plot)
+        require_replaceable(plot, force=output.force)
+    if out is not None:
+        from rotorid.report.files import result_kind
+
+        target = target_folder(out, out, result_kind(FILE), force=output.force)
     record = read(log, mapping=map)
     inspection = inspect(record)
     if plot is not None:
         write_inspection(plot, record, inspection)
     if out is not None:
-        _write(out, record, inspection)
+        with making(target) as made:
+            _write(made.place, record, inspection)
     if output.json:
         from rotorid.documents.base import to_json
         from rotorid.documents.inspection import inspect_document

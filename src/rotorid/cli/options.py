@@ -40,11 +40,14 @@ class Output:
         Folder for the files.
     json, quiet
         Print the result as JSON; print nothing.
+    force
+        Overwrite what is not rotorid's.
     """
 
     out: Annotated[Path | None, Option("--out", help="Folder for the results. [default: rotorid-out/NAME]")] = None
     json: Annotated[bool, Option("--json", help="Print the result as JSON and nothing else.")] = False
     quiet: Annotated[bool, Option("--quiet", help="Say nothing but errors.")] = False
+    force: Annotated[bool, Option("--force", help="Overwrite files at --out that are not rotorid's.")] = False
 
 
 class Only:

@@ -40,12 +40,16 @@ def simulate_command(
     output: Output,
 ) -> None:
     """Fly a vehicle of the library in simulation, and write its log as its autopilot would have."""
-    from rotorid.report.files import to_json, write_rig_simulation, write_simulation
+    from rotorid.io.folders import making, target_folder
+    from rotorid.report.files import result_kind, to_json, write_rig_simulation, write_simulation
 
-    folder = output.out or Path("rotorid-out") / vehicle
+    target = target_folder(
+        output.out, Path("rotorid-out") / vehicle, result_kind("simulation.json"), force=output.force
+    )
     if vehicle == RIG:
         _refuse_of_the_rig(plan, air, flight)
-        document = write_rig_simulation(folder, seed=flight["seed"], command=command_line())
+        with making(target) as made:
+            document = write_rig_simulation(made.place, seed=flight["seed"], command=command_line())
     else:
         if plan == _NO_PLAN and flight["duration_s"] is None:
             flight["duration_s"] = _HOVER_S
@@ -54,11 +58,12 @@ def simulate_command(
         craft = choices.aircraft
         with progress(quiet=output.quiet):
             choices = replace(choices, plan=_plan(plan, craft, choices.wind, choices.seed))
-            document = write_simulation(folder, choices, command=command_line())
+            with making(target) as made:
+                document = write_simulation(made.place, choices, command=command_line())
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:
-        _print(document, folder)
+        _print(document, made.folder)
 
 
 def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> None:

@@ -14,8 +14,6 @@ import hashlib
 import io
 import lzma
 import re
-import secrets
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,6 +25,7 @@ from typing import IO, TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rotorid.errors import LogError, UsageError
+from rotorid.io.folders import replacing, scratch_folder
 from rotorid.typing import AnyArray, IntArray
 
 if TYPE_CHECKING:
@@ -36,8 +35,7 @@ if TYPE_CHECKING:
 def write_atomically(path: Path, data: bytes | str) -> None:
     """Write a file so that a reader sees the old content or the new one, never a part.
 
-    The data go to a temporary name in the same folder, which then replaces ``path`` in one step. Missing folders are
-    made.
+    The data go to a temporary folder beside it, and replace ``path`` in one step. Missing folders are made.
 
     Parameters
     ----------
@@ -52,15 +50,9 @@ def write_atomically(path: Path, data: bytes | str) -> None:
         The place cannot be written.
     """
     content = data.encode("utf-8") if isinstance(data, str) else data
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with temporary.open("xb") as file:
-                file.write(content)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with replacing(path) as place:
+            place.write_bytes(content)
     except OSError as error:
         raise UsageError(
             f"{path} cannot be written: {error.strerror or error}",
@@ -161,8 +153,8 @@ def unpacked(path: Path, compression: str, limits: UnpackLimits | None = None) -
         The archive is damaged, encrypted, holds several files, or grows over the limits.
     """
     limits = limits or UnpackLimits()
-    with tempfile.TemporaryDirectory(prefix="rotorid-") as folder:
-        target = Path(folder) / path.stem
+    with scratch_folder() as folder:
+        target = folder / path.stem
         try:
             with path.open("rb") as packed, _stream(packed, path.name, compression) as stream, target.open("wb") as out:
                 _copy(stream, out, path, limits)

@@ -280,7 +280,7 @@ def log_png(picture: LogPicture, *, title: str, dots_per_inch: int = 130) -> byt
             _trend(cell, trend)
         cells[-1].set_xlabel("time on the log's clock [s]")
         buffer = io.BytesIO()
-        canvas.savefig(buffer, format="png", dpi=dots_per_inch)
+        canvas.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": "rotorid"})
     return buffer.getvalue()
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import logging
-import shutil
-import tempfile
+import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.documents.base import to_json as to_json
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
+from rotorid.io.folders import ResultKind, Target, making
 
 if TYPE_CHECKING:
     import numpy as np
@@ -62,13 +63,10 @@ def write_results(
 def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) -> None:
     """Write several files into a folder: all complete, or none.
 
-    The files are made in a temporary folder inside the target and moved there one by one when all of them are complete:
-    no file is ever partial, and a run that fails leaves the files of the run before.
-
     Parameters
     ----------
     folder
-        Where they go; it is made when missing. Files of the same names are replaced.
+        Where they go; it is made when missing. Files of the same names are replaced, others stay.
     files
         Name of each file to what writes it.
 
@@ -77,22 +75,78 @@ def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) ->
     UsageError
         The folder cannot be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        making = Path(tempfile.mkdtemp(prefix=".making-", dir=folder))
-    except OSError as error:
-        raise UsageError(
-            f"{folder} cannot be written: {error.strerror}",
-            needed="a folder to write to",
-            remedy="choose it with --out",
-        ) from error
-    try:
+    kind = ResultKind(mains=tuple(name for name in files if name.endswith(".json")))
+    with making(Target(folder=folder, kind=kind, force=True, asked=str(folder))) as made:
         for name, write in files.items():
-            write(making / name)
-        for file in sorted(making.iterdir()):
-            file.replace(folder / file.name)
-    finally:
-        shutil.rmtree(making)
+            write(made.place / name)
+
+
+def result_kind(main: str) -> ResultKind:
+    """How the results with this main file are known again: by its schema, and by what the command writes beside it."""
+    return _KINDS.get(main) or ResultKind(
+        mains=(main,), schema=f"rotorid.{Path(main).stem}/", files=(f"{Path(main).stem}.*", *_BESIDE)
+    )
+
+
+def require_replaceable(file: Path, *, force: bool) -> None:
+    """Refuse to overwrite a page or a picture that rotorid has not written.
+
+    Raises
+    ------
+    UsageError
+        There is a foreign file, or a folder.
+    """
+    if not os.path.lexists(file) or (force and not file.is_dir()):
+        return
+    if file.is_file():
+        with file.open("rb") as opened:
+            if _OURS.match(opened.read(2048)):
+                return
+    raise UsageError(
+        f"{file} is there, and is not rotorid's", needed="a name that is free", remedy="choose another, or give --force"
+    )
+
+
+_OURS = re.compile(
+    rb"\x89PNG[\0-\xff]{0,1000}tEXtSoftware\0rotorid|<!DOCTYPE html>[\0-\xff]{0,1000}content=\"rotorid\""
+)
+
+
+def _of_plans(document: Mapping[str, Any]) -> dict[str, str | None]:
+    """Files of the plans of a ``design.json``."""
+    return {(Path(one["folder"]) / name).as_posix(): None for one in document["plans"] for name in one["files"]}
+
+
+def _of_logs(document: Mapping[str, Any]) -> dict[str, str | None]:
+    """Logs of a ``simulation.json`` with their hashes."""
+    return {log["file"]: log["sha256"] for log in document["logs"]}
+
+
+_BESIDE = ("report.html", "responses.npz", "figures/*", "tables/*")
+_MODEL = ("result.json", "model.toml", *_BESIDE)
+_IDENTIFIED = ResultKind(
+    mains=("result.json", "results.json"), schema="rotorid.result", files=(*_MODEL, *(f"*/{name}" for name in _MODEL))
+)
+_KINDS: Mapping[str, ResultKind] = {
+    "result.json": _IDENTIFIED,
+    "results.json": _IDENTIFIED,
+    "inspect.json": ResultKind(mains=("inspect.json",), schema="rotorid.inspect/", files=_BESIDE),
+    "response.json": ResultKind(mains=("response.json",), schema="rotorid.response/", files=_BESIDE),
+    "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_BESIDE),
+    "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_BESIDE),
+    "delay.json": ResultKind(mains=("delay.json",), schema="rotorid.delay/", files=("figures/*", "tables/*")),
+    "design.json": ResultKind(
+        mains=("design.json",), schema="rotorid.design/", files=("design.html",), listed=_of_plans
+    ),
+    "simulation.json": ResultKind(
+        mains=("simulation.json",), schema="rotorid.simulation/", files=("plan.json",), listed=_of_logs
+    ),
+    "demo": ResultKind(
+        mains=("hover.lateral/result.json",),
+        schema="rotorid.result/",
+        files=("flight.ulg", "report.html", "overview.png", *(f"hover.*/{name}" for name in _MODEL)),
+    ),
+}
 
 
 def write_overview_report(
@@ -185,15 +239,17 @@ def write_design(
     require_autopilot(autopilot)
     findings: list[Finding] = []
     written: list[tuple[str, Sequence[str]]] = []
+    together: dict[str, str | bytes] = {}
     for plan in designed:
-        place = folder / plan.kind if len(designed) > 1 else folder
+        place = plan.kind if len(designed) > 1 else ""
         files, remarks = _files(plan, choices, words, explicit=autopilot is not None)
         findings += remarks
-        write_together(place, {name: _writer(content) for name, content in files.items()})
-        written.append(("" if place == folder else plan.kind, sorted(files)))
+        together |= {(Path(place) / name).as_posix(): content for name, content in files.items()}
+        written.append((place, sorted(files)))
     document = design_document(choices, designed, written, findings=findings, autopilot=words, command=command)
     page = render_design(designed, choices, title=_title(designed, choices), document=document)
-    write_together(folder, {"design.json": _writer(to_json(document)), "design.html": _writer(page)})
+    together |= {"design.html": page, "design.json": to_json(document)}
+    write_together(folder, {name: _writer(content) for name, content in together.items()})
     return document
 
 

@@ -122,6 +122,45 @@ def test_result_can_be_made_again_from_its_provenance(flight: Path, tmp_path: Pa
 def test_results_are_replaced_not_mixed(flight: Path, tmp_path: Path) -> None:
     (tmp_path / "result.json").write_text("old", encoding="utf-8")
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
-    assert rotorid("identify", flight, *ROLL, "--out", tmp_path, "--quiet").code == 0
+    refused = rotorid("identify", tmp_path / "missing.csv", *ROLL, "--out", tmp_path)
+    assert refused.code == 2
+    assert "result.json" in refused.err
+    assert "--force" in refused.err
+    assert (tmp_path / "result.json").read_text(encoding="utf-8") == "old"
+    assert rotorid("identify", flight, *ROLL, "--out", tmp_path, "--quiet", "--force").code == 0
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["model"] == "rate.roll"
     assert {path.name for path in tmp_path.iterdir()} == FILES | {"notes.txt"}
+
+
+def test_a_result_of_its_own_is_replaced_and_edited_files_are_not(flight: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for _ in range(2):
+        assert rotorid("identify", flight, *ROLL, "--out", out, "--quiet").code == 0
+    assert {path.name for path in out.iterdir()} == FILES
+    edited = out / "model.toml"
+    edited.write_text(edited.read_text(encoding="utf-8") + "# mine", encoding="utf-8")
+    refused = rotorid("identify", flight, *ROLL, "--out", out)
+    assert refused.code == 2
+    assert "model.toml" in refused.err
+    assert edited.read_text(encoding="utf-8").endswith("# mine")
+
+
+def test_a_default_name_that_is_taken_is_numbered(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = [rotorid("delay", flight).out for _ in range(2)]
+    made = tmp_path / "rotorid-out"
+    assert {path.name for path in made.iterdir()} == {"sweeps-delay", "sweeps-delay-2"}
+    assert "sweeps-delay-2" in said[1]
+
+
+def test_a_picture_that_is_not_rotorids_stays(flight: Path, tmp_path: Path) -> None:
+    for name in ("a.html", "a.png"):
+        picture = tmp_path / name
+        picture.write_bytes(b"mine")
+        refused = rotorid("inspect", flight, "--plot", picture)
+        assert (refused.code, picture.read_bytes()) == (2, b"mine")
+        for more in (["--force"], []):
+            assert rotorid("inspect", flight, "--plot", picture, "--quiet", *more).code == 0
+            assert len(picture.read_bytes()) > 1000
