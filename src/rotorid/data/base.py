@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from functools import wraps
 from importlib import import_module
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from weakref import WeakKeyDictionary
 
 from rotorid.data.display import dataclass_text
 from rotorid.errors import UsageError
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Value = TypeVar("Value")
+Parameters = ParamSpec("Parameters")
 
 
 def read_only(values: Any, dtype: type[Any], *, ndim: int) -> NDArray[Any]:
@@ -59,6 +62,38 @@ class Immutable:
 
 def _rebuild(kind: type[Value], state: Mapping[str, Any]) -> Value:
     return kind(**state)
+
+
+def remembered(function: Callable[Parameters, Value]) -> Callable[Parameters, Value]:
+    """Keep what a function of a value answers for as long as the value lives: values do not change.
+
+    The first argument is the value; the others have to be hashable. Errors are not kept.
+
+    Examples
+    --------
+    >>> asked = []
+    >>> class Log(Immutable):
+    ...     pass
+    >>> @remembered
+    ... def length(log, unit="s"):
+    ...     asked.append(unit)
+    ...     return 10.0
+    >>> log = Log()
+    >>> length(log), length(log), asked
+    (10.0, 10.0, ['s'])
+    """
+    kept: WeakKeyDictionary[Any, dict[Any, Value]] = WeakKeyDictionary()
+
+    @wraps(function)
+    def answer(*arguments: Parameters.args, **named: Parameters.kwargs) -> Value:
+        value, *others = arguments
+        answers = kept.setdefault(value, {})
+        key = (*others, *sorted(named.items()))
+        if key not in answers:
+            answers[key] = function(*arguments, **named)
+        return answers[key]
+
+    return answer
 
 
 def optional(package: str) -> Any:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorid.data.base import remembered
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic
 from rotorid.errors import InsufficientDataError
@@ -81,6 +82,7 @@ class Airborne:
         return max(self.intervals, key=lambda interval: interval[1] - interval[0])
 
 
+@remembered
 def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     """Find the flights in a record.
 

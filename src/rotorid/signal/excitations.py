@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from rotorid.data.base import remembered
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.airborne import airborne
@@ -125,6 +126,7 @@ def _stands_still(record: FlightRecord, maneuver: Maneuver) -> bool:
     return still
 
 
+@remembered
 def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     """Excitations of one axis: those that the log declares, and those that its signals show beside them.
 
