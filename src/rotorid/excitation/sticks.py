@@ -24,7 +24,7 @@ def everyday_stick(
 ) -> FloatArray:
     """A stick as a pilot moves it who is not asked for anything.
 
-    Noise of 0.1 to 3 Hz comes in bursts of 2 to 8 s with rests between them. On it come moves out and back, one every
+    Noise of 0.1 to 3 Hz, falling by 12 dB an octave beyond, comes in bursts of 2 to 8 s with rests between them. On it come moves out and back, one every
     1 to 4 s, which rise and fall within 80 to 250 ms and hold for 0.2 to 0.9 s. The radio sends that at 50 Hz, rounded
     to 1/500 of full stick, and the autopilot holds it until the next value comes.
 
@@ -75,11 +75,11 @@ def everyday_stick(
 
 
 def _noise(samples: int, rng: np.random.Generator) -> FloatArray:
-    """Noise of a band with a standard deviation of one."""
+    """Noise of a band with a standard deviation of one; beyond its ends it falls by 12 dB an octave, as thumbs do."""
     frequency_hz = np.fft.rfftfreq(samples, 1.0 / _FINE_HZ)
-    spectrum = np.fft.rfft(rng.standard_normal(samples))
-    spectrum[(frequency_hz < _BAND_HZ[0]) | (frequency_hz > _BAND_HZ[1])] = 0.0
-    values = np.fft.irfft(spectrum, samples)
+    low, high = _BAND_HZ
+    shape = frequency_hz**2 / np.sqrt(frequency_hz**4 + low**4) / np.sqrt(1.0 + (frequency_hz / high) ** 4)
+    values = np.fft.irfft(shape * np.fft.rfft(rng.standard_normal(samples)), samples)
     return np.asarray(values / max(float(values.std()), 1e-12))
 
 
