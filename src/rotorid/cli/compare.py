@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.command import carry_out
+from rotorid.cli.console import default_folder
 from rotorid.cli.options import Map, Only, Output
 from rotorid.pipeline.settings import IdentifySettings
 
 if TYPE_CHECKING:
     from rotorid.documents.compare import CompareDocument
-
-DEFAULT_FOLDER = Path("rotorid-out") / "compare"
 
 
 def compare_command(
@@ -37,7 +36,7 @@ def compare_command(
         log or (),
         mapping=map,
         output=output,
-        folder=DEFAULT_FOLDER,
+        folder=default_folder([_named(path) for path in results], "compare"),
         file=JSON,
         compute=lambda records: compare(entries, records, settings=settings),
         write=lambda folder, compared: write_comparison(folder, compared, title=f"{len(entries)} models side by side"),
@@ -45,6 +44,12 @@ def compare_command(
         document=compare_document,
         show=_print,
     )
+
+
+def _named(result: Path) -> Path:
+    """The folder of a result, by whatever name it was given, as the name of a log would be taken."""
+    folder = result.parent if result.suffix == ".json" else result
+    return Path(f"{folder.resolve().name}.json")
 
 
 def _print(document: CompareDocument, folder: Path) -> None:

@@ -1,5 +1,7 @@
 """How commands speak: results to standard output, everything else to standard error.
 
+What comes from files is shown as it is written: no name can color a terminal, clear it or turn its direction.
+
 Names of the folders that commands write to.
 
 Ctrl-C that is not lost.
@@ -18,11 +20,14 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from rotorid.data.display import visible
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,6 +35,12 @@ if TYPE_CHECKING:
     from rotorid.data.findings import Finding
     from rotorid.documents.base import FindingDocument
     from rotorid.errors import RotoridError
+
+
+def spare_warnings() -> None:
+    """Keep what libraries say about numbers from a person, who reads findings, unless Python was told otherwise."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
 
 
 _asked = threading.Event()
@@ -68,22 +79,32 @@ _PIPE_WIDTH = 240
 
 def error_console() -> Console:
     """Console on standard error."""
-    from rich.console import Console
-
-    return Console(stderr=True, highlight=False)
+    return _console(stderr=True)
 
 
 def output_console() -> Console:
     """Console on standard output; in a pipe wide enough that no table wraps."""
-    from rich.console import Console
+    console = _console()
+    return console if console.is_terminal else _console(width=_PIPE_WIDTH)
 
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=_PIPE_WIDTH)
+
+def _console(**options: Any) -> Console:
+    """A console on which names from files and models are seen, and do nothing to the terminal."""
+    from rich.console import Console
+    from rich.segment import Segment
+
+    class Shown(Console):
+        def render(self, *arguments: Any, **others: Any) -> Iterator[Segment]:
+            for segment in super().render(*arguments, **others):
+                # What the console itself asks of the terminal is marked as such.
+                yield segment if segment.control else Segment(visible(segment.text), segment.style)
+
+    return Shown(highlight=False, **options)
 
 
 def say(text: str) -> None:
     """A plain sentence to standard error."""
-    print(text, file=sys.stderr)
+    print(visible(text).replace("\n", "\\n"), file=sys.stderr)
 
 
 def say_refused(
@@ -178,23 +199,29 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
             logger.propagate = before[1]
 
 
+_NAME_SIGNS = 120
+"""No file system takes names much longer than twice this."""
 _PACKED = (".gz", ".xz", ".bz2", ".zip")
 
 
-def default_folder(log: Path, what: str) -> Path:
-    """Where the results from a log go when the user does not say.
+def default_folder(logs: Path | Sequence[Path], what: str) -> Path:
+    """Where the results from logs go when the user does not say: named after the logs and what was done with them.
 
     Examples
     --------
     >>> default_folder(Path("logs/roll.ulg.xz"), "rate.roll").as_posix()
     'rotorid-out/roll-rate.roll'
+    >>> default_folder([Path("a.BIN"), Path("b.BIN"), Path("c.BIN")], "delay").as_posix()
+    'rotorid-out/a-and-2-more-delay'
     """
-    return Path("rotorid-out") / _file_name(f"{_stem(log)}-{what}")
+    first, *more = [_stem(log) for log in ([logs] if isinstance(logs, Path) else logs)]
+    others = "" if not more else f"-{more[0]}" if len(more) == 1 else f"-and-{len(more)}-more"
+    return Path("rotorid-out") / _file_name(f"{first}{others}-{what}")
 
 
 def _file_name(text: str) -> str:
     """Text as the name of a folder: a model file may call itself anything."""
-    return re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "result"
+    return re.sub(r"[^\w.+-]+", "_", text).lstrip(".")[:_NAME_SIGNS] or "result"
 
 
 def _stem(log: Path) -> str:

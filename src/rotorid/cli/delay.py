@@ -54,7 +54,7 @@ def delay_command(
         logs,
         mapping=map,
         output=output,
-        folder=default_folder(logs[0], "delay"),
+        folder=default_folder(logs, "-".join(["delay", *filter(None, (input, answer))])),
         file=FILE,
         compute=compute,
         write=lambda folder, result: write_together(

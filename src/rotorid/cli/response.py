@@ -36,7 +36,7 @@ def response_command(
         logs,
         mapping=map,
         output=output,
-        folder=default_folder(logs[0], "response"),
+        folder=default_folder(logs, "-".join(["response", *channels["inputs"], *channels["outputs"]])),
         file="response.json",
         compute=lambda records: response(records, **channels, settings=settings),
         write=lambda folder, result: write_responses(folder, result, title=title),

@@ -38,7 +38,7 @@ def verify_command(
         logs,
         mapping=map,
         output=output,
-        folder=default_folder(logs[0], f"verify-{name}"),
+        folder=default_folder(logs, f"verify-{name}"),
         file=FILE,
         compute=lambda records: verify(candidate, records, settings=settings),
         write=lambda folder, verified: _write(folder, verified, title=f"{name} on unseen flight"),

@@ -84,7 +84,7 @@ def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) ->
 def result_kind(main: str) -> ResultKind:
     """How the results with this main file are known again: by its schema, and by what the command writes beside it."""
     return _KINDS.get(main) or ResultKind(
-        mains=(main,), schema=f"rotorid.{Path(main).stem}/", files=(f"{Path(main).stem}.*", *_BESIDE)
+        mains=(main,), schema=f"rotorid.{Path(main).stem}", files=(f"{Path(main).stem}*", *_BESIDE)
     )
 
 
