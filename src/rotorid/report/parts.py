@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from rotorid.data.findings import Finding
@@ -189,20 +189,33 @@ class FindingRow:
     where: str
     message: str
     numbers: str
+    others: tuple[FindingRow, ...] = ()
+    """More of the same kind, which fold away."""
+
+
+_MOST_OF_A_KIND = 2
 
 
 def finding_rows(findings: Sequence[Finding | FindingDocument]) -> tuple[FindingRow, ...]:
-    """Findings, the grave ones first."""
+    """Findings, the grave ones first; of one kind and gravity all but the first two fold into the first."""
     ordered = sorted(findings, key=lambda finding: _SEVERITIES.index(finding.severity))
-    return tuple(
-        FindingRow(
-            severity=finding.severity,
-            heading=finding_heading(finding.kind),
-            where=finding.where,
-            message=finding.message,
-            numbers=", ".join(f"{name} {significant(value, digits=4)}" for name, value in finding.numbers.items()),
-        )
-        for finding in ordered
+    kinds: dict[tuple[str, str], list[FindingRow]] = {}
+    for finding in ordered:
+        kinds.setdefault((finding.severity, finding.kind), []).append(_finding_row(finding))
+    rows: list[FindingRow] = []
+    for same in kinds.values():
+        folds = len(same) > _MOST_OF_A_KIND
+        rows += [replace(same[0], others=tuple(same[1:]))] if folds else same
+    return tuple(rows)
+
+
+def _finding_row(finding: Finding | FindingDocument) -> FindingRow:
+    return FindingRow(
+        severity=finding.severity,
+        heading=finding_heading(finding.kind),
+        where=finding.where,
+        message=finding.message,
+        numbers=", ".join(f"{name} {significant(value, digits=4)}" for name, value in finding.numbers.items()),
     )
 
 
