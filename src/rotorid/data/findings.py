@@ -278,6 +278,12 @@ KINDS: Mapping[str, Kind] = {
     "missing_channel": Kind(
         "warning", "A channel is missing", "A channel that is needed, or would help, is not in the log."
     ),
+    "motor_imbalance": Kind(
+        "warning", "Motors out of balance", "In hover one motor works harder than the others, and what that means."
+    ),
+    "motor_out_of_step": Kind(
+        "warning", "A motor out of step", "A motor slowed down while its output rose: it may have lost its step."
+    ),
     "motor_reconstruction": Kind(
         "info",
         "Motors computed from commands",
@@ -291,6 +297,11 @@ KINDS: Mapping[str, Kind] = {
         "warning",
         "A margin lies beyond the band",
         "The end of the band bounds a margin or the peak of the sensitivity, which lie beyond it.",
+    ),
+    "moving_gains": Kind(
+        "info",
+        "Gains that move in flight",
+        "The controller lowers or raises gains of its own in flight, so that the margins are those of one state of it.",
     ),
     "no_delay": Kind("warning", "No delay", "No delay can be seen."),
     "no_excitation": Kind("warning", "No excitation found", "Nothing excites this axis, or nothing above a frequency."),

@@ -37,6 +37,7 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
     found |= within("p q r p_setpoint q_setpoint r_setpoint", FASTEST_RATE_RAD_S)
     found |= within("p_raw q_raw r_raw p_filtered q_filtered r_filtered", FASTEST_RATE_RAD_S)
     found |= within([f"{axis}_{term}_term" for axis in AXES[:3] for term in "pidf"], 100.0)
+    found |= dict.fromkeys([f"{axis}_slew_factor" for axis in AXES[:3]], (0.0, 2.0))
     found |= within("wind_north wind_east", 300.0) | {"accel_clips": (0.0, 1e10), "hover_thrust": (-1.0, 2.0)}
     accelerations = [f"{name}_{stage}" for name in ("ax", "ay", "az") for stage in ("raw", "filtered", "vibration")]
     found |= within(accelerations, 2000.0)

@@ -80,9 +80,9 @@ MESSAGES: Mapping[str, tuple[Row, ...]] = MappingProxyType(
         ),
         "BAT": (*_rows("Volt:battery_voltage", "V"), *_rows("Curr:battery_current", "A")),
         "CURR": (*_rows("Volt:battery_voltage", "V"), *_rows("Curr:battery_current", "A")),
-        "PIDR": _rows("P:roll_p_term I:roll_i_term D:roll_d_term FF:roll_f_term", "1"),
-        "PIDP": _rows("P:pitch_p_term I:pitch_i_term D:pitch_d_term FF:pitch_f_term", "1"),
-        "PIDY": _rows("P:yaw_p_term I:yaw_i_term D:yaw_d_term FF:yaw_f_term", "1"),
+        "PIDR": _rows("P:roll_p_term I:roll_i_term D:roll_d_term FF:roll_f_term Dmod:roll_slew_factor", "1"),
+        "PIDP": _rows("P:pitch_p_term I:pitch_i_term D:pitch_d_term FF:pitch_f_term Dmod:pitch_slew_factor", "1"),
+        "PIDY": _rows("P:yaw_p_term I:yaw_i_term D:yaw_d_term FF:yaw_f_term Dmod:yaw_slew_factor", "1"),
         "VIBE": (
             *_rows("VibeX:ax_vibration VibeY:ay_vibration VibeZ:az_vibration", "m/s^2"),
             Row("Clip", "accel_clips", "1"),

@@ -98,7 +98,7 @@ def logged_axis(
         axis_of(command),
         firmware=record.source.firmware,
         loop_rate_hz=_loop_rate_hz(record, source),
-        throttle=_usual_throttle(record) if throttle is None else throttle,
+        throttle=usual_throttle(record) if throttle is None else throttle,
     )
 
 
@@ -118,14 +118,25 @@ def acting_on(record: FlightRecord, controller: RateController, *, source: str) 
     return LoggedController(controller=controller, seen=seen, logged=logged)
 
 
-def _usual_throttle(record: FlightRecord) -> float:
-    """Median of the thrust command where there is thrust; zero where it is not logged."""
-    for topic in record.topics:
-        row = topic.row("thrust_command")
+def usual_throttle(record: FlightRecord) -> float:
+    """Median of the throttle where there is any, from zero to one; zero where it is not logged.
+
+    Betaflight moves filters and gains by the stick, before the mixer makes room for the other axes; other autopilots
+    move nothing.
+
+    Parameters
+    ----------
+    record
+        The log.
+    """
+    stick = record.source.format.startswith("Betaflight")
+    names = ("thrust_stick", "thrust_command") if stick else ("thrust_command",)
+    found = ((topic, topic.row(name)) for name in names for topic in record.topics)
+    for topic, row in found:
         if row is not None:
             values = topic.values[row]
             values = values[np.isfinite(values) & (values > _LEAST_THRUST)]
-            return float(np.median(values)) if values.size else 0.0
+            return min(float(np.median(values)), 1.0) if values.size else 0.0
     return 0.0
 
 

@@ -16,6 +16,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import Intervals
 from rotorid.data.response import FrequencyResponse
+from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
 from rotorid.typing import Axis, FloatArray
 
@@ -113,6 +114,15 @@ class MarginReview(Immutable):
         ``disturbance_rejection_rad_s``; what cannot be told is left out.
     by_model
         Names of the numbers that a model of the plant tells beyond what was measured.
+    ends
+        Names of states between which the controller moves in flight, to the numbers there; empty for one that stays.
+    settings
+        What the log says of the controller, by the firmware's own names.
+    throttle
+        Share of the throttle at which the controller was evaluated.
+    explained
+        Correlation of the logged command with what the gains make of set-point and rate; ``None`` where no set-point
+        is logged.
     """
 
     axis: Axis
@@ -122,9 +132,13 @@ class MarginReview(Immutable):
     numbers: Mapping[str, Quantity]
     by_model: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    ends: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+    settings: AxisController | None = None
+    throttle: float | None = None
+    explained: float | None = None
 
     def __post_init__(self) -> None:
-        self._set(numbers=self.numbers)
+        self._set(numbers=self.numbers, ends=self.ends)
 
 
 @dataclass(frozen=True, kw_only=True)
