@@ -162,7 +162,7 @@ def impulse_response(
     values: ComplexArray,
     covariance: ComplexArray,
     *,
-    horizon_s: float = 2.5,
+    horizon_s: float = 10.0,
     scale_rad_s: float | None = None,
 ) -> ImpulseResponse:
     r"""Impulse response of a stable, causal linear system by its frequency response.

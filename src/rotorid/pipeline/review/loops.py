@@ -54,6 +54,11 @@ _LIMITS = (0.05, 0.95)
 _NEAR_PEAK = 0.6
 _OUTERMOST_S = 12.0
 
+_OF_STICK_RATE = 0.6
+_AGREED_FROM, _AGREED = 0.35, 2.5
+"""A stick shows up to 0.6 of its Nyquist frequency; a direct response that lies within 2.5 errors of the joint one from
+a third of that on holds beyond."""
+
 _SIZE_WINDOW_S = 2.0
 _LEAST_OF_SIZE_S = 30.0
 _SIZES_APART = 2.0
@@ -91,12 +96,12 @@ class Loop(Immutable):
 
 
 LOOPS: tuple[Loop, ...] = (
-    Loop(name="p", axis="roll", words="roll rate", horizon_s=2.5, within_s=1.0, of_rates=True),
-    Loop(name="q", axis="pitch", words="pitch rate", horizon_s=2.5, within_s=1.0, of_rates=True),
-    Loop(name="r", axis="yaw", words="yaw rate", horizon_s=5.0, within_s=3.0, of_rates=True),
-    Loop(name="phi", axis="roll", words="roll angle", horizon_s=5.0, within_s=3.0),
-    Loop(name="theta", axis="pitch", words="pitch angle", horizon_s=5.0, within_s=3.0),
-    Loop(name="psi", axis="yaw", words="heading", horizon_s=5.0, within_s=3.0),
+    Loop(name="p", axis="roll", words="roll rate", horizon_s=10.0, within_s=1.0, of_rates=True),
+    Loop(name="q", axis="pitch", words="pitch rate", horizon_s=10.0, within_s=1.0, of_rates=True),
+    Loop(name="r", axis="yaw", words="yaw rate", horizon_s=10.0, within_s=3.0, of_rates=True),
+    Loop(name="phi", axis="roll", words="roll angle", horizon_s=10.0, within_s=3.0),
+    Loop(name="theta", axis="pitch", words="pitch angle", horizon_s=10.0, within_s=3.0),
+    Loop(name="psi", axis="yaw", words="heading", horizon_s=10.0, within_s=3.0),
     Loop(name="u", axis="pitch", words="forward velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
     Loop(name="v", axis="roll", words="lateral velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
     Loop(name="w", axis="thrust", words="vertical velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
@@ -194,6 +199,9 @@ def _told(
     omega = response.omega_rad_s
     if np.count_nonzero(usable) < 8:
         return None, (_incoherent(loop, channel, 0.0),)
+    if held and loop.of_rates:
+        response = _beyond_the_stick(flight, loop, channel, histories, response)
+        usable = usable_points(response)
     scale = phase_crossing(omega[usable], response.values[0, 0][usable])
     seen = _coherence(response, 0.5 * min(scale, float(omega[usable][-1])))
     if seen < _LEAST_COHERENCE:
@@ -229,6 +237,46 @@ def _response(flight: Flown, loop: Loop, channel: str, histories: Sequence[TimeH
         instrument=channel,
         slow=not loop.of_rates or loop.axis == "yaw",
         histories=histories,
+    )
+
+
+def _beyond_the_stick(
+    flight: Flown, loop: Loop, channel: str, histories: Sequence[TimeHistory], joint: FrequencyResponse
+) -> FrequencyResponse:
+    """The joint response, and above what a slowly logged stick shows the direct one, where that agreed with it below.
+
+    What feedback does to a direct response falls with frequency: gusts are slow, and so are the outer loops that put
+    them into the set-point. Where both agree in the octave and a half below the end of the stick, the direct one holds
+    beyond it.
+    """
+    end_rad_s = _OF_STICK_RATE * np.pi * flight.rate_hz(channel)
+    omega = joint.omega_rad_s
+    if end_rad_s >= omega[-1]:
+        return joint
+    direct = _response(flight, loop, loop.reference, histories)
+    errors = [np.nan_to_num(one.random_error[0, 0], nan=np.inf) for one in (joint, direct)]
+    shared = (omega > _AGREED_FROM * end_rad_s) & (omega <= end_rad_s) & (np.maximum(*errors) < USABLE_ERROR)
+    if np.count_nonzero(shared) < 3:
+        return joint
+    apart = np.abs(direct.values[0, 0] / joint.values[0, 0] - 1.0)[shared] / np.hypot(*errors)[shared]
+    if float(np.sqrt(np.mean(apart**2))) > _AGREED:
+        return joint
+    beyond = (omega > end_rad_s) & (errors[1] < errors[0])
+    inside = ~beyond
+    covariance = joint.covariance.copy()
+    covariance[0, 0] = np.where(np.outer(inside, inside), joint.covariance[0, 0], 0.0)
+    covariance[0, 0] += np.where(np.outer(beyond, beyond), direct.covariance[0, 0], 0.0)
+    return replace(
+        joint,
+        values=np.where(beyond, direct.values, joint.values),
+        coherence=np.where(beyond, direct.coherence, joint.coherence),
+        random_error=np.where(beyond, direct.random_error, joint.random_error),
+        covariance=covariance,
+        disturbance=None,
+        processing=(
+            *joint.processing,
+            f"above {end_rad_s:.3g} rad/s, where {channel} was not logged fast enough, the direct estimate",
+        ),
     )
 
 
