@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from rotorid.cli.console import progress, say_refused, tell
+from rotorid.data.display import visible
 
 if TYPE_CHECKING:
     from rotorid.cli.options import Output
@@ -112,7 +113,7 @@ def command_line() -> list[str]:
     >>> _without_folder("/home/someone/flights/a.ulg"), _without_folder("--out=~/b"), _without_folder("transfer:0/1")
     ('a.ulg', '--out=b', 'transfer:0/1')
     """
-    return ["rotorid", *map(_without_folder, sys.argv[1:])]
+    return ["rotorid", *(visible(_without_folder(word)) for word in sys.argv[1:])]
 
 
 def _without_folder(word: str) -> str:

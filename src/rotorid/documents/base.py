@@ -9,7 +9,10 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic_core import PydanticSerializationError
+from pydantic_core import to_json as in_json
 
+from rotorid.data.display import HIDDEN, visible
 from rotorid.io.documents import DocumentError
 
 
@@ -23,7 +26,22 @@ class Document(BaseModel):
 
 def to_json(document: Document) -> str:
     """A document as JSON text, with the names of its schema."""
-    return document.model_dump_json(by_alias=True, indent=2) + "\n"
+    try:
+        text = document.model_dump_json(by_alias=True, indent=2)
+    except PydanticSerializationError:
+        # A name of a file that is no text.
+        text = in_json(_shown(document.model_dump(by_alias=True)), indent=2, inf_nan_mode="null").decode()
+    # JSON writes out what ASCII hides, and may write out the rest.
+    return HIDDEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text) + "\n"
+
+
+def _shown(value: Any) -> Any:
+    """A document with every text in letters that a file can hold."""
+    if isinstance(value, str):
+        return visible(value)
+    if isinstance(value, dict):
+        return {_shown(name): _shown(entry) for name, entry in value.items()}
+    return [_shown(entry) for entry in value] if isinstance(value, list | tuple) else value
 
 
 Checked = TypeVar("Checked", bound=Document)

@@ -17,9 +17,11 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from rotorid.data.display import visible
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
+from rotorid.io.documents import require_file
 from rotorid.io.files import compression_of, sha256_of, unpacked
 from rotorid.io.screening import screened
 from rotorid.io.tables.mapped import joined
@@ -141,13 +143,13 @@ def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> 
                 needed="a mapping for CSV, MATLAB, NPZ, Parquet and ROS files only",
                 remedy="leave --map out: this format names its own channels",
             )
-        source = Source(name=path.name, format=module.FORMAT, sha256=sha256_of(path))
+        source = Source(name=visible(path.name), format=module.FORMAT, sha256=sha256_of(path))
         try:
             record: FlightRecord = module.read(log, source, **options)
         except LogError as error:
-            if path.name in error.came:
+            if source.name in error.came:
                 raise
-            raise LogError(f"{path.name}: {error.came}", needed=error.needed, remedy=error.remedy) from error
+            raise LogError(f"{source.name}: {error.came}", needed=error.needed, remedy=error.remedy) from error
     return record
 
 
@@ -173,7 +175,7 @@ def _read_folder(path: Path) -> FlightRecord:
             needed=f"one flight log: {_READ}",
             remedy="give a file in it, or a folder of ulog2csv files",
         )
-    return read_folder(path, Source(name=path.name, format=FORMAT, sha256=""))
+    return read_folder(path, Source(name=visible(path.name), format=FORMAT, sha256=""))
 
 
 def _is_topic(name: str, head: bytes) -> bool:
@@ -185,7 +187,7 @@ def _read_topic(log: Path, path: Path) -> FlightRecord:
     """One topic of a log that was exported into a folder."""
     from rotorid.io.px4.folder import FORMAT, read_topic
 
-    return read_topic(log, Source(name=path.name, format=FORMAT, sha256=sha256_of(path)))
+    return read_topic(log, Source(name=visible(path.name), format=FORMAT, sha256=sha256_of(path)))
 
 
 @contextmanager
@@ -209,11 +211,13 @@ def _head(path: Path, name: str) -> bytes:
             remedy="give a file in it, without a mapping",
         )
     try:
+        require_file(path)
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
-    except OSError as error:
+    # ValueError is Python's word for a name that no file can have.
+    except (OSError, ValueError) as error:
         raise LogError(
-            f"{path} cannot be opened: {error.strerror or error}",
+            f"{path} cannot be opened: {getattr(error, 'strerror', None) or error}",
             needed=f"a flight log: {_READ}",
             remedy="check the path and the permissions",
         ) from error

@@ -405,7 +405,8 @@ def _scaled(part: _Linear, scale: Callable[[Expression], Expression]) -> _Linear
 
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    # Spaces between them are passed over by the search itself.
+    r"(?:(?P<number>(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[^\W\d]\w*'?)|(?P<sign>\*\*|[-+*/()])|(?P<other>\S))"
 )
 _NAME = re.compile(r"[^\W\d]\w*")

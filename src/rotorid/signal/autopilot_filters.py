@@ -437,7 +437,7 @@ def _unknown(source: str, doubt: str) -> Finding:
 
 _GYRO = r"gyroADC\[\d\]"
 _COMMANDS = r"motor mix|motor\[\d\]"
-_VERSION = re.compile(r"Betaflight\D*(\d+)\.(\d+)")
+_VERSION = re.compile(r"Betaflight\D{0,40}(\d{1,4})\.(\d{1,4})")
 _SPLIT = (4, 2)
 """From this version on the sensor is read at its own rate and filtered, but for low-pass 2, at that of the PID loop."""
 _PT1, _BIQUAD = 0, 1

@@ -24,8 +24,8 @@ MAGIC = b"H Product:Blackbox"
 
 _PADDING = 4096
 """More than the longest frame: 128 fields of five bytes, and their tags."""
-_ERASED = re.compile(rb"\xff{16,}\Z")
-"""Flash memory that was never written."""
+_LEAST_ERASED = 16
+"""So many bytes of ones at the end are flash memory that was never written."""
 WRAP = 1 << 32
 MOST_FLIGHTS = 10_000
 """More than a memory holds; each takes room, even one of which there is nothing but the first words."""
@@ -224,8 +224,8 @@ def decode(section: bytes, number: int = 1) -> Flight:
     from rotorid.io.betaflight import blackbox_kernels as kernels
 
     header = parse_header(section)
-    erased = _ERASED.search(section)
-    body = section[header.size : erased.start() if erased else len(section)]
+    written = len(section.rstrip(b"\xff"))
+    body = section[header.size : written if written <= len(section) - _LEAST_ERASED else len(section)]
     data = np.frombuffer(body + bytes(_PADDING), dtype=np.uint8).astype(np.int16)
     layouts = [header.layouts[letter] for letter in FRAMES]
     intra, inter, slow, gps, _ = layouts

@@ -37,6 +37,7 @@ _COLUMN = re.compile(r"(?P<name>\w+(?:\[\d+\])?)(?: \((?P<unit>[^)]*)\))?")
 _FIELDS = re.compile(
     r"(axis[PIDFS]|axisSum|axisRate|gyroADC|gyroUnfilt|accSmooth|motor|eRPM|setpoint|rcCommand|debug|navPos|navVel)\[\d+\]|vbat\w*|amperageLatest"
 )
+_BEFORE_4 = re.compile(r"Betaflight\D{0,40}[0-3]\.")
 _EXPLORER = re.compile(r'"Product"\s*,\s*"?Blackbox flight data recorder')
 _TIMES: Mapping[str, float] = MappingProxyType({"": 1e-6, "us": 1e-6, "ms": 1e-3, "s": 1.0})
 _ROTATIONS: Mapping[str, float] = MappingProxyType({"deg/s": math.pi / 180.0, "rad/s": 1.0})
@@ -143,7 +144,7 @@ def _raw(values: FloatArray, column: re.Match[str], header: Header) -> FloatArra
     if name.startswith("accSmooth") and unit in _ACCELERATIONS:
         return values * (_ACCELERATIONS[unit] * header.number("acc_1G"))
     if name.startswith("vbat") and unit == "V":
-        tenths = re.search(r"Betaflight\D*[0-3]\.", header.values.get("Firmware revision", ""))
+        tenths = _BEFORE_4.search(header.values.get("Firmware revision", ""))
         return values * (10.0 if tenths else 100.0)
     return values
 

@@ -151,7 +151,7 @@ QUAD_X: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
 """Inverse of the mixer for motors rear right, front right, rear left, front left; the first turns clockwise."""
 
 _DEGREE = math.pi / 180.0
-_REVISION = re.compile(r"(Betaflight|INAV)\D*(\d+)\.(\d+)")
+_REVISION = re.compile(r"(Betaflight|INAV)\D{0,40}(\d{1,4})\.(\d{1,4})")
 
 
 class Row(NamedTuple):

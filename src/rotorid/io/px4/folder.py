@@ -24,9 +24,11 @@ FORMAT = "PX4 ULog as CSV"
 _CLOCKS = ("timestamp", "timestamp_sample")
 _PACKED = frozenset({".gz", ".xz", ".bz2", ".zip"})
 _LARGEST_STAMP_US = float(1 << 53)
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_ASSIGNED = re.compile(rf"([A-Za-z]\w*)(?:\s*[=,]\s*|\s+)({_NUMBER})\s*;?")
-_OCTAVE_NAME = re.compile(r"#\s*name:?\s+([A-Za-z]\w*)")
+# Nothing that was taken is given back: one pass over a line is all there is.
+_NUMBER = r"[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?"
+_ASSIGNED = re.compile(rf"([A-Za-z]\w*+)\s*+(?:(?:(?<=\s)|[=,])\s*+)({_NUMBER})\s*+;?")
+_OCTAVE_NAME = re.compile(r"#\s*+name:?\s++([A-Za-z]\w*+)")
+_ROW = re.compile(rf"{_NUMBER}(?:\s++{_NUMBER})*+")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -237,7 +239,7 @@ def _assignments(text: str) -> Iterator[tuple[str, float]]:
             named = octave[1]
         elif assigned := _ASSIGNED.fullmatch(line):
             yield assigned[1], float(assigned[2])
-        elif named and re.fullmatch(rf"{_NUMBER}(?:\s+{_NUMBER})*", line):
+        elif named and _ROW.fullmatch(line):
             yield named, float(line.split()[-1])
             named = ""
 

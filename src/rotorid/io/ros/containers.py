@@ -76,7 +76,8 @@ STAMP = "header.stamp"
 
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _LARGEST_MESSAGE_BYTES = 64 << 20
-_STEP = re.compile(r"(\w+)((?:\[\d+\])*)")
+_STEP = re.compile(r"(\w++)((?:\[\d{1,9}\])*+)")
+_PLACE = re.compile(r"\d++")
 _LANGUAGE_STORES = {"ros1": "ROS1_NOETIC", "cdr": "ROS2_HUMBLE"}
 
 
@@ -266,7 +267,7 @@ def value_at(message: Any, path: str) -> Any:
     for step in path.split("."):
         matched = _STEP.fullmatch(step)
         value = getattr(value, matched[1], None) if matched else None
-        for index in re.findall(r"\d+", matched[2]) if matched else ():
+        for index in _PLACE.findall(matched[2]) if matched else ():
             place = int(index)
             value = value[place] if isinstance(value, list | np.ndarray) and place < len(value) else None
     if hasattr(value, "sec") and hasattr(value, "nanosec"):
