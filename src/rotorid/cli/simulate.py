@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan
     from rotorid.documents.design import SimulationDocument
     from rotorid.simulation.multirotor_flight import Aircraft
-    from rotorid.simulation.wind import Wind
 
 _NO_PLAN = "none"
+EVERYDAY = "everyday"
 _HOVER_S = 60.0
 RIG = "rig"
 
@@ -32,7 +32,8 @@ def simulate_command(
         str | None,
         typer.Option(
             "--plan",
-            help="plan.json of rotorid design, or none for a hover. [default: a sweep and two doublets on every axis]",
+            help="plan.json of rotorid design, everyday for ordinary flying by stick, or none for a hover. [default: a "
+            "sweep and two doublets on every axis]",
         ),
     ] = None,
     flight: Annotated[dict[str, Any], SimulateChoices],
@@ -57,7 +58,7 @@ def simulate_command(
         choices = SimulateChoices(vehicle=vehicle, wind=air.wind, **flight)
         craft = choices.aircraft
         with progress(quiet=output.quiet):
-            choices = replace(choices, plan=_plan(plan, craft, choices.wind, choices.seed))
+            choices = replace(choices, plan=_plan(plan, craft, choices))
             with making(target) as made:
                 document = write_simulation(made.place, choices, command=command_line())
     if output.json:
@@ -86,6 +87,7 @@ def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> No
         "--set": "changes" in flight,
         "--vary": "vary" in flight,
         "--format": flight["format"] is not None,
+        "--stick": flight["stick"] != usual.stick,
     }
     if given := [name for name, value in asked.items() if value]:
         raise UsageError(
@@ -94,18 +96,21 @@ def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> No
         )
 
 
-def _plan(given: str | None, craft: Aircraft, air: Wind, seed: int) -> FlightPlan | None:
-    """The plan that the user named, none, or a sweep and two doublets of each axis."""
+def _plan(given: str | None, craft: Aircraft, flight: SimulateChoices) -> FlightPlan | None:
+    """The plan that the user named, ordinary sticks, none, or a sweep and two doublets of each axis."""
     from rotorid.documents.design import read_plan
     from rotorid.pipeline.designs import plan_for, sweep_of
+    from rotorid.pipeline.simulation import EVERYDAY_S, everyday_plan
 
     if given == _NO_PLAN:
         return None
+    if given == EVERYDAY:
+        return everyday_plan(craft, duration_s=flight.duration_s or EVERYDAY_S, level=flight.stick, seed=flight.seed)
     if given is not None:
         return read_plan(Path(given))
     # A pilot flies what PX4 cannot be told: sticks are its instrument.
     entry: Entry | None = "stick" if craft.autopilot.kind == "px4" else None
-    choices = PlanChoices(shape=sweep_of(craft), doublets=True, entry=entry, wind=air, seed=seed)
+    choices = PlanChoices(shape=sweep_of(craft), doublets=True, entry=entry, wind=flight.wind, seed=flight.seed)
     return plan_for(craft, choices).plan
 
 

@@ -440,6 +440,8 @@ class SimulateChoices(Immutable):
         Flights; of several, each has a seed of its own, which follows from ``seed`` and stands in the document.
     format
         Of the logs; by default the autopilot's own.
+    stick
+        Largest deflection of the sticks in an everyday flight.
     seed
         Of wind, noise and what is drawn.
     """
@@ -466,6 +468,7 @@ class SimulateChoices(Immutable):
         "LogFormat | None",
         Option("--format", help="ulg, bin or csv. [default: that of the vehicle's autopilot]"),
     ] = None
+    stick: Annotated[float, Option("--stick", help="Largest deflection with --plan everyday; 1 is full stick.")] = 0.5
     seed: Seed = 0
 
     def __post_init__(self) -> None:
@@ -481,6 +484,8 @@ class SimulateChoices(Immutable):
             raise UsageError(
                 f"the format {self.format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}"
             )
+        if not 0.0 < self.stick <= 1.0:
+            raise UsageError(f"--stick {self.stick:g} came", needed="above 0 and up to 1, which is full stick")
         if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
             raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
         self._set(changes=self.changes, vary=self.vary)
