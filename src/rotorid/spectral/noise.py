@@ -34,9 +34,10 @@ HARMONICS = 3
 
 _FLOOR_HZ = 60.0
 """Half width of the surroundings over whose median a line stands."""
-_FEWEST_BINS = 3
-_STAYS, _MOVES = 0.06, 0.12
-"""Parts of its frequency by which a line of the frame may, and one of a rotor must move over the levels flown."""
+_FEWEST_BINS = 4
+_STAYS, _MOVES = 0.25, 0.4
+"""Parts of the movement to be expected of a rotor by which a line of the frame may, and one of a rotor must move."""
+_LEAST_LEVEL = 0.05
 _JUMP = 0.08
 _MOST_MISSES = 2
 
@@ -278,19 +279,26 @@ class Line(Immutable):
 
     @property
     def maker(self) -> Maker:
-        """A rotor where the frequency rises with the level, the frame where it stays, else unknown."""
+        r"""A rotor where the frequency rises with the level, the frame where it stays, else unknown.
+
+        Thrust rises with the square of the speed, so that a rotor's moves by about
+        :math:`\tfrac{1}{2} \ln(l_1 / l_0)` of itself: a rotor is what moves by 0.4 of that, the frame what moves by
+        less than 0.25, each with two standard deviations.
+        """
         middle, span = float(np.median(self.frequency_hz)), float(np.ptp(self.level))
         moved, error = self.slope_hz * span / middle, 2.0 * self.slope_std_hz * span / middle
-        if moved - error > _MOVES or (moved > 2.0 * _MOVES and moved > 2.0 * error):
+        low = max(float(self.level.min()), _LEAST_LEVEL)
+        expected = 0.5 * math.log(max(float(self.level.max()), low) / low)
+        if moved - error > _MOVES * expected > 0.0:
             return "rotor"
-        return "frame" if abs(moved) + error < 2.0 * _STAYS and abs(moved) < _STAYS else "unknown"
+        return "frame" if abs(moved) + error < _STAYS * expected else "unknown"
 
 
 def lines(level_map: LevelMap, frequency_hz: FloatArray, *, above_hz: float = 0.0) -> tuple[Line, ...]:
     """Lines of a map: peaks of neighboring levels that go on in each other, the strongest first.
 
     A line is followed from its strongest peak to both sides, to the peak nearest to where it should be, within 8 % of
-    its frequency; two levels without it end it. Fewer than three levels make no line.
+    its frequency; two levels without it end it. Fewer than four levels make no line.
 
     Parameters
     ----------
