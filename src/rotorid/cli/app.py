@@ -11,17 +11,20 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from rotorid import __version__
-from rotorid.cli.console import listen, say
+from rotorid.cli.console import listen, say, spare_warnings
+from rotorid.cli.logs import ENDINGS
 from rotorid.errors import RotoridError
 
 COMMANDS = {
     "demo": "Fly the built-in vehicle, identify it, write the report.",
+    "review": "Say everything that ordinary flights tell; short: rotorid LOG.",
     "inspect": "Say what is in a log and what it can support.",
     "response": "Estimate frequency responses and margins.",
     "identify": "Identify a model from flight logs.",
@@ -90,6 +93,22 @@ app = typer.Typer(
 )
 
 
+def with_review(arguments: list[str]) -> list[str]:
+    """The words of the command line, ``review`` put first where they begin with a log.
+
+    Examples
+    --------
+    >>> with_review(["models", "--json"]), with_review(["--help"])
+    (['models', '--json'], ['--help'])
+    >>> with_review(["flight.ulg"])
+    ['review', 'flight.ulg']
+    """
+    if not arguments or arguments[0] in COMMANDS or arguments[0].startswith("-"):
+        return arguments
+    first = Path(arguments[0])
+    return ["review", *arguments] if first.suffix.lower() in ENDINGS or first.exists() else arguments
+
+
 def _version(asked: bool) -> None:
     if asked:
         print(f"rotorid {__version__}")
@@ -111,8 +130,9 @@ def main() -> None:
         # A terminal that cannot show a sign shows a question mark; results are not lost over a unit.
         sys.stdout.reconfigure(errors="replace")
     listen()
+    spare_warnings()
     try:
-        app()
+        app(with_review(sys.argv[1:]))
     except RotoridError as error:
         say(f"rotorid: {error}")
         sys.exit(error.exit_code)

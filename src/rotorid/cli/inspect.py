@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from rotorid.cli.options import Log, Map, Only, Output
+from rotorid.cli.logs import logs_in
+from rotorid.cli.options import Logs, Map, Only, Output
+from rotorid.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -28,12 +31,13 @@ Plot: TypeAlias = Annotated[
 FILE, REPORT = "inspect.json", "report.html"
 _MOST_FINDINGS = 8
 _MOST_SKEWS = 6
+_RATE = {"thrust": "vertical"}
 _TOLD_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
 """What stands in lines of its own; only warnings of these are said again."""
 
 
 def inspect_command(
-    log: Log,
+    logs: Logs,
     *,
     map: Map = None,
     plot: Plot = None,
@@ -43,7 +47,18 @@ def inspect_command(
     ] = None,
     output: Annotated[Output, Only("json", "quiet", "force")],
 ) -> None:
-    """Say what is in a log and what it can support: channels, rates, gaps, excitations."""
+    """Say what is in logs and what they can support: channels, rates, gaps, excitations."""
+    files = logs_in(logs)
+    if len(files) > 1:
+        if plot is not None or out is not None:
+            raise UsageError(
+                f"--plot or --out came with {len(files)} logs",
+                needed="them with a single log",
+                remedy="rotorid review makes a page of several",
+            )
+        _inspect_several(files, map, output)
+        return
+    (log,) = files
     from rotorid.io.folders import making, target_folder
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
@@ -72,6 +87,32 @@ def inspect_command(
         sys.stdout.write(to_json(inspect_document(inspection)))
     elif not output.quiet:
         _print(inspection, plot, out)
+
+
+def _inspect_several(files: Sequence[Path], map: Path | None, output: Output) -> None:
+    """One after the other; a file that cannot be read ends no other."""
+    from rotorid.cli.console import say
+    from rotorid.documents.base import to_json
+    from rotorid.documents.inspection import InspectionsDocument, inspect_document
+    from rotorid.errors import LogError
+    from rotorid.io.registry import read
+    from rotorid.pipeline.inspection import inspect
+
+    inspections = []
+    for file in files:
+        try:
+            inspections.append(inspect(read(file, mapping=map)))
+        except LogError as error:
+            say(f"rotorid: {error}")
+            continue
+        if not output.json and not output.quiet:
+            _print(inspections[-1], None, None)
+            sys.stdout.write("\n")
+    if not inspections:
+        raise LogError(f"none of {len(files)} files could be read", needed="at least one flight log")
+    if output.json:
+        documents = [inspect_document(inspection) for inspection in inspections]
+        sys.stdout.write(to_json(InspectionsDocument(inspections=documents)))
 
 
 def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:
@@ -115,6 +156,7 @@ def _print(inspection: Inspection, plot: Path | None, out: Path | None) -> None:
     findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _TOLD_ELSEWHERE]
     if findings:
         say(_findings(findings), "findings")
+    say(_next(inspection), "next")
     if plot is not None:
         say([f"\npicture: {plot}"])
     if out is not None:
@@ -136,6 +178,21 @@ def _head(inspection: Inspection) -> Iterator[str]:
         yield f"in the air {spans}, as {inspection.flights[0].seen_in} tells"
     if inspection.settings:
         yield "  ".join(f"{name}={_setting(value)}" for name, value in inspection.settings.items())
+
+
+def _next(inspection: Inspection) -> Iterator[str]:
+    """The commands that lead on from here, for this very log."""
+    log = shlex.quote(inspection.name)
+    models = [model for model, support in inspection.supports.items() if support.possible]
+    if models:
+        yield f"  rotorid identify {log} --model {','.join(models)}"
+    for candidate in inspection.candidates[:1]:
+        model = f"rate.{_RATE.get(candidate.axis, candidate.axis)}"
+        yield f"  rotorid identify {log} --model {model} --segment {candidate.segment}"
+    if inspection.flights:
+        yield f"  rotorid review {log}"
+    elif not models and not inspection.candidates:
+        yield "  nothing: this log holds no flight"
 
 
 def _setting(value: float) -> str:

@@ -125,6 +125,13 @@ class InspectDocument(Document):
     vehicle: str = ""
 
 
+class InspectionsDocument(Document):
+    """Several logs, in the order in which they were given."""
+
+    schema_name: Annotated[Literal["rotorid.inspections/1"], Field(alias="schema")] = "rotorid.inspections/1"
+    inspections: list[InspectDocument]
+
+
 def inspect_document(inspection: Inspection) -> InspectDocument:
     """What ``rotorid inspect --json`` prints."""
     return InspectDocument.model_validate(inspection)

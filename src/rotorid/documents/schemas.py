@@ -9,9 +9,11 @@ from rotorid.documents.base import Document
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
-from rotorid.documents.inspection import InspectDocument
+from rotorid.documents.inspection import InspectDocument, InspectionsDocument
 from rotorid.documents.response import ResponseDocument
 from rotorid.documents.result import ResultDocument
+from rotorid.documents.results import ResultsDocument
+from rotorid.documents.review import ReviewDocument, ReviewsDocument
 from rotorid.documents.verify import VerifyDocument
 
 SCHEMAS: Mapping[str, type[Document]] = {
@@ -24,6 +26,10 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.simulation-1": SimulationDocument,
     "rotorid.design-1": DesignDocument,
     "rotorid.plan-1": PlanDocument,
+    "rotorid.results-1": ResultsDocument,
+    "rotorid.inspections-1": InspectionsDocument,
+    "rotorid.review-1": ReviewDocument,
+    "rotorid.reviews-1": ReviewsDocument,
 }
 
 

@@ -321,7 +321,6 @@ def spectra(
     """
     colors = (MODEL, MEASURED, *SERIES[2:])
     traces: list[Trace] = []
-    tops: list[float] = []
     for number, (name, (frequency_hz, density)) in enumerate(averages.items()):
         with np.errstate(divide="ignore", invalid="ignore"):
             level = 10.0 * np.log10(density)
@@ -337,9 +336,15 @@ def spectra(
                 "hovertemplate": "%{x:.4~g} Hz<br>%{y:.3~g} dB",
             }
         )
-        tops.append(float(np.nanmax(level[np.isfinite(level)], initial=-200.0)))
     figure = stacked(
-        [Panel(label=f"Mean noise over the flight [dB over 1 {unit}]", traces=traces, height_px=_SPECTRUM_PX)],
+        [
+            Panel(
+                label=f"Mean noise over the flight [dB over 1 {unit}]",
+                traces=traces,
+                height_px=_SPECTRUM_PX,
+                axis=_room_above(traces),
+            )
+        ],
         x_axis={"title": {"text": "frequency [Hz]"}},
     )
     for frequency, words in peaks:
@@ -356,6 +361,15 @@ def spectra(
             }
         )
     return figure
+
+
+def _room_above(traces: Sequence[Trace]) -> dict[str, Any]:
+    """An axis with room for words above the highest peak."""
+    heights = np.array([one for trace in traces for one in trace["y"] if one is not None])
+    if not heights.size:
+        return {}
+    span = max(float(np.ptp(heights)), 1.0)
+    return {"range": [round(float(heights.min()) - 0.04 * span, 2), round(float(heights.max()) + 0.16 * span, 2)]}
 
 
 def _height(averages: Mapping[str, tuple[FloatArray, FloatArray]], frequency: float) -> float:

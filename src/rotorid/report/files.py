@@ -131,6 +131,9 @@ _KINDS: Mapping[str, ResultKind] = {
     "result.json": _IDENTIFIED,
     "results.json": _IDENTIFIED,
     "inspect.json": ResultKind(mains=("inspect.json",), schema="rotorid.inspect/", files=_BESIDE),
+    "review.json": ResultKind(
+        mains=("review.json",), schema="rotorid.review", files=("review*", "logger_topics.txt", "figures/*")
+    ),
     "response.json": ResultKind(mains=("response.json",), schema="rotorid.response/", files=_BESIDE),
     "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_BESIDE),
     "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_BESIDE),

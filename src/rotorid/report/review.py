@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,12 +15,12 @@ from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.cards import Card, cards
 from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseMap, Review, StepCurve
 from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
 from rotorid.plot.loops import Crossing, broken_loop
 from rotorid.plot.review import motor_bars, noise_maps, spectra, step_answers
 from rotorid.report.frame import MISSING, Picture, in_all_units, render, significant, unit, with_error
 from rotorid.report.parts import finding_rows
-from rotorid.report.words import Verdict
 
 LOOP_WORDS = {
     "p": "roll rate",
@@ -49,7 +50,16 @@ _MARGIN_ROWS = {
     "sensitivity_peak": ("largest sensitivity M_s", "", 1.0),
     "disturbance_rejection_rad_s": ("rejects disturbances up to", "rad/s", 1.0),
 }
-_STATES = {"good": Verdict("good", "good"), "look": Verdict("fair", "look here"), "cannot": Verdict("", "cannot tell")}
+
+
+class Badge(NamedTuple):
+    """The state of a card: a level for the eye and words for everybody."""
+
+    level: str
+    words: str
+
+
+_STATES = {"good": Badge("good", "good"), "look": Badge("fair", "look here"), "cannot": Badge("", "cannot tell")}
 _STAGES = {"before": "before the filters", "after": "after the filters"}
 _FAST, _SLOW = ("p", "q", "r"), ("phi", "theta", "psi", "u", "v", "w")
 _MOST_PEAKS = 6
@@ -97,7 +107,7 @@ class Section:
 
     anchor: str
     review: Review
-    cards: tuple[tuple[Card, Verdict], ...]
+    cards: tuple[tuple[Card, Badge], ...]
     headline: str
     steps: tuple[Picture, ...]
     loops: tuple[NumberRow, ...]
@@ -148,6 +158,16 @@ def render_reviews(reviews: Sequence[Review]) -> str:
         remarks={section.anchor: finding_rows(section.review.findings) for section in sections},
         pictures=[*overlaid, *(picture for section in sections for picture in section.pictures)],
     )
+
+
+def pictures_of(reviews: Sequence[Review]) -> dict[str, Figure]:
+    """All pictures of the page by names that serve for files."""
+    named = {}
+    for number, review in enumerate(reviews, start=1):
+        prefix = "" if len(reviews) == 1 else f"{number}-"
+        for picture in _section(review, "").pictures:
+            named[f"{prefix}{picture.key.removeprefix('-')}"] = picture.figure
+    return named
 
 
 def _section(review: Review, anchor: str) -> Section:
@@ -263,10 +283,10 @@ def _bode(loop: LoopReview, key: str) -> Picture:
 
 def _broken(margin: MarginReview, key: str) -> Picture:
     numbers = margin.numbers
-    gain, phase = [], []
+    marked: list[Crossing] = []
     if "crossover_rad_s" in numbers and "phase_margin_deg" in numbers:
         at, value = numbers["crossover_rad_s"], numbers["phase_margin_deg"]
-        gain.append(
+        marked.append(
             Crossing(
                 omega_rad_s=at.value,
                 value=float(np.deg2rad(value.value)),
@@ -279,8 +299,7 @@ def _broken(margin: MarginReview, key: str) -> Picture:
         margin.loop.omega_rad_s,
         margin.loop.values[0, 0],
         random_error=margin.loop.random_error[0, 0],
-        gain_crossovers=gain,
-        phase_crossovers=phase,
+        gain_crossovers=marked,
     )
     return in_all_units(draw, key=key, description=f"Broken {margin.axis} rate loop with its phase margin")
 
@@ -370,7 +389,7 @@ def _compared(reviews: Sequence[Review]) -> tuple[NumberRow, ...]:
         columns = [review.loops[name].numbers if name in review.loops else {} for review in reviews]
         rows += [NumberRow(words=f"{words}: {row.words}", cells=row.cells) for row in _rows(_LOOP_ROWS, columns)]
     for axis in ("roll", "pitch", "yaw"):
-        held = [review.margins.get(axis) for review in reviews]  # type: ignore[call-overload]
+        held = [review.margins.get(axis) for review in reviews]
         columns = [{} if one is None else one.numbers for one in held]
         rows += [NumberRow(words=f"{axis} loop: {row.words}", cells=row.cells) for row in _rows(_MARGIN_ROWS, columns)]
     return tuple(rows)

@@ -255,7 +255,7 @@ def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores)
     )
 
 
-RESULT, MODEL = "result.json", "model.toml"
+RESULT, RESULTS, MODEL = "result.json", "results.json", "model.toml"
 _SAME_VALUE = 1e-6
 
 
@@ -342,13 +342,26 @@ def read_candidate(result: Path) -> Candidate:
     Raises
     ------
     UsageError
-        There is no such model, the result is none of ``identify``, or it is one of ``physical.motors``, whose model
-        does not say how its inputs are had from a log.
+        There is no such model, or several, the result is none of ``identify``, or it is one of ``physical.motors``,
+        whose model does not say how its inputs are had from a log.
     ModelError
         The ``model.toml`` is wrong.
     """
     folder = result if result.is_dir() else result.parent
     model = result if result.suffix == ".toml" else folder / MODEL
+    if result.is_file() and result.suffix not in (".toml", ".json"):
+        raise UsageError(
+            f"{result.name} came where a result belongs",
+            needed=_RESULT_FILES,
+            remedy="a log is no result: identify a model first, and give its folder before the logs",
+        )
+    if not model.exists() and (folder / RESULTS).exists():
+        held = ", ".join(sorted(path.parent.name for path in folder.glob(f"*/{MODEL}")))
+        raise UsageError(
+            f"{result.name} holds several models",
+            needed=f"one of its folders: {held}",
+            remedy="name it after the folder",
+        )
     structure = from_toml(read_text(model, needed=_RESULT_FILES), where=model.name)
     if structure.name == MOTORS:
         raise motors_refused(str(result))

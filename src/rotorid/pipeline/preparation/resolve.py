@@ -199,6 +199,13 @@ def _has_inputs(structure: LinearStructure, inputs: Sequence[str]) -> UsageError
     )
 
 
+_AXES = {
+    **{axis: axis for axis in ("roll", "pitch", "yaw", "vertical")},
+    "p": "roll", "q": "pitch", "r": "yaw", "az": "vertical", "thrust": "vertical", "heave": "vertical",
+}
+"""Axes as people name them, and the rate model of each."""
+
+
 def _unknown(model: str) -> ModelError:
     if model == MOTORS:
         return ModelError(
@@ -207,7 +214,8 @@ def _unknown(model: str) -> ModelError:
             remedy=f"rotorid identify LOG --model {MOTORS}, in Python rotorid.pipeline.identify_motors",
         )
     names = (*RATE_AXES, *model_names(), MOTORS, *RESPONSE_MODELS)
-    near = difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
+    near = [f"rate.{_AXES[model.lower()]}"] if model.lower() in _AXES else []
+    near = near or difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
     return ModelError(
         f"there is no model {model!r}",
         needed=f"one of {', '.join(names)}, transfer:m/n, black_box:N, or a .toml file",

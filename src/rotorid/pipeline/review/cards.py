@@ -10,6 +10,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.values import LoopReview, MarginReview, MotorReview, NoiseReview, Review
+from rotorid.typing import Axis
 
 State: TypeAlias = Literal["good", "look", "cannot"]
 """Good; look here; cannot be told from this flight."""
@@ -90,15 +91,12 @@ def _tracking(loops: Mapping[str, LoopReview]) -> Card:
         sentence = f"{_RATES[name].capitalize()} follows slowly; more P would make it follow quicker."
         return Card(key="tracking", title=title, state="look", number=number, sentence=sentence)
     by = f", with at most {overshoots[over].value:.0f} % overshoot" if over is not None else ""
-    sentence = (
-        f"Roll and pitch follow what is asked of them{by}."
-        if len(told) == 2
-        else f"{_RATES[name].capitalize()} follows what is asked of it{by}."
-    )
+    who = "Roll and pitch follow what is asked of them" if len(told) == 2 else f"{_RATES[name].capitalize()} follows"
+    sentence = f"{who}{by}."
     return Card(key="tracking", title=title, state="good", number=number, sentence=sentence)
 
 
-def _margins(margins: Mapping[str, MarginReview]) -> Card:
+def _margins(margins: Mapping[Axis, MarginReview]) -> Card:
     title = "How close is it to shaking?"
     told = {axis: one.numbers["phase_margin_deg"] for axis, one in margins.items() if "phase_margin_deg" in one.numbers}
     if not told:
@@ -114,7 +112,8 @@ def _margins(margins: Mapping[str, MarginReview]) -> Card:
         sentence = f"The {axis} loop has little room: it rings, and a weaker filter or more gain would make it shake."
         return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
     if worst is not None and peaks[worst].lower > LARGEST_SENSITIVITY:
-        sentence = f"The {worst} loop makes some disturbances {peaks[worst].value:.1f} times as large: less gain, or less delay."
+        times = f"{peaks[worst].value:.1f} times as large"
+        sentence = f"The {worst} loop makes some disturbances {times}: less gain, or less delay."
         return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
     sentence = "The loops keep a safe distance from instability."
     return Card(key="margins", title=title, state="good", number=number, sentence=sentence)
@@ -141,7 +140,8 @@ def _noise(noise: NoiseReview) -> Card:
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
     if loud is not None and shares[loud].lower > LARGEST_NOISE_SHARE:
         axis = loud.partition("_")[0]
-        sentence = f"Noise passes through D of {axis} into the motors ({100.0 * shares[loud].value:.1f} % of their range): motors may run hot."
+        share = f"{100.0 * shares[loud].value:.1f} % of their range"
+        sentence = f"Noise passes through D of {axis} into the motors ({share}): motors may run hot."
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
     strongest = max(noise.peaks, key=lambda one: one.height_db, default=None)
     where = "" if strongest is None else f" The strongest line is at {strongest.frequency_hz.value:.0f} Hz."
@@ -169,7 +169,8 @@ def _motors(motors: MotorReview) -> Card:
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     if high is not None and high.lower > LARGEST_SATURATION:
         number = number or f"{100.0 * high.value:.0f} % at full output"
-        sentence = f"Motors stood at full output for {100.0 * high.value:.0f} % of the flight: nothing is left for control then."
+        share = f"{100.0 * high.value:.0f} % of the flight"
+        sentence = f"Motors stood at full output for {share}: nothing is left for control then."
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     headroom = numbers.get("headroom")
     if headroom is not None and headroom.upper < LEAST_HEADROOM:
@@ -201,9 +202,8 @@ def _power(review: Review) -> Card:
             sentences.append("That is little.")
     if battery and "start_v" in battery and "lowest_v" in battery:
         start, lowest = battery["start_v"].value, battery["lowest_v"].value
-        sentences.append(
-            f"The battery went from {start:.1f} V to {battery.get('stop_v', battery['lowest_v']).value:.1f} V, lowest {lowest:.1f} V."
-        )
+        stop = battery.get("stop_v", battery["lowest_v"]).value
+        sentences.append(f"The battery went from {start:.1f} V to {stop:.1f} V, lowest {lowest:.1f} V.")
         if start > 0.0 and "sag_v" in battery and battery["sag_v"].lower > LARGEST_SAG * start:
             state = "look"
             sentences.append("It sags much under load: old, cold or too small.")

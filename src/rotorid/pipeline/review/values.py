@@ -308,7 +308,7 @@ class Review(Immutable):
     flight: FlightSummary
     logging: LoggingReview
     loops: Mapping[str, LoopReview]
-    margins: Mapping[str, MarginReview]
+    margins: Mapping[Axis, MarginReview]
     models: Mapping[str, Any]
     noise: NoiseReview
     motors: MotorReview

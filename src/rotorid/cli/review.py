@@ -1,0 +1,133 @@
+"""``rotorid review LOG...``, or ``rotorid LOG...`` for short: everything that ordinary flights tell."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rotorid.cli.command import read_logs
+from rotorid.cli.console import default_folder, output_console, progress, say, tell
+from rotorid.cli.logs import logs_in
+from rotorid.cli.options import Logs, Map, Output
+
+if TYPE_CHECKING:
+    from rotorid.documents.base import Document
+    from rotorid.pipeline.review.values import Review
+    from rotorid.plot.printed import PrintedAs
+
+FILE, ARRAYS, PAGE = "review.json", "review.npz", "review.html"
+_SIGNS = {
+    "good": "[green]good[/green]       ",
+    "look": "[yellow]look here[/yellow]  ",
+    "cannot": "[dim]cannot tell[/dim]",
+}
+_MOST_UNTOLD = 8
+
+
+def review_command(
+    logs: Logs,
+    *,
+    map: Map = None,
+    models: Annotated[bool, typer.Option("--models/--no-models", help="Identify models too; the longest part.")] = True,
+    figures: Annotated[
+        str | None, typer.Option("--figures", help="Write every picture as svg, pdf or png too, into figures.")
+    ] = None,
+    show: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
+    output: Output,
+) -> None:
+    """Say everything that ordinary flights tell: loops, steps, margins, models, noise, motors."""
+    from rotorid.documents.base import to_json
+    from rotorid.io.folders import making, target_folder
+    from rotorid.pipeline.review.review import review, told_anything
+    from rotorid.report.files import result_kind
+    from rotorid.report.review import render_reviews
+
+    if figures is not None:
+        from rotorid.plot.printed import require_format
+
+        require_format(figures)
+    files = logs_in(logs)
+    target = target_folder(output.out, default_folder(files, "review"), result_kind(FILE), force=output.force)
+    with progress(quiet=output.quiet):
+        seen = [review(record, models=models) for record in read_logs(files, map)]
+        tell("writing the page")
+        document = _document(seen)
+        text, page = to_json(document), render_reviews(seen)
+        with making(target) as made:
+            if figures is not None:
+                _write_figures(made.place / "figures", seen, require_format(figures))
+            _write(made.place, text, page, seen)
+    if output.json:
+        sys.stdout.write(text)
+    elif not output.quiet:
+        for one in seen:
+            _print(one)
+        output_console().print(f"page: {made.folder / PAGE}", soft_wrap=True, markup=False)
+    if show:
+        typer.launch(str(made.folder / PAGE))
+    if not any(told_anything(one) for one in seen):
+        say("rotorid: nothing could be told of any flight; the page says why")
+        raise typer.Exit(1)
+
+
+def _document(seen: Sequence[Review]) -> Document:
+    from rotorid.documents.review import ReviewsDocument, review_document
+
+    documents = [review_document(one) for one in seen]
+    return documents[0] if len(documents) == 1 else ReviewsDocument(reviews=documents)
+
+
+def _write(folder: Path, text: str, page: str, seen: Sequence[Review]) -> None:
+    from rotorid.documents.review import review_arrays
+    from rotorid.io.files import write_atomically, write_npz
+
+    for number, one in enumerate(seen, start=1):
+        name = ARRAYS if len(seen) == 1 else f"review-{number}.npz"
+        write_npz(folder / name, review_arrays(one))
+        if topics := one.logging.topics:
+            write_atomically(folder / "logger_topics.txt", topics)
+    write_atomically(folder / PAGE, page)
+    write_atomically(folder / FILE, text)
+
+
+def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> None:
+    from rotorid.io.files import write_atomically
+    from rotorid.plot.printed import printed
+    from rotorid.report.review import pictures_of
+
+    folder.mkdir()
+    for name, figure in pictures_of(seen).items():
+        write_atomically(folder / f"{name}.{kind}", printed(figure, kind))
+
+
+def _print(seen: Review) -> None:
+    """One screen: what flew, a line for each card, what cannot be told, what comes next."""
+    from rotorid.pipeline.review.cards import cards
+    from rotorid.report.review import headline
+
+    console = output_console()
+
+    def plain(text: str) -> None:
+        # Names come from the log: brackets in them are no markup.
+        console.print(text, markup=False, soft_wrap=True)
+
+    plain(f"{seen.name}  {headline(seen)}")
+    for card in cards(seen):
+        console.print(_SIGNS[card.state], end=" ")
+        number = f" {card.number}." if card.number else ""
+        plain(f"{card.title}{number} {card.sentence}")
+    if seen.cannot_tell:
+        plain("\ncannot be told from this flight")
+        for one in seen.cannot_tell[:_MOST_UNTOLD]:
+            plain(f"  {one.what}: {one.why}{f' {one.remedy}' if one.remedy else ''}")
+        if len(seen.cannot_tell) > _MOST_UNTOLD:
+            plain(f"  and {len(seen.cannot_tell) - _MOST_UNTOLD} more, which the page shows")
+    if seen.next_commands:
+        plain("\nnext")
+        for command in seen.next_commands:
+            plain(f"  {command}")
+    plain("")

@@ -1,0 +1,188 @@
+"""Everything that an ordinary flight tells, in one call: each part stands by itself, and says what it cannot tell."""
+
+from __future__ import annotations
+
+import logging as logs
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar, overload
+
+from rotorid.data.findings import worst_first
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.results import IdentifiedModel, Refused
+from rotorid.pipeline.review.flight import flight, logging, vehicle
+from rotorid.pipeline.review.flown import flown
+from rotorid.pipeline.review.loops import loops
+from rotorid.pipeline.review.margins import margins
+from rotorid.pipeline.review.motors import motors
+from rotorid.pipeline.review.noise import noise
+from rotorid.pipeline.review.values import (
+    FlightSummary,
+    LoggingReview,
+    LoopReview,
+    MarginReview,
+    MotorReview,
+    NoiseReview,
+    Review,
+    Untold,
+)
+from rotorid.pipeline.settings import as_records
+from rotorid.pipeline.several import identify_several
+from rotorid.typing import Axis
+
+_PROGRESS = logs.getLogger("rotorid.progress")
+_AXES = {"rate.roll": "roll", "rate.pitch": "pitch", "rate.yaw": "yaw", "rate.vertical": "thrust"}
+_STEPS = ("flight", "logging", "loops", "margins", "noise", "motors", "models")
+_VEHICLES = {"PX4": "px4_quad", "ArduPilot": "ardupilot_quad", "ArduCopter": "ardupilot_quad"}
+"""Whose files and loops a plan for this autopilot is made with, unless the user has a vehicle of his own."""
+
+Part = TypeVar("Part")
+
+
+@overload
+def review(  # type: ignore[overload-overlap]
+    records: FlightRecord | str | Path, *, models: bool = True
+) -> Review: ...
+@overload
+def review(records: Sequence[FlightRecord | str | Path], *, models: bool = True) -> tuple[Review, ...]: ...
+def review(
+    records: FlightRecord | str | Path | Sequence[FlightRecord | str | Path], *, models: bool = True
+) -> Review | tuple[Review, ...]:
+    """Review ordinary flights: loops as flown, margins, models, noise, motors, and what the logs cannot tell.
+
+    Nothing needs to be flown on purpose: sticks that move tell the loops, with an error that says how well.
+
+    Parameters
+    ----------
+    records
+        A log or its file; several give a review each.
+    models
+        Whether models are identified too, which takes most of the time.
+
+    Returns
+    -------
+    Review or tuple of Review
+        One for each log. A number that a flight cannot tell is absent, and ``cannot_tell`` says why.
+
+    Raises
+    ------
+    LogError
+        A file cannot be read.
+
+    Examples
+    --------
+    >>> import rotorid
+    >>> seen = rotorid.review("flight.ulg")  # doctest: +SKIP
+    >>> seen.loops["p"].numbers["rise_time_s"].value  # doctest: +SKIP
+    0.031
+    """
+    if isinstance(records, FlightRecord | str | Path):
+        (record,) = as_records(records)
+        return _review(record, models=models)
+    return tuple(_review(record, models=models) for record in as_records(records))
+
+
+def told_anything(seen: Review) -> bool:
+    """Whether a review holds anything beyond what the log is."""
+    stands = any(isinstance(model, IdentifiedModel) for model in seen.models.values())
+    parts = (seen.loops, seen.margins, seen.noise.maps, seen.noise.numbers, seen.motors.numbers, seen.flight.battery)
+    return bool(seen.flight.flights) and (stands or any(parts))
+
+
+def _review(record: FlightRecord, *, models: bool) -> Review:
+    untold: list[Untold] = []
+
+    def part(step: str, make: Callable[[], tuple[Part, Sequence[Untold]]], otherwise: Part) -> Part:
+        """A part of the review; where there is none, the reason joins what is untold."""
+        _PROGRESS.info(f"reviewing {step}", extra={"done": _STEPS.index(step), "total": len(_STEPS)})
+        try:
+            made, missing = make()
+        except InsufficientDataError as error:
+            untold.append(untold_by(error, step))
+            return otherwise
+        untold.extend(missing)
+        return made
+
+    summary = part("flight", lambda: flight(record), FlightSummary(flights=(), seen_in=""))
+    logged = part("logging", lambda: logging(record), LoggingReview(rates_hz={}, longest_gap_s=0.0))
+    air = part("flight", lambda: (flown(record), ()), None)
+    closed: dict[str, LoopReview] = {}
+    broken: dict[Axis, MarginReview] = {}
+    heard, worked = NoiseReview(), MotorReview()
+    found: dict[str, IdentifiedModel | Refused] = {}
+    if air is not None:
+        closed = part("loops", lambda: loops(air), closed)
+        broken = part("margins", lambda: margins(air), broken)
+        heard = part("noise", lambda: noise(record), heard)
+        worked = part("motors", lambda: motors(record), worked)
+    if air is not None and models:
+        found = part("models", lambda: _models(record), found)
+    seen = Review(
+        name=record.source.name,
+        sha256=record.source.sha256,
+        vehicle=vehicle(record)[0],
+        flight=summary,
+        logging=logged,
+        loops=closed,
+        margins=broken,
+        models=found,
+        noise=heard,
+        motors=worked,
+        cannot_tell=tuple(dict.fromkeys(untold)),
+        next_commands=(),
+        findings=worst_first(
+            [
+                *record.findings,
+                *(finding for loop in closed.values() for finding in loop.findings),
+                *(finding for margin in broken.values() for finding in margin.findings),
+                *heard.findings,
+                *worked.findings,
+            ]
+        ),
+    )
+    return replace(seen, next_commands=tuple(next_commands(seen)))
+
+
+def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
+    several = identify_several(record)
+    return dict(several), list(_refusals(several.refused))
+
+
+def next_commands(seen: Review) -> Iterator[str]:
+    """The commands that lead on from here, for this very log.
+
+    Parameters
+    ----------
+    seen
+        A review.
+    """
+    log = shlex.quote(seen.name)
+    stands = [name for name, model in seen.models.items() if isinstance(model, IdentifiedModel)]
+    if stands:
+        yield f"rotorid identify {log} --model {','.join(stands)}"
+    for loop in seen.loops.values():
+        instrument = " --estimate direct" if loop.instrument == "direct" else ""
+        yield f"rotorid response {log} --inputs {loop.reference} --outputs {loop.answer}{instrument}"
+        break
+    axes = [axis for name, axis in _AXES.items() if name not in stands]
+    if axes and seen.flight.flights:
+        craft = _VEHICLES.get(seen.vehicle.autopilot.partition(" ")[0], "px4_quad")
+        gains = f" --gains {log}" if seen.margins else ""
+        yield f"rotorid design sweep --vehicle {craft} --axis {','.join(axes)}{gains}"
+
+
+def untold_by(error: InsufficientDataError, what: str) -> Untold:
+    """What an error leaves untold."""
+    why = str(error.findings[0].message) if error.findings else str(error)
+    return Untold(what=what, why=why, remedy=error.remedy)
+
+
+def _refusals(refused: dict[str, Refused]) -> Iterator[Untold]:
+    for name, answer in refused.items():
+        reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
+        axis = _AXES.get(name)
+        remedy = f"rotorid design sweep --axis {axis}" if axis else ""
+        yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)
