@@ -287,7 +287,7 @@ def loop_response(
         _HIGHEST_FAST_RAD_S if fast else _HIGHEST_RAD_S, _OF_NYQUIST * np.pi * logged_hz, 0.8 * np.pi * rate_hz
     )
     windows: tuple[float, ...] = _SLOW_WINDOWS_S if slow else (*_WINDOWS_S, _SHORT_WINDOW_S) if fast else _WINDOWS_S
-    longest_s = 0.4 * max(record.duration_s for record in records)
+    longest_s = 0.45 * max(record.duration_s for record in records)
     windows = tuple(window for window in windows if window <= longest_s) or (longest_s,)
     lowest = max(_LOWEST_SLOW_RAD_S if slow else _LOWEST_RAD_S, 4.0 * np.pi / max(windows))
     response = frequency_response(

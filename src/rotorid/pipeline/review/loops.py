@@ -45,6 +45,7 @@ RATE_FOR_BANDWIDTH, RATE_FOR_STEP = 1.25, 2.5
 _SLOW_LOG_HZ = 110.0
 """In a log at less, a set-point that is held between its samples may change up to half a period from where it shows."""
 
+_FAST_ENOUGH_HZ = 40.0
 _LEAST_COHERENCE = 0.3
 _SURE_COHERENCE = 0.95
 _WEAK_STICK = 2.0
@@ -211,20 +212,31 @@ def _told(
         response = _doubted(response)
         usable = usable_points(response)
     logged_hz = min(flight.rate_hz(loop.reference), flight.rate_hz(loop.name))
-    impulse = _impulse(response, usable, loop)
-    numbers, untold = _numbers(loop, impulse, response, logged_hz)
-    findings = [*response.findings, *_remarks(flight, loop, impulse)]
     review = LoopReview(
         name=loop.name,
         reference=loop.reference,
         answer=loop.name,
         instrument=instrument,
         response=response,
-        step=_curve(impulse, loop) if "rise_time_s" in numbers or "overshoot_percent" in numbers else None,
-        numbers=numbers,
+        step=None,
+        numbers={},
         band_rad_s=(float(omega[usable][0]), float(omega[usable][-1])),
         by_size=_by_size(flight, loop, instrument, channel, histories) if loop.of_rates else {},
-        findings=tuple(findings),
+        findings=response.findings,
+    )
+    # Where the phase stays above −90°, half of the rate that the band comes from would show more.
+    beyond = not math.isfinite(scale) and logged_hz < _FAST_ENOUGH_HZ
+    if beyond or logged_hz < RATE_FOR_BANDWIDTH * min(scale, 2.0 * float(omega[usable][-1])):
+        # Rates that were logged so slowly are folded over themselves: not even the response is one.
+        return None if loop.of_rates else review, (_too_slow(loop, "", logged_hz, scale),)
+    impulse = _impulse(response, usable, loop)
+    numbers, untold = _numbers(loop, impulse, response, logged_hz)
+    stepped = "rise_time_s" in numbers or "overshoot_percent" in numbers
+    review = replace(
+        review,
+        step=_curve(impulse, loop) if stepped else None,
+        numbers=numbers,
+        findings=(*review.findings, *_remarks(flight, loop, impulse)),
     )
     return review, tuple(untold)
 
@@ -316,28 +328,40 @@ def _numbers(
 ) -> tuple[dict[str, Quantity], list[Untold]]:
     """The numbers that the rate of the log and the coherence carry, and those that they do not."""
     numbers = step_numbers(impulse, within_s=loop.within_s)
-    untold: list[Untold] = []
-    scale = numbers["bandwidth_90deg_rad_s"].value if "bandwidth_90deg_rad_s" in numbers else impulse.scale_rad_s
-    least = {"delay_s": RATE_FOR_BANDWIDTH, "bandwidth_90deg_rad_s": RATE_FOR_BANDWIDTH}
+    bandwidth = numbers.get("bandwidth_90deg_rad_s")
+    scale = impulse.scale_rad_s if bandwidth is None else bandwidth.value
+    slow = logged_hz < RATE_FOR_STEP * scale
+    untold = [_too_slow(loop, "step", logged_hz, scale)] if slow else []
     told: dict[str, Quantity] = {}
     for name in NUMBERS:
-        what, needed_hz = f"loops.{loop.name}.{name}", least.get(name, RATE_FOR_STEP) * scale
-        if logged_hz < needed_hz:
-            untold.append(
-                Untold(
-                    what=what,
-                    why=f"The log holds {loop.reference} or {loop.name} at {logged_hz:.0f} Hz, and a loop whose phase "
-                    f"falls to −90° at {scale:.3g} rad/s needs {needed_hz:.0f} Hz for it.",
-                    remedy=f"log {loop.reference} and {loop.name} at {needed_hz:.0f} Hz and more",
-                )
-            )
-        elif name in numbers and (name != "peak_db" or _coherent_peak(impulse, response)):
+        if slow and name not in ("delay_s", "bandwidth_90deg_rad_s"):
+            continue
+        if name in numbers and (name != "peak_db" or _coherent_peak(impulse, response)):
             told[name] = numbers[name]
         elif name != "peak_db":
-            untold.append(Untold(what=what, why=_why_untold(name, loop, impulse), remedy=_REMEDIES.get(name, "")))
+            what, why = f"loops.{loop.name}.{name}", _why_untold(name, loop, impulse)
+            untold.append(Untold(what=what, why=why, remedy=_REMEDIES.get(name, "")))
     if logged_hz < _SLOW_LOG_HZ:
         told = _with_half_sample(told, impulse, 0.5 / logged_hz)
     return told, untold
+
+
+def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Untold:
+    """What a log at too low a rate does not tell: everything, or all but the phase."""
+    step_hz, phase_hz = RATE_FOR_STEP * scale_rad_s, RATE_FOR_BANDWIDTH * scale_rad_s
+    falls = f"a loop whose phase falls to −90° at {scale_rad_s:.3g} rad/s"
+    if not math.isfinite(scale_rad_s):
+        needs = "its phase does not fall to −90° within what that shows"
+    elif part:
+        needs = f"the step, the −3 dB bandwidth and the resonance of {falls} need {step_hz:.0f} Hz"
+    else:
+        needs = f"{falls} needs {phase_hz:.0f} Hz for that and its delay, and {step_hz:.0f} Hz for its step"
+    faster = f" at {step_hz:.0f} Hz and more" if math.isfinite(scale_rad_s) else " faster"
+    return Untold(
+        what=f"loops.{loop.name}.{part}".rstrip("."),
+        why=f"The log holds {loop.reference} or {loop.name} at {logged_hz:.0f} Hz: {needs}.",
+        remedy=f"log {loop.reference} and {loop.name}{faster}",
+    )
 
 
 _REMEDIES: Mapping[str, str] = MappingProxyType(
@@ -474,6 +498,8 @@ def _by_size(
             return {}
         omega = response.omega_rad_s[usable]
         crossing = _phase_bandwidth(omega, response.values[0, 0][usable], response.random_error[0, 0][usable])
+        if crossing is None:
+            return {}
         found[name] = LoopReview(
             name=loop.name,
             reference=loop.reference,
@@ -481,7 +507,7 @@ def _by_size(
             instrument=instrument,
             response=response,
             step=None,
-            numbers={} if crossing is None else {"bandwidth_90deg_rad_s": crossing},
+            numbers={"bandwidth_90deg_rad_s": crossing},
             band_rad_s=(float(omega[0]), float(omega[-1])),
         )
     return found
