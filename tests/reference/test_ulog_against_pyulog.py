@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import Source
-from rotorid.io.files import without_places
+from rotorid.io.parameters import kept_parameters
 from rotorid.io.px4 import log as px4
 from rotorid.io.px4.ulog import extract
 
@@ -69,7 +69,7 @@ def test_every_sample_is_that_of_pyulog(name: str, unpacked: Callable[[str], Pat
         assert any(np.array_equal(topic.time_s, clock) for clock in clocks)
     assert compared >= 20
     final = dict(log.initial_parameters) | {name: value for _, name, value in log.changed_parameters}
-    assert record.parameters == without_places({name: float(value) for name, value in final.items()})
+    assert record.parameters == kept_parameters({name: float(value) for name, value in final.items()})
 
 
 def test_angles_turn_the_axes_as_the_quaternion_does(unpacked: Callable[[str], Path]) -> None:

@@ -1,4 +1,4 @@
-r"""Values and stamps that cannot be: what every record passes before it leaves the readers.
+r"""Values and stamps that cannot be, and what is nobody's concern: what every record passes as it leaves the readers.
 
 No log format of autopilots has a checksum over its samples, so that a flipped bit or a frame of another file arrives as
 a value like any other. Four tests tell what cannot be, each linear in the number of samples (the first but for the
@@ -16,7 +16,7 @@ sorting of stamps that are in disorder):
   a single negative output of a motor that otherwise turns forward.
 
 Nothing is repaired: a sample is left out and counted in a finding. A channel that is mostly impossible is left out as a
-whole, since what remains of it is no better.
+whole, since what remains of it is no better. Of the parameters those stay that :mod:`rotorid.io.parameters` lists.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import MEASURED, TURNING, range_of
 from rotorid.data.record import MOTORS, Channel, FlightRecord, Topic
 from rotorid.errors import LogError
+from rotorid.io.parameters import kept_parameters
 from rotorid.typing import BoolArray, FloatArray, IntArray
 
 _OUTSIDE_S = 10.0
@@ -94,6 +95,9 @@ def screened(record: FlightRecord) -> FlightRecord:
             needed="a log that was written while the vehicle was on",
             remedy="check that the logger was on in flight, or copy the log again from the vehicle",
         )
+    kept_values = kept_parameters(record.parameters)
+    if len(kept_values) < len(record.parameters):
+        record = replace(record, parameters=kept_values)
     unchanged = len(topics) == len(record.topics) and all(
         new is old for new, old in zip(topics, record.topics, strict=True)
     )

@@ -186,12 +186,12 @@ def test_sticks_follow_calibration_and_direction(tmp_path: Path) -> None:
 
 def test_parameters_are_the_last_ones_and_say_nothing_of_the_place(tmp_path: Path) -> None:
     log = Log()
-    for name, value in (("MASS", 1.0), ("MASS", 2.0), ("SIM_OPOS_LAT", -35.0), ("AHRS_ORIG_LON", 149.0)):
+    for name, value in (("SIH_MASS", 1.0), ("SIH_MASS", 2.0), ("SIM_OPOS_LAT", -35.0), ("AHRS_ORIG_LON", 149.0)):
         log.parameter(name, value)
 
     record = log.read(tmp_path)
 
-    assert dict(record.parameters) == {"MASS": 2.0}
+    assert dict(record.parameters) == {"SIH_MASS": 2.0}
 
 
 @pytest.mark.parametrize(

@@ -51,16 +51,16 @@ def test_other_files_and_other_instances_are_passed_over(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("parameters.octave", "# name MC_P\n# type: scalar\n0.15\n# name SYS_ID\n# type: matrix\n# rows: 1\n1 2\n"),
-        ("a_params.txt", "MC_P = 0.15\nSYS_ID = 2;\n__import__('os') = 3\n"),
-        ("parameters.txt", "MC_P 0.15\nSYS_ID\t2e0\nnot a parameter\n"),
-        ("parameters.csv", "MC_P,0.15\nSYS_ID,2\n"),
+        ("parameters.octave", "# name MC_P\n# type: scalar\n0.15\n# name SYS_AUTOSTART\n# type: matrix\n# rows: 1\n1 2\n"),
+        ("a_params.txt", "MC_P = 0.15\nSYS_AUTOSTART = 2;\n__import__('os') = 3\n"),
+        ("parameters.txt", "MC_P 0.15\nSYS_AUTOSTART\t2e0\nnot a parameter\n"),
+        ("parameters.csv", "MC_P,0.15\nSYS_AUTOSTART,2\n"),
     ],
 )
 def test_parameters_are_read_from_the_usual_forms(tmp_path: Path, name: str, text: str) -> None:
     folder = folder_of(tmp_path, a_vehicle_torque_setpoint_0=TORQUE)
     (folder / name).write_text(text)
-    assert read(folder).parameters == {"MC_P": 0.15, "SYS_ID": 2.0}
+    assert read(folder).parameters == {"MC_P": 0.15, "SYS_AUTOSTART": 2.0}
 
 
 def test_the_hash_follows_names_and_contents_of_the_log_and_nothing_else(tmp_path: Path) -> None:

@@ -25,8 +25,9 @@ from rotorid.io.ardupilot.batches import BATCH_MESSAGES, sensor_topics
 from rotorid.io.ardupilot.dataflash import Table, decode, sniff
 from rotorid.io.ardupilot.firmware import Firmware, firmware_of, is_centivolts, is_legacy_rate
 from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
-from rotorid.io.files import file_bytes, without_places
+from rotorid.io.files import file_bytes
 from rotorid.io.flags import vehicle_findings
+from rotorid.io.parameters import kept_parameters
 from rotorid.io.screening import without_lone
 from rotorid.typing import AnyArray, Axis, BoolArray
 from rotorid.units import parse_unit
@@ -230,7 +231,7 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
     return FlightRecord(
         source=replace(source, firmware=firmware.text),
         topics=topics,
-        parameters=without_places(parameters),
+        parameters=kept_parameters(parameters),
         declared=_declared_maneuvers(runs),
         instruments=_instruments(runs, sticks),
         findings=(

@@ -18,8 +18,8 @@ from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.ardupilot.dataflash import HEADER_BYTES, Format, Table
 from rotorid.io.ardupilot.log import motor_topics, stick_topic
-from rotorid.io.files import without_places
 from rotorid.io.mavlink.messages import Messages, Telemetry, decode, starts_like_telemetry
+from rotorid.io.parameters import kept_parameters
 from rotorid.typing import AnyArray, BoolArray, FloatArray
 from rotorid.units import parse_unit
 
@@ -87,7 +87,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     return FlightRecord(
         source=replace(source, firmware={ARDUPILOT: "ArduPilot", PX4: "PX4"}.get(firmware, "")),
         topics=topics,
-        parameters=without_places(parameters),
+        parameters=kept_parameters(parameters),
         instruments=_instruments(topics),
         findings=(
             *_damage(telemetry, len(data)),

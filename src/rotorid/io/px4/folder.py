@@ -15,7 +15,7 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io.files import without_places
+from rotorid.io.parameters import kept_parameters
 from rotorid.io.px4.log import record_of, wanted_fields
 from rotorid.typing import AnyArray, FloatArray
 
@@ -73,7 +73,7 @@ def read_folder(path: Path, source: Source) -> FlightRecord:
         arrays |= {f"{topic}/{name}": values for name, values in columns.items()}
         findings += [_cut(file.name, cut_bytes)] if cut_bytes else []
     size_bytes = sum(file.stat().st_size for file in export.topics.values())
-    parameters = without_places(_parameters(export.parameters)) if export.parameters else {}
+    parameters = kept_parameters(_parameters(export.parameters)) if export.parameters else {}
     facts = {"parameters": parameters, "damage": [], "dropouts": [], "size_bytes": size_bytes}
     record = record_of(arrays, facts, replace(source, sha256=_sha256(export)))
     return replace(record, findings=(*findings, *record.findings))

@@ -17,8 +17,8 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
-from rotorid.io.files import without_places
 from rotorid.io.flags import vehicle_findings
+from rotorid.io.parameters import kept_parameters
 from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
@@ -49,7 +49,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     """
     log = extract(path, wanted_fields())
     facts = {
-        "parameters": without_places(log.parameters),
+        "parameters": kept_parameters(log.parameters),
         "dropouts": log.dropouts,
         "damage": log.damage,
         "size_bytes": log.size_bytes,
