@@ -107,6 +107,7 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
 def _print(seen: Review) -> None:
     """One screen: what flew, a line for each card, what cannot be told, what comes next."""
     from rotorid.pipeline.review.cards import cards
+    from rotorid.pipeline.review.values import gathered
     from rotorid.report.review import headline
 
     console = output_console()
@@ -120,12 +121,12 @@ def _print(seen: Review) -> None:
         console.print(_SIGNS[card.state], end=" ")
         number = f" {card.number}." if card.number else ""
         plain(f"{card.title}{number} {card.sentence}")
-    if seen.cannot_tell:
+    if untold := gathered(seen.cannot_tell):
         plain("\ncannot be told from this flight")
-        for one in seen.cannot_tell[:_MOST_UNTOLD]:
-            plain(f"  {one.what}: {one.why}{f' {one.remedy}' if one.remedy else ''}")
-        if len(seen.cannot_tell) > _MOST_UNTOLD:
-            plain(f"  and {len(seen.cannot_tell) - _MOST_UNTOLD} more, which the page shows")
+        for one in untold[:_MOST_UNTOLD]:
+            plain(f"  {one.what}: {one.why}{f' To do: {one.remedy}' if one.remedy else ''}")
+        if len(untold) > _MOST_UNTOLD:
+            plain(f"  and {len(untold) - _MOST_UNTOLD} more, which the page shows")
     if seen.next_commands:
         plain("\nnext")
         for command in seen.next_commands:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +15,15 @@ from rotorid.data.quantity import Quantity
 from rotorid.errors import UsageError
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.cards import Card, cards
-from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseMap, Review, StepCurve
+from rotorid.pipeline.review.values import (
+    LoopReview,
+    MarginReview,
+    NoiseMap,
+    Review,
+    StepCurve,
+    Untold,
+    gathered,
+)
 from rotorid.pipeline.summary import ParameterEstimate
 from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
@@ -63,6 +73,9 @@ _STATES = {"good": Badge("good", "good"), "look": Badge("fair", "look here"), "c
 _STAGES = {"before": "before the filters", "after": "after the filters"}
 _FAST, _SLOW = ("p", "q", "r"), ("phi", "theta", "psi", "u", "v", "w")
 _MOST_PEAKS = 6
+_MOST_DECIMALS = 4
+_OF_ONE_MOTOR = re.compile(r"motor_\d{1,2}_")
+_NOISE_SHARE = re.compile(r"(roll|pitch|yaw)_([pd])_noise_share(_above_100hz)?")
 _NUMBER_WORDS = {
     "vibration_m_s2": ("vibration", "m/s²", 1.0),
     "clipping_share": ("accelerometer at its limits", "%", 100.0),
@@ -122,6 +135,7 @@ class Section:
     motor_numbers: tuple[NumberRow, ...]
     power: tuple[NumberRow, ...]
     models: tuple[ModelRow, ...]
+    untold: tuple[Untold, ...]
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
@@ -190,6 +204,7 @@ def _section(review: Review, anchor: str) -> Section:
         motor_numbers=_single(review.motors.numbers),
         power=_power(review),
         models=tuple(_model(name, model) for name, model in review.models.items()),
+        untold=gathered(review.cannot_tell),
     )
 
 
@@ -202,7 +217,8 @@ def headline(review: Review) -> str:
     spans = ", ".join(f"{start_s:.1f} to {stop_s:.1f} s" for start_s, stop_s in air.flights)
     total_s = sum(stop_s - start_s for start_s, stop_s in air.flights)
     count = "one flight" if len(air.flights) == 1 else f"{len(air.flights)} flights"
-    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, as {air.seen_in} tells)"
+    tells = "tell" if " and " in air.seen_in else "tells"
+    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, as {air.seen_in} {tells})"
 
 
 def _rows(
@@ -218,27 +234,41 @@ def _rows(
 
 
 def _cell(quantity: Quantity | None, factor: float) -> tuple[str, str]:
+    """A number and its interval, as precise as the interval allows."""
     if quantity is None:
         return MISSING, ""
-    half = 0.5 * (quantity.upper - quantity.lower) / 1.96
-    value = with_error(factor * quantity.value, factor * half).partition(" ±")[0]
-    low, high = (_end(factor * end, factor * half) for end in (quantity.lower, quantity.upper))
-    return value, f"{low} to {high}" if half > 0.0 else ""
+    ends = [factor * end for end in (quantity.lower, quantity.upper)]
+    finite = [end for end in ends if math.isfinite(end)]
+    half = max((abs(end - factor * quantity.value) for end in finite), default=0.0)
+    value = _fixed(factor * quantity.value, half)
+    return value, " to ".join(_end(end, half) for end in ends) if half > 0.0 else ""
 
 
-def _end(value: float, std: float) -> str:
-    if not np.isfinite(value):
-        return "∞" if value > 0.0 else "−∞"
-    return with_error(value, std).partition(" ±")[0]
+def _fixed(value: float, half: float) -> str:
+    """A number with two digits of half of its interval; without one with three of its own."""
+    if half <= 0.0:
+        return significant(value)
+    decimals = min(max(1 - math.floor(math.log10(half)), 0), _MOST_DECIMALS)
+    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−")
+
+
+def _end(value: float, half: float) -> str:
+    if math.isfinite(value):
+        return _fixed(value, half)
+    return "∞" if value > 0.0 else "−∞"
 
 
 def _single(numbers: Mapping[str, Quantity]) -> tuple[NumberRow, ...]:
+    """Numbers one below the other; those of each motor alone stand in the files."""
     rows = []
     for name, quantity in numbers.items():
+        if _OF_ONE_MOTOR.match(name):
+            continue
         told, shown, factor = _NUMBER_WORDS.get(name, (_plain(name), unit(quantity.unit), 1.0))
-        if name.endswith("_noise_share"):
-            axis, term, *_ = name.split("_")
+        if noise := _NOISE_SHARE.fullmatch(name):
+            axis, term, above = noise.groups()
             told, shown, factor = f"noise through {term.upper()} of {axis}, of the motor range", "%", 100.0
+            told += ", above 100 Hz alone" if above else ""
         label = f"{told} [{shown}]" if shown else told
         rows.append(NumberRow(words=label, cells=(_cell(quantity, factor),)))
     return tuple(rows)

@@ -1,0 +1,96 @@
+"""``rotorid review``: one log, several, a folder, one that tells nothing, one that is none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.cli.commands import rotorid
+
+from rotorid.io.tables.csv import write_csv
+
+
+@pytest.fixture(scope="module")
+def reviewed(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("reviewed") / "out"
+    ran = rotorid("review", flight, "--no-models", "--out", folder, "--json")
+    assert ran.code == 0
+    return folder, ran.out
+
+
+def test_writes_page_numbers_and_curves(reviewed: tuple[Path, str]) -> None:
+    folder, out = reviewed
+    assert {path.name for path in folder.iterdir()} >= {"review.json", "review.npz", "review.html"}
+    assert (folder / "review.json").read_text(encoding="utf-8") == out
+    told = json.loads(out)
+    assert told["schema"] == "rotorid.review/1"
+    assert told["flights"]
+    assert told["cannot_tell"]
+    assert {card["state"] for card in told["cards"]} <= {"good", "look", "cannot"}
+
+
+def test_a_log_alone_is_reviewed(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid(flight, "--no-models", "--out", tmp_path / "out")
+    assert ran.code == 0
+    assert "Does it follow the stick?" in ran.out
+    assert "cannot be told from this flight" in ran.out
+    assert f"page: {tmp_path / 'out' / 'review.html'}" in ran.out
+
+
+def test_a_folder_is_its_logs_side_by_side(flight: Path, tmp_path: Path) -> None:
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    for name in ("a.csv", "b.csv"):
+        (logs / name).write_bytes(flight.read_bytes())
+    (logs / "notes.md").write_text("no log", encoding="utf-8")
+    ran = rotorid("review", logs, "--no-models", "--out", tmp_path / "out", "--json")
+    told = json.loads(ran.out)
+    assert told["schema"] == "rotorid.reviews/1"
+    assert [one["name"] for one in told["reviews"]] == ["a.csv", "b.csv"]
+    assert "Side by side" in (tmp_path / "out" / "review.html").read_text(encoding="utf-8")
+
+
+def test_a_log_that_never_flew_tells_nothing_and_says_why(tmp_path: Path) -> None:
+    time_s = np.arange(0.0, 20.0, 0.01)
+    rest = np.random.default_rng(1).normal(0.0, 1e-3, (3, time_s.size))
+    columns = {"p": rest[0], "q": rest[1], "thrust_command": np.zeros(time_s.size)}
+    write_csv(tmp_path / "bench.csv", time_s, columns)
+    ran = rotorid("review", tmp_path / "bench.csv", "--out", tmp_path / "out")
+    assert ran.code == 1
+    assert "nothing could be told" in ran.err
+    assert "holds no flight" in (tmp_path / "out" / "review.html").read_text(encoding="utf-8")
+
+
+def test_a_file_that_is_no_log_is_wrong_use(tmp_path: Path) -> None:
+    (tmp_path / "letter.csv").write_text("dear pilot", encoding="utf-8")
+    assert rotorid("review", tmp_path / "letter.csv", "--out", tmp_path / "out").code == 2
+    assert rotorid(tmp_path / "missing.ulg").code == 2
+    (tmp_path / "empty").mkdir()
+    ran = rotorid("review", tmp_path / "empty")
+    assert ran.code == 2
+    assert "holds no flight log" in ran.err
+
+
+def test_figures_are_files(flight: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="figures as files need matplotlib")
+    ran = rotorid("review", flight, "--no-models", "--figures", "svg", "--out", tmp_path / "out", "--quiet")
+    assert (ran.code, ran.out) == (0, "")
+    figures = list((tmp_path / "out" / "figures").iterdir())
+    assert figures
+    assert all(path.read_text(encoding="utf-8").startswith("<?xml") for path in figures)
+    assert rotorid("review", flight, "--figures", "bmp").code == 2
+
+
+def test_inspect_takes_several_and_says_what_comes_next(flight: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.csv"
+    other.write_bytes(flight.read_bytes())
+    ran = rotorid("inspect", flight, other, "--json")
+    told = json.loads(ran.out)
+    assert told["schema"] == "rotorid.inspections/1"
+    assert [one["name"] for one in told["inspections"]] == [flight.name, "other.csv"]
+    said = rotorid("inspect", flight).out
+    assert f"rotorid review {flight.name}" in said
+    assert f"rotorid identify {flight.name} --model rate.roll" in said
+    assert rotorid("inspect", flight, other, "--plot", tmp_path / "a.html").code == 2
