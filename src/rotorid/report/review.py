@@ -413,8 +413,14 @@ def _value(parameter: ParameterEstimate) -> str:
 
 
 def _compared(reviews: Sequence[Review]) -> tuple[NumberRow, ...]:
-    """One row for each number of the loops and margins that any of the flights tells."""
-    rows: list[NumberRow] = []
+    """A row for each card, and for each number of the loops and margins that any of the flights tells."""
+    by_log = [cards(review) for review in reviews]
+    rows = [
+        NumberRow(
+            words=same[0].title, cells=tuple((card.number or MISSING, _STATES[card.state].words) for card in same)
+        )
+        for same in zip(*by_log, strict=True)
+    ]
     for name, words in LOOP_WORDS.items():
         columns = [review.loops[name].numbers if name in review.loops else {} for review in reviews]
         rows += [NumberRow(words=f"{words}: {row.words}", cells=row.cells) for row in _rows(_LOOP_ROWS, columns)]
