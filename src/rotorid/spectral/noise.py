@@ -472,10 +472,10 @@ def unexplained(
     values: FloatArray,
     reference: FloatArray | None,
     *,
-    band_hz: tuple[float, float],
+    bands_hz: Sequence[tuple[float, float]],
     window_s: float = 0.5,
     gain: FloatArray | None = None,
-) -> Unexplained | None:
+) -> tuple[Unexplained, ...] | None:
     r"""Noise of a signal: :math:`\int S_{xx} (1 - \gamma^2) df` over a band, with its spread between parts of a flight.
 
     Assumes that noise does not move the reference. In a loop that feeds back, the part of the noise that the reference
@@ -487,51 +487,64 @@ def unexplained(
         Shape ``(samples,)``.
     reference
         What was asked for; ``None`` where the whole density is noise.
-    band_hz
-        Lowest and highest frequency.
+    bands_hz
+        Lowest and highest frequency of each band.
     window_s
-        Length of a window.
+        Length of a window, about.
     gain
-        Function of frequency to multiply the density with, on the frequencies of the windows, shape ``(f,)``; one when
-        not given.
+        What to multiply the density with at :func:`unexplained_frequencies`, shape ``(f,)``; one when not given.
+
+    Returns
+    -------
+    tuple of Unexplained or None
+        One for each band; ``None`` for fewer than eight windows.
     """
+    frequency = unexplained_frequencies(time_s, window_s=window_s)
     rate_hz = 1.0 / float(np.median(np.diff(time_s)))
-    size = round(window_s * rate_hz)
-    frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
-    chosen = (frequency >= band_hz[0]) & (frequency <= min(band_hz[1], 0.5 * rate_hz))
-    if size < 16 or not chosen.any():
+    size = 2 * (frequency.size - 1)
+    if size < 16:
         return None
     taper = np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 2
-    scale = 2.0 / (rate_hz * float(np.sum(taper**2)))
-    rows = [values] if reference is None else [values, reference]
+    step, rows = size // 2, [values] if reference is None else [values, reference]
     spectra = []
     for part in stretches(time_s):
-        for begin in range(part.start, part.stop - size + 1, max(size // 2, 1)):
-            pair = np.stack([row[begin : begin + size] for row in rows])
-            spectra.append(np.fft.rfft((pair - pair.mean(axis=1, keepdims=True)) * taper, axis=1)[:, chosen])
-    if len(spectra) < 8:
+        if part.stop - part.start >= size:
+            windows = np.stack([np.lib.stride_tricks.sliding_window_view(row[part], size)[::step] for row in rows])
+            spectra.append(np.fft.rfft((windows - windows.mean(axis=2, keepdims=True)) * taper, axis=2))
+    # Shape (signals, windows, frequencies).
+    found = np.concatenate(spectra, axis=1) if spectra else np.zeros((1, 0, 1), dtype=np.complex128)
+    count = found.shape[1]
+    if count < 8:
         return None
-    found = np.stack(spectra)
-    factor = np.ones(np.count_nonzero(chosen)) if gain is None else gain[chosen]
-    blocks = np.array_split(np.arange(len(spectra)), min(8, len(spectra) // 4))
-    power = scale * float(frequency[1]) * np.mean(np.abs(found[:, 0]) ** 2, axis=0)
-    share = np.ones_like(power)
+    squares = np.abs(found) ** 2
+    share = np.ones(frequency.size)
     if reference is not None:
-        cross = np.mean(found[:, 1].conj() * found[:, 0], axis=0)
-        auto = np.mean(np.abs(found) ** 2, axis=0)
+        cross, auto = np.mean(found[1].conj() * found[0], axis=0), squares.mean(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             coherence = np.nan_to_num(np.abs(cross) ** 2 / (auto[0] * auto[1]))
         # Fitting a reference that explains nothing takes 1/n of n windows.
-        share = np.minimum((1.0 - coherence) * len(spectra) / (len(spectra) - 1.0), 1.0)
-    total = float(np.sum(power * share * factor))
-    each = [
-        scale * float(frequency[1]) * float(np.sum(np.mean(np.abs(found[b, 0]) ** 2, axis=0) * share * factor))
-        for b in blocks
-    ]
+        share = np.minimum((1.0 - coherence) * count / (count - 1.0), 1.0)
+    scale = 2.0 / (rate_hz * float(np.sum(taper**2))) * float(frequency[1])
+    weight = scale * share * (1.0 if gain is None else gain)
+    return tuple(_rms(squares[0] @ (weight * ((frequency >= low) & (frequency <= high)))) for low, high in bands_hz)
+
+
+def unexplained_frequencies(time_s: FloatArray, *, window_s: float = 0.5) -> FloatArray:
+    """Frequencies in Hz of the windows of :func:`unexplained`, whose length is even and has small factors."""
+    from scipy.fft import next_fast_len
+
+    rate_hz = 1.0 / float(np.median(np.diff(time_s)))
+    size = 2 * int(next_fast_len(max(int(0.5 * window_s * rate_hz), 1), real=True))
+    return np.asarray(np.fft.rfftfreq(size, 1.0 / rate_hz), dtype=np.float64)
+
+
+def _rms(power: FloatArray) -> Unexplained:
+    """Root of the mean over windows, with its spread between parts of the flight."""
+    total = float(power.mean())
     if total <= 0.0:
         return Unexplained(0.0, 0.0)
-    spread = float(np.std(each, ddof=1)) / math.sqrt(len(each)) if len(each) > 1 else total
-    return Unexplained(math.sqrt(total), 0.5 * spread / math.sqrt(total))
+    each = [float(part.mean()) for part in np.array_split(power, min(8, power.size // 4))]
+    return Unexplained(math.sqrt(total), 0.5 * float(np.std(each, ddof=1)) / math.sqrt(len(each) * total))
 
 
 def in_any(time_s: FloatArray, intervals: Sequence[tuple[float, float]]) -> BoolArray:

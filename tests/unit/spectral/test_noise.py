@@ -107,8 +107,9 @@ def test_delay_of_a_filter_is_told_inside_its_error() -> None:
 def test_what_the_set_point_explains_is_no_noise() -> None:
     rng, time_s = np.random.default_rng(4), clock(40.0)
     asked, noise = rng.normal(size=time_s.size), rng.normal(scale=0.5, size=time_s.size)
-    found = unexplained(time_s, 2.0 * asked + noise, asked, band_hz=(100.0, 300.0))
+    bands = unexplained(time_s, 2.0 * asked + noise, asked, bands_hz=[(100.0, 300.0)])
 
-    assert found is not None
+    assert bands is not None
+    (found,) = bands
     assert found.rms == pytest.approx(0.5 * np.sqrt(200.0 / 500.0), rel=0.05)
     assert abs(found.rms - 0.5 * np.sqrt(0.4)) < 4.0 * found.std

@@ -51,6 +51,8 @@ _BIAS = 0.003
 _STEP, _WITHIN_S = 0.2, 0.05
 _DELAY_BAND_RAD_S = (10.0, 80.0)
 _LONGEST_LAG_S = 0.12
+_LAG_BIAS = 0.05
+"""Damping of the rate looks like less delay; flights with a known answer differ by so much."""
 _MUCH = 0.02
 
 
@@ -241,28 +243,54 @@ def _balance(
     positions, spins = _geometry(record, usual.size)
     if positions is None or spins is None:
         return means, numbers, ""
-    thrust = _relative_thrust(record, usual)
-    share = thrust / thrust.sum()
-    noise = std / average * (1.0 if record.source.format.startswith("PX4") else 2.0) * share
+    expo, least, most = thrust_curve(record)
+    share = _thrust_share(usual, expo)
+    # How strongly the thrust of a motor follows its output, there.
+    slope = usual * ((1.0 - expo) + 2.0 * expo * usual) / np.maximum((1.0 - expo) * usual + expo * usual**2, 1e-6)
+    noise = slope * std / average * share
     for name, arm in zip(("forward", "right"), positions.T, strict=True):
-        # The center of gravity lies where the thrusts balance; in parts of the arm, or in meters where it is known.
-        offset, spread = float(share @ arm), float(np.sqrt(np.sum((noise * arm) ** 2)))
+        # The center of gravity lies where the thrusts balance, in parts of the arm.
+        offset = float(share @ arm)
+        ends = [float(_thrust_share(usual, end) @ arm) for end in (least, most)]
+        spread = math.hypot(float(np.sqrt(np.sum((noise * arm) ** 2))), float(np.ptp(ends)) / (2.0 * TWO_SIDED_95))
         numbers[f"center_of_gravity_{name}"] = Quantity.normal(offset, spread, "1")
     pattern = ""
     if float(abs(apart[worst])) > WORTH_SAYING and numbers["imbalance"].lower > 0.5 * WORTH_SAYING:
         pattern = imbalance_pattern(apart, positions, spins)
+    if pattern == "one motor":
+        # What one weak motor asks for would look like a center of gravity off the middle.
+        numbers = {name: value for name, value in numbers.items() if not name.startswith("center_of_gravity")}
     return means, numbers, pattern
 
 
-def _relative_thrust(record: FlightRecord, outputs: FloatArray) -> FloatArray:
-    """Thrust of each motor, up to a factor: what PX4 and ArduPilot ask for, else the square of the output."""
+USUAL_EXPO = 0.65
+"""Curve of usual motors, as ArduPilot takes it by default: thrust :math:`(1 - e) u + e u^2` of an output :math:`u`."""
+
+
+def thrust_curve(record: FlightRecord) -> tuple[float, float, float]:
+    """Expo of the thrust by the logged outputs, and the lowest and highest that it may be.
+
+    Where the autopilot straightens the curve (``THR_MDL_FAC``, ``MOT_THST_EXPO``), its number is taken, to a quarter;
+    elsewhere the usual one, between a line and a square.
+
+    Parameters
+    ----------
+    record
+        The log.
+    """
     if record.source.format.startswith("PX4"):
-        return np.asarray(np.maximum(outputs, 1e-3))
+        # What is logged is asked for in thrust, and bent on its way out.
+        return (0.0, 0.0, 0.25) if record.parameters.get("THR_MDL_FAC", 0.0) > 0.0 else (USUAL_EXPO, 0.0, 1.0)
     known = linearization_of(record)
     if known is not None:
-        return np.asarray(np.maximum((1.0 - known.expo) * outputs + known.expo * outputs**2, 1e-6))
-    # Between a line and a square, with what idles beneath.
-    return np.asarray(np.maximum(0.5 * outputs + 0.5 * outputs**2, 1e-6))
+        return known.expo, max(known.expo - 0.25, 0.0), min(known.expo + 0.25, 1.0)
+    return USUAL_EXPO, 0.0, 1.0
+
+
+def _thrust_share(outputs: FloatArray, expo: float) -> FloatArray:
+    """Part of each motor in the thrust."""
+    thrust = np.maximum((1.0 - expo) * outputs + expo * outputs**2, 1e-6)
+    return np.asarray(thrust / thrust.sum())
 
 
 def _geometry(record: FlightRecord, count: int) -> tuple[FloatArray | None, FloatArray | None]:
@@ -417,7 +445,7 @@ def _lag_and_delay(response: FrequencyResponse) -> tuple[float, float] | None:
     likely = misfit <= misfit[best] + inflation
     total = lags + solved[2]
     variance = float(np.linalg.inv(columns.T @ columns)[2, 2]) * inflation
-    std = math.hypot(math.sqrt(variance), 0.5 * float(np.ptp(total[likely])), _MUCH * float(total[best]))
+    std = math.hypot(math.sqrt(variance), 0.5 * float(np.ptp(total[likely])), _LAG_BIAS * float(total[best]))
     return (float(total[best]), std) if std < 0.5 * total[best] else None
 
 

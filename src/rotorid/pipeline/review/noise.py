@@ -35,6 +35,7 @@ from rotorid.spectral.noise import (
     peaks,
     short_spectra,
     unexplained,
+    unexplained_frequencies,
 )
 from rotorid.typing import FloatArray
 
@@ -541,8 +542,7 @@ def _computed_terms(record: FlightRecord, axis: str, sensors: Sequence[_Sensor],
     if controller is None:
         return {}
     window_s = min(0.5, 0.9 * _stretch_s(rate.time_s))
-    frequency = np.fft.rfftfreq(round(window_s * rate.rate_hz), 1.0 / rate.rate_hz)
-    omega = 2.0 * np.pi * np.maximum(frequency, 0.1)
+    omega = 2.0 * np.pi * np.maximum(unexplained_frequencies(rate.time_s, window_s=window_s), 0.1)
     numbers: dict[str, Quantity] = {}
     alone = replace(controller, integral=0.0, angle_1_s=0.0)
     for term in ("p", "d"):
@@ -570,14 +570,15 @@ def _shares(
     gain: FloatArray | None = None,
     window_s: float = 0.5,
 ) -> dict[str, Quantity]:
-    numbers = {}
-    for low, suffix in ((low_hz, ""), (max(low_hz, _HOT_HZ), "_above_100hz")):
-        found = unexplained(time_s, values, reference, band_hz=(low, math.inf), gain=gain, window_s=window_s)
-        if found is not None:
-            # Which part the set-point explains depends on windows and on the flight by a tenth or so.
-            std = math.hypot(found.std, 0.05 * found.rms)
-            numbers[f"{name}_noise_share{suffix}"] = _positive(found.rms, std, "1")
-    return numbers
+    bands = {"": low_hz, "_above_100hz": max(low_hz, _HOT_HZ)}
+    found = unexplained(
+        time_s, values, reference, bands_hz=[(low, math.inf) for low in bands.values()], gain=gain, window_s=window_s
+    )
+    # Which part the set-point explains depends on windows and on the flight by a tenth or so.
+    return {
+        f"{name}_noise_share{suffix}": _positive(part.rms, math.hypot(part.std, 0.05 * part.rms), "1")
+        for suffix, part in zip(bands, found or (), strict=False)
+    }
 
 
 def _untold(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Untold]:

@@ -1,0 +1,196 @@
+"""Motors, battery and thrust of simulated flights whose faults are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rotorid
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.pipeline.review.flight import flight, logger_topics, logging, vehicle
+from rotorid.pipeline.review.motors import imbalance_pattern, motors
+from rotorid.simulation.multirotor import Multirotor
+from rotorid.simulation.multirotor_flight import fly_multirotor
+from rotorid.typing import FloatArray
+from rotorid.vehicles import aircraft
+
+AHEAD_M = 0.03
+
+
+def record(columns: dict[str, FloatArray], rate_hz: float, written: str = "twin", **more: object) -> FlightRecord:
+    count = next(iter(columns.values())).size
+    time_s = np.arange(count) / rate_hz
+    channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name], source=f"twin.{name}") for name in columns)
+    topic = Topic(name="twin", time_s=time_s, channels=channels, values=np.stack(list(columns.values())))
+    status = Status(in_air=((0.0, float(time_s[-1])),), flagged_in="twin", modes=(("acro", 0.0, float(time_s[-1])),))
+    source = Source(name="twin.log", format=written, sha256="")
+    return FlightRecord(source=source, topics=(topic,), status=status, **more)  # type: ignore[arg-type]
+
+
+def heavier_ahead(body: Multirotor) -> Multirotor:
+    return replace(body, center_of_gravity_m=(AHEAD_M, 0.0, 0.0))
+
+
+def weak_motor(body: Multirotor) -> Multirotor:
+    wrench = body.wrench.copy()
+    wrench[:, 2] *= 0.75
+    return replace(body, effectiveness=wrench)
+
+
+def twisted_arm(body: Multirotor) -> Multirotor:
+    wrench = body.wrench.copy()
+    wrench[5] += 0.003
+    return replace(body, effectiveness=wrench)
+
+
+def sound(body: Multirotor) -> Multirotor:
+    return body
+
+
+@pytest.mark.parametrize(
+    ("fault", "pattern"),
+    [(sound, ""), (heavier_ahead, "center of gravity"), (weak_motor, "one motor"), (twisted_arm, "twisted arm")],
+)
+def test_a_fault_shows_in_the_outputs_of_hover(
+    fault: Callable[[Multirotor], Multirotor], pattern: str, tmp_path: Path
+) -> None:
+    craft = aircraft("x500")
+    flown = fly_multirotor(replace(craft, vehicle=fault(craft.vehicle)), None, duration_s=15.0, seed=3)
+    rotorid.write_log(tmp_path / "log.ulg", flown, format="ulg")
+    log = rotorid.read(tmp_path / "log.ulg", sandbox=False)
+
+    found, _ = motors(log)
+
+    assert found.pattern == pattern
+    assert ("motor_imbalance" in {finding.kind for finding in found.findings}) == bool(pattern)
+    if fault is heavier_ahead:
+        ahead = found.numbers["center_of_gravity_forward"]
+        arm_m = float(np.hypot(*craft.vehicle.rotors.layout.positions[0, :2]))
+        assert ahead.lower <= AHEAD_M / arm_m <= ahead.upper
+        assert ahead.upper - ahead.lower < 0.1
+    if fault is sound:
+        body = craft.vehicle
+        summary, _ = flight(log)
+        most = sum(body.rotors.thrust) * body.rotors.layout.rotors / (body.mass_kg * 9.80665)
+        assert summary.thrust_to_weight is not None
+        assert summary.thrust_to_weight.lower <= most <= summary.thrust_to_weight.upper
+        assert found.numbers["imbalance"].lower == 0.0
+
+
+def test_two_faults_at_once_are_not_named() -> None:
+    corners = np.array([[1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]])
+    spins = np.array([1.0, 1.0, -1.0, -1.0])
+
+    assert imbalance_pattern(0.1 * corners[:, 0] + 0.1 * spins, corners, spins) == ""
+
+
+def hovering(seconds: float, rate_hz: float, seed: int = 1) -> dict[str, FloatArray]:
+    """Motors, rates and attitude of a quiet hover."""
+    rng, count = np.random.default_rng(seed), round(seconds * rate_hz)
+    columns = {f"motor_{number}": 0.4 + 0.01 * rng.normal(size=count) for number in range(1, 5)}
+    columns |= {name: 0.02 * rng.normal(size=count) for name in ("p", "q", "r", "phi", "theta")}
+    return columns | {"az": np.full(count, -9.81)}
+
+
+def test_a_motor_that_loses_its_step_is_an_event() -> None:
+    columns = hovering(20.0, 200.0)
+    rows = {f"motor_speed_{number}": 800.0 + 900.0 * (columns[f"motor_{number}"] - 0.4) for number in range(1, 5)}
+    for start in (1000, 3000):
+        columns["motor_2"][start + 4 : start + 24] = 0.9
+        rows["motor_speed_2"][start + 4 : start + 24] *= 0.4
+    # A command that the motor follows is none.
+    columns["motor_3"][2000:2040] = 0.8
+    rows["motor_speed_3"][2000:2040] = 1100.0
+
+    found, untold = motors(record(columns | rows, 200.0))
+
+    assert found.events == pytest.approx((5.0, 15.0), abs=0.06)
+    assert "motor_out_of_step" in {finding.kind for finding in found.findings}
+    assert not [one for one in untold if one.what == "motors.events"]
+
+
+def test_speeds_that_are_logged_too_slowly_tell_no_event() -> None:
+    columns = hovering(30.0, 10.0)
+    columns |= {f"motor_speed_{number}": np.full(300, 800.0) for number in range(1, 5)}
+
+    _, untold = motors(record(columns, 10.0))
+
+    assert next(one.why for one in untold if one.what == "motors.events").startswith("Speeds are logged at 10 Hz")
+
+
+def test_limits_are_told_by_motor_and_axis() -> None:
+    columns = hovering(20.0, 100.0)
+    columns |= {f"{axis}_command": np.zeros(2000) for axis in ("roll", "pitch", "yaw")}
+    columns["thrust_command"] = np.full(2000, 0.4)
+    columns["motor_1"][:200] = 1.0
+    columns["roll_command"][:200] = 0.6
+
+    numbers = motors(record(columns, 100.0))[0].numbers
+
+    assert numbers["saturated_high_share"].value == pytest.approx(0.1, abs=0.001)
+    assert numbers["motor_1_high_share"].value == pytest.approx(0.1, abs=0.001)
+    assert numbers["saturated_by_roll_share"].value == pytest.approx(0.1, abs=0.001)
+    assert numbers["motor_2_high_share"].upper < 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_resistance_comes_from_volts_against_amperes(seed: int) -> None:
+    rng, columns = np.random.default_rng(seed), hovering(60.0, 50.0)
+    pulls = np.repeat(rng.uniform(5.0, 40.0, size=60), 50)
+    columns["battery_current"] = pulls + rng.normal(scale=0.5, size=3000)
+    slow = 16.0 - 0.02 * np.arange(3000) / 50.0
+    columns["battery_voltage"] = slow - 0.03 * pulls + rng.normal(scale=0.03, size=3000)
+
+    battery = flight(record(columns, 50.0))[0].battery
+
+    assert battery["resistance_ohm"].lower <= 0.03 <= battery["resistance_ohm"].upper
+    assert battery["resistance_ohm"].std < 0.1 * 0.03
+    assert battery["sag_v"].value == pytest.approx(0.03 * pulls.mean(), rel=0.1)
+
+
+def test_without_current_there_is_no_resistance() -> None:
+    columns = hovering(30.0, 50.0) | {"battery_voltage": np.linspace(16.0, 15.0, 1500)}
+
+    summary, untold = flight(record(columns, 50.0))
+
+    assert summary.battery["start_v"].value == pytest.approx(16.0, abs=0.1)
+    assert "flight.battery.resistance_ohm" in {one.what for one in untold}
+    assert summary.modes == pytest.approx({"acro": 1.0})
+
+
+def test_px4_is_told_which_topics_to_log_at_which_interval() -> None:
+    slow = record(hovering(30.0, 50.0), 50.0, "PX4 ULog", parameters={"SDLOG_PROFILE": 1.0})
+
+    review, untold = logging(slow)
+
+    assert review.rates_hz["p"] == pytest.approx(50.0)
+    assert "vehicle_angular_velocity 4" in review.topics.splitlines()
+    assert "vehicle_torque_setpoint 4" in review.topics.splitlines()
+    assert "SDLOG_PROFILE = 25" in review.change[0]
+    assert untold[0].what == "logging.rates"
+    assert "actuator_motors 0" in logger_topics(slow, wanted=["motor_1"])
+
+
+def test_a_gap_in_flight_is_told_with_its_remedy() -> None:
+    columns = hovering(30.0, 250.0)
+    whole = record(columns, 250.0, "Betaflight blackbox")
+    topic = whole.topics[0]
+    kept = (topic.time_s < 10.0) | (topic.time_s > 10.5)
+    holed = replace(whole, topics=(replace(topic, time_s=topic.time_s[kept], values=topic.values[:, kept]),))
+
+    review, _ = logging(holed)
+
+    assert review.longest_gap_s == pytest.approx(0.504, abs=0.01)
+    assert any("504 ms" in sentence or "50" in sentence for sentence in review.change)
+
+
+def test_an_unknown_vehicle_says_so() -> None:
+    found, untold = vehicle(record(hovering(30.0, 50.0), 50.0))
+
+    assert found.motors == 4
+    assert found.kind == ""
+    assert {"vehicle.kind", "vehicle.frame"} <= {one.what for one in untold}
