@@ -117,6 +117,7 @@ def unfiltered(shared_data: Path) -> list[CrossValidation[Identified]]:
     return validated(shared_data / "bebop" / "unfiltered", lambda y: grey(DELAY, y))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "bar"), GREY.items())
 def test_table_of_grey_boxes(model: str, bar: float, filtered: Path) -> None:
     found = means(validated(filtered, lambda y: grey(model, y)))
@@ -124,6 +125,7 @@ def test_table_of_grey_boxes(model: str, bar: float, filtered: Path) -> None:
     assert found.max() >= bar
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "bar"), BLACK.items())
 def test_table_of_black_boxes(order: int, bar: float, filtered: Path) -> None:
     found = means(validated(filtered, lambda y: black(order, y)))

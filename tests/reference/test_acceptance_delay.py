@@ -34,6 +34,7 @@ def test_bebop_as_measured(shared_data: Path) -> None:
     assert "acausal_output" not in {finding.kind for finding in found.findings}
 
 
+@pytest.mark.slow
 def test_bebop_filtered_is_explained(shared_data: Path) -> None:
     found = bebop(shared_data, "ident")
     explained = {finding.where for finding in found.findings if finding.kind == "acausal_output"}
@@ -103,6 +104,7 @@ def test_a_log_of_20_megabytes_has_delays(unpacked: Callable[[str], Path]) -> No
     assert delay([rotorid.read(unpacked("px4_sitl/roll.ulg"))]).pairs
 
 
+@pytest.mark.slow
 def test_a_delay_that_the_data_contradict_is_refused_and_the_other_pair_stays(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "betaflight/smooth_tune.BBL")
     found = delay([record])

@@ -44,7 +44,7 @@ class Flight(NamedTuple):
         return np.array([values[name] - self.truth[name] for name in self.start.free])
 
 
-@pytest.fixture(scope="module", params=MOTIONS)
+@pytest.fixture(scope="module", params=[pytest.param("longitudinal", marks=pytest.mark.slow), "lateral"])
 def flight(request: pytest.FixtureRequest, shared_data: Path) -> Flight:
     folder = shared_data / "s500"
     files, outputs = MOTIONS[request.param]

@@ -17,7 +17,7 @@ PREFIX_BYTES = 3_000_000
 
 LOGS = (
     "ardupilot_sitl/x_calm_roll.BIN",
-    "ardupilot/erle_brain3.BIN",
+    pytest.param("ardupilot/erle_brain3.BIN", marks=pytest.mark.slow),
     "ardupilot/beast_0036.BIN",
     "ardupilot/truncated_80k.BIN",
 )

@@ -61,6 +61,7 @@ def logs(shared_data: Path) -> list[str]:
     return logs_of(shared_data)
 
 
+@pytest.mark.slow
 def test_every_log_reads(shared_data: Path, logs: list[str]) -> None:
     silent, screened = [], []
     for log in logs:

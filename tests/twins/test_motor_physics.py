@@ -56,6 +56,7 @@ def test_physics_allows_what_was_found(found: MotorFit) -> None:
     assert yaw_range(found.parameters.values).kappa.low > 0.0
 
 
+@pytest.mark.slow
 def test_two_flights_know_more_than_one(found: MotorFit) -> None:
     records = flights(2, seed=22, duration_s=20.0)
     off = deviations(identify(*records))

@@ -19,7 +19,9 @@ MOST_LEFT_OUT = 0.10
 WEIGHTS: tuple[Weights, ...] = ("cifer", "covariance")
 
 
-@pytest.mark.parametrize("name", TWINS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "hover.longitudinal" else ()) for name in TWINS]
+)
 def test_a_flight_gives_the_truth_back_within_its_bounds(name: str) -> None:
     """Three flights of every model: no parameter is off by more than five of its standard deviations."""
     for seed in range(3):

@@ -156,6 +156,7 @@ def test_why_there_is_no_joint_response_is_said(record: FlightRecord) -> None:
     assert "no joint frequency response could be used (" in finding.message
 
 
+@pytest.mark.slow
 def test_noise_shows_no_delay() -> None:
     history = late_lag(1, DELAY_SAMPLES)
     noise = np.random.default_rng(77).normal(size=history.values.shape[1])

@@ -19,6 +19,7 @@ from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
 
 
+@pytest.mark.slow
 def test_a_search_comes_to_the_answer_of_the_local_fit(tmp_path: Path) -> None:
     log = read(flight(tmp_path / "flight.csv"))
     local = identify_motors([log], CHOICES)

@@ -38,6 +38,7 @@ def test_scatter_between_logs_comes_back() -> None:
     assert found.scatter == pytest.approx(0.5, rel=0.15)
 
 
+@pytest.mark.slow
 def test_two_flights_of_vehicles_that_differ_are_told_and_wider(tmp_path: Path) -> None:
     """The second one yaws half as much by the same motors."""
     first, second = flights(2, seed=31, duration_s=12.0)

@@ -37,7 +37,7 @@ def trial(seed: int, *, coupling: float, color: float) -> CrossTerms:
     return cross_terms(history, output="y", own="u", others=["w"], memory_s=0.5)
 
 
-@pytest.mark.parametrize("color", [0.0, 0.97])
+@pytest.mark.parametrize("color", [0.0, pytest.param(0.97, marks=pytest.mark.slow)])
 def test_chance_is_as_rare_as_stated(color: float) -> None:
     found = [trial(seed, coupling=0.0, color=color) for seed in range(SEEDS)]
     least, most = binom.interval(0.999, SEEDS, 0.1)

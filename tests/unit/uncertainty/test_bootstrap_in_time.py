@@ -126,6 +126,7 @@ def test_blocks_are_long_where_residuals_remember() -> None:
     assert block_length([np.ones((16, 1)) + 0.1 * white[:16]]) == 2
 
 
+@pytest.mark.slow
 def test_blocks_carry_the_color() -> None:
     fit, runs = flown(1, 1500, noise=0.05, memory=0.7), 100
     parts = fit.problem.parts(fit.solution.theta)
