@@ -31,11 +31,13 @@ from rotorid.pipeline.identification import identify as identify
 from rotorid.pipeline.inspection import inspect as inspect
 from rotorid.pipeline.responses import response as response
 from rotorid.pipeline.results import IdentifiedModel as IdentifiedModel
+from rotorid.pipeline.review.review import review as review
 from rotorid.pipeline.settings import IdentifySettings as IdentifySettings
 from rotorid.pipeline.settings import MeasureSettings as MeasureSettings
 from rotorid.pipeline.settings import MotorChoices as MotorChoices
 from rotorid.pipeline.settings import ResponseSettings as ResponseSettings
 from rotorid.pipeline.settings import VerifySettings as VerifySettings
+from rotorid.pipeline.several import identify_several as identify_several
 from rotorid.pipeline.simulation import simulate as simulate
 from rotorid.pipeline.verification import verify as verify
 from rotorid.plot.frequency import bode as bode

@@ -86,6 +86,9 @@ def remembered(function: Callable[Parameters, Value]) -> Callable[Parameters, Va
 
     @wraps(function)
     def answer(*arguments: Parameters.args, **named: Parameters.kwargs) -> Value:
+        if not arguments:
+            # The value came by its name, or not at all, which the function says better.
+            return function(*arguments, **named)
         value, *others = arguments
         answers = kept.setdefault(value, {})
         key = (*others, *sorted(named.items()))

@@ -96,10 +96,12 @@ def identify_several(
 
     Parameters
     ----------
-    records, settings, verify, **options
+    records, settings, verify
         As for :func:`rotorid.identify`.
     models
         Names, files or structures; ``all`` for those that the logs may support (:func:`supported_models`).
+    **options
+        Fields of :class:`rotorid.pipeline.settings.IdentifySettings`, which go before ``settings``.
 
     Returns
     -------
