@@ -15,6 +15,9 @@ from rotorid.spectral.estimate import Diagnostics as Diagnostics
 from rotorid.spectral.estimate import diagnosed_response as diagnosed_response
 from rotorid.spectral.estimate import frequency_response as frequency_response
 from rotorid.spectral.estimate import response_from as response_from
+from rotorid.spectral.impulse import ImpulseResponse as ImpulseResponse
+from rotorid.spectral.impulse import impulse_response as impulse_response
+from rotorid.spectral.impulse import step_numbers as step_numbers
 from rotorid.spectral.loops import closed_loop as closed_loop
 from rotorid.spectral.loops import error_loop as error_loop
 from rotorid.spectral.loops import feedback_controller as feedback_controller
