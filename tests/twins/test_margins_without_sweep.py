@@ -24,7 +24,7 @@ from tests.twins.everyday_flights import (
 )
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.data.record import FlightRecord, Source, Topic
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.pipeline.review.flown import flown
@@ -191,7 +191,7 @@ def test_gains_that_did_not_fly_have_no_margins(px4: FlightRecord) -> None:
         assert found is None
         (only,) = untold
         assert only.what == "margins.roll"
-        assert "do not make the logged roll command" in only.why
+        assert "the logged roll command" in only.why
         assert only.remedy
 
 
@@ -228,6 +228,31 @@ def test_a_resting_stick_leaves_what_gusts_tell(px4: FlightRecord) -> None:
         assert margin.std > 0.5
         assert abs(margin.value - 65.0) < 15.0
     assert px4.parameters
+
+
+def test_a_slew_limiter_that_acted_is_a_finding(px4: FlightRecord) -> None:
+    main = px4.topics[0]
+    factor = np.where(np.arange(main.time_s.size) % 10 == 0, 0.6, 1.0)
+    limited = Topic(
+        name="PIDR",
+        time_s=main.time_s,
+        channels=(Channel(name="roll_slew_factor", unit="1"),),
+        values=factor[None],
+    )
+    found, _ = reviewed(replace(px4, topics=(*px4.topics, limited)))
+    assert found is not None
+    (finding,) = found.findings
+    assert (finding.kind, finding.severity) == ("moving_gains", "warning")
+    assert finding.numbers["least"] == pytest.approx(0.6)
+    assert finding.numbers["share"] == pytest.approx(0.1, abs=0.01)
+
+
+def test_a_slow_log_says_how_slow(px4: FlightRecord) -> None:
+    main, *rest = px4.topics
+    slow = Topic(name=main.name, time_s=main.time_s[::10], channels=main.channels, values=main.values[:, ::10])
+    found, untold = reviewed(replace(px4, topics=(slow, *rest)))
+    assert found is None
+    assert "25 Hz" in untold[0].why
 
 
 @pytest.mark.slow

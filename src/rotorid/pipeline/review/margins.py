@@ -25,7 +25,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
-from rotorid.data.record import TimeHistory
+from rotorid.data.record import LOWEST_RATE_HZ, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.delay.estimate import AIRFRAME_ORDERS, FASTEST_GROWTH_RAD_S, LONGEST_S
@@ -64,8 +64,8 @@ NUMBERS = (
 """What is told of a broken loop, as far as the flight shows it."""
 
 PEAK_WIDER, MODEL_WIDER = 1.3, 1.6
-"""Factors of the intervals of a sensitivity peak, and of what a model tells: on flights with known truth their own held
-it in 87 % and 80 %."""
+"""Factors of the intervals of what is read off the sensitivity, and of what a model tells: on flights with known truth
+their own held it in 83 to 87 % and in 80 %."""
 
 LARGEST_CHI_SQUARE = 3.0
 """For each degree of freedom; a model that misses the plant by more says nothing of what lies beyond."""
@@ -123,28 +123,28 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
         raise _CannotError(
             f"The log holds no {' and no '.join(missing)}.", "Log the controllers' outputs and the body rates."
         )
-    throttle = usual_throttle(flight.record)
-    settings = logged_axis(flight.record, command, source=_source(flight, rate), throttle=throttle)
+    slowest_hz = min(flight.rate_hz(command), flight.rate_hz(rate))
+    if slowest_hz < LOWEST_RATE_HZ:
+        raise _CannotError(
+            f"Command and rate of {axis} are logged at {slowest_hz:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz is the least.",
+            "Log them faster: SDLOG_PROFILE with high rate (PX4), fast attitude in LOG_BITMASK (ArduPilot).",
+        )
+    ways = _ways(flight, axis)
+    histories = _histories(flight, axis, ways)
+    throttle, source = usual_throttle(flight.record), _source(histories, rate)
+    settings = logged_axis(flight.record, command, source=source, throttle=throttle)
     if settings is None:
         raise _CannotError(
             f"The log holds no gains of the {axis} controller that are known.",
             "Log the parameters (PX4, ArduPilot), or use a Betaflight of 4.0 or later.",
         )
-    ways = _ways(flight, axis)
-    histories = _histories(flight, axis, ways)
     way = max(ways, key=lambda one: _coherence(histories, one.channel, command)) if len(ways) > 1 else ways[0]
     seen = _explained(histories, axis, settings, flight, way)
     if seen is not None and not seen.holds:
-        raise _CannotError(
-            f"The gains in the log do not make the logged {axis} command: {seen.words}.",
-            "Give the log in which they flew; gains that changed in flight, or a controller with other parts, have no "
-            "margins here.",
-        )
+        raise _CannotError(*seen.refusal(axis))
     plant = _plant(flight, axis, way, histories)
     flown = _nearest(settings, seen)
-    acting = {
-        name: acting_on(flight.record, one.rate_loop, source=_source(flight, rate)) for name, one in flown.items()
-    }
+    acting = {name: acting_on(flight.record, one.rate_loop, source=source) for name, one in flown.items()}
     plant = _without_trap(plant, list(acting.values()), axis)
     model = None if way.rests else _late_lag(plant, histories[0].sample_rate_hz)
     each = {name: _numbers(plant, controller, model, rests=way.rests) for name, controller in acting.items()}
@@ -152,8 +152,9 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
     told = each[main]
     moved = _as_flown(flown[main], seen)
     if moved is not None:
-        other = _numbers(plant, acting_on(flight.record, moved.rate_loop, source=_source(flight, rate)), None)
-        told = _widened(told, other)
+        told = _widened(told, _numbers(plant, acting_on(flight.record, moved.rate_loop, source=source), None))
+    if not told.numbers:
+        raise _CannotError(told.reasons["crossover_rad_s"], _FASTER)
     review = MarginReview(
         axis=axis,
         loop=told.loop,
@@ -194,6 +195,9 @@ def _ways(flight: Flown, axis: Axis) -> list[_Way]:
     """What may tell the plant of an axis, at least one."""
     kind, channel = flight.instrument(axis)
     setpoint = f"{RATE_OF[axis]}_setpoint"
+    if flight.moving_s(f"{axis}_excitation") >= LEAST_MOTION_S:
+        # A sweep that was added to the command after all: nothing tells the plant better.
+        return [_Way("stick", f"{axis}_excitation")]
     driven = [_Way("setpoint", setpoint)] if setpoint in flight.record.channel_names else []
     moved_s = flight.moving_s(channel, flight.during(kind)) if channel else 0.0
     if moved_s >= LEAST_MOTION_S:
@@ -209,7 +213,8 @@ def _histories(flight: Flown, axis: Axis, ways: Sequence[_Way]) -> tuple[TimeHis
     """Command, rate and what else is needed on one clock."""
     rate, command = RATE_OF[axis], f"{axis}_command"
     names = flight.record.channel_names
-    held = [name for name in dict.fromkeys([*(way.channel for way in ways), f"{rate}_setpoint"]) if name in names]
+    wanted = dict.fromkeys([*(way.channel for way in ways), f"{rate}_setpoint", f"{axis}_excitation"])
+    held = [name for name in wanted if name in names]
     return flight.histories((command, rate), held=held, intervals=flight.during(ways[0].kind))
 
 
@@ -289,12 +294,21 @@ class _Explained(Immutable):
             return abs(own.slope - 1.0) <= _SAME_TERM and own.correlation >= _ALIKE and self.whole.slope > 0.0
         return abs(self.whole.slope - 1.0) <= _SAME_COMMAND and self.whole.correlation >= _ALIKE
 
-    @property
-    def words(self) -> str:
+    def refusal(self, axis: Axis) -> tuple[str, str]:
+        """Why the gains do not count as those that flew, and what would help."""
         name, one = ("its P term", self.terms["p"]) if "p" in self.terms else ("it", self.whole)
+        if one.correlation < _ALIKE:
+            return (
+                f"Set-point, rate and the gains in the log explain the logged {axis} command with a correlation of "
+                f"{one.correlation:.2f} only, where {_ALIKE:g} is needed to take them for those that flew.",
+                f"{_MOVE} Log faster. Gains that changed in flight, or a controller with other parts, have no margins "
+                "here.",
+            )
         return (
-            f"{name} is {one.slope:.2f} times what set-point, rate and gains make, with a correlation of "
-            f"{one.correlation:.2f}"
+            f"The gains in the log do not make the logged {axis} command: {name} is {one.slope:.2f} times what "
+            "set-point, rate and gains make.",
+            "Give the log in which they flew. Gains that changed in flight, or a controller with other parts, have no "
+            "margins here.",
         )
 
 
@@ -321,13 +335,15 @@ def _explained(
     if not omega.size:
         return None
     r, y, u = (_spectra(histories, name)[:, inside] for name in (setpoint, rate, command))
+    if f"{axis}_excitation" in histories[0].names:
+        u = u - _spectra(histories, f"{axis}_excitation")[:, inside]
     made = (
         own.setpoint_response(omega) * r
-        - acting_on(flight.record, own, source=_source(flight, rate)).response(omega) * y
+        - acting_on(flight.record, own, source=_source(histories, rate)).response(omega) * y
     )
     # What is fed forward from the stick goes with the slope of the set-point.
     ahead = [1j * omega * r] if settings.autopilot == BETAFLIGHT else []
-    return _Explained(whole=_regressed(u, [made, *ahead]))
+    return _Explained(whole=_regressed(u, [made, *ahead], r))
 
 
 def _by_terms(logged: Sequence[TimeHistory], axis: Axis, own: RateController) -> _Explained | None:
@@ -349,8 +365,8 @@ def _by_terms(logged: Sequence[TimeHistory], axis: Axis, own: RateController) ->
     paths = {one: part.response(omega) * (r - y) for one, part in of_error.items() if part is not None}
     if own.derivative_s2 > 0.0:
         paths["d"] = -own.derivative_response(omega) * y
-    found = {one: _regressed(terms[one], [path]) for one, path in paths.items() if one in terms}
-    return _Explained(whole=_regressed(u, [sum(terms.values(), start=np.zeros_like(u))]), terms=found)
+    found = {one: _regressed(terms[one], [path], r) for one, path in paths.items() if one in terms}
+    return _Explained(whole=_regressed(u, [sum(terms.values(), start=np.zeros_like(u))], r), terms=found)
 
 
 def _as_logged(flight: Flown, needed: Sequence[str], way: _Way) -> list[TimeHistory]:
@@ -386,14 +402,24 @@ def _band(histories: Sequence[TimeHistory]) -> tuple[FloatArray, BoolArray]:
     return omega[inside], inside
 
 
-def _regressed(signal: ComplexArray, paths: Sequence[ComplexArray]) -> _Term:
-    """Real slope of the first path, with the others beside it, and the correlation of what all make."""
-    columns = np.stack([np.concatenate([one.real.ravel(), one.imag.ravel()]) for one in paths], axis=1)
-    target = np.concatenate([signal.real.ravel(), signal.imag.ravel()])
+def _regressed(signal: ComplexArray, paths: Sequence[ComplexArray], by: ComplexArray) -> _Term:
+    r"""Real slope of the first path, with the others beside it, and the correlation of what all make.
+
+    All are taken as far as they go with the set-point, :math:`\overline{R^* X} / \sqrt{\overline{|R|^2}}` over the
+    windows: noise that a slow log folds down is in the command and not in what is made of its rate.
+    """
+    size = np.sqrt(np.mean(np.abs(by) ** 2, axis=0))
+    size[size == 0.0] = 1.0
+
+    def along(values: ComplexArray) -> FloatArray:
+        shared = np.mean(by.conj() * values, axis=0) / size
+        return np.concatenate([shared.real, shared.imag])
+
+    columns, target = np.stack([along(one) for one in paths], axis=1), along(signal)
     slopes = np.linalg.lstsq(columns, target, rcond=None)[0]
     made = columns @ slopes
-    size = float(np.linalg.norm(made) * np.linalg.norm(target))
-    return _Term(float(slopes[0]), float(made @ target) / size if size > 0.0 else 0.0)
+    both = float(np.linalg.norm(made) * np.linalg.norm(target))
+    return _Term(float(slopes[0]), float(made @ target) / both if both > 0.0 else 0.0)
 
 
 def _lines(histories: Sequence[TimeHistory]) -> FloatArray:
@@ -472,7 +498,7 @@ def _numbers(
         numbers["sensitivity_peak"] = Quantity.normal(peak.value, PEAK_WIDER * peak.std, "1")
     if rejection.bandwidth_rad_s is not None:
         wide = rejection.bandwidth_rad_s
-        numbers["disturbance_rejection_rad_s"] = Quantity.normal(wide.value, wide.std, "rad/s")
+        numbers["disturbance_rejection_rad_s"] = Quantity.normal(wide.value, PEAK_WIDER * wide.std, "rad/s")
     beyond = {} if model is None else model.numbers(controller)
     by_model = tuple(name for name in beyond if name not in numbers)
     numbers |= {name: beyond[name] for name in by_model}
@@ -570,7 +596,8 @@ def _widened(told: _Told, other: _Told) -> _Told:
 # What a model says beyond.
 
 _FEWEST_POINTS = 8
-_ORDERS = (*AIRFRAME_ORDERS, Order(0, 3), Order(1, 3))
+_ORDERS = (*AIRFRAME_ORDERS, Order(0, 3))
+_WIDEST_HOLE = 3
 _DELAYS_S = (0.0, 0.003, 0.006, 0.01, 0.015, 0.025, 0.04)
 _TRIED = 2
 _DRAWS, _SEED = 200, 20
@@ -578,6 +605,15 @@ _GRID_POINTS = 500
 _BEYOND_RATIO = 6.0
 _MOST_OF_RATE = 0.45
 _LEAST_SHARE = 0.9
+_NEAR = 1.5
+_FAR = ("gain_margin_db", "sensitivity_peak")
+_UNITS: Mapping[str, str] = {
+    "crossover_rad_s": "rad/s",
+    "phase_margin_deg": "deg",
+    "delay_margin_s": "s",
+    "gain_margin_db": "dB",
+    "sensitivity_peak": "1",
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -590,17 +626,18 @@ class _Model(Immutable):
     band_rad_s: tuple[float, float]
 
     def numbers(self, controller: LoggedController) -> dict[str, Quantity]:
-        """Gain margin and peak of the sensitivity, as far as the model has them."""
+        """What the model says of the loop, as far as it has it; of a crossover only near the band."""
         top = _BEYOND_RATIO * self.band_rad_s[1]
         if controller.controller.step_s > 0.0:
             top = min(top, _MOST_OF_RATE * 2.0 * math.pi / controller.controller.step_s)
         omega = np.geomspace(max(self.band_rad_s[0], 1.0), top, _GRID_POINTS)
         C = controller.response(omega)
-        best, *drawn = [_read(self.lag.response(theta, omega)[0] * C) for theta in (self.theta, *self.draws)]
+        best, *drawn = [_read(omega, self.lag.response(theta, omega)[0] * C) for theta in (self.theta, *self.draws)]
         return {
             name: quantity
-            for name, unit in (("gain_margin_db", "dB"), ("sensitivity_peak", "1"))
+            for name, unit in _UNITS.items()
             if name in best
+            and (name in _FAR or best.get("crossover_rad_s", math.inf) <= _NEAR * self.band_rad_s[1])
             and (quantity := _drawn(best[name], [one[name] for one in drawn if name in one], unit)) is not None
         }
 
@@ -613,16 +650,24 @@ def _drawn(value: float, draws: Sequence[float], unit: str) -> Quantity | None:
     below, above = max(value - float(low), 0.0), max(float(high) - value, 0.0)
     return Quantity(
         value=value,
-        std=MODEL_WIDER * float(np.std(draws)),
+        std=MODEL_WIDER * float(high - low) / (2.0 * TWO_SIDED_95),
         lower=value - MODEL_WIDER * below,
         upper=value + MODEL_WIDER * above,
         unit=unit,
     )
 
 
-def _read(loop: ComplexArray) -> dict[str, float]:
-    """Gain margin and peak of the sensitivity of exact values on a close grid."""
+def _read(omega_rad_s: FloatArray, loop: ComplexArray) -> dict[str, float]:
+    """Margins of exact values on a close grid, as far as they are there."""
     found = {"sensitivity_peak": float(1.0 / np.abs(1.0 + loop).min())}
+    falls = np.flatnonzero((np.abs(loop[:-1]) > 1.0) & (np.abs(loop[1:]) <= 1.0))
+    for k in falls[-1:]:
+        share = math.log(abs(loop[k])) / math.log(abs(loop[k]) / abs(loop[k + 1]))
+        omega = float(omega_rad_s[k] * (omega_rad_s[k + 1] / omega_rad_s[k]) ** share)
+        margin = float(np.angle(-loop[k]) + share * np.angle(loop[k + 1] / loop[k]))
+        found["crossover_rad_s"] = omega
+        if margin > 0.0:
+            found |= {"phase_margin_deg": math.degrees(margin), "delay_margin_s": margin / omega}
     passes = (loop.imag[:-1] < 0.0) & (loop.imag[1:] >= 0.0) & (loop.real[:-1] < 0.0)
     for k in np.flatnonzero(passes):
         share = loop.imag[k] / (loop.imag[k] - loop.imag[k + 1])
@@ -636,6 +681,7 @@ def _read(loop: ComplexArray) -> dict[str, float]:
 def _late_lag(plant: FrequencyResponse, sample_rate_hz: float) -> _Model | None:
     """A lag with a delay that explains the plant, or ``None`` where none does."""
     used = (plant.random_error <= LARGEST_ERROR) & (plant.coherence >= LEAST_COHERENCE)
+    used[0, 0] &= _together(used[0, 0])
     if np.count_nonzero(used) < _FEWEST_POINTS:
         return None
     points = ResponsePoints.of(plant, used, (0, 0))
@@ -659,6 +705,19 @@ def _late_lag(plant: FrequencyResponse, sample_rate_hz: float) -> _Model | None:
         draws=_draws(best),
         band_rad_s=(float(points.omega_rad_s[0]), float(points.omega_rad_s[-1])),
     )
+
+
+def _together(used: BoolArray) -> BoolArray:
+    """The longest stretch of points with no more than two missing in between.
+
+    Single points far above the rest pass for coherent by chance, and lie by far more off than they say.
+    """
+    rows = np.flatnonzero(used)
+    kept = np.zeros_like(used)
+    if rows.size:
+        runs = np.split(rows, np.flatnonzero(np.diff(rows) > _WIDEST_HOLE) + 1)
+        kept[max(runs, key=len)] = True
+    return kept
 
 
 def _fit(problem: ResponseFit) -> OrderFit:
@@ -742,6 +801,7 @@ def _remarks(flight: Flown, axis: Axis, settings: AxisController, seen: _Explain
     return found
 
 
-def _source(flight: Flown, channel: str) -> str:
-    """Where a channel stands in the log, as the longest flight has it."""
-    return next((one.source for topic in flight.record.topics for one in topic.channels if one.name == channel), "")
+def _source(histories: Sequence[TimeHistory], channel: str) -> str:
+    """Where a channel stands in the log, as the longest stretch has it."""
+    longest = max(histories, key=lambda history: history.duration_s)
+    return next((one.source for one in longest.channels if one.name == channel), "")
