@@ -27,6 +27,7 @@ from rotorid.pipeline.summary import (
     BootstrapSummary,
     Checks,
     Compared,
+    ControllerSettings,
     Correlation,
     Cost,
     CrossValidationSummary,
@@ -109,6 +110,7 @@ class ResultDocument(Document):
     cross_validation: CrossValidationSummary | None = None
     identifiability: list[UnseenCombination] = Field(default_factory=list)
     motors: MotorPhysics | None = None
+    controller: ControllerSettings | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
 
@@ -149,6 +151,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         cross_validation=model.cross_validation,
         identifiability=list(model.combinations),
         motors=model.motors,
+        controller=model.controller,
         findings=[FindingDocument.model_validate(finding) for finding in model.findings],
         provenance=ProvenanceDocument.model_validate(model.provenance),
     )
@@ -280,6 +283,7 @@ def identified_model(
         covered=document.covered,
         combinations=tuple(document.identifiability),
         motors=document.motors,
+        controller=document.controller,
         cross_validation=document.cross_validation,
         findings=tuple(Finding(**finding.model_dump()) for finding in document.findings),
         provenance=_provenance(document.provenance),

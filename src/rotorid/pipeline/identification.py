@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.models.autopilots.reading import axis_controller
+from rotorid.models.autopilots.settings import described
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motor_method import Motors
@@ -18,7 +20,7 @@ from rotorid.pipeline.preparation.resolve import answers_setpoints, resolve_mode
 from rotorid.pipeline.provenance import provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
 from rotorid.pipeline.settings import MODEL, IdentifySettings, MotorChoices, as_records, as_settings, motor_choices
-from rotorid.pipeline.summary import ParameterEstimate, UnseenCombination
+from rotorid.pipeline.summary import ControllerSettings, ParameterEstimate, UnseenCombination
 
 DataT = TypeVar("DataT", bound=Prepared)
 FittedT = TypeVar("FittedT", bound=Fitted)
@@ -105,6 +107,7 @@ def identify_by(
             UnseenCombination(words=found.words(), vector=dict(found.vector)) for found in told.combinations
         ),
         motors=told.motors,
+        controller=controller_settings(records),
         findings=worst_first(
             [
                 *(finding for record in (*records, *verify) for finding in record.findings),
@@ -121,6 +124,19 @@ def identify_by(
             sources=data.sources,
         ),
     )
+
+
+def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings | None:
+    """The controller of roll, pitch and yaw of the first log that says anything of one."""
+    for record in records:
+        found = [
+            one
+            for axis in ("roll", "pitch", "yaw")
+            if (one := axis_controller(record.parameters, axis, firmware=record.source.firmware)) is not None
+        ]
+        if found:
+            return ControllerSettings(**described(found))
+    return None
 
 
 def _require_numbers(model: str, parameters: Mapping[str, ParameterEstimate]) -> None:

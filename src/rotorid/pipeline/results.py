@@ -24,6 +24,7 @@ from rotorid.models.toml import to_toml
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.summary import (
     Checks,
+    ControllerSettings,
     CrossValidationSummary,
     DelayBudget,
     Fit,
@@ -214,6 +215,8 @@ class IdentifiedModel(Immutable):
         Parameters that the data cannot tell apart.
     motors
         Rotors and thrust, of ``physical.motors``.
+    controller
+        What the first log says of the controller that flew.
     cross_validation
         Where one was asked for.
     findings
@@ -244,6 +247,7 @@ class IdentifiedModel(Immutable):
     covered: Mapping[str, Range] = field(default_factory=dict)
     combinations: tuple[UnseenCombination, ...] = ()
     motors: MotorPhysics | None = None
+    controller: ControllerSettings | None = None
     cross_validation: CrossValidationSummary | None = None
     findings: tuple[Finding, ...] = ()
 

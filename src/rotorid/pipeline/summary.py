@@ -155,6 +155,27 @@ class InertiaEstimate:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class ControllerSettings:
+    """The controller that flew, by the names and values of its firmware.
+
+    Parameters
+    ----------
+    autopilot, firmware
+        As the log has them.
+    loop_rate_hz
+        Steps per second; ``None`` where the log does not say.
+    gains, filters
+        Parameters of the rate and angle loops, and of the filters in them.
+    """
+
+    autopilot: str
+    firmware: str
+    loop_rate_hz: float | None
+    gains: dict[str, float]
+    filters: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class MotorPhysics:
     """Motors, rotors and thrust of a fit of ``physical.motors``.
 
