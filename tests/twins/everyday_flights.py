@@ -331,6 +331,34 @@ def hover_truth(vehicle: str, gain: float) -> tuple[ComplexArray, ComplexArray, 
     return rate / asked, rate / command, np.concatenate([[0.0], time_s]), np.concatenate([[0.0], answer])
 
 
+@cache
+def hover_delay(vehicle: str, gain: float, name: str) -> float:
+    """Time to half of a small step of roll angle (``phi``) or yaw rate (``r``) about hover, without outer loops."""
+    craft = replace(craft_of(vehicle, gain), sensors=PERFECT)
+    rate_hz, angle_1_s = craft.autopilot.rate_hz, craft.autopilot.angle_1_s
+    if name == "r":
+        angle_1_s = (angle_1_s[0], angle_1_s[1], 0.0)
+    guidance = replace(craft.autopilot.guidance, hold_velocity=False)
+    free = replace(craft, autopilot=replace(craft.autopilot, angle_1_s=angle_1_s, guidance=guidance))
+    size = 0.03
+    held = PlannedInput(
+        axis="yaw" if name == "r" else "roll",
+        shape="doublet",
+        start_s=0.5,
+        values=np.full(round(3.0 * rate_hz), size),
+        sample_rate_hz=rate_hz,
+        amplitude=size,
+        entry="rate_setpoint" if name == "r" else "attitude_setpoint",
+    )
+    stepped = fly_multirotor(free, FlightPlan(name="step", inputs=(held,), trim_s=0.0), seed=0)
+    asked, answer = stepped.columns[f"{name}_setpoint"], stepped.columns[name]
+    first = int(np.flatnonzero(np.abs(asked - asked[0]) > 0.5 * size)[0])
+    share = (answer[first:] - answer[first - 1]) / (asked[first] - asked[first - 1])
+    past = int((share >= 0.5).argmax())
+    between = (0.5 - share[past - 1]) / (share[past] - share[past - 1])
+    return float((past - 1 + between + 0.5) / rate_hz)
+
+
 def truth_of(case: Case) -> Truth:
     """What was true along the flight of a case."""
     closed, plant, time_s, step = hover_truth(case.vehicle, case.gain)

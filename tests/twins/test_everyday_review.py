@@ -12,7 +12,10 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from tests.twins.everyday_flights import Case, Score, cases, scores
+from tests.twins.everyday_flights import Case, Score, cases, fly, hover_delay, record_of, scores
+
+from rotorid.pipeline.review.flown import flown
+from rotorid.pipeline.review.loops import LOOPS, loop_of
 
 PLANNED: Mapping[str, tuple[str, float]] = {
     "rise_time_s": ("relative", 0.05),
@@ -109,6 +112,25 @@ def test_an_ordinary_flight_tells_its_loop(case: Case) -> None:
         assert one.told == 1, name
         assert one.right == 1, (name, found[name])
     assert np.median([one.half_width for one in told.values()]) < WIDEST
+
+
+SLOWER = [
+    Case(vehicle=vehicle, gain=gain, wind_m_s=wind_m_s, level=0.5, duration_s=90.0, seed=40 + number)
+    for number, (vehicle, gain) in enumerate({"px4_quad": 1.0, "x500": 1.0, "ardupilot_quad": 0.5}.items())
+    for wind_m_s in (0.0, 4.0)
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", SLOWER, ids=lambda case: f"{case.vehicle}, {case.wind_m_s:g} m/s")
+@pytest.mark.parametrize("name", ["r", "phi"])
+def test_delays_of_attitude_and_yaw_loops(case: Case, name: str) -> None:
+    """Within 3 %, or inside the interval; the truth is that of hover."""
+    loop = next(one for one in LOOPS if one.name == name)
+    seen, untold = loop_of(flown(record_of(case, fly(case))), loop)
+    assert seen is not None, untold
+    told, truth = seen.numbers["delay_s"], hover_delay(case.vehicle, case.gain, name)
+    assert abs(told.value - truth) <= 0.03 * truth or told.lower <= truth <= told.upper, (told, truth)
 
 
 @pytest.fixture(scope="module")
