@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from rotorid.cli.console import progress, tell
 from rotorid.cli.logs import logs_in
 from rotorid.cli.options import Logs, Map, Only, Output
 from rotorid.errors import UsageError
@@ -73,8 +74,10 @@ def inspect_command(
         from rotorid.report.files import result_kind
 
         target = target_folder(out, out, result_kind(FILE), force=output.force)
-    record = read(log, mapping=map)
-    inspection = inspect(record)
+    with progress(quiet=output.quiet):
+        record = read(log, mapping=map)
+        tell("inspecting")
+        inspection = inspect(record)
     if plot is not None:
         write_inspection(plot, record, inspection)
     if out is not None:

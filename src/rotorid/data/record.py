@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -289,7 +290,7 @@ class Topic(Immutable):
         """Row of the channel ``name``, or ``None``."""
         return next((index for index, channel in enumerate(self.channels) if channel.name == name), None)
 
-    @property
+    @cached_property
     def sample_rate_hz(self) -> float:
         """Median rate of the stamps; zero for fewer than two samples."""
         return _median_rate_hz(self.time_s)

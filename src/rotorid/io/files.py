@@ -3,17 +3,17 @@
 Compressed logs (``.gz``, ``.xz``, ``.bz2``, ``.zip``) are unpacked to a temporary file. Bytes of a large file are
 collected from anywhere in it without a copy of the rest.
 
-No record keeps where on Earth a log was made, nor the number of a board: channels are relative by their names (`north`,
-`east` and `down` count from the origin of the autopilot's estimator), and :func:`without_places` takes homes, launch
-sites, declinations and serial numbers out of the parameters.
+No record keeps where on Earth a log was made: channels are relative by their names (`north`, `east` and `down` count
+from the origin of the autopilot's estimator), and :mod:`rotorid.io.parameters` says which parameters are kept.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import logging
 import lzma
-import re
+import mmap
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -275,6 +275,28 @@ def _copy(stream: IO[bytes], out: IO[bytes], path: Path, limits: UnpackLimits) -
         out.write(chunk)
 
 
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def tell_progress(done: int, total: int) -> None:
+    """Say how far a file has been read, in bytes; nobody is told of small ones."""
+    if total > _TOLD_BYTES:
+        _PROGRESS.info(f"reading, {100 * done // total} %", extra={"done": done, "total": total})
+
+
+def let_go(data: AnyArray) -> None:
+    """Give the memory back that looking at a mapped file has taken; what is looked at again is loaded again."""
+    base: Any = data
+    while isinstance(base, np.ndarray | memoryview):
+        base = base.base if isinstance(base, np.ndarray) else base.obj
+    if isinstance(base, mmap.mmap) and len(base) > _LET_GO_BYTES and hasattr(mmap, "MADV_DONTNEED"):
+        base.madvise(mmap.MADV_DONTNEED)
+
+
+_TOLD_BYTES = 32 << 20
+_LET_GO_BYTES = 16 << 20
+"""So much of a mapped file may be in memory at once."""
+
 PART = 1 << 13
 """Places read at once: what stands around them fits into the cache, so that many values cost little more than one."""
 
@@ -325,6 +347,18 @@ def gather(data: AnyArray, positions: IntArray, places: Sequence[Place]) -> list
     return gathered
 
 
+def _parts(positions: IntArray) -> Iterator[slice]:
+    """Positions that are read at once: not too many, and not too far from each other."""
+    begin = 0
+    while begin < positions.size:
+        end = min(begin + PART, positions.size)
+        reach = int(positions[begin]) + _LET_GO_BYTES
+        if int(positions[end - 1]) > reach:
+            end = max(begin + int(np.searchsorted(positions[begin:end], reach)), begin + 1)
+        yield slice(begin, end)
+        begin = end
+
+
 def gather_into(targets: Sequence[AnyArray], data: AnyArray, positions: IntArray, places: Sequence[Place]) -> None:
     """Do as `gather` does, but convert the values to the types of arrays that are there already and fill these."""
     if not positions.size or not places:
@@ -339,31 +373,11 @@ def gather_into(targets: Sequence[AnyArray], data: AnyArray, positions: IntArray
         offset=first,
         strides=(1,),
     )
-    for begin in range(0, positions.size, PART):
-        part = slice(begin, begin + PART)
+    looked_at = int(positions[0])
+    for part in _parts(positions):
+        if int(positions[part.stop - 1]) - looked_at > _LET_GO_BYTES:
+            let_go(data)
+            looked_at = int(positions[part.start])
         rows = overlapping[positions[part]].view(np.uint8).reshape(-1, width)
         for values, (offset, dtype) in zip(targets, places, strict=True):
             values[part] = rows[:, offset - first : offset - first + dtype.itemsize].view(dtype)[:, 0]
-
-
-_PLACE = re.compile(
-    r"(^|_)(LAT|LON|LNG|LATITUDE|LONGITUDE|OPOS|ORIG|ORIGIN|HOME)\d*(_|$)"
-    r"|(^|_)MAG_DECL(_|$)|^COMPASS_DEC$|^SIH_LOC_|^BCN_ALT$"
-)
-_OWNER = re.compile(r"(^|_)(SERIAL_NUM|UUID)(_|$)")
-
-
-def without_places(parameters: Mapping[str, float]) -> dict[str, float]:
-    """The parameters that say neither where on Earth the flight was, nor which board flew.
-
-    Parameters
-    ----------
-    parameters
-        Name to value, as any autopilot names them.
-
-    Examples
-    --------
-    >>> without_places({"SIH_LOC_LAT0": 47.4, "SIM_OPOS_LNG": 149.2, "BRD_SERIAL_NUM": 7.0, "MOT_THST_EXPO": 0.65})
-    {'MOT_THST_EXPO': 0.65}
-    """
-    return {name: value for name, value in parameters.items() if not _PLACE.search(name) and not _OWNER.search(name)}

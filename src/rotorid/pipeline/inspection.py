@@ -15,7 +15,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, remark, warn, worst_first
-from rotorid.data.record import AXES, LOWEST_RATE_HZ, FlightRecord, Maneuver, Topic
+from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.io.advice import flying_advice, logging_advice
 from rotorid.models.library import RATE_AXES
@@ -389,7 +389,7 @@ def inspect(record: FlightRecord) -> Inspection:
         start_s=record.start_s,
         stop_s=record.stop_s,
         parameters=len(record.parameters),
-        channels=tuple(_channel(topic, row) for topic in record.topics for row in range(len(topic.channels))),
+        channels=tuple(channel for topic in record.topics for channel in _channels(topic)),
         excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
         supports=supports(record, found, candidates),
         findings=worst_first((*record.findings, *_still(record), *remarks, *consistency.findings)),
@@ -467,9 +467,13 @@ def _gaps(time_s: FloatArray) -> IntArray:
     return np.flatnonzero(steps > _GAP_STEPS * usual) if usual > 0.0 else np.empty(0, dtype=np.int64)
 
 
-def _channel(topic: Topic, row: int) -> LoggedChannel:
+def _channels(topic: Topic) -> Iterator[LoggedChannel]:
     gaps = np.diff(topic.time_s)[_gaps(topic.time_s)]
-    channel = topic.channels[row]
+    for channel in topic.channels:
+        yield _channel(topic, channel, gaps)
+
+
+def _channel(topic: Topic, channel: Channel, gaps: FloatArray) -> LoggedChannel:
     return LoggedChannel(
         name=channel.name,
         unit=channel.unit,

@@ -183,10 +183,14 @@ def _inside(time_s: FloatArray, intervals: Intervals) -> BoolArray:
 def _speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
     """Rms over half a second of body rates, or of what else moves, without vibration, shape ``(samples,)``."""
     step_s = float(np.median(np.diff(time_s)))
-    calm = _moving_mean(rates, max(int(_VIBRATION_S / step_s), 1))
-    mean_square = _moving_mean(calm**2, max(int(_WINDOW_S / step_s), 1))
-    speed: FloatArray = np.sqrt(np.maximum(mean_square, 0.0).sum(axis=0))
-    return speed
+    square = np.zeros(time_s.size)
+    # One axis after the other: of a long log, all of them at once would take a good part of the memory.
+    for axis in rates:
+        calm = _moving_mean(axis[np.newaxis], max(int(_VIBRATION_S / step_s), 1))
+        calm *= calm
+        mean = _moving_mean(calm, max(int(_WINDOW_S / step_s), 1))[0]
+        square += np.maximum(mean, 0.0, out=mean)
+    return np.sqrt(square)
 
 
 def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, BoolArray | None, str]:
@@ -259,7 +263,8 @@ def _usual(thrust: FloatArray) -> float:
 
 def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
     """Where sensors move as in flight; everywhere, when they never rest."""
-    window = max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2)
+    # Stamps in bursts, most of them a microsecond apart, ask for a window longer than the log.
+    window = min(max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2), time_s.size)
     mean, square = (_moving_mean(power, window) for power in (values, values**2))
     # Sensors of both kinds count alike, each in units of its own spread over the record.
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))

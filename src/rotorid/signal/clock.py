@@ -7,7 +7,7 @@ samples that they were.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -350,42 +350,48 @@ def _sampled(series: Mapping[str, tuple[FloatArray, FloatArray]], clock_s: Float
     found = np.empty((len(channels), clock_s.size))
     for rows in together.values():
         time_s = channels[rows[0]][0]
-        found[rows] = _sample(time_s, np.stack([channels[row][1] for row in rows]), clock_s, rate_hz)
+        sampled = _sample(time_s, [channels[row][1] for row in rows], clock_s, rate_hz)
+        for row, values in zip(rows, sampled, strict=True):
+            found[row] = values
     return found
 
 
-def _sample(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float) -> FloatArray:
+def _sample(
+    time_s: FloatArray, rows: Sequence[FloatArray], clock_s: FloatArray, rate_hz: float
+) -> Iterator[FloatArray]:
     margin = 50.0 / rate_hz
     inside = slice(
         max(int(np.searchsorted(time_s, clock_s[0] - margin)) - 1, 0),
         int(np.searchsorted(time_s, clock_s[-1] + margin)) + 1,
     )
-    time_s, values = time_s[inside], values[:, inside]
+    time_s, rows = time_s[inside], [row[inside] for row in rows]
     factor = round(1.0 / (even_step_s(time_s) * rate_hz)) if time_s.size > 1 else 1
     if factor < 2:
-        return _spline(time_s, values, clock_s)
-    return _thinned(time_s, values, clock_s, rate_hz, factor)
+        return _spline(time_s, rows, clock_s)
+    return _thinned(time_s, rows, clock_s, rate_hz, factor)
 
 
-def _spline(time_s: FloatArray, values: FloatArray, clock_s: FloatArray) -> FloatArray:
+def _spline(time_s: FloatArray, rows: Sequence[FloatArray], clock_s: FloatArray) -> Iterator[FloatArray]:
+    """One channel after the other, as far as they need no common equations: long logs fill the memory."""
     nearest = np.clip(np.searchsorted(time_s, clock_s - _SAME_STAMP_S), 0, time_s.size - 1)
     if np.abs(time_s[nearest] - clock_s).max() <= _SAME_STAMP_S:
-        return np.asarray(values[:, nearest])
+        return (row[nearest] for row in rows)
     from scipy.interpolate import CubicSpline
 
-    return np.asarray(CubicSpline(time_s, values, axis=1)(clock_s))
+    return iter(np.asarray(CubicSpline(time_s, np.stack(rows), axis=1)(clock_s)))
 
 
-def _thinned(time_s: FloatArray, values: FloatArray, clock_s: FloatArray, rate_hz: float, factor: int) -> FloatArray:
+def _thinned(
+    time_s: FloatArray, rows: Sequence[FloatArray], clock_s: FloatArray, rate_hz: float, factor: int
+) -> Iterator[FloatArray]:
     """Sample ``factor`` times too fast, low-pass without phase, keep every ``factor``-th sample."""
     reach = 20 * factor
     # Blackman: a ripple of 0.02 % from zero to 0.65 of the new Nyquist frequency, where Hamming's would be 0.4 %.
     taps = np.sinc(0.8 / factor * np.arange(-reach, reach + 1)) * np.blackman(2 * reach + 1)
     taps /= taps.sum()
     fast = clock_s[0] + np.arange(-reach, clock_s.size * factor + reach) / (rate_hz * factor)
-    fine = _spline(time_s, values, np.clip(fast, time_s[0], time_s[-1]))
-    smooth = [np.convolve(channel, taps, mode="valid")[: clock_s.size * factor : factor] for channel in fine]
-    return np.stack(smooth)
+    for channel in _spline(time_s, rows, np.clip(fast, time_s[0], time_s[-1])):
+        yield np.convolve(channel, taps, mode="valid")[: clock_s.size * factor : factor]
 
 
 def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:

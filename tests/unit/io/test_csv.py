@@ -9,6 +9,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
+from rotorid.io.tables import csv as csv_tables
 from rotorid.io.tables.csv import read, sniff, write_csv
 from rotorid.io.tables.mapping import parse_mapping
 
@@ -112,3 +113,49 @@ def test_a_writer_refuses_what_a_reader_would_not_know(tmp_path: Path) -> None:
         write_csv(tmp_path / "a.csv", np.zeros(2), {"pich_command": np.zeros(2)})
     with pytest.raises(ValueError, match="q: "):
         write_csv(tmp_path / "a.csv", np.zeros(2), {"q": np.zeros(3)})
+
+
+def _as_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small files go the way of large ones, in pieces of a few lines."""
+    monkeypatch.setattr(csv_tables, "_LARGE_BYTES", 0)
+    monkeypatch.setattr(csv_tables, "_PIECE_BYTES", 100)
+
+
+def test_large_files_have_the_bits_of_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(4)
+    values = rng.normal(size=(300, 3)) * 10.0 ** rng.integers(-30, 30, (300, 3))
+    forms = ("{:.7g}", "{!r}", " {:.3e} ", "{:+.12f}", "{:.1E}", "{:.0f}.")
+    rows = [[forms[(i + j) % 6].format(float(v)) for j, v in enumerate(row)] for i, row in enumerate(values)]
+    path = tmp_path / "log.csv"
+    path.write_text("p,q,r\n" + "\r\n".join(",".join(row) for row in rows[:99]) + "\n\n \r\n")
+    with path.open("a") as log:
+        log.write("\n".join(",".join(row) for row in rows[99:]))
+    _as_large(monkeypatch)
+    table = csv_tables._large_table(path, path.name, ["p", "q", "r"], [0, 2], ",", 2)
+    assert table is not None
+    np.testing.assert_array_equal(table, [[float(row[0]), float(row[2])] for row in rows])
+
+
+@pytest.mark.parametrize("spoiled", ["1.0,x", "1.0,nan", "1.0", "1.0,2.0,3.0", "1.0,", "1.0,1e999"])
+def test_large_files_are_refused_by_the_same_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spoiled: str
+) -> None:
+    path = tmp_path / "log.csv"
+    lines = [f"{0.01 * k:.2f},{k}" for k in range(100)]
+    lines[70] = spoiled
+    path.write_text("\ntime [s],p [rad/s]\n" + "\n".join(lines) + "\n")
+    said = []
+    for large in (False, True):
+        if large:
+            _as_large(monkeypatch)
+        with pytest.raises(LogError, match="line 73") as caught:
+            read(path, SOURCE)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+
+
+def test_quoted_cells_of_large_files_are_read_the_slow_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time [s],p [rad/s]\n" + "".join(f'{0.01 * k:.2f},"{k}"\n' for k in range(100)))
+    _as_large(monkeypatch)
+    assert read(path, SOURCE).topics[0].values[0].tolist() == list(range(100))

@@ -21,7 +21,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import LogError, UsageError
-from rotorid.io.files import gather, gather_into
+from rotorid.io.files import gather, gather_into, let_go, tell_progress
 from rotorid.typing import AnyArray, BoolArray, FloatArray, IntArray
 
 HEADER_BYTES = 3
@@ -395,6 +395,8 @@ def _sections(log: AnyArray, definitions: Definitions) -> Iterator[tuple[IntArra
     """Messages of the chain and gaps, section by section; each ends in front of a message that is sure to belong."""
     begin, length = 0, SECTION_BYTES
     while begin < log.size:
+        let_go(log)
+        tell_progress(begin, log.size)
         end = min(begin + length, log.size)
         headers = _headers(log, begin, end)
         starts, gaps = _follow(begin, end, *_messages(log, end, headers, definitions))
@@ -425,6 +427,7 @@ def _definition_headers(log: AnyArray) -> IntArray:
     """Positions of whatever looks like the header of a definition, in the whole log."""
     found = [np.empty(0, dtype=np.int64)]
     for begin in range(0, log.size, SECTION_BYTES):
+        let_go(log)
         headers = _headers(log, begin, min(begin + SECTION_BYTES + HEADER_BYTES - 1, log.size))
         found.append(headers[log[headers + 2] == FMT.number])
     return np.concatenate(found)

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from rotorid.errors import LogError
-from rotorid.io.files import Place, file_bytes, gather
+from rotorid.io.files import Place, file_bytes, gather, let_go, tell_progress
 from rotorid.typing import AnyArray, IntArray
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -57,23 +57,33 @@ _DATA_STARTS = MESSAGE_HEADER_BYTES + 2
 _INFORMATION = ("sys_name", "ver_sw_release")
 """What is read of the information that a log carries; it also holds serial numbers, which are nobody's business."""
 
+_WAITING_BYTES = 96 << 20
+
 _NUMBERS = {"float": struct.Struct("<f"), "int32_t": struct.Struct("<i"), "uint32_t": struct.Struct("<I")}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples(Mapping[str, AnyArray]):
-    """``topic/field`` to the samples as logged, shape ``(samples,)``, collected anew whenever they are asked for.
+    """``topic/field`` to the samples as logged, shape ``(samples,)``, collected when they are asked for.
 
-    So the samples of a large log never all exist beside the record that is made of them.
+    All fields of a topic are collected with the first of them, unless they are many, and are forgotten when another
+    topic is asked for: so the samples of a large log never all exist beside the record that is made of them.
     """
 
     data: AnyArray
     fields: Mapping[str, tuple[Stream, Place]]
+    _waiting: dict[str, AnyArray] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, name: str) -> AnyArray:
+        if name in self._waiting:
+            return self._waiting[name]
+        self._waiting.clear()
         stream, place = self.fields[name]
-        (values,) = gather(self.data, stream.positions, [place])
-        return values
+        beside = {other: at for other, (of, at) in self.fields.items() if of is stream}
+        if sum(dtype.itemsize for _, dtype in beside.values()) * stream.positions.size > _WAITING_BYTES:
+            return gather(self.data, stream.positions, [place])[0]
+        self._waiting.update(zip(beside, gather(self.data, stream.positions, list(beside.values())), strict=True))
+        return self._waiting[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self.fields
@@ -265,6 +275,7 @@ _LEVELS = tuple(bytes([digit]) for digit in b"01234567")
 _TEXT_STARTS = {ord("L"): 9, ord("C"): 11}
 _CHAIN = 3
 _FIRST_BLOCK, _LARGEST_BLOCK = 1 << 14, 1 << 22
+_TOLD_BLOCK = 1 << 25
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -405,6 +416,7 @@ class _Walker:
         self.topics = topics
         self.definitions = Definitions()
         self.subscriptions = 0
+        self.known: dict[int, Subscription] = {}
         self.parts: list[_Part] = []
         self.statements: list[int] = []
         # By number of the subscription: payloads that its messages can have, and the place of its part, or -1.
@@ -413,6 +425,7 @@ class _Walker:
         self.part_of = np.full(1 << 16, -1, dtype=np.int32)
         self.position_type = np.int32 if data.size < np.iinfo(np.int32).max else np.int64
         self.block_bytes = _FIRST_BLOCK
+        self.told = 0
         self.block = _Block(begin=0, end=0, starts=np.empty(0, np.int64), places=[], run_ends=[], run_stops=[])
 
     def advance(self, position: int, stop: int) -> tuple[int, str]:
@@ -484,6 +497,10 @@ class _Walker:
         self.collect()
         begin, end = position, min(position + self.block_bytes, stop - _HEADER.size + 1)
         self.block_bytes = min(2 * self.block_bytes, _LARGEST_BLOCK)
+        if begin >= self.told + _TOLD_BLOCK:
+            self.told = begin
+            let_go(self.data)
+            tell_progress(begin, self.data.size)
         # The type letter is the third byte of a header.
         starts = np.flatnonzero(self.data[begin + 2 : end + 2] == _DATA) + begin
         size, identity = _u16(self.data, starts), _u16(self.data, starts + MESSAGE_HEADER_BYTES)
@@ -529,6 +546,9 @@ class _Walker:
         self.subscriptions += 1
         if self.subscriptions > MOST:
             raise impossible(f"there are more than {MOST} topics")
+        if self.known.get(identity) == subscription:
+            return
+        self.known[identity] = subscription
         # What could be a message changes from here on, so that the block at hand ends here.
         self.collect()
         self.block.end = self.block.begin

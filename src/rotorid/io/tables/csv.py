@@ -5,14 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io.files import write_atomically
+from rotorid.io.files import tell_progress, write_atomically
 from rotorid.io.tables.mapped import HEADER_RULE, assemble, of_columns, sources_of
 from rotorid.io.tables.mapping import ChannelMapping, nearest
 from rotorid.typing import FloatArray
@@ -142,6 +142,10 @@ def _table(
     path: Path, file: str, header: Sequence[str], wanted: Sequence[int], separator: str, first_line: int
 ) -> FloatArray:
     """Columns ``wanted`` as numbers, shape ``(samples, columns)``; every row must be as long as the header."""
+    if path.stat().st_size > _LARGE_BYTES:
+        large = _large_table(path, file, header, wanted, separator, first_line)
+        if large is not None:
+            return large
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # an empty table is refused below
@@ -171,16 +175,87 @@ def _table(
     return table
 
 
+def _large_table(
+    path: Path, file: str, header: Sequence[str], wanted: Sequence[int], separator: str, first_line: int
+) -> FloatArray | None:
+    """The same of a large file, piece by piece; None where a cell is written as only the slow way can read it."""
+    from rotorid.io.tables.csv_kernels import parse
+
+    used = np.zeros(len(header), dtype=np.bool_)
+    used[list(wanted)] = True
+    size = path.stat().st_size
+    table = np.empty((len(wanted), _count(path, b"\n") + 1))
+    rows, line = 0, first_line
+    with path.open("rb") as stream:
+        for _ in range(first_line - 1):
+            stream.readline()
+        while text := stream.read(_PIECE_BYTES):
+            tell_progress(stream.tell(), size)
+            text += stream.readline()
+            text += b"" if text.endswith(b"\n") else b"\n"
+            lines = text.count(b"\n")
+            slow = np.empty((lines * len(wanted), 4), dtype=np.int64)
+            whole, read, waiting = parse(np.frombuffer(text, dtype=np.uint8), ord(separator), used, table, rows, slow)
+            rows += read
+            try:
+                for column, row, begin, end in slow[:waiting].tolist():
+                    table[column, row] = _number(text[begin:end])
+            except ValueError:
+                whole = False
+            if not whole:
+                piece = io.StringIO(text.decode("utf-8", errors="replace"))
+                if fault := _fault(_numbered(piece, line, separator, file), file, header, wanted):
+                    raise fault
+                return None
+            line += lines
+    return table[:, :rows].T if rows else None
+
+
+_LARGE_BYTES = 16 << 20
+_PIECE_BYTES = 4 << 20
+
+
+def _number(cell: bytes) -> float:
+    """A finite number as it is usually written.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    plain = cell.strip()
+    value = float("nan") if plain.strip(b"0123456789+-.eE") else float(plain)
+    if not np.isfinite(value):
+        raise ValueError
+    return value
+
+
+def _count(path: Path, sign: bytes) -> int:
+    """How often a byte stands in a file."""
+    with path.open("rb") as stream:
+        return sum(piece.count(sign) for piece in iter(lambda: stream.read(_PIECE_BYTES), b""))
+
+
 def _is_rectangular(path: Path, separator: str, n_lines: int, n_columns: int) -> bool:
     """Whether a table can have rows of one length: a quick count, since NumPy ignores cells beyond the wanted ones."""
-    return path.read_bytes().count(separator.encode()) == n_lines * (n_columns - 1)
+    return _count(path, separator.encode()) == n_lines * (n_columns - 1)
 
 
 def _first_fault(
     path: Path, file: str, header: Sequence[str], wanted: Sequence[int], separator: str, first_line: int
 ) -> LogError | None:
     """Look for the cell that spoils a table, line by line: slow, and only done when there is one."""
-    for number, cells in _rows(path, separator, first_line):
+    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as lines:
+        for _ in range(first_line - 1):
+            lines.readline()
+        return _fault(_numbered(lines, first_line, separator, path.name), file, header, wanted)
+
+
+def _fault(
+    rows: Iterable[tuple[int, list[str]]], file: str, header: Sequence[str], wanted: Sequence[int]
+) -> LogError | None:
+    """What is wrong with the first row that is."""
+    for number, cells in rows:
         if len(cells) != len(header):
             return LogError(
                 f"{file}, line {number} has {len(cells)} cells and the header {len(header)}",
@@ -201,8 +276,8 @@ def _first_fault(
     return None
 
 
-def _rows(path: Path, separator: str, first_line: int) -> Iterator[tuple[int, list[str]]]:
-    lines = io.StringIO(path.read_text(encoding="utf-8-sig", errors="replace"))
-    for number, line in enumerate(lines, start=1):
-        if number >= first_line and line.strip():
-            yield number, _cells(line, separator, path.name)
+def _numbered(lines: Iterable[str], first: int, separator: str, file: str) -> Iterator[tuple[int, list[str]]]:
+    """Cells of each line that is not blank, with the number of the line."""
+    for number, line in enumerate(lines, start=first):
+        if line.strip():
+            yield number, _cells(line, separator, file)

@@ -149,9 +149,10 @@ def _topic(
                 needed="as many of the one as of the other",
                 remedy="name the right `time` in the mapping, or the right `row` or `column`",
             )
-    return Topic(
-        name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=tuple(meta), values=np.stack(rows)
-    )
+    values = np.stack(rows)
+    # Of a long log, each copy of all samples is a good part of the memory.
+    rows.clear()
+    return Topic(name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=tuple(meta), values=values)
 
 
 def _angles(attitude: MappedAttitude, arrays: Mapping[str, FloatArray], file: str) -> list[FloatArray]:
