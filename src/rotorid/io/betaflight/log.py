@@ -344,6 +344,7 @@ _UNFILTERED_MODES = {(3, 4): (6,), (3, 0): (7, 8)}
 """``debug_mode`` whose debug fields hold the gyro before its filters, by the first version that numbers it so: the mode
 was called NOTCH, with two others before it that came and went, and then GYRO_SCALED."""
 _SAME_SLOPE = 0.1
+_SMOOTHED, _PLACES = 32, 1000
 
 
 def _unfiltered(flight: Flight) -> Iterator[Row]:
@@ -365,10 +366,14 @@ def _follows_gyro(flight: Flight) -> bool:
     """Whether the debug fields are the gyro's, as slow motion tells; numbers of debug modes move between versions."""
     if not {f"{field}[{index}]" for field in ("debug", "gyroADC") for index in range(3)} <= set(flight.fields):
         return False
+    # Means over 32 frames in up to a thousand places show the motion without its noise.
+    count = flight.time_s.size // _SMOOTHED
+    places = np.linspace(0, count - 1, min(count, _PLACES)).astype(np.int64)[:, None] * _SMOOTHED + np.arange(_SMOOTHED)
+    if count < 2:
+        return False
     for index in range(2):
         raw, filtered = (
-            np.diff(np.add.reduceat(_float(flight, f"{field}[{index}]"), np.arange(0, flight.time_s.size, 32)))
-            for field in ("debug", "gyroADC")
+            np.diff(flight.field(f"{field}[{index}]")[places].mean(axis=1)) for field in ("debug", "gyroADC")
         )
         power = float(filtered @ filtered)
         if power == 0.0 or abs(float(raw @ filtered) / power - 1.0) > _SAME_SLOPE:
