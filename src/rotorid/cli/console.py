@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 def spare_warnings() -> None:
     """Keep what libraries say about numbers from a person, who reads findings, unless Python was told otherwise."""
-    if not sys.warnoptions:
+    errors = any(action == "error" for action, *_ in warnings.filters)
+    if not sys.warnoptions and not errors:
         warnings.simplefilter("ignore")
 
 

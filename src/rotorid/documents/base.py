@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import PydanticSerializationError
 from pydantic_core import to_json as in_json
 
-from rotorid.data.display import HIDDEN, visible
+from rotorid.data.display import HIDDEN, cut, visible
 from rotorid.io.documents import DocumentError
 
 
@@ -66,7 +66,7 @@ def checked(kind: type[Checked], table: Any) -> Checked:
         return kind.model_validate(table)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"]) or "the file"
+        place = cut(".".join(str(part) for part in first["loc"]), 80) or "the file"
         raise DocumentError(f"{place}: {first['msg']}") from error
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
-from rotorid.documents.result import MODEL, RESULT, identified_model, read_result, read_text
+from rotorid.documents.result import MODEL, RESULT, model_of, read_result, read_text
 from rotorid.errors import UsageError
 from rotorid.models.parameter import Status
 from rotorid.models.toml import from_toml
@@ -265,7 +265,7 @@ def _read(file: Path, label: str) -> Entry:
         raise UsageError(f"{model} holds {structure.name} and {file} {document.model}", needed="files of one result")
     return Entry(
         label=label,
-        model=identified_model(document, structure),
+        model=model_of(file, document, structure),
         sha256=hashlib.sha256(text.encode()).hexdigest(),
         scored=structure is not None,
     )

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from rotorid.data.display import cut
 from rotorid.data.findings import Finding
 from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, checked, to_json
@@ -233,7 +234,38 @@ def load(path: str | Path) -> IdentifiedModel:
         raise UsageError(f"{MODEL} holds {structure.name} and {file} {document.model}", needed="files of one result")
     responses = file.parent / RESPONSES
     arrays = read_arrays(responses) if responses.exists() else None
-    return identified_model(document, structure, arrays)
+    return model_of(file, document, structure, arrays)
+
+
+def model_of(
+    file: Path,
+    document: ResultDocument,
+    structure: LinearStructure | None,
+    arrays: Mapping[str, np.ndarray] | None = None,
+) -> IdentifiedModel:
+    """The model behind the files of a result, as :func:`identified_model` makes it.
+
+    Parameters
+    ----------
+    file
+        The ``result.json``, for messages.
+    document, structure, arrays
+        What is in it, in the ``model.toml`` and in the ``responses.npz`` beside it.
+
+    Raises
+    ------
+    UsageError
+        The files do not fit together: each is what it should be, and their sizes or names differ.
+    """
+    try:
+        return identified_model(document, structure, arrays)
+    # Names that are missing, tables that are not square, arrays of other sizes.
+    except (ValueError, LookupError, TypeError) as error:
+        raise UsageError(
+            f"{file} and the files beside it do not fit together: {cut(str(error), 120)}",
+            needed="all files of one result, as identify wrote them",
+            remedy="identify anew",
+        ) from error
 
 
 def identified_model(

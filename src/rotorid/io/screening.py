@@ -137,7 +137,8 @@ def _in_time(topics: Sequence[Topic]) -> tuple[list[Topic], list[Finding]]:
     if spans:
         low, high = min(span[0] for span in spans) - _OUTSIDE_S, max(span[1] for span in spans) + _OUTSIDE_S
         kept = [mask & (topic.time_s >= low) & (topic.time_s <= high) for topic, mask in zip(topics, kept, strict=True)]
-    found, findings = [], []
+    found: list[Topic] = []
+    findings: list[Finding] = []
     for topic, mask in zip(topics, kept, strict=True):
         once = _once(topic.time_s, mask)
         findings += _disorder(topic.name, int(np.sum(~mask)), int(np.sum(mask & ~once)), mask.size)

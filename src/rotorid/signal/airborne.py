@@ -263,8 +263,7 @@ def _usual(thrust: FloatArray) -> float:
 
 def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
     """Where sensors move as in flight; everywhere, when they never rest."""
-    # Stamps in bursts, most of them a microsecond apart, ask for a window longer than the log.
-    window = min(max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2), time_s.size)
+    window = max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2)
     mean, square = (_moving_mean(power, window) for power in (values, values**2))
     # Sensors of both kinds count alike, each in units of its own spread over the record.
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))
@@ -281,7 +280,8 @@ def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
 def _moving_mean(values: FloatArray, window: int) -> FloatArray:
     from scipy.ndimage import uniform_filter1d
 
-    return np.asarray(uniform_filter1d(values, window, axis=1, mode="nearest"))
+    # Stamps in bursts, most of them a microsecond apart, ask for a window longer than the log.
+    return np.asarray(uniform_filter1d(values, min(window, values.shape[1]), axis=1, mode="nearest"))
 
 
 def _intervals(
