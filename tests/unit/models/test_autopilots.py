@@ -406,7 +406,7 @@ def test_what_is_on_and_not_linear_is_said() -> None:
     assert any("FILT7_" in note for note in lost.notes)
 
 
-@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf, 1e-300, 1e-9, 1e9, 1e300])
 @pytest.mark.parametrize(("parameters", "axis", "firmware"), [case[:3] for case in CASES.values()])
 def test_damaged_parameters_make_no_controller_or_a_sound_one(
     parameters: dict[str, float], axis: Axis, firmware: str, value: float

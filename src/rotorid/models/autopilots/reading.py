@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
+from rotorid.errors import UsageError
 from rotorid.models.autopilots import ardupilot, betaflight, px4
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
 from rotorid.typing import Axis
+
+_ANY_RAD_S = np.array([1.0, 10.0, 100.0])
 
 
 def axis_controller(
@@ -65,11 +70,15 @@ def axis_controller(
         )
 
     damaged = [name for name, value in parameters.items() if not math.isfinite(value)]
-    if not damaged:
-        return read(parameters)
-    # Of a controller that hangs on a number that is none, nothing is known.
-    one, other = (read({**parameters, **dict.fromkeys(damaged, value)}) for value in (1.0, 2.0))
-    return one if one and other and one.controller == other.controller else None
+    try:
+        # Of a controller that hangs on a number that is none, nothing is known.
+        one, other = (read({**parameters, **dict.fromkeys(damaged, value)}) for value in (1.0, 2.0))
+        if one is None or other is None or one.controller != other.controller:
+            return None
+        return one if np.isfinite(one.controller.response(_ANY_RAD_S)).all() else None
+    except (UsageError, ArithmeticError):
+        # Numbers with which no program could run: damage.
+        return None
 
 
 def rate_controller(
