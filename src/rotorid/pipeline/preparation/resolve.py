@@ -201,7 +201,12 @@ def _has_inputs(structure: LinearStructure, inputs: Sequence[str]) -> UsageError
 
 _AXES = {
     **{axis: axis for axis in ("roll", "pitch", "yaw", "vertical")},
-    "p": "roll", "q": "pitch", "r": "yaw", "az": "vertical", "thrust": "vertical", "heave": "vertical",
+    "p": "roll",
+    "q": "pitch",
+    "r": "yaw",
+    "az": "vertical",
+    "thrust": "vertical",
+    "heave": "vertical",
 }
 """Axes as people name them, and the rate model of each."""
 
