@@ -100,8 +100,9 @@ def unfiltered(folder: Path, version: str, mode: int, scale: int) -> bool:
         ("4.3.1 (8d4f005) X", 6, 1, True),
         ("4.3.1 (8d4f005) X", 6, 3, False),
         ("4.3.1 (8d4f005) X", 8, 1, False),
-        ("3.1.5 (8d4f005) X", 8, 1, True),
-        ("2.9.0 (8d4f005) X", 8, 1, False),
+        ("3.1.5 (8d4f005) X", 3, 1, True),
+        ("3.1.5 (8d4f005) X", 8, 1, False),
+        ("2.9.0 (8d4f005) X", 3, 1, False),
     ],
 )
 def test_debug_fields_are_the_gyro_where_mode_and_motion_say_so(

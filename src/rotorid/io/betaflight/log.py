@@ -340,9 +340,11 @@ def _terms(flight: Flight) -> Iterator[Row]:
                 yield Row(f"{axis}_{term.lower()}_term", source, _float(flight, source) * scale)
 
 
-_UNFILTERED_MODES = {(3, 4): (6,), (3, 0): (7, 8)}
-"""``debug_mode`` whose debug fields hold the gyro before its filters, by the first version that numbers it so: the mode
-was called NOTCH, with two others before it that came and went, and then GYRO_SCALED."""
+_UNFILTERED_MODES = {(3, 4): 6, (3, 1): 3}
+"""``debug_mode`` whose debug fields hold the gyro before its filters, by the first version that numbers it so.
+
+It was called GYRO, and then GYRO_SCALED; NOTCH of the older versions stands behind the low-pass.
+"""
 _SAME_SLOPE = 0.1
 _SMOOTHED, _PLACES = 32, 1000
 
@@ -357,8 +359,8 @@ def _unfiltered(flight: Flight) -> Iterator[Row]:
     if revision is None or revision[1] != "Betaflight":
         return
     version = (int(revision[2]), int(revision[3]))
-    modes = next((modes for first, modes in _UNFILTERED_MODES.items() if version >= first), ())
-    if flight.header.number("debug_mode") in modes and _follows_gyro(flight):
+    mode = next((mode for first, mode in _UNFILTERED_MODES.items() if version >= first), None)
+    if flight.header.number("debug_mode") == mode and _follows_gyro(flight):
         yield from _body(flight, "debug", names, _DEGREE * _tenths(flight.header))
 
 
