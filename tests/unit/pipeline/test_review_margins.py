@@ -144,3 +144,25 @@ def test_a_p_term_that_the_header_does_not_make_has_no_margins() -> None:
     found, (only,) = reviewed(record(p_share=1.3))
     assert found is None
     assert "its P term is 1.30 times" in only.why
+
+
+def changed(flight: FlightRecord, channel: str, part: slice, value: float) -> FlightRecord:
+    """A flight with other samples in a part of a channel."""
+    (main,) = flight.topics
+    values = np.array(main.values)
+    values[[one.name for one in main.channels].index(channel), part] = value
+    return replace(flight, topics=(replace(main, values=values),))
+
+
+def test_samples_that_are_missing_cost_their_windows_only() -> None:
+    found, _ = reviewed(changed(record(), "p", slice(1000, 9000), np.nan))
+    assert found is not None
+    assert found.explained is not None
+    assert found.explained > 0.99
+    assert "phase_margin_deg" in found.numbers
+
+
+def test_a_command_that_the_terms_do_not_make_has_no_margins() -> None:
+    found, (only,) = reviewed(changed(record(), "roll_command", slice(None), 0.0))
+    assert found is None
+    assert "does not follow the sum" in only.why

@@ -297,6 +297,11 @@ class _Explained(Immutable):
     def refusal(self, axis: Axis) -> tuple[str, str]:
         """Why the gains do not count as those that flew, and what would help."""
         name, one = ("its P term", self.terms["p"]) if "p" in self.terms else ("it", self.whole)
+        if "p" in self.terms and self.whole.slope <= 0.0:
+            return (
+                f"The {axis} command that the motors make does not follow the sum of the controller's terms.",
+                "Margins need a quadrotor with the usual order of its motors.",
+            )
         if one.correlation < _ALIKE:
             return (
                 f"Set-point, rate and the gains in the log explain the logged {axis} command with a correlation of "
@@ -384,7 +389,7 @@ def _as_logged(flight: Flown, needed: Sequence[str], way: _Way) -> list[TimeHist
                 rows = [row for row, name in enumerate(names) if name in needed or name.endswith("_f_term")]
                 found.append(
                     TimeHistory(
-                        values=np.nan_to_num(topic.values[rows][:, inside]),
+                        values=topic.values[rows][:, inside],
                         channels=tuple(topic.channels[row] for row in rows),
                         sample_rate_hz=topic.sample_rate_hz,
                         start_s=start_s,
@@ -438,10 +443,17 @@ def _spectra(histories: Sequence[TimeHistory], name: str) -> ComplexArray:
     taper = np.hanning(count)
     found = []
     for history in histories:
-        values = np.nan_to_num(history[name])
+        values, sound = history[name], np.isfinite(history.values).all(axis=0)
         for start in range(0, values.size - count + 1, max(count // 2, 1)):
-            part = values[start : start + count]
-            found.append(np.fft.rfft(taper * (part - part.mean())))
+            part = slice(start, start + count)
+            if sound[part].all():
+                found.append(np.fft.rfft(taper * (values[part] - values[part].mean())))
+    if not found:
+        raise InsufficientDataError(
+            f"no {count / histories[0].sample_rate_hz:.3g} s of {name} without missing samples came",
+            needed="longer stretches of a flight",
+            remedy="fly longer, or log without gaps",
+        )
     return np.array(found, dtype=np.complex128)
 
 
