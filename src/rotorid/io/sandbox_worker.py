@@ -6,6 +6,7 @@ Run as ``python -m rotorid.io.sandbox_worker FOLDER``; the folder holds ``job.js
 
 from __future__ import annotations
 
+import errno
 import json
 import sys
 from collections.abc import Mapping
@@ -15,27 +16,17 @@ from typing import Any
 import numpy as np
 
 from rotorid.errors import LogError
-from rotorid.io.sandbox import extract_here
+from rotorid.io.confinement import confine
+from rotorid.io.sandbox import PROTECTIONS, extract_here
 
 
 def main(folder: Path) -> None:
     """Do the job of the folder and leave the answer there."""
     job = json.loads((folder / "job.json").read_text(encoding="utf-8"))
-    _limit(memory_bytes=job["memory_bytes"], cpu_s=job["cpu_s"])
-    answer = _answer(job, folder)
+    path = Path(job["path"])
+    active = confine(readable=[path], writable=folder, limits=job["limits"], parent=job["parent"])
+    answer = {"names": [], "facts": active} if job["parser"] == PROTECTIONS else _answer(job, folder)
     (folder / "answer.json").write_text(json.dumps(answer), encoding="utf-8")
-
-
-def _limit(*, memory_bytes: int, cpu_s: int) -> None:
-    try:
-        import resource
-    except ImportError:  # Windows has no such limits; the parent's clock remains.
-        return
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (memory_bytes, memory_bytes))
-    if sys.platform != "darwin":  # macOS refuses an address-space limit below what is mapped already.
-        resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
 
 
 def _answer(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -47,9 +38,13 @@ def _answer(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     except LogError as error:
         return {"refused": {"came": error.came, "needed": error.needed, "remedy": error.remedy}}
     except MemoryError:
-        return {"failure": f"it asked for more than {job['memory_bytes'] >> 20} MiB of memory"}
+        return {"failure": f"it asked for more than {job['limits']['RLIMIT_AS'] >> 20} MiB of memory", "full": True}
     except RecursionError:
         return {"failure": "its definitions are nested without end"}
+    except OSError as error:
+        if error.errno in (errno.EFBIG, errno.ENOSPC, errno.EDQUOT):
+            return {"failure": f"its arrays could not be put down ({error.strerror})", "full": True}
+        return {"failure": f"the parser refused it ({type(error).__name__}: {str(error)[:200]})"}
     # A foreign parser may raise anything at all; here, at the border, all of it means that the file is unreadable.
     except Exception as error:
         return {"failure": f"the parser refused it ({type(error).__name__}: {str(error)[:200]})"}
