@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from tests.unit.cli.commands import fly_roll_sweeps
 from tests.unit.pipeline.small_logs import at_rest, log, sweeps
 
+import rotorid
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.models.library import library_model, transfer_function
 from rotorid.models.structure import connected
@@ -160,3 +164,18 @@ def test_unknown_names_get_the_nearest_one(settings: IdentifySettings, message: 
 def test_a_choice_about_a_parameter_that_is_gone_is_refused(settings: IdentifySettings) -> None:
     with pytest.raises(UsageError, match=r"Z_thrust came with --fix, --tie or --free.*pitch_command depends on it"):
         scoped(LONGITUDINAL, sweeps(ONE_RATE, ["pitch"]), [ONE_RATE], settings)
+
+
+def test_a_log_that_lacks_a_channel_ends_no_run(tmp_path: Path) -> None:
+    fly_roll_sweeps(tmp_path / "whole.csv")
+    lines = (tmp_path / "whole.csv").read_text(encoding="utf-8").splitlines()
+    place = next(number for number, name in enumerate(lines[0].split(",")) if name.startswith("p "))
+    kept = [",".join(cell for at, cell in enumerate(line.split(",")) if at != place) for line in lines]
+    (tmp_path / "lacking.csv").write_text("\n".join(kept) + "\n", encoding="utf-8")
+    alone = rotorid.identify(tmp_path / "whole.csv", "rate.roll", band_rad_s=(12.0, 50.0))
+    both = rotorid.identify([tmp_path / "lacking.csv", tmp_path / "whole.csv"], "rate.roll", band_rad_s=(12.0, 50.0))
+    assert both["L_roll"].value == alone["L_roll"].value
+    (said,) = [finding for finding in both.findings if finding.where == "lacking.csv" and finding.severity == "warning"]
+    assert (said.kind, "holds no p and was left out" in said.message) == ("missing_channel", True)
+    with pytest.raises(InsufficientDataError, match="p"):
+        rotorid.identify(tmp_path / "lacking.csv", "rate.roll", band_rad_s=(12.0, 50.0))

@@ -60,7 +60,7 @@ from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.inverse import Screened, pose_screened
 from rotorid.pipeline.preparation.measure import Measured, filter_delays, measure
 from rotorid.pipeline.preparation.resolve import answers_setpoints, black_box_order
-from rotorid.pipeline.preparation.scope import scoped, trimmed
+from rotorid.pipeline.preparation.scope import scoped, trimmed, with_channels_of
 from rotorid.pipeline.preparation.segments import TimeRecords, source_of, time_records
 from rotorid.pipeline.preparation.selection import Selection, select_records
 from rotorid.pipeline.provenance import Choices
@@ -247,11 +247,12 @@ def choose(
     UsageError, ModelError
         A choice is wrong.
     """
+    records, left = with_channels_of(model, records)
     selection, remarks = select_records(model, records, settings, in_time=in_time)
     own = settings if settings.outputs or not outputs else replace(settings, outputs=outputs)
     scope = scoped(model, selection, records, own)
     at_trim = trimmed(scope.structure, selection.fitted, settings)
-    return Chosen(at_trim.structure, selection, (*remarks, *scope.findings, *at_trim.findings))
+    return Chosen(at_trim.structure, selection, (*left, *remarks, *scope.findings, *at_trim.findings))
 
 
 class ResponseData(NamedTuple):

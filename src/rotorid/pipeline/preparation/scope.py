@@ -23,6 +23,7 @@ from rotorid.pipeline.preparation.resolve import require_known
 from rotorid.pipeline.preparation.segments import require_channels
 from rotorid.pipeline.preparation.selection import Selection
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.signal.kinematics import ingredients
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az")
 """Outputs that sensors measure. Attitude and speed of a log are estimates of a filter, with delays of its own."""
@@ -94,6 +95,38 @@ def scoped(
             *_without(passed, smaller, [name for name in lost if name not in gone], settings),
         ),
     )
+
+
+def with_channels_of(
+    structure: LinearStructure, records: Sequence[FlightRecord]
+) -> tuple[Sequence[FlightRecord], tuple[Finding, ...]]:
+    """The logs that hold all inputs of a model and any of its outputs, where some do; a warning for each other one.
+
+    Where no log holds them, all are kept: what the excited part of the model needs is found out later.
+    """
+    lacking = {id(record): _lacking(structure, record) for record in records}
+    kept = [record for record in records if not lacking[id(record)]]
+    if not kept or len(kept) == len(records):
+        return records, ()
+    return kept, tuple(
+        warn(
+            "missing_channel",
+            record.source.name,
+            f"{record.source.name} holds no {lacking[id(record)]} and was left out; the other logs were used.",
+        )
+        for record in records
+        if lacking[id(record)]
+    )
+
+
+def _lacking(structure: LinearStructure, record: FlightRecord) -> str:
+    """The first channel that a log lacks for a model; empty where it lacks none."""
+    logged = record.channel_names
+    missing = next((name for name in structure.inputs if name not in logged), "")
+    if missing:
+        return missing
+    there = any(name in logged or set(ingredients(name, logged) or ("",)) <= set(logged) for name in structure.outputs)
+    return "" if there else " or ".join(structure.outputs)
 
 
 def _outputs_there(structure: LinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:

@@ -116,7 +116,12 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     if air is not None:
         closed = part("loops", lambda: loops(air), closed)
         broken = part("margins", lambda: margins(air), broken)
-        heard = part("noise", lambda: noise(record), heard)
+        widths = {
+            name: loop.numbers["bandwidth_90deg_rad_s"].value
+            for name, loop in closed.items()
+            if "bandwidth_90deg_rad_s" in loop.numbers
+        }
+        heard = part("noise", lambda: noise(record, bandwidths_rad_s=widths), heard)
         worked = part("motors", lambda: motors(record), worked)
     if air is not None and models:
         found = part("models", lambda: _models(record), found)
