@@ -195,3 +195,27 @@ def test_the_floor_is_shared_by_neighbors() -> None:
     ratio = np.log(plain.omega_rad_s[1] / plain.omega_rad_s[0])
     assert added[0, 1] == pytest.approx(0.02**2 * values[0] * values[1].conj() * np.exp(-ratio / 0.5))
     assert np.all(more.random_error > plain.random_error)
+
+
+@pytest.mark.parametrize(("sharp", "shortest_s"), [(True, 2.0), (False, 1.0)])
+def test_short_windows_are_left_out_where_a_steep_spectrum_runs_over(sharp: bool, shortest_s: float) -> None:
+    """Motion that ends at 3 Hz as if cut off fills windows of 1 s up to 5 Hz, and the response with it."""
+    rng = np.random.default_rng(5)
+    count = round(LENGTH_S * RATE_HZ)
+    frequency_hz = np.fft.rfftfreq(count, 1.0 / RATE_HZ)
+    fall = np.where(frequency_hz < 3.0, 1.0, 0.05) if sharp else 1.0 / np.sqrt(1.0 + (frequency_hz / 3.0) ** 4)
+    setpoint = np.fft.irfft(fall * np.fft.rfft(rng.standard_normal(count)), count)
+    rate = second_order(setpoint) + 1e-4 * rng.standard_normal(count)
+    flown_s = ((0.0, LENGTH_S),)
+    acro = FlightRecord(
+        source=Source(name="flight", format="twin", sha256=""),
+        topics=(topic("loops", 1, {"p": rate, "p_setpoint": setpoint}),),
+        status=Status(armed=flown_s, in_air=flown_s, flagged_in="flags", direct_rates=flown_s),
+    )
+    response = loop_response(flown(acro), reference="p_setpoint", answer="p")
+    assert min(response.windows_s) == pytest.approx(shortest_s, rel=0.05)
+    omega = response.omega_rad_s
+    truth = NATURAL**2 / (NATURAL**2 - omega**2 + 2j * DAMPING * NATURAL * omega)
+    near = (omega > 25.0) & (omega < 40.0)
+    error = np.abs(response.values[0, 0] / truth - 1.0)[near] / response.random_error[0, 0][near]
+    assert float(np.sqrt(np.mean(error**2))) < 3.0

@@ -47,6 +47,7 @@ a natural logarithm of frequency."""
 _WINDOWS_S = (16.0, 8.0, 4.0, 2.0, 1.0)
 _SHORT_WINDOW_S = 0.5
 _SLOW_WINDOWS_S = (24.0, 16.0, 8.0, 4.0, 2.0)
+_SHORT_S, _REFERENCE_S, _SMEARED, _SMEARED_TO_RAD_S = 1.5, 8.0, 2.0, 100.0
 _FAST_HZ = 900.0
 _POINTS = 55
 _LOWEST_RAD_S, _LOWEST_SLOW_RAD_S = 0.7, 0.4
@@ -289,6 +290,7 @@ def loop_response(
     windows: tuple[float, ...] = _SLOW_WINDOWS_S if slow else (*_WINDOWS_S, _SHORT_WINDOW_S) if fast else _WINDOWS_S
     longest_s = 0.45 * max(record.duration_s for record in records)
     windows = tuple(window for window in windows if window <= longest_s) or (longest_s,)
+    windows = _unsmeared(windows, records, reference)
     lowest = max(_LOWEST_SLOW_RAD_S if slow else _LOWEST_RAD_S, 4.0 * np.pi / max(windows))
     response = frequency_response(
         records,
@@ -328,6 +330,50 @@ def with_floor(
         random_error=np.sqrt(response.random_error**2 + 0.5 * (independent**2 + shared**2)),
         processing=(*response.processing, f"floor of errors of {independent:g} and, shared by neighbors, {shared:g}"),
     )
+
+
+def _unsmeared(windows_s: Sequence[float], records: Sequence[TimeHistory], channel: str) -> tuple[float, ...]:
+    """The windows but for short ones in which a steep spectrum runs over.
+
+    A window shows a frequency from two of its periods on, and there its lines are as wide as the frequency itself.
+    Where the motion of the stick ends steeply, as behind a smoothing filter, what a short window shows above is the
+    motion below, and the response too: with small errors, since there is much of it. Its density then is several times
+    that of long windows.
+    """
+    kept = [window for window in windows_s if window > _SHORT_S]
+    short = [window for window in windows_s if window <= _SHORT_S]
+    fine = [window for window in kept if window <= _REFERENCE_S]
+    if not short or not fine:
+        return tuple(windows_s)
+    for window in short:
+        omega = np.geomspace(4.0 * np.pi / window, _SMEARED_TO_RAD_S, 16)
+        long, own = (_density(records, channel, length, omega) for length in (fine[0], window))
+        if np.all(own <= _SMEARED * long):
+            kept.append(window)
+        else:
+            break
+    return tuple(kept)
+
+
+def _density(records: Sequence[TimeHistory], channel: str, window_s: float, omega_rad_s: FloatArray) -> FloatArray:
+    """Power of a channel about each frequency, from windows of one length under a Hann taper, shape ``(f,)``."""
+    rate_hz = records[0].sample_rate_hz
+    length = round(window_s * rate_hz)
+    taper = np.hanning(length)
+    total, count = np.zeros(length // 2 + 1), 0
+    for record in records:
+        if record.values.shape[1] < length:
+            continue
+        signal = record[channel] - record[channel].mean()
+        parts = np.lib.stride_tricks.sliding_window_view(signal, length)[:: max(length // 2, 1)]
+        total += np.sum(np.abs(np.fft.rfft(parts * taper, axis=1)) ** 2, axis=0)
+        count += len(parts)
+    lines = 2.0 * np.pi * np.arange(total.size) / window_s
+    sums = np.concatenate([[0.0], np.cumsum(total)]) / (max(count, 1) * length)
+    # The mean over a tenth to both sides, or over the line itself where it is wider.
+    low = np.minimum(np.searchsorted(lines, 0.9 * omega_rad_s), total.size - 1)
+    high = np.clip(np.searchsorted(lines, 1.1 * omega_rad_s), low + 1, total.size)
+    return np.asarray((sums[high] - sums[low]) / (high - low))
 
 
 def _sound(topic: Topic, row: int) -> tuple[FloatArray, FloatArray]:
