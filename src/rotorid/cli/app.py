@@ -6,7 +6,6 @@ errors come without the options of all the others.
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -18,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from rotorid import __version__
-from rotorid.cli.console import listen, say, spare_warnings
+from rotorid.cli.console import listen, patient_output, say, spare_warnings
 from rotorid.cli.logs import ENDINGS
 from rotorid.errors import RotoridError
 
@@ -126,9 +125,7 @@ def _main(
 
 def main() -> None:
     """Entry point: errors become one sentence and an exit code."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # A terminal that cannot show a sign shows a question mark; results are not lost over a unit.
-        sys.stdout.reconfigure(errors="replace")
+    patient_output()
     listen()
     spare_warnings()
     try:

@@ -14,7 +14,9 @@ again with the next thing that a command says about its progress.
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
+import os
 import re
 import signal
 import sys
@@ -35,6 +37,33 @@ if TYPE_CHECKING:
     from rotorid.data.findings import Finding
     from rotorid.documents.base import FindingDocument
     from rotorid.errors import RotoridError
+
+
+class _Patient(io.FileIO):
+    """Standard output that goes on when its reader has read enough, as ``head`` has: the rest goes nowhere."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self.fileno())
+            os.close(nowhere)
+            return memoryview(data).nbytes
+
+
+def patient_output() -> None:
+    """Let no reader that goes away, and no letter that a terminal cannot show, end a command.
+
+    The files of a result are written whoever reads along, and the exit code is that of the data. A sign that cannot be
+    shown is a question mark.
+    """
+    if sys.stdout is not sys.__stdout__ or not isinstance(sys.stdout, io.TextIOWrapper):
+        return
+    sys.stdout.flush()
+    # Without buffers, so that a disk that is full is said by the command and not after it.
+    own = io.BufferedWriter(_Patient(sys.stdout.fileno(), "wb", closefd=False), buffer_size=1)
+    sys.stdout = io.TextIOWrapper(own, encoding=sys.stdout.encoding, errors="replace", write_through=True)
 
 
 def spare_warnings() -> None:

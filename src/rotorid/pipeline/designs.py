@@ -88,7 +88,8 @@ def read_prior(path: Path) -> Prior:
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{file} is no result of an identification", needed="a result.json") from error
     structure = from_toml(text, where=str(file.with_name("model.toml")))
-    return Prior(structure=structure, values=values, source=file.as_posix())
+    # Where it lies is nobody's concern; the name of its folder tells one result from another.
+    return Prior(structure=structure, values=values, source="/".join(file.resolve().parts[-2:]))
 
 
 def _values(content: str) -> dict[str, float]:
