@@ -13,7 +13,7 @@ from rotorid.typing import Axis
 
 Version = tuple[int, int]
 
-_VERSION = re.compile(r"(\d+)\.(\d+)")
+_VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
 
 
 @dataclass(frozen=True, kw_only=True)
