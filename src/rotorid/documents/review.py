@@ -65,6 +65,9 @@ class MarginReviewDocument(_Told):
     sensitivity_peak: QuantityDocument | None = None
     disturbance_rejection_rad_s: QuantityDocument | None = None
     by_model: list[str] = Field(default_factory=list)
+    ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
+    throttle: float | None = None
+    explained: float | None = None
 
 
 class VehicleReviewDocument(Document):
@@ -233,7 +236,12 @@ def _loop(loop: LoopReview) -> LoopReviewDocument:
 
 def _margin(margin: MarginReview) -> MarginReviewDocument:
     return MarginReviewDocument(
-        instrument=margin.instrument, by_model=list(margin.by_model), **_numbers(margin.numbers)
+        instrument=margin.instrument,
+        by_model=list(margin.by_model),
+        ends={name: _numbers(numbers) for name, numbers in margin.ends.items()},
+        throttle=margin.throttle,
+        explained=margin.explained,
+        **_numbers(margin.numbers),
     )
 
 
