@@ -113,14 +113,12 @@ def _identify_several(
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
     from rotorid.documents.results import RESULTS, ResultsDocument, results_document
-    from rotorid.pipeline.several import identify_several, none_stands
+    from rotorid.pipeline.several import identify_several, none_stands, require_known_by_any
     from rotorid.report.several import write_several
 
-    asked: str | list[LinearStructure | str] = (
-        ALL
-        if models == [ALL]
-        else [name if name == MODEL else _wanted(name, settings, inputs=None, decoupled=False) for name in models]
-    )
+    asked: str | list[LinearStructure | str] = ALL if models == [ALL] else [_named(name, settings) for name in models]
+    if not isinstance(asked, str):
+        require_known_by_any(asked, settings)
     found: list[SeveralModels] = []
 
     def compute(records: Sequence[FlightRecord]) -> SeveralModels:
@@ -149,6 +147,18 @@ def _identify_several(
         document=results_document,
         show=show,
     )
+
+
+def _named(name: str, settings: IdentifySettings) -> LinearStructure | str:
+    """One of several models, checked against the choices that it has."""
+    from rotorid.pipeline.preparation.resolve import finds_its_channels, require_known, resolve_model
+    from rotorid.pipeline.several import own_choices
+
+    if name == MODEL or finds_its_channels(name):
+        return name
+    structure = resolve_model(name, outputs=settings.outputs)
+    require_known(structure, own_choices(structure, settings))
+    return structure
 
 
 def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:

@@ -24,9 +24,10 @@ def everyday_stick(
 ) -> FloatArray:
     """A stick as a pilot moves it who is not asked for anything.
 
-    Noise of 0.1 to 3 Hz, falling by 12 dB an octave beyond, comes in bursts of 2 to 8 s with rests between them. On it come moves out and back, one every
-    1 to 4 s, which rise and fall within 80 to 250 ms and hold for 0.2 to 0.9 s. The radio sends that at 50 Hz, rounded
-    to 1/500 of full stick, and the autopilot holds it until the next value comes.
+    Noise of 0.1 to 3 Hz, falling by 12 dB an octave beyond, comes in bursts of 2 to 8 s with rests between them. On
+    it come moves out and back, one every 1 to 4 s, which rise and fall within 80 to 250 ms and hold for 0.2 to 0.9 s.
+    The radio sends that at 50 Hz, rounded to 1/500 of full stick, and the autopilot holds it until the next value
+    comes.
 
     Parameters
     ----------

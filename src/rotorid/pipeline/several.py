@@ -12,11 +12,12 @@ from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.library import RATE_AXES
+from rotorid.models.parameter import no_such
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.identification import identify, refused
-from rotorid.pipeline.preparation.instruments import axis_of
+from rotorid.pipeline.preparation.instruments import axes_of, axis_of
 from rotorid.pipeline.preparation.ordinary import ordinary_flights
-from rotorid.pipeline.preparation.resolve import resolve_model
+from rotorid.pipeline.preparation.resolve import finds_its_channels, resolve_model
 from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
@@ -120,7 +121,7 @@ def identify_several(
     logs, unseen = as_records(records), as_records(verify)
     chosen = as_settings(IdentifySettings, settings, options)
     wanted = supported_models(logs, chosen) if isinstance(models, str) and models == ALL else _each(models)
-    _require_known_fixes(wanted, chosen)
+    require_known_by_any(wanted, chosen)
     answers: dict[str, IdentifiedModel | Refused] = {}
     for number, model in enumerate(wanted):
         name = model.name if isinstance(model, LinearStructure) else str(model)
@@ -160,40 +161,76 @@ def settings_of(
         kept = (*_OF_MOTORS, "fix", "seed", "bootstrap", "search", "evaluations")
         others = [item.name for item in fields(settings) if item.name not in kept]
         return replace(settings, **{name: getattr(usual, name) for name in others})
-    settings = replace(settings, **{name: getattr(usual, name) for name in _OF_MOTORS})
-    structure = resolve_model(model) if isinstance(model, str) and model in RATE_AXES else None
-    if structure is None:
-        return _own_fixes(model, settings)
-    axis = _AXIS_OF[structure.name]
-    own = tuple(segment for segment in settings.segments if segment.axis == axis)
-    if not own and not _excited_on_purpose(records, axis):
-        own = tuple(flight for record in records for flight in ordinary_flights(record, axis))
-    return _own_fixes(structure, replace(settings, segments=own))
+    if not isinstance(model, LinearStructure):
+        if finds_its_channels(str(model)):
+            return settings
+        model = resolve_model(model)
+    own = own_choices(model, replace(settings, **{name: getattr(usual, name) for name in _OF_MOTORS}))
+    axis = _AXIS_OF.get(model.name)
+    if axis is None or own.segments or _excited_on_purpose(records, axis):
+        return own
+    flights = tuple(flight for record in records for flight in ordinary_flights(record, axis))
+    return replace(own, segments=flights)
 
 
 def _excited_on_purpose(records: Sequence[FlightRecord], axis: Axis) -> bool:
     return any(one.kind in RICH_KINDS for record in records for one in find_excitations(record, axis))
 
 
-def _own_fixes(model: str | Path | LinearStructure, settings: IdentifySettings) -> IdentifySettings:
-    if not settings.fix:
-        return settings
-    names = _names(model)
-    return replace(settings, fix={name: value for name, value in settings.fix.items() if name in names})
+def own_choices(structure: LinearStructure, settings: IdentifySettings) -> IdentifySettings:
+    """The choices without parameters, constants, responses and segments that a model does not have."""
+    axes = axes_of(structure.inputs, structure.outputs)
+    kept: dict[str, Any] = {
+        name: {key: value for key, value in getattr(settings, name).items() if key in known}
+        for name, known in _known(structure).items()
+    }
+    return replace(settings, segments=tuple(one for one in settings.segments if one.axis in axes), **kept)
 
 
-def _names(model: str | Path | LinearStructure) -> frozenset[str]:
-    structure = model if isinstance(model, LinearStructure) else resolve_model(model)
-    return frozenset(parameter.name for parameter in structure.parameters)
+def _known(structure: LinearStructure) -> dict[str, frozenset[str]]:
+    """Names that a structure knows, by the choice that takes them."""
+    parameters = frozenset(structure.parameters.names)
+    responses = frozenset(f"{output}/{source}" for output in structure.outputs for source in structure.inputs)
+    return {
+        "fix": parameters,
+        "ties": parameters,
+        "constants": frozenset(structure.constants),
+        "pairs": responses,
+        "pair_weights": responses,
+    }
 
 
-def _require_known_fixes(models: Sequence[str | Path | LinearStructure], settings: IdentifySettings) -> None:
-    if not settings.fix or MODEL in models:
+def require_known_by_any(models: Sequence[str | Path | LinearStructure], settings: IdentifySettings) -> None:
+    """Refuse a name that none of the models has.
+
+    Raises
+    ------
+    ModelError
+        The nearest name is suggested.
+    """
+    structures = [
+        model if isinstance(model, LinearStructure) else resolve_model(model)
+        for model in models
+        if model != MODEL and (isinstance(model, LinearStructure) or not finds_its_channels(str(model)))
+    ]
+    if len(structures) < len(models):
+        # What the others take is known when their logs are read.
         return
-    known = frozenset[str]().union(*(_names(model) for model in models))
-    unknown = [name for name in settings.fix if name not in known]
-    if unknown:
-        raise UsageError(f"--fix {unknown[0]} came, which none of the models has", needed=f"one of {sorted(known)}")
+    known = [_known(structure) for structure in structures]
+    for choice, kind in _KINDS.items():
+        names = frozenset[str]().union(*(one[choice] for one in known))
+        for name in getattr(settings, choice):
+            if name not in names:
+                raise no_such(kind, name, sorted(names))
+
+
+_KINDS = {
+    "fix": "parameter",
+    "ties": "parameter",
+    "constants": "constant",
+    "pairs": "response",
+    "pair_weights": "response",
+}
 
 
 def _each(models: Sequence[str | Path | LinearStructure] | str) -> tuple[str | Path | LinearStructure, ...]:

@@ -9,7 +9,7 @@ import pytest
 from tests.unit.cli.commands import rotorid
 
 import rotorid as api
-from rotorid.errors import UsageError
+from rotorid.errors import ModelError
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.several import identify_several, supported_models
 
@@ -58,5 +58,14 @@ def test_all_is_what_the_log_may_support(flight: Path) -> None:
 
 
 def test_a_parameter_of_no_model_is_said(flight: Path) -> None:
-    with pytest.raises(UsageError, match="none of the models has"):
-        identify_several(api.read(flight), ["rate.roll", "rate.pitch"], fix={"N_r": -1.0})
+    with pytest.raises(ModelError, match="did you mean L_p"):
+        identify_several(api.read(flight), ["rate.roll", "rate.pitch"], fix={"L_pp": -1.0})
+
+
+def test_each_takes_the_choices_that_it_has(flight: Path, tmp_path: Path) -> None:
+    asked = ("--model", "rate.roll,axis.roll", "--fix", "L_p=-2", "--constant", "theta0=0.01")
+    ran = rotorid("identify", flight, *asked, "--band", "12:50", "--out", tmp_path, "--json")
+    assert ran.code == 2  # neither has it
+    assert "theta0" in ran.err
+    ran = rotorid("identify", flight, *asked[:4], "--band", "12:50", "--out", tmp_path, "--json")
+    assert [one["parameters"]["L_p"]["status"] for one in json.loads(ran.out)["results"][:1]] == ["fixed"]

@@ -51,7 +51,10 @@ def test_other_files_and_other_instances_are_passed_over(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("parameters.octave", "# name MC_P\n# type: scalar\n0.15\n# name SYS_AUTOSTART\n# type: matrix\n# rows: 1\n1 2\n"),
+        (
+            "parameters.octave",
+            "# name MC_P\n# type: scalar\n0.15\n# name SYS_AUTOSTART\n# type: matrix\n# rows: 1\n1 2\n",
+        ),
         ("a_params.txt", "MC_P = 0.15\nSYS_AUTOSTART = 2;\n__import__('os') = 3\n"),
         ("parameters.txt", "MC_P 0.15\nSYS_AUTOSTART\t2e0\nnot a parameter\n"),
         ("parameters.csv", "MC_P,0.15\nSYS_AUTOSTART,2\n"),

@@ -443,7 +443,8 @@ def _spectra(histories: Sequence[TimeHistory], name: str) -> ComplexArray:
     taper = np.hanning(count)
     found = []
     for history in histories:
-        values, sound = history[name], np.isfinite(history.values).all(axis=0)
+        values = history[name]
+        sound = np.asarray(np.isfinite(history.values).all(axis=0))
         for start in range(0, values.size - count + 1, max(count // 2, 1)):
             part = slice(start, start + count)
             if sound[part].all():
