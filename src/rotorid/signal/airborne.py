@@ -188,7 +188,7 @@ def _speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
     for axis in rates:
         calm = _moving_mean(axis[np.newaxis], max(int(_VIBRATION_S / step_s), 1))
         calm *= calm
-        mean = _moving_mean(calm, max(int(_WINDOW_S / step_s), 1))[0]
+        mean = _moving_mean(calm, max(int(_WINDOW_S / step_s), 1), output=calm)[0]
         square += np.maximum(mean, 0.0, out=mean)
     return np.sqrt(square)
 
@@ -249,9 +249,12 @@ def _sound(topic: Topic, rows: list[int], names: str) -> tuple[FloatArray, Float
     """Samples that are finite at stamps that rise."""
     values = topic.values[rows]
     kept = np.isfinite(values).all(axis=0) & np.isfinite(topic.time_s)
-    time_s, values = topic.time_s[kept], values[:, kept]
-    order = np.argsort(time_s, kind="stable")
-    return (time_s[order], values[:, order], names) if time_s.size >= 2 else None
+    # Of a long log, a copy of all samples is a good part of the memory.
+    time_s, values = (topic.time_s, values) if kept.all() else (topic.time_s[kept], values[:, kept])
+    if not np.all(time_s[1:] >= time_s[:-1]):
+        order = np.argsort(time_s, kind="stable")
+        time_s, values = time_s[order], values[:, order]
+    return (time_s, values, names) if time_s.size >= 2 else None
 
 
 def _usual(thrust: FloatArray) -> float:
@@ -277,11 +280,12 @@ def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
     return np.asarray(activity > np.sqrt(max(quiet, usual / _LIVELIER**2) * usual))
 
 
-def _moving_mean(values: FloatArray, window: int) -> FloatArray:
+def _moving_mean(values: FloatArray, window: int, *, output: FloatArray | None = None) -> FloatArray:
+    """Mean over a window of samples, put into ``output`` where it is given, which may be ``values`` itself."""
     from scipy.ndimage import uniform_filter1d
 
     # Stamps in bursts, most of them a microsecond apart, ask for a window longer than the log.
-    return np.asarray(uniform_filter1d(values, min(window, values.shape[1]), axis=1, mode="nearest"))
+    return np.asarray(uniform_filter1d(values, min(window, values.shape[1]), axis=1, mode="nearest", output=output))
 
 
 def _intervals(
