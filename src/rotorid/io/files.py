@@ -296,6 +296,7 @@ def let_go(data: AnyArray) -> None:
 _TOLD_BYTES = 32 << 20
 _LET_GO_BYTES = 16 << 20
 """So much of a mapped file may be in memory at once."""
+_CACHED_BYTES = 1 << 20
 
 PART = 1 << 13
 """Places read at once: what stands around them fits into the cache, so that many values cost little more than one."""
@@ -381,3 +382,5 @@ def gather_into(targets: Sequence[AnyArray], data: AnyArray, positions: IntArray
         rows = overlapping[positions[part]].view(np.uint8).reshape(-1, width)
         for values, (offset, dtype) in zip(targets, places, strict=True):
             values[part] = rows[:, offset - first : offset - first + dtype.itemsize].view(dtype)[:, 0]
+    if int(positions[-1]) - looked_at > _CACHED_BYTES:
+        let_go(data)

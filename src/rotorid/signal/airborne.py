@@ -190,6 +190,7 @@ def _speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
         calm *= calm
         mean = _moving_mean(calm, max(int(_WINDOW_S / step_s), 1), output=calm)[0]
         square += np.maximum(mean, 0.0, out=mean)
+        del calm, mean
     return np.sqrt(square)
 
 

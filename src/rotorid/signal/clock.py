@@ -351,8 +351,8 @@ def _sampled(series: Mapping[str, tuple[FloatArray, FloatArray]], clock_s: Float
     for rows in together.values():
         time_s = channels[rows[0]][0]
         sampled = _sample(time_s, [channels[row][1] for row in rows], clock_s, rate_hz)
-        for row, values in zip(rows, sampled, strict=True):
-            found[row] = values
+        for row in rows:
+            found[row] = next(sampled)
     return found
 
 
@@ -390,8 +390,8 @@ def _thinned(
     taps = np.sinc(0.8 / factor * np.arange(-reach, reach + 1)) * np.blackman(2 * reach + 1)
     taps /= taps.sum()
     fast = clock_s[0] + np.arange(-reach, clock_s.size * factor + reach) / (rate_hz * factor)
-    for channel in _spline(time_s, rows, np.clip(fast, time_s[0], time_s[-1])):
-        yield np.convolve(channel, taps, mode="valid")[: clock_s.size * factor : factor]
+    fine = _spline(time_s, rows, np.clip(fast, time_s[0], time_s[-1]))
+    return (np.convolve(channel, taps, mode="valid")[: clock_s.size * factor : factor] for channel in fine)
 
 
 def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:

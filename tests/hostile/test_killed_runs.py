@@ -1,0 +1,96 @@
+"""Commands that are killed at random moments: whole results or none, nothing left behind after the next run."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.io.tables.csv import write_csv
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are those of Unix")
+
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+VERBS = {
+    "inspect": (["inspect", "LOG"], "inspect.json", {"report.html"}),
+    "response": (["response", "LOG", "--inputs", "roll_command", "--outputs", "p"], "response.json", {"responses.npz"}),
+    "identify": (["identify", "LOG", "--model", "rate.roll"], "result.json", {"responses.npz", "model.toml"}),
+    "delay": (["delay", "LOG"], "delay.json", set[str]()),
+    "simulate": (["simulate", "rig"], "simulation.json", set[str]()),
+    "design": (
+        ["design", "sweep", "doublet", "--vehicle", "px4_quad", "--axis", "roll", "--duration", "20"],
+        "design.json",
+        {"design.html"},
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    time_s = np.arange(0.0, 60.0, 0.01)
+    command = 0.1 * np.sin(0.5 * time_s**2)
+    rate = np.zeros(time_s.size)
+    for k in range(1, time_s.size):
+        rate[k] = rate[k - 1] + 0.01 * (100.0 * command[k - 1] - 3.0 * rate[k - 1])
+    noise = 0.01 * np.random.default_rng(0).normal(size=time_s.size)
+    path = tmp_path_factory.mktemp("log") / "flight.csv"
+    write_csv(path, time_s, {"roll_command": command, "p": rate + noise})
+    return path
+
+
+def started(words: list[str], log: Path, out: Path) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "rotorid", *(str(log) if word == "LOG" else word for word in words)]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen([*command, "--out", str(out), "--force"], **quiet)  # type: ignore[call-overload, no-any-return]
+
+
+def check(out: Path, main: str, others: set[str]) -> None:
+    """A whole set or none."""
+    found = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
+    if main not in found:
+        assert found <= {"notes.txt"}
+        return
+    document = json.loads((out / main).read_text(encoding="utf-8"))
+    assert others <= found
+    if main == "design.json":
+        assert {f"{one['folder']}/{name}" for one in document["plans"] for name in one["files"]} <= found
+    assert len({(out / name).stat().st_mtime_ns for name in found - {"notes.txt"}}) == 1
+
+
+def killed(words: list[str], main: str, others: set[str], log: Path, folder: Path, rounds: int, seed: int) -> None:
+    out = folder / "out"
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    begin_s = time.monotonic()
+    assert started(words, log, out).wait() == 0
+    usual_s = time.monotonic() - begin_s
+    rng = random.Random(seed)
+    for turn in range(rounds):
+        run = started(words, log, out)
+        time.sleep(rng.uniform(0.3, 1.0) * usual_s)
+        run.send_signal(SIGNALS[turn % 3])
+        run.wait()
+        check(out, main, others)
+        assert (out / "notes.txt").read_text() == "mine"
+    assert started(words, log, out).wait() == 0
+    check(out, main, others)
+    assert [path.name for path in folder.iterdir()] == ["out"]
+    assert not list(out.glob(".rotorid-*"))
+
+
+def test_a_killed_run_leaves_a_whole_result(log: Path, tmp_path: Path) -> None:
+    killed(*VERBS["delay"], log=log, folder=tmp_path, rounds=2, seed=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", VERBS)
+def test_runs_killed_at_random_moments(log: Path, tmp_path: Path, verb: str) -> None:
+    killed(*VERBS[verb], log=log, folder=tmp_path, rounds=17, seed=len(verb))
