@@ -38,7 +38,7 @@ def wish(shape: str, **change: Any) -> dict[str, Any]:
     return settings | change
 
 
-@pytest.mark.parametrize("shape", get_args(Shape))
+@pytest.mark.parametrize("shape", [shape for shape in get_args(Shape) if shape != "sticks"])
 def test_every_shape_of_a_plan_can_be_planned(shape: Shape) -> None:
     one = planned("pitch", shape, **wish(shape), entry="rate_setpoint")
     assert (one.axis, one.shape, one.start_s, one.entry) == ("pitch", shape, 2.0, "rate_setpoint")
