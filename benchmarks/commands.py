@@ -69,6 +69,7 @@ _AXES = (
 JOBS = (
     Job("inspect, .BIN of 22 MB", f"inspect {_ROLL}", 1.2),
     Job("identify rate.roll, .BIN of 22 MB, with report", f"identify {_ROLL} --model rate.roll", 2.0),
+    Job("review, .BIN of 22 MB, with page", f"review {_ROLL}", 8.0),
     Job(
         "identify hover.longitudinal, S500, with doublets",
         f"identify {_S500} --verify @s500/pitch_doublets.csv --verify @s500/thrust_doublets.csv",
