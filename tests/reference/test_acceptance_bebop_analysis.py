@@ -244,6 +244,7 @@ def test_climb_does_not_depend_on_tilt(bebop_data: Path, name: str) -> None:
     assert coupling(record, "velocity_down").p_shifted > 0.05
 
 
+@pytest.mark.slow
 def test_derotation_takes_the_sideways_motion_out_of_roll_steps(bebop_data: Path, tmp_path: Path) -> None:
     """A roll step should move the vehicle sideways only."""
     before, after = [], []

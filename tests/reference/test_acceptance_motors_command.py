@@ -98,6 +98,7 @@ def test_ardupilot_in_wind(unpacked: Callable[[str], Path]) -> None:
     assert found.motors.outputs_rate_hz == pytest.approx(200.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_ardupilot_filtered_rates_tell_the_same_vehicle(unpacked: Callable[[str], Path]) -> None:
     """IMU and RATE pass the gyro filter of 20 Hz, which the model passes too."""
     found = identified([unpacked("ardupilot_sitl/x_calm_verify.BIN.xz")], MotorChoices(known={"m": 3.0}, arm_m=0.35))

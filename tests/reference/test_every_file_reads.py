@@ -85,6 +85,7 @@ def test_nothing_is_named_that_does_not_exist(shared_data: Path, logs: list[str]
     assert {path.name for path in MAPPINGS.glob("*.toml")} - used == {"motion_capture_enu.toml"}
 
 
+@pytest.mark.slow
 def test_two_files_give_three_experiments_on_one_clock(shared_data: Path) -> None:
     from scipy.io import loadmat
 

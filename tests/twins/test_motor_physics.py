@@ -63,6 +63,7 @@ def test_two_flights_know_more_than_one(found: MotorFit) -> None:
     assert max(map(abs, off.values())) < 4.0
 
 
+@pytest.mark.slow
 def test_plain_regression_is_biased_both_ways_and_the_corrected_one_is_not() -> None:
     ways = [inertia_regressions(identify(record))[0] for record in flights(3, seed=23, duration_s=20.0)]
     direct, reverse = np.mean([one.plain for one in ways], axis=0) / TRUTH["I_xx"] - 1.0
