@@ -5,8 +5,9 @@ A number that a flight cannot tell is absent, and a :class:`Untold` says what, w
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -57,11 +58,18 @@ def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
         head, _, name = one.what.rpartition(".")
         deep = one.what.count(".") > 1
         rows.setdefault((head if deep else one.what, one.why, one.remedy), []).append(name if deep else "")
-    return tuple(
+    numbers = [
         Untold(what=f"{head}: {', '.join(map(_plain, names))}" if any(names) else head, why=why, remedy=remedy)
         for (head, why, remedy), names in rows.items()
-    )
+    ]
+    alike: dict[tuple[str, str], list[Untold]] = {}
+    for row in numbers:
+        alike.setdefault((_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy)), []).append(row)
+    return tuple(replace(same[0], what=", ".join(row.what for row in same)) for same in alike.values())
 
+
+_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
+"""What is said of one axis in the words of another: one row for both, in the words of the first."""
 
 _UNITS = ("_rad_s", "_deg", "_db", "_percent", "_s")
 
