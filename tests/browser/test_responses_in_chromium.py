@@ -63,7 +63,9 @@ def drawn_by_python() -> list[Picture]:
     ]
 
 
-@pytest.mark.parametrize("buttons", [[], ["Hz"], ["linear"], ["Hz", "linear"]])
+@pytest.mark.parametrize(
+    "buttons", [[], ["Hz", "linear"], *(pytest.param([one], marks=pytest.mark.slow) for one in ("Hz", "linear"))]
+)
 def test_every_picture_is_what_python_would_draw(chromium: str, tmp_path: Path, buttons: list[str]) -> None:
     shown = probed(chromium, tmp_path, buttons)
     frequency, magnitude = "Hz" if "Hz" in buttons else "rad/s", "linear" if "linear" in buttons else "dB"

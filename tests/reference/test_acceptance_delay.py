@@ -100,6 +100,7 @@ def test_the_interval_of_the_simulated_autopilot_is_missed_by_three_deviations_a
     assert abs(of_the_autopilot.delay_s - SIMULATED_S) < 0.05e-3 + 3.0 * of_the_autopilot.std_s
 
 
+@pytest.mark.slow
 def test_a_log_of_20_megabytes_has_delays(unpacked: Callable[[str], Path]) -> None:
     assert delay([rotorid.read(unpacked("px4_sitl/roll.ulg"))]).pairs
 

@@ -84,6 +84,7 @@ def test_thrust_of_two_flights_agrees_within_what_is_stated(unpacked: Callable[[
     assert abs(one.value - other.value) < 2.0 * (one.std**2 + other.std**2) ** 0.5
 
 
+@pytest.mark.slow
 def test_ardupilot_in_wind(unpacked: Callable[[str], Path]) -> None:
     logs = [unpacked(f"ardupilot_sitl/x_wind_{name}.BIN.xz") for name in ("rollpitch", "yawthrust")]
     found = identified(logs, MotorChoices(known={"m": 3.0, "I_zz": 0.04594}, arm_m=0.35))

@@ -224,7 +224,9 @@ def compared(case: Case, flights: int) -> tuple[Prediction, dict[str, FloatArray
     return found, estimates, {name: np.array([one[name][1] for one in alike]) for name in names}
 
 
-@pytest.mark.parametrize("case", [CASES[1], CASES[3]], ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "case", [CASES[1], pytest.param(CASES[3], marks=pytest.mark.slow)], ids=lambda case: getattr(case, "name", None)
+)
 def test_a_few_flights_state_what_was_predicted(case: Case) -> None:
     found, estimates, stated = compared(case, 2)
     for one in found.parameters:

@@ -20,7 +20,7 @@ WEIGHTS: tuple[Weights, ...] = ("cifer", "covariance")
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name == "hover.longitudinal" else ()) for name in TWINS]
+    "name", [pytest.param(name, marks=pytest.mark.slow if name.startswith("hover") else ()) for name in TWINS]
 )
 def test_a_flight_gives_the_truth_back_within_its_bounds(name: str) -> None:
     """Three flights of every model: no parameter is off by more than five of its standard deviations."""
