@@ -60,4 +60,4 @@ def test_an_interrupt_is_said_and_leaves_nothing_half_written(tmp_path: Path) ->
     assert running.returncode == 130
     assert "interrupted" in said
     assert "Traceback" not in said
-    assert not list(tmp_path.glob("**/.making-*"))
+    assert not list(tmp_path.glob("**/.rotorid-making-*"))
