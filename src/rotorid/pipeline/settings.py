@@ -840,8 +840,9 @@ class MotorChoices:
         return choices | {name: value for name, value in asked.items() if value is not None}
 
 
-_OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
-_ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "bootstrap", "search", "evaluations")
+OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
+ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "bootstrap", "search", "evaluations")
+"""Choices that ``physical.motors`` alone has, and those that it shares with other models."""
 
 
 def motor_choices(
@@ -866,10 +867,10 @@ def motor_choices(
     usual = IdentifySettings()
     given = [item.name for item in fields(settings) if getattr(settings, item.name) != getattr(usual, item.name)]
     if model != MODEL:
-        if any(name in _OF_MOTORS for name in given):
+        if any(name in OF_MOTORS for name in given):
             raise UsageError(f"--layout, --arm or --curve came with {model}", needed=f"them with {MODEL} alone")
         return None
-    wrong = [name for name in given if name not in (*_OF_MOTORS, *_ALSO_OF_MOTORS)]
+    wrong = [name for name in given if name not in (*OF_MOTORS, *ALSO_OF_MOTORS)]
     if settings.method not in ("auto", "prediction_error"):
         wrong.append("method")
     wrong += [name for name, value in (beside or {}).items() if value]
@@ -886,7 +887,7 @@ def motor_choices(
         bootstrap=settings.bootstrap,
         search=settings.search,
         evaluations=settings.evaluations,
-        **{name: getattr(settings, name) for name in _OF_MOTORS},
+        **{name: getattr(settings, name) for name in OF_MOTORS},
     )
 
 

@@ -21,16 +21,17 @@ from rotorid.pipeline.preparation.resolve import finds_its_channels, resolve_mod
 from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
-from rotorid.pipeline.settings import ALL, MODEL, IdentifySettings, as_records, as_settings
+from rotorid.pipeline.settings import ALL, ALSO_OF_MOTORS, MODEL, OF_MOTORS, IdentifySettings, as_records, as_settings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis
 
-_AXIS_OF: Mapping[str, Axis] = {name: axis_of(model.input) for name, model in RATE_AXES.items()}
+AXIS_OF: Mapping[str, Axis] = {name: axis_of(model.input) for name, model in RATE_AXES.items()}
+"""Axis of each rate model."""
+
 _COUPLED: Mapping[str, tuple[Axis, ...]] = {
     "hover.longitudinal": ("pitch", "thrust"),
     "hover.lateral": ("roll", "yaw"),
 }
-_OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
@@ -141,10 +142,10 @@ def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings
     were excited on purpose; ``physical.motors`` where motors are logged.
     """
     given = {segment.axis for segment in settings.segments} if settings else set()
-    excited = {axis for axis in _AXIS_OF.values() if axis in given or _excited_on_purpose(records, axis)}
+    excited = {axis for axis in AXIS_OF.values() if axis in given or _excited_on_purpose(records, axis)}
     rates = [
         name
-        for name, axis in _AXIS_OF.items()
+        for name, axis in AXIS_OF.items()
         if axis in excited or any(ordinary_flights(record, axis) for record in records)
     ]
     coupled = [name for name, axes in _COUPLED.items() if excited.issuperset(axes)]
@@ -158,15 +159,15 @@ def settings_of(
     """The choices that a model has; for a rate model of a flight without excitation, the flight as its segment."""
     usual = IdentifySettings()
     if model == MODEL:
-        kept = (*_OF_MOTORS, "fix", "seed", "bootstrap", "search", "evaluations")
+        kept = {*OF_MOTORS, *ALSO_OF_MOTORS} - ({"method"} if settings.method != "prediction_error" else set())
         others = [item.name for item in fields(settings) if item.name not in kept]
         return replace(settings, **{name: getattr(usual, name) for name in others})
     if not isinstance(model, LinearStructure):
         if finds_its_channels(str(model)):
             return settings
         model = resolve_model(model)
-    own = own_choices(model, replace(settings, **{name: getattr(usual, name) for name in _OF_MOTORS}))
-    axis = _AXIS_OF.get(model.name)
+    own = own_choices(model, replace(settings, **{name: getattr(usual, name) for name in OF_MOTORS}))
+    axis = AXIS_OF.get(model.name)
     if axis is None or own.segments or _excited_on_purpose(records, axis):
         return own
     flights = tuple(flight for record in records for flight in ordinary_flights(record, axis))

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.review.flown import RATE_OF
 from rotorid.pipeline.review.values import LoopReview, MarginReview, MotorReview, NoiseReview, Review
 from rotorid.typing import Axis
 
@@ -24,7 +25,7 @@ LARGEST_VIBRATION_M_S2, LARGEST_CLIPPING = 30.0, 1e-3
 LARGEST_NOISE_SHARE = 0.02
 LARGEST_SAG = 0.15
 
-_RATES = {"p": "roll", "q": "pitch", "r": "yaw"}
+_RATES = {rate: axis for axis, rate in RATE_OF.items()}
 
 
 @dataclass(frozen=True, kw_only=True)

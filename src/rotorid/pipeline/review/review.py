@@ -30,11 +30,10 @@ from rotorid.pipeline.review.values import (
     Untold,
 )
 from rotorid.pipeline.settings import as_records
-from rotorid.pipeline.several import identify_several
+from rotorid.pipeline.several import AXIS_OF, identify_several
 from rotorid.typing import Axis
 
 _PROGRESS = logs.getLogger("rotorid.progress")
-_AXES = {"rate.roll": "roll", "rate.pitch": "pitch", "rate.yaw": "yaw", "rate.vertical": "thrust"}
 _STEPS = ("flight", "logging", "loops", "margins", "noise", "motors", "models")
 _VEHICLES = {"PX4": "px4_quad", "ArduPilot": "ardupilot_quad", "ArduCopter": "ardupilot_quad"}
 """Whose files and loops a plan for this autopilot is made with, unless the user has a vehicle of his own."""
@@ -172,7 +171,7 @@ def next_commands(seen: Review) -> Iterator[str]:
         instrument = " --estimate direct" if loop.instrument == "direct" else ""
         yield f"rotorid response {log} --inputs {loop.reference} --outputs {loop.answer}{instrument}"
         break
-    axes = [axis for name, axis in _AXES.items() if name not in stands]
+    axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
     if axes and seen.flight.flights:
         craft = _VEHICLES.get(seen.vehicle.autopilot.partition(" ")[0], "px4_quad")
         gains = f" --gains {log}" if seen.margins else ""
@@ -188,6 +187,6 @@ def untold_by(error: InsufficientDataError, what: str) -> Untold:
 def _refusals(refused: dict[str, Refused]) -> Iterator[Untold]:
     for name, answer in refused.items():
         reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
-        axis = _AXES.get(name)
+        axis = AXIS_OF.get(name)
         remedy = f"rotorid design sweep --axis {axis}" if axis else ""
         yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)
