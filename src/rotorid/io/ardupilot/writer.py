@@ -141,8 +141,8 @@ def write_ardupilot(
     ...               columns={"battery_voltage": [12.6, 12.5]})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_ardupilot(Path(folder, "still.bin"), still, rates_hz={"BAT": 2.0})
-    ...     [topic.values.round(1).tolist() for topic in read(Path(folder, "still.bin")).topics]
-    [[[12.6, 12.5]]]
+    ...     np.asarray(read(Path(folder, "still.bin"))["battery_voltage"]).round(1).tolist()
+    [12.6, 12.5]
     """
     if not flight.samples:
         raise UsageError("a flight without samples came", needed="at least one")
