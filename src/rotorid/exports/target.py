@@ -1,0 +1,182 @@
+"""What an export is: files of another tool, and the numbers that these hold beside the identified ones.
+
+A target writes nothing. It answers with the contents of its files and a round trip: its own equations, linearized at
+hover, beside what was identified. What a target holds exactly may not differ by more than :data:`EXACT_PERCENT`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding
+from rotorid.errors import ModelError, UsageError
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.joined import VehicleNumber
+
+Held: TypeAlias = Literal["exact", "approximated", "not"]
+
+EXACT_PERCENT = 1.0
+"""Beyond this difference of a quantity that a target holds exactly, the export is wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared(Immutable):
+    """One quantity of the round trip.
+
+    Parameters
+    ----------
+    name
+        For people, such as ``roll acceleration per output``.
+    unit
+        Of both values.
+    identified
+        As it was identified or given.
+    exported
+        By the target's own equations, linearized at hover.
+    held
+        Whether the target holds it exactly, as well as its form allows, or not at all.
+    size
+        What a difference is measured by, where not the identified value: for quantities that may be zero.
+
+    Examples
+    --------
+    >>> Compared(name="motor lag", unit="s", identified=0.05, exported=0.0504, held="exact").difference_percent
+    0.8
+    """
+
+    name: str
+    unit: str
+    identified: float
+    exported: float
+    held: Held
+    size: float | None = None
+
+    @property
+    def difference_percent(self) -> float:
+        """Exported less identified, in percent; infinite where zero came back as something."""
+        difference, size = self.exported - self.identified, abs(self.size or self.identified)
+        if difference == 0.0:
+            return 0.0
+        return round(100.0 * difference / size, 9) if size > 0.0 else math.copysign(math.inf, difference)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exported(Immutable):
+    """A vehicle in the files of another tool.
+
+    Parameters
+    ----------
+    target
+        Name of the target.
+    files
+        Relative names to contents, text or bytes.
+    compared
+        The round trip.
+    defaults
+        Numbers that were taken from the defaults of the target.
+    left_out
+        Sentences: what the target does not hold.
+    start
+        How to start the other tool with the files.
+    findings
+        Remarks.
+
+    Raises
+    ------
+    ModelError
+        A quantity that the target holds exactly came back different.
+    """
+
+    target: str
+    files: Mapping[str, str | bytes]
+    compared: tuple[Compared, ...]
+    defaults: Mapping[str, VehicleNumber] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+    start: str = ""
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(files=self.files, defaults=self.defaults)
+        for one in self.compared:
+            if one.held == "exact" and not abs(one.difference_percent) <= EXACT_PERCENT:
+                raise ModelError(
+                    f"{one.name} came back from {self.target} as {one.exported:.5g} {one.unit} for "
+                    f"{one.identified:.5g} identified",
+                    needed=f"a difference of at most {EXACT_PERCENT:g} %, since {self.target} holds it exactly",
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportChoices(Immutable):
+    """What a person chooses of an export.
+
+    Parameters
+    ----------
+    delay
+        The delay from output to motion: as states by a Padé approximation, as a lag, or left out. Simulators of
+        vehicles know a lag alone, to which it is then added.
+    pade_order
+        Order of the approximation.
+    sample_rate_hz
+        Discrete state spaces at this rate; continuous without it.
+    names
+        What the vehicle is called in files: letters, digits and underscores, a letter first.
+
+    Raises
+    ------
+    UsageError
+        A number or the name is out of range.
+    """
+
+    delay: Literal["states", "lag", "none"] = "none"
+    pade_order: int = 3
+    sample_rate_hz: float | None = None
+    names: str = "vehicle"
+
+    def __post_init__(self) -> None:
+        if not (self.names.isascii() and self.names.isidentifier() and len(self.names) <= _LONGEST_NAME):
+            raise UsageError(
+                f"the name {self.names!r} came",
+                needed=f"a letter, then letters, digits and underscores, {_LONGEST_NAME} characters at most",
+                remedy="choose another with --name",
+            )
+        if not 1 <= self.pade_order <= _HIGHEST_ORDER:
+            raise UsageError(f"a Padé order of {self.pade_order} came", needed=f"1 to {_HIGHEST_ORDER}")
+        rate = self.sample_rate_hz
+        if rate is not None and not (math.isfinite(rate) and rate > 0.0):
+            raise UsageError(f"a sample rate of {rate:g} Hz came", needed="a positive number")
+
+
+_LONGEST_NAME = 40
+_HIGHEST_ORDER = 10
+
+_WORDS: Mapping[Held, str] = {"exact": "exact", "approximated": "approximated", "not": "not held"}
+
+
+def table_lines(compared: Sequence[Compared]) -> list[str]:
+    """The round trip as lines of plain text, for a comment in a file.
+
+    Examples
+    --------
+    >>> row = Compared(name="motor lag", unit="s", identified=0.05, exported=0.0504, held="exact")
+    >>> table_lines([row])[1]
+    'motor lag  0.05 s      0.0504 s  +0.80 %     exact'
+    """
+    rows = [("quantity", "identified", "exported", "difference", "held")]
+    for one in compared:
+        unit = "" if one.unit in ("", "1") else f" {one.unit}"
+        told = difference_text(one)
+        rows.append((one.name, f"{one.identified:.5g}{unit}", f"{one.exported:.5g}{unit}", told, _WORDS[one.held]))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def difference_text(one: Compared) -> str:
+    """The difference of a row in words; where nothing is held there is none."""
+    percent = one.difference_percent
+    return "" if one.held == "not" or not math.isfinite(percent) else f"{percent:+.2f} %"

@@ -1,0 +1,106 @@
+"""The targets by name: what each is, and where it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.exports.target import ExportChoices, Exported
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.joined import JoinedVehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target(Immutable):
+    """A tool that a vehicle can be exported to.
+
+    Parameters
+    ----------
+    name
+        As people type it.
+    summary
+        What is written, in a line.
+    module
+        Module of this package whose function ``export`` makes it.
+    scale
+        Whether it needs a vehicle in kilograms and meters; state spaces do not.
+    """
+
+    name: str
+    summary: str
+    module: str
+    scale: bool = True
+
+
+TARGETS: Mapping[str, Target] = {
+    target.name: target
+    for target in (
+        Target(name="px4-sih", summary="PX4's simulation in hardware: parameters and an airframe", module="px4_sih"),
+        Target(name="ardupilot", summary="ArduPilot's SITL: a frame as JSON, and parameters", module="ardupilot"),
+        Target(name="gazebo", summary="Gazebo with rotors of MulticopterMotorModel: SDF", module="gazebo"),
+        Target(name="mujoco", summary="MuJoCo: MJCF with a hovering keyframe", module="mujoco"),
+        Target(name="rotorpy", summary="RotorPy: a Python file with its parameters", module="rotorpy"),
+        Target(name="urdf", summary="gym-pybullet-drones: URDF", module="urdf"),
+        Target(name="matlab", summary="MATLAB and Octave: .mat and a script", module="matlab", scale=False),
+        Target(name="control", summary="python-control: a script", module="control", scale=False),
+        Target(name="fmu", summary="Simulink and Modelica: FMI 2.0 co-simulation", module="fmu", scale=False),
+        Target(name="json", summary="The models with their covariance, as JSON", module="json_model", scale=False),
+    )
+}
+
+
+def target_named(name: str) -> Target:
+    """A target by its name.
+
+    Raises
+    ------
+    UsageError
+        There is none of this name.
+
+    Examples
+    --------
+    >>> target_named("mujuco")
+    Traceback (most recent call last):
+    ...
+    rotorid.errors.UsageError: there is no target mujuco; needed: one of px4-sih, ardupilot, gazebo, mujoco, rotorpy, \
+urdf, matlab, control, fmu, json; did you mean mujoco?
+    """
+    from difflib import get_close_matches
+
+    if name in TARGETS:
+        return TARGETS[name]
+    near = get_close_matches(name.lower(), TARGETS, n=1)
+    raise UsageError(
+        f"there is no target {name}",
+        needed=f"one of {', '.join(TARGETS)}",
+        remedy=f"did you mean {near[0]}?" if near else "",
+    )
+
+
+def export(vehicle: JoinedVehicle, target: str, choices: ExportChoices | None = None) -> Exported:
+    """A vehicle in the files of another tool.
+
+    Parameters
+    ----------
+    vehicle
+        What results say of it.
+    target
+        Name of the target, see :data:`TARGETS`.
+    choices
+        Delay, rate, name.
+
+    Raises
+    ------
+    UsageError
+        There is no such target, or it needs a number that is not known.
+    ModelError
+        The target cannot hold the vehicle.
+    """
+    found = target_named(target)
+    made: Exported = import_module(f"rotorid.exports.{found.module}").export(vehicle, choices or ExportChoices())
+    return made
