@@ -1,0 +1,428 @@
+r"""PX4's simulation in hardware (SIH): parameters, and an airframe that holds them.
+
+Its equations, of four rotors in an X or six, with linear thrust and the lagged outputs :math:`x`:
+
+.. math::
+
+    x \leftarrow x + \tfrac{\Delta t}{T_{TAU}} (u - x), \qquad F_i = T_{MAX} x_i, \qquad
+    M = \begin{pmatrix} L_{ROLL} T_{MAX} \sum a_i x_i \\ L_{PITCH} T_{MAX} \sum b_i x_i \\ Q_{MAX} \sum s_i x_i
+    \end{pmatrix}
+
+    m \dot V = F - K_{DV} V, \qquad I \dot\omega = M - K_{DW} \omega - \omega \times I \omega
+
+``SIH_T_MAX`` is the slope of thrust at hover, so that loops are as fast as on the vehicle; the output in hover follows
+from weight and slope, and goes to ``MPC_THR_HOVER``. ``SIH_T_TAU`` is such that a step of Euler's rule has the pole of
+the lag.
+
+References
+----------
+PX4-Autopilot, ``src/modules/simulation/simulator_sih``, and its documentation, ``sim_sih``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.errors import ModelError
+from rotorid.exports.arrangement import Arranged, arranged
+from rotorid.exports.round_trip import HOVER, PITCH, ROLL, YAW, compared, identified_motion, linearized
+from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.thrust import sih_lag
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+if TYPE_CHECKING:
+    from rotorid.models.rotors import RotorLayout
+    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
+    from rotorid.simulation.multirotor import Multirotor
+
+NAME = "px4-sih"
+STEP_S = 0.004
+"""Of SIH in ``px4_sitl`` where nothing else was set."""
+
+AIRFRAME = 22001
+"""Number of the airframe: 22000 to 22999 are free for own ones."""
+
+_ROOT = math.sqrt(0.75)
+_USUAL_LAG_S, _USUAL_RATE_1_S = 0.05, 1.0
+"""Lag of SIH's own vehicle, and its drag over mass and damping over inertia."""
+
+_INTEGERS = frozenset({"SIH_VEHICLE_TYPE", "CA_AIRFRAME", "CA_ROTOR_COUNT"})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame(Immutable):
+    """An arrangement of rotors that SIH has.
+
+    Parameters
+    ----------
+    name
+        For people.
+    kind
+        ``SIH_VEHICLE_TYPE``.
+    roll, pitch, spins
+        What each rotor does by its thrust, in units of the levers, and by its torque.
+    tolerance_deg
+        How far the bearing of a rotor may be from that of the arrangement.
+    """
+
+    name: str
+    kind: int
+    roll: tuple[float, ...]
+    pitch: tuple[float, ...]
+    spins: tuple[float, ...]
+    tolerance_deg: float
+
+
+FRAMES: Mapping[int, Frame] = {
+    4: Frame(
+        name="quad X",
+        kind=0,
+        roll=(-1.0, 1.0, 1.0, -1.0),
+        pitch=(1.0, -1.0, 1.0, -1.0),
+        spins=(1.0, 1.0, -1.0, -1.0),
+        tolerance_deg=35.0,
+    ),
+    6: Frame(
+        name="hexa X",
+        kind=4,
+        roll=(-0.5, -1.0, -0.5, 0.5, 1.0, 0.5),
+        pitch=(_ROOT, 0.0, -_ROOT, -_ROOT, 0.0, _ROOT),
+        spins=(1.0, -1.0, 1.0, -1.0, 1.0, -1.0),
+        tolerance_deg=15.0,
+    ),
+}
+
+
+def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+    """Parameters of SIH as QGroundControl reads them and as lines for PX4's shell, and an airframe.
+
+    Parameters
+    ----------
+    vehicle
+        Four rotors in an X, or six.
+    choices
+        ``delay="lag"`` adds the delay to the lag.
+
+    Raises
+    ------
+    UsageError
+        Mass, inertia or another number is not known.
+    ModelError
+        SIH has no such arrangement of rotors.
+    """
+    from rotorid.pipeline.joined import require
+
+    body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
+    frame, rotors = sih_frame(body.rotors.layout)
+    parameters, defaults, findings = _parameters(vehicle, body, frame, choices)
+    rows = _compared(vehicle, body, (frame, rotors), parameters, choices)
+    left_out = _left_out(vehicle, choices)
+    head = [f"{choices.names}: an identified multirotor for PX4's SIH, by rotorid", "", *table_lines(rows)]
+    return Exported(
+        target=NAME,
+        files={
+            f"{choices.names}.params": parameter_file(parameters, head),
+            f"{choices.names}_set.sh": set_lines(parameters, head),
+            f"{AIRFRAME}_sihsim_{choices.names}": _airframe(
+                choices.names, frame, _places(body, frame), parameters, head
+            ),
+        },
+        compared=rows,
+        defaults=defaults,
+        left_out=tuple(left_out),
+        start=_start(choices.names, frame),
+        findings=tuple(findings),
+    )
+
+
+def sih_frame(layout: RotorLayout) -> tuple[Frame, Arranged]:
+    """The arrangement of SIH that a layout is, and its rotors in SIH's order.
+
+    Raises
+    ------
+    ModelError
+        The layout is none that SIH has.
+
+    Examples
+    --------
+    >>> from rotorid.models.rotors import library_layout
+    >>> frame, rotors = sih_frame(library_layout("quad.x.betaflight"))
+    >>> frame.name, rotors.order
+    ('quad X', (1, 2, 3, 0))
+    """
+    wanted = f"rotors in a {' or a '.join(one.name for one in FRAMES.values())}, which SIH flies"
+    frame = FRAMES.get(layout.rotors)
+    if frame is None:
+        raise ModelError(f"{layout.name} has {layout.rotors} rotors", needed=wanted)
+    bearings_deg = np.degrees(np.arctan2(-np.array(frame.roll), np.array(frame.pitch))).tolist()
+    rotors = arranged(layout, bearings_deg, frame.spins, tolerance_deg=frame.tolerance_deg)
+    if rotors is None:
+        raise ModelError(f"the rotors of {layout.name} stand or turn otherwise", needed=wanted)
+    return frame, rotors
+
+
+def _parameters(
+    vehicle: JoinedVehicle, body: Multirotor, frame: Frame, choices: ExportChoices
+) -> tuple[dict[str, float], dict[str, VehicleNumber], list[Finding]]:
+    """Values of the parameters as they are written, what was taken from SIH's own vehicle, remarks."""
+    inertia, largest_n = body.inertia_kg_m2, vehicle.hover_slope_n
+    defaults: dict[str, VehicleNumber] = {}
+    findings: list[Finding] = []
+    roll_m, pitch_m = _levers(body)
+    lag_s = lag_of(vehicle, choices)
+    drag = _mean_drag(vehicle, {"X_u": body.mass_kg, "Y_v": body.mass_kg}, "SIH_KDV", "N s/m", defaults, findings)
+    damping = _mean_drag(vehicle, {"L_p": inertia[0, 0], "M_q": inertia[1, 1]}, "SIH_KDW", "N m s", defaults, findings)
+    if lag_s is None:
+        defaults["SIH_T_TAU"] = _default(_USUAL_LAG_S, "s", "SIH_T_TAU")
+    values = {
+        "SIH_VEHICLE_TYPE": float(frame.kind),
+        "SIH_MASS": body.mass_kg,
+        "SIH_IXX": inertia[0, 0],
+        "SIH_IYY": inertia[1, 1],
+        "SIH_IZZ": inertia[2, 2],
+        # Products as they stand in the matrix; without their sign it would be another body.
+        "SIH_IXY": inertia[0, 1],
+        "SIH_IXZ": inertia[0, 2],
+        "SIH_IYZ": inertia[1, 2],
+        "SIH_T_MAX": largest_n,
+        "SIH_Q_MAX": body.rotors.torque_per_thrust_m * largest_n,
+        "SIH_L_ROLL": roll_m,
+        "SIH_L_PITCH": pitch_m,
+        "SIH_KDV": drag,
+        "SIH_KDW": damping,
+        "SIH_T_TAU": _USUAL_LAG_S if lag_s is None else sih_lag(lag_s, step_s=STEP_S),
+        "MPC_THR_HOVER": body.mass_kg * STANDARD_GRAVITY_M_S2 / (len(frame.spins) * largest_n),
+        "THR_MDL_FAC": 0.0,
+    }
+    if vehicle.altitude_m is not None:
+        values["SIH_LOC_H0"] = vehicle.altitude_m
+    hover = values["MPC_THR_HOVER"]
+    if hover >= 1.0:
+        raise ModelError(
+            f"with the slope of thrust at hover as largest thrust, {largest_n:.4g} N, SIH hovers at {hover:.2f}",
+            needed="a curve of thrust that is nearer to a line",
+        )
+    if abs(hover - vehicle.hover_output) > _SAME_HOVER * vehicle.hover_output:
+        message = (
+            f"SIH's thrust is a line through zero: with the slope at hover it hovers at {hover:.3f} where the vehicle "
+            f"hovers at {vehicle.hover_output:.3f}. MPC_THR_HOVER says so."
+        )
+        findings.append(remark("export_compromise", "SIH_T_MAX", message, hover_output=hover))
+    return {name: written(value) for name, value in values.items()}, defaults, findings
+
+
+_SAME_HOVER = 0.02
+
+
+def lag_of(vehicle: JoinedVehicle, choices: ExportChoices) -> float | None:
+    """The lag that a simulator should have, the delay included where that was chosen; ``None`` if neither is known."""
+    lag, late = vehicle.numbers.get("T_motor"), vehicle.numbers.get("delay")
+    added_s = max(late.value, 0.0) if late is not None and choices.delay == "lag" else 0.0
+    if lag is None:
+        return added_s or None
+    return lag.value + added_s
+
+
+def _default(value: float, unit: str, of: str) -> VehicleNumber:
+    from rotorid.pipeline.joined import VehicleNumber
+
+    return VehicleNumber(value=value, unit=unit, source="default", of=of)
+
+
+def _mean_drag(
+    vehicle: JoinedVehicle,
+    sizes: Mapping[str, float],
+    parameter: str,
+    unit: str,
+    defaults: dict[str, VehicleNumber],
+    findings: list[Finding],
+) -> float:
+    """One coefficient for several axes: the mean of what is known, else the rate of SIH's own vehicle."""
+    known = [-vehicle.numbers[name].value * size for name, size in sizes.items() if name in vehicle.numbers]
+    if not known:
+        value = _USUAL_RATE_1_S * float(np.mean(list(sizes.values())))
+        defaults[parameter] = _default(value, unit, f"{_USUAL_RATE_1_S:g} 1/s as SIH's own vehicle has it")
+        return value
+    mean = float(np.mean(known))
+    if mean < 0.0:
+        message = f"{parameter} would be {mean:.3g} {unit}, which pushes instead of braking; it was set to zero."
+        findings.append(warn("export_compromise", parameter, message, identified=mean))
+    return max(mean, 0.0)
+
+
+def written(value: float) -> float:
+    """A value as seven digits hold it, which is what a parameter of PX4 does."""
+    return float(f"{value:.7g}")
+
+
+def sih_accelerations(
+    parameters: Mapping[str, float], x: FloatArray, velocity_m_s: FloatArray, rates_rad_s: FloatArray
+) -> FloatArray:
+    """SIH's equations: accelerations without gravity, FRD, by lagged outputs in SIH's order.
+
+    Parameters
+    ----------
+    parameters
+        ``SIH_…`` by name.
+    x
+        Lagged outputs, shape ``(rotors,)``.
+    velocity_m_s, rates_rad_s
+        Through the air and of the body.
+    """
+    p, frame = parameters, FRAMES[len(x)]
+    inertia = np.array(
+        [
+            [p["SIH_IXX"], p["SIH_IXY"], p["SIH_IXZ"]],
+            [p["SIH_IXY"], p["SIH_IYY"], p["SIH_IYZ"]],
+            [p["SIH_IXZ"], p["SIH_IYZ"], p["SIH_IZZ"]],
+        ]
+    )
+    force = np.array([0.0, 0.0, -p["SIH_T_MAX"] * x.sum()]) - p["SIH_KDV"] * velocity_m_s
+    moment = np.array(
+        [
+            p["SIH_L_ROLL"] * p["SIH_T_MAX"] * (x @ frame.roll),
+            p["SIH_L_PITCH"] * p["SIH_T_MAX"] * (x @ frame.pitch),
+            p["SIH_Q_MAX"] * (x @ frame.spins),
+        ]
+    )
+    moment = moment - p["SIH_KDW"] * rates_rad_s - np.cross(rates_rad_s, inertia @ rates_rad_s)
+    return np.concatenate([force / p["SIH_MASS"], np.linalg.solve(inertia, moment)])
+
+
+def _compared(
+    vehicle: JoinedVehicle,
+    body: Multirotor,
+    placed: tuple[Frame, Arranged],
+    parameters: Mapping[str, float],
+    choices: ExportChoices,
+) -> tuple[Compared, ...]:
+    frame, rotors = placed
+    identified = identified_motion(vehicle, body, lag_s=lag_of(vehicle, choices))
+    hover = np.full(len(rotors.order), parameters["MPC_THR_HOVER"])
+    pole_s = -STEP_S / math.log1p(-STEP_S / parameters["SIH_T_TAU"])
+    own = linearized(lambda x, v, w: sih_accelerations(parameters, x, v, w), hover, lag_s=pole_s)
+    exported = own.replaced(rotors.restored(own.by_output))
+    held = _held(body, frame, rotors)
+    return compared(vehicle, identified, exported, held, delay=choices.delay == "lag")
+
+
+def _places(body: Multirotor, frame: Frame) -> FloatArray:
+    """Where SIH has the rotors, in its order, shape ``(rotors, 3)``."""
+    roll_m, pitch_m = _levers(body)
+    return np.stack([pitch_m * np.array(frame.pitch), -roll_m * np.array(frame.roll), 0.0 * np.array(frame.roll)], 1)
+
+
+def _levers(body: Multirotor) -> tuple[float, float]:
+    """``SIH_L_ROLL`` and ``SIH_L_PITCH``."""
+    hubs_m = np.abs(body.rotors.layout.positions)
+    if len(hubs_m) == 4:
+        return float(hubs_m[:, 1].mean()), float(hubs_m[:, 0].mean())
+    return (float(np.hypot(hubs_m[:, 0], hubs_m[:, 1]).mean()),) * 2
+
+
+def _held(body: Multirotor, frame: Frame, rotors: Arranged) -> dict[str, Held]:
+    """What SIH has one number for where the vehicle has several, and what it has none for."""
+    held: dict[str, Held] = dict.fromkeys(("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r"), "approximated")
+    held |= dict.fromkeys(("M_u", "L_v"), "not")
+    hubs, ideal = rotors.positions(body.rotors.layout), _places(body, frame)
+    if np.abs(hubs - ideal).max() > _SAME_PLACE * np.abs(ideal).max():
+        held |= dict.fromkeys((ROLL, PITCH), "approximated")
+    if rotors.mirrored and np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
+        held |= dict.fromkeys((ROLL, PITCH, YAW), "approximated")
+    c_0, _, c_2 = body.rotors.thrust
+    if c_0 or c_2:
+        held[HOVER] = "approximated"
+    return held
+
+
+_SAME_PLACE = 0.005
+
+
+def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
+    said = []
+    late = vehicle.numbers.get("delay")
+    if late is not None:
+        said.append(
+            f"The delay of {1e3 * late.value:.2g} ms is a part of the lag."
+            if choices.delay == "lag"
+            else f"SIH has no delay: {1e3 * late.value:.2g} ms are left out; --delay-as-lag adds them to the lag."
+        )
+    if any(name in vehicle.numbers for name in ("M_u", "L_v")):
+        said.append("SIH has no moment by velocity: M_u and L_v are left out.")
+    said.append("SIH has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
+    if "T_motor" not in vehicle.numbers:
+        said.append("The lag of the motors is not identified.")
+    if vehicle.multirotor is not None and (vehicle.multirotor.rotors.thrust[0] or vehicle.multirotor.rotors.thrust[2]):
+        said.append("SIH's thrust is a line through zero: the curve away from hover is left out.")
+    return said
+
+
+# The files
+
+
+def parameter_file(parameters: Mapping[str, float], head: Sequence[str]) -> str:
+    """Parameters as QGroundControl keeps them: vehicle, component, name, value and MAVLink's type, with tabs between.
+
+    Examples
+    --------
+    >>> print(parameter_file({"SIH_MASS": 1.5, "SIH_VEHICLE_TYPE": 0.0}, ["of a test"]).expandtabs(4))
+    # of a test
+    # Vehicle-Id Component-Id Name Value Type
+    1   1   SIH_MASS    1.5 9
+    1   1   SIH_VEHICLE_TYPE    0   6
+    <BLANKLINE>
+    """
+    lines = [*_commented(head), "# Vehicle-Id Component-Id Name Value Type"]
+    for name, value in sorted(parameters.items()):
+        text, kind = (f"{value:.0f}", 6) if name in _INTEGERS else (f"{value:.7g}", 9)
+        lines.append(f"1\t1\t{name}\t{text}\t{kind}")
+    return "\n".join(lines) + "\n"
+
+
+def set_lines(parameters: Mapping[str, float], head: Sequence[str]) -> str:
+    """The same as lines for PX4's shell, which saves them at the end."""
+    lines = [f"param set {name} {value:.7g}" for name, value in parameters.items()]
+    return "\n".join([*_commented(head), *lines, "param save"]) + "\n"
+
+
+def _commented(lines: Sequence[str]) -> list[str]:
+    return [f"# {line}".rstrip() for line in lines]
+
+
+def _airframe(name: str, frame: Frame, hubs_m: FloatArray, parameters: Mapping[str, float], head: Sequence[str]) -> str:
+    lines = ["#!/bin/sh", "#", f"# @name {name}, simulated by SIH", f"# @type Simulation ({frame.name})", "#"]
+    lines += [*_commented(head), "", ". ${R}etc/init.d/rc.mc_defaults", ""]
+    lines += ["PX4_SIMULATOR=${PX4_SIMULATOR:=sihsim}", f"PX4_SIM_MODEL=${{PX4_SIM_MODEL:={name}}}", ""]
+    lines += [f"param set-default SENS_EN_{sensor}SIM 1" for sensor in ("GPS", "BARO", "MAG")]
+    lines += ["", "param set-default CA_AIRFRAME 0", f"param set-default CA_ROTOR_COUNT {len(hubs_m)}"]
+    ratio = parameters["SIH_Q_MAX"] / parameters["SIH_T_MAX"]
+    for index, (hub, spin) in enumerate(zip(hubs_m, frame.spins, strict=True)):
+        lines += [
+            f"param set-default CA_ROTOR{index}_PX {hub[0]:.7g}",
+            f"param set-default CA_ROTOR{index}_PY {hub[1]:.7g}",
+            f"param set-default CA_ROTOR{index}_KM {spin * ratio:.7g}",
+        ]
+    lines += [""] + [f"param set-default PWM_MAIN_FUNC{index + 1} {101 + index}" for index in range(len(hubs_m))]
+    own = {key: value for key, value in parameters.items() if key != "SIH_VEHICLE_TYPE"}
+    lines += ["", *(f"param set-default {key} {value:.7g}" for key, value in own.items())]
+    lines += ["", f"param set SIH_VEHICLE_TYPE {frame.kind}"]
+    return "\n".join(lines) + "\n"
+
+
+def _start(name: str, frame: Frame) -> str:
+    stock = "sihsim_quadx" if frame.kind == 0 else "sihsim_hex"
+    return (
+        f"Without building: make px4_sitl {stock}; load {name}.params in QGroundControl, or paste the lines of\n"
+        f"{name}_set.sh into PX4's shell; start it again.\n"
+        f"As a model of its own: copy {AIRFRAME}_sihsim_{name} to ROMFS/px4fmu_common/init.d-posix/airframes,\n"
+        f"list it in the CMakeLists.txt there, list {name} in src/modules/simulation/simulator_sih/CMakeLists.txt;\n"
+        f"then make px4_sitl sihsim_{name}."
+    )

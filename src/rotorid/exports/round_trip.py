@@ -1,0 +1,207 @@
+r"""Motion about hover, of a vehicle as it was identified and of a simulator by its own equations, number by number.
+
+A simulator answers forces and moments with accelerations; about hover they are lines,
+
+.. math::
+
+    \begin{pmatrix} \dot V \\ \dot \omega \end{pmatrix} \approx A \begin{pmatrix} V \\ \omega \end{pmatrix}
+    + B (x - x_h), \qquad T \dot x = u - x
+
+with the velocity and the rates in body axes, gravity and attitude left out, and the lagged outputs :math:`x` of the
+rotors. For a body of mass :math:`m` and inertia :math:`I` under rotors with the effectiveness :math:`W` and the slope
+of thrust :math:`F'_h`, that carries linear forces :math:`D`,
+
+.. math:: A = J^{-1} D, \qquad B = J^{-1} W F'_h, \qquad J = \mathrm{diag}(m, m, m, I)
+
+The equations of a target are transcribed where the target is, and linearized here by central differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.exports.target import Compared, Held
+from rotorid.typing import FloatArray
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.simulation.multirotor import Multirotor
+
+Accelerations: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+"""Lagged outputs, velocity (m/s) and rates (rad/s) in FRD to accelerations without gravity, shape ``(6,)``."""
+
+VERTICAL, ROLL, PITCH, YAW = (f"{word} acceleration per output" for word in ("vertical", "roll", "pitch", "yaw"))
+LAG, HOVER, DELAY = "motor lag", "hover output", "delay"
+
+_GAINS: Mapping[str, tuple[int, str]] = {
+    VERTICAL: (2, "m/s^2"),
+    ROLL: (3, "rad/s^2"),
+    PITCH: (4, "rad/s^2"),
+    YAW: (5, "rad/s^2"),
+}
+_DERIVATIVES: Mapping[str, tuple[int, int, str]] = {
+    "X_u": (0, 0, "1/s"),
+    "Y_v": (1, 1, "1/s"),
+    "Z_w": (2, 2, "1/s"),
+    "M_u": (4, 0, "1/(m s)"),
+    "L_v": (3, 1, "1/(m s)"),
+    "L_p": (3, 3, "1/s"),
+    "M_q": (4, 4, "1/s"),
+    "N_r": (5, 5, "1/s"),
+}
+"""Rows and columns of ``A``."""
+
+_STEP = 1e-4
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HoverMotion(Immutable):
+    """Motion about hover.
+
+    Parameters
+    ----------
+    by_output
+        Accelerations per output of each rotor, shape ``(6, rotors)``: m/s² and rad/s².
+    by_motion
+        Accelerations per velocity and rate, shape ``(6, 6)``.
+    hover_output
+        Mean output of the rotors in hover.
+    lag_s
+        Of the motors; ``None`` where there is none or it is not known.
+    """
+
+    by_output: FloatArray
+    by_motion: FloatArray
+    hover_output: float
+    lag_s: float | None = None
+
+    def __post_init__(self) -> None:
+        self._set(
+            by_output=read_only(self.by_output, np.float64, ndim=2),
+            by_motion=read_only(self.by_motion, np.float64, ndim=2),
+        )
+
+    def replaced(self, by_output: FloatArray) -> HoverMotion:
+        """The same with other accelerations per output."""
+        return replace(self, by_output=by_output)
+
+
+def identified_motion(vehicle: JoinedVehicle, multirotor: Multirotor, *, lag_s: float | None) -> HoverMotion:
+    """A vehicle about hover, as its numbers say.
+
+    Parameters
+    ----------
+    vehicle, multirotor
+        What was identified, and the body of it.
+    lag_s
+        Lag that a simulator should have, the delay included where it stands for that too.
+    """
+    body = np.zeros((6, 6))
+    body[:3, :3] = multirotor.mass_kg * np.eye(3)
+    body[3:, 3:] = multirotor.inertia_kg_m2
+    air = multirotor.aerodynamics
+    assert air is not None
+    return HoverMotion(
+        by_output=np.linalg.solve(body, multirotor.wrench * vehicle.hover_slope_n),
+        by_motion=np.linalg.solve(body, air),
+        hover_output=vehicle.hover_output,
+        lag_s=lag_s,
+    )
+
+
+def linearized(
+    accelerations: Accelerations, hover_outputs: FloatArray, *, lag_s: float | None, output: float | None = None
+) -> HoverMotion:
+    """The equations of a simulator about hover, by central differences.
+
+    Parameters
+    ----------
+    accelerations
+        The equations, without gravity.
+    hover_outputs
+        Of each rotor, shape ``(rotors,)``.
+    lag_s
+        Time constant of the pole that the lag of the simulator has.
+    output
+        Output in hover; by default the mean of ``hover_outputs``.
+
+    Examples
+    --------
+    >>> motion = linearized(lambda x, v, w: np.array([0, 0, -sum(x**2), 0, 0, 0]) - np.r_[v, w], np.ones(2), lag_s=None)
+    >>> motion.by_output[2].round(9).tolist(), motion.by_motion[2, 2].round(9).item()
+    ([-2.0, -2.0], -1.0)
+    """
+    x, still = np.asarray(hover_outputs, dtype=np.float64), np.zeros(3)
+
+    def slope(of: Callable[[FloatArray], FloatArray], count: int) -> FloatArray:
+        steps = _STEP * np.eye(count)
+        return np.stack([(of(step) - of(-step)) / (2.0 * _STEP) for step in steps], axis=1)
+
+    return HoverMotion(
+        by_output=slope(lambda step: accelerations(x + step, still, still), len(x)),
+        by_motion=slope(lambda step: accelerations(x, step[:3], step[3:]), 6),
+        hover_output=float(x.mean()) if output is None else output,
+        lag_s=lag_s,
+    )
+
+
+def compared(
+    vehicle: JoinedVehicle,
+    identified: HoverMotion,
+    exported: HoverMotion,
+    held: Mapping[str, Held],
+    *,
+    delay: bool = False,
+) -> tuple[Compared, ...]:
+    """Rows of the round trip: gains, hover output, lag, delay, and the derivatives that are known.
+
+    A gain is what all rotors together do when each moves in proportion to what it does on that axis, the most effective
+    by one output.
+
+    Parameters
+    ----------
+    vehicle
+        Says which derivatives are known, and the delay.
+    identified, exported
+        Motion about hover.
+    held
+        How the target holds each row, by its name: exactly where nothing is said.
+    delay
+        Whether the lag of the simulator contains the delay.
+
+    """
+    return tuple(_rows(vehicle, identified, exported, held, delay=delay))
+
+
+def _rows(
+    vehicle: JoinedVehicle, identified: HoverMotion, exported: HoverMotion, held: Mapping[str, Held], *, delay: bool
+) -> Iterable[Compared]:
+    def row(name: str, unit: str, was: float, is_now: float, usual: Held = "exact") -> Compared:
+        return Compared(name=name, unit=unit, identified=was, exported=is_now, held=held.get(name, usual))
+
+    for name, (axis, unit) in _GAINS.items():
+        was = identified.by_output[axis]
+        pattern = was / np.abs(was).max() if np.abs(was).max() > _NOTHING else np.zeros_like(was)
+        yield row(name, unit, float(was @ pattern), float(exported.by_output[axis] @ pattern))
+    yield row(HOVER, "1", identified.hover_output, exported.hover_output)
+    if identified.lag_s is not None:
+        name = f"{LAG} and {DELAY}" if delay else LAG
+        now = exported.lag_s
+        yield Compared(
+            name=name,
+            unit="s",
+            identified=identified.lag_s,
+            exported=0.0 if now is None else now,
+            held="not" if now is None else held.get(LAG, "exact"),
+        )
+    if (late := vehicle.numbers.get(DELAY)) is not None and not delay:
+        yield row(DELAY, "s", late.value, 0.0, "not")
+    for name, (i, j, unit) in _DERIVATIVES.items():
+        if name in vehicle.numbers:
+            yield row(name, unit, float(identified.by_motion[i, j]), float(exported.by_motion[i, j]))
