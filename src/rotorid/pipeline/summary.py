@@ -176,6 +176,21 @@ class ControllerSettings:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Straightening:
+    """How the autopilot that flew makes outputs of demands of thrust, by its own parameters.
+
+    ``expo`` is the curve that it takes out, ``low`` and ``high`` are the outputs of no and of full thrust.
+    ``hover_share`` is the share of full thrust that the logged outputs ask of a motor by that curve, in the mean over
+    the flights.
+    """
+
+    expo: float
+    low: float
+    high: float
+    hover_share: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class MotorPhysics:
     """Motors, rotors and thrust of a fit of ``physical.motors``.
 
@@ -184,7 +199,8 @@ class MotorPhysics:
     with the direction of their torque (+1 turns the nose right). ``derived`` holds thrust of a rotor at the mean output
     of the flights (``thrust_hover``), its slope there, thrust at full output and that over weight; ``flown_outputs`` is
     the range of the outputs but for one percent at each end, beyond which thrust is extrapolated. ``scale`` names what
-    fixed the scale of mass, thrust and inertia, or is ``null``: then all three are per kilogram.
+    fixed the scale of mass, thrust and inertia, or is ``null``: then all three are per kilogram. ``straightening`` is
+    what the autopilot does with demands, where its log says so.
     """
 
     layout: str
@@ -200,6 +216,7 @@ class MotorPhysics:
     hover_output: float
     flown_outputs: tuple[float, float]
     scale: str | None
+    straightening: Straightening | None = None
     derived: Mapping[str, Derived] = field(default_factory=dict)
     both_ways: tuple[InertiaEstimate, ...] = ()
     excitation: tuple[ExcitedFlight, ...] = ()

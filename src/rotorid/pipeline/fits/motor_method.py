@@ -27,10 +27,21 @@ from rotorid.pipeline.fits.motors import (
     simulated_record,
 )
 from rotorid.pipeline.fits.searching import judge_minima, search_summary, searched_minima
+from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.motor_data import MotorData, motor_data
 from rotorid.pipeline.results import FittedData, Verifications, no_response
 from rotorid.pipeline.settings import MotorChoices
-from rotorid.pipeline.summary import Checks, ExcitedFlight, Fit, FitEnd, InertiaEstimate, MotorPhysics, RecordFit
+from rotorid.pipeline.summary import (
+    Checks,
+    ExcitedFlight,
+    Fit,
+    FitEnd,
+    InertiaEstimate,
+    MotorPhysics,
+    RecordFit,
+    Straightening,
+)
+from rotorid.signal.motors import Linearization, linearization_of, logged_outputs, or_none
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.verification.scores import GOOD_TIC
 from rotorid.verification.verification import Verification
@@ -210,6 +221,23 @@ def _record_fit(moved: Motion) -> RecordFit:
     )
 
 
+def _straightening(flights: Sequence[Flight]) -> Straightening | None:
+    """How the autopilot makes outputs of demands, by the first log; none that only passes them on."""
+    known = linearization_of(flights[0].record) if flights else None
+    if known is None or known == Linearization():
+        return None
+    shares = []
+    for record, maneuver in flights:
+        outputs = or_none(logged_outputs, record)
+        if outputs is not None:
+            inside = (outputs.time_s >= maneuver.start_s) & (outputs.time_s <= maneuver.stop_s)
+            shares.append(known.demands(np.maximum(outputs.values[:, inside], known.low)).ravel())
+    together = np.concatenate(shares) if shares else np.zeros(0)
+    if not together.size:
+        return None
+    return Straightening(expo=known.expo, low=known.low, high=known.high, hover_share=float(together.mean()))
+
+
 def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
     data = fitted.data
     counted = [[axis for axis in filters if axis != "weight"] for filters in fitted.fit.problem.filters]
@@ -228,6 +256,7 @@ def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
         hover_output=fitted.hover_output,
         flown_outputs=(float(low), float(high)),
         scale=scale_of(known, fitted.axes),
+        straightening=_straightening(data.flights),
         derived=dict(fitted.derived),
         both_ways=tuple(
             InertiaEstimate(
