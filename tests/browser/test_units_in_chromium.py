@@ -60,10 +60,14 @@ def probed(chromium: str, folder: Path, identified: Shown, action: str) -> dict[
     ("action", "units"),
     [
         ("", "rad/s dB"),
-        ("find('Hz').click();", "Hz dB"),
-        ("find('linear').click();", "rad/s linear"),
+        pytest.param("find('Hz').click();", "Hz dB", marks=pytest.mark.slow),
+        pytest.param("find('linear').click();", "rad/s linear", marks=pytest.mark.slow),
         ("find('Hz').click(); find('linear').click();", "Hz linear"),
-        ("find('Hz').click(); find('linear').click(); find('rad/s').click(); find('dB').click();", "rad/s dB"),
+        pytest.param(
+            "find('Hz').click(); find('linear').click(); find('rad/s').click(); find('dB').click();",
+            "rad/s dB",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_page_shows_what_python_would_draw(chromium: str, tmp_path: Path, action: str, units: str) -> None:

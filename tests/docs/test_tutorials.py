@@ -22,6 +22,10 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#]+)(?:#[^)]*)?\)")
 
 
+LONG = frozenset({"paper-2-s500", "paper-5-bebop", "plan-fly-identify"})
+"""Half a minute each."""
+
+
 def name_of(page: Path) -> str:
     return page.stem
 
@@ -43,7 +47,11 @@ def commands_of(text: str) -> list[str]:
     return [line.removeprefix("$ ") for line in lines if line.startswith("$ rotorid ")]
 
 
-@pytest.mark.parametrize("page", [*TUTORIALS, PYTHON_PAGE], ids=name_of)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=pytest.mark.slow) if page.stem in LONG else page for page in (*TUTORIALS, PYTHON_PAGE)],
+    ids=name_of,
+)
 def test_every_block_prints_what_the_page_shows(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = page.read_text(encoding="utf-8")

@@ -84,10 +84,11 @@ def test_every_cut_is_said_and_keeps_what_is_complete(tmp_path: Path) -> None:
         assert record.topics[0].time_s.size >= 4 * complete - 1
 
 
-def test_flipped_bits_never_crash_and_frames_stay_in_order(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [80, pytest.param(500, marks=pytest.mark.slow)])
+def test_flipped_bits_never_crash_and_frames_stay_in_order(tmp_path: Path, count: int) -> None:
     rng = np.random.default_rng(0)
     noticed = 0
-    for _ in range(500):
+    for _ in range(count):
         data = bytearray(LOG)
         data[int(rng.integers(len(HEADER), len(LOG)))] ^= 1 << int(rng.integers(8))
         flight = decode(bytes(data))
@@ -100,7 +101,7 @@ def test_flipped_bits_never_crash_and_frames_stay_in_order(tmp_path: Path) -> No
         assert np.count_nonzero(np.diff(iterations) <= 0) <= 1
         assert record_of(bytes(data), tmp_path) is not None
     # There is no checksum: a changed number that keeps its length cannot be told from a true one.
-    assert noticed > 150
+    assert noticed > 0.3 * count
 
 
 def test_flipped_bits_in_the_header(tmp_path: Path) -> None:

@@ -64,6 +64,7 @@ def test_truncations_of_a_real_px4_log_are_said(unpacked: Callable[[str], Path])
     assert said >= 0.95 * len(cuts)
 
 
+@pytest.mark.slow
 def test_a_parser_that_crashes_is_one_sentence_of_its_parent(tmp_path: Path) -> None:
     """The first flip on which the MAT parser takes its process with it, given to the real sandbox."""
     sample = SAMPLES["MAT v5"]()

@@ -10,9 +10,10 @@ are gone through. Where a caller bounds the length of the text, the table below 
 from __future__ import annotations
 
 import ast
+import math
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -236,6 +237,18 @@ def _written(item: Any) -> str:
     return names[str(value).removeprefix("CATEGORY_")]
 
 
+def cost_s(apply: Callable[[Any], object], given: str | bytes) -> float:
+    """Seconds of processor time, the least of three when they are many: other programs run beside."""
+    least = math.inf
+    for _ in range(3):
+        begun = time.process_time()
+        apply(given)
+        least = min(least, time.process_time() - begun)
+        if least < LONGEST_S:
+            break
+    return least
+
+
 def slowest(pattern: str | bytes, flags: int, methods: frozenset[str], most: int = SIZES[-1]) -> tuple[float, str]:
     """The longest time for any of the texts, and the text; no more texts once one takes too long."""
     compiled = re.compile(pattern, flags & ~re.UNICODE if isinstance(pattern, bytes) else flags)
@@ -246,9 +259,7 @@ def slowest(pattern: str | bytes, flags: int, methods: frozenset[str], most: int
             # All others search from place to place.
             names = {name if name in ("fullmatch", "match") else "search" for name in methods}
             for apply in (getattr(compiled, name) for name in names):
-                begun = time.perf_counter()
-                apply(given)
-                taken = time.perf_counter() - begun
+                taken = cost_s(apply, given)
                 worst = max(worst, (taken, f"{text[:40]!r} of {len(text)} letters"))
                 if taken > LONGEST_S:
                     return worst
@@ -274,5 +285,5 @@ def test_no_pattern_takes_more_than_linear_time(place: str) -> None:
     ],
 )
 def test_patterns_that_take_their_time_are_told(pattern: str | bytes) -> None:
-    taken_s, _ = slowest(pattern, 0, frozenset({"search"}), most=200_000)
+    taken_s, _ = slowest(pattern, 0, frozenset({"search"}), most=80_000)
     assert taken_s > LONGEST_S

@@ -139,6 +139,7 @@ def test_published_third_order_scores_as_it_did(bebop_data: Path) -> None:
     assert fits(bebop_data, bebop.third_order(), "filter")[1:].mean() == pytest.approx(83.48, abs=UNSURE_PERCENT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [bebop.second_order(), bebop.third_order()], ids=["second", "third"])
 def test_an_estimated_start_beats_the_filtered_one(bebop_data: Path, system: StateSpace) -> None:
     """The rest in front of the records is the first sample twenty times over: nothing was flown there."""

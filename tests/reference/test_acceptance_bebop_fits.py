@@ -133,12 +133,14 @@ def test_table_of_black_boxes(order: int, bar: float, filtered: Path) -> None:
     assert found.max() >= bar
 
 
+@pytest.mark.slow
 def test_unfiltered_outputs_are_simulated_as_well(unfiltered: list[CrossValidation[Identified]]) -> None:
     found = means(unfiltered)
     report(f"{DELAY}, unfiltered", found)
     assert found.max() >= 83.0
 
 
+@pytest.mark.slow
 def test_unfiltered_outputs_show_the_delay_of_every_axis(unfiltered: list[CrossValidation[Identified]]) -> None:
     delays_s = np.array(
         [

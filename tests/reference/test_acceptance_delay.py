@@ -20,6 +20,7 @@ def bebop(shared_data: Path, folder: str, band_rad_s: tuple[float, float] | None
     return delay(records, settings=MeasureSettings(band_rad_s=band_rad_s))
 
 
+@pytest.mark.slow
 def test_bebop_as_measured(shared_data: Path) -> None:
     found = bebop(shared_data, "unfiltered")
     assert set(found.pairs) == {

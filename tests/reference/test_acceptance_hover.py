@@ -102,7 +102,10 @@ class Flight(NamedTuple):
 
 @pytest.fixture(
     scope="module",
-    params=[(m, r) for m in MOTIONS for r in (True, False)],
+    params=[
+        *((motion, False) for motion in MOTIONS),
+        *(pytest.param((motion, True), marks=pytest.mark.slow) for motion in MOTIONS),
+    ],
     ids=lambda p: f"{p[0].model}{'-reduced' if p[1] else ''}",
 )
 def s500(request: pytest.FixtureRequest, read: Read) -> Flight:
@@ -240,6 +243,7 @@ def test_speed_damping_of_one_response_has_the_bias_of_what_it_leaves_out(
     assert not 0.5 < finding.numbers["value"] / truth[case.name] < 2.0
 
 
+@pytest.mark.slow
 def test_two_steps_hold_what_the_first_one_found_and_the_cost_tells(read: Read) -> None:
     """The rest of the model bends around a damping that is biased; without the two steps the cost is below one."""
     case = TWO_STEPS[2]
@@ -324,6 +328,7 @@ def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(heave_damping: P
     assert heave_damping.value == pytest.approx(ARDUPILOT_Z_W_1_S, rel=0.12)
 
 
+@pytest.mark.slow
 def test_ardupilot_all_axes_together(read: Read) -> None:
     logs = [read(f"ardupilot_sitl/x_wind_{axes}.BIN.xz") for axes in ("rollpitch", "yawthrust")]
     document = result_document(rotorid.identify(logs, "hover.full"))

@@ -73,6 +73,7 @@ def test_px4_doublets_alone_tell_roll_and_pitch(unpacked: Callable[[str], Path])
     assert 0.3 * value(found, "I_xx") < std < 0.4 * value(found, "I_xx")
 
 
+@pytest.mark.slow
 def test_thrust_of_two_flights_agrees_within_what_is_stated(unpacked: Callable[[str], Path]) -> None:
     """Two accelerometers, or one on two days, differ by more than the noise of a flight."""
     one, other = (

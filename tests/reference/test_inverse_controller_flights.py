@@ -147,7 +147,7 @@ def test_heave_hovering_in_wind_is_the_controller_too(screened: Screen) -> None:
     assert refusal.value.findings[0].numbers["fitted_cost"] < 5.0
 
 
-@pytest.mark.parametrize("estimate", ["auto", "direct"])
+@pytest.mark.parametrize("estimate", [pytest.param("auto", marks=pytest.mark.slow), "direct"])
 @pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda vehicle: f"{Path(vehicle.log).name}-{vehicle.axis}")
 def test_no_vehicle_is_taken_for_its_controller(screened: Screen, vehicle: Vehicle, estimate: EstimateChoice) -> None:
     result = screened(*vehicle, estimate=estimate)

@@ -41,7 +41,9 @@ def test_peak_factor_of_several_axes_at_once(period_s: float, band_hz: tuple[flo
     assert max(one.relative_peak_factor for one in signals) <= 1.1
 
 
-@pytest.mark.parametrize(("period_s", "band_hz"), [(20.0, (0.2, 8.0)), (10.0, (0.2, 8.0))])
+@pytest.mark.parametrize(
+    ("period_s", "band_hz"), [(20.0, (0.2, 8.0)), pytest.param(10.0, (0.2, 8.0), marks=pytest.mark.slow)]
+)
 def test_peak_factor_of_equal_spacings(period_s: float, band_hz: tuple[float, float]) -> None:
     signals = on_axes(interleaved, 3, band_hz=band_hz, period_s=period_s)
     assert max(one.relative_peak_factor for one in signals) <= 1.1
@@ -56,8 +58,14 @@ def test_peak_factor_of_unequal_powers(exponent: float) -> None:
         np.testing.assert_allclose(ratio, power_law(one.harmonics, exponent), rtol=1e-12)
 
 
-@pytest.mark.parametrize("layout", [halved, interleaved])
-@pytest.mark.parametrize("axes", [2, 3, 4])
+@pytest.mark.parametrize(
+    ("layout", "axes"),
+    [
+        *((halved, axes) for axes in (2, 3, 4)),
+        *((interleaved, axes) for axes in (2, 3)),
+        pytest.param(interleaved, 4, marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("rate_hz", [20.0, 50.0, 400.0])
 def test_axes_are_orthogonal_over_every_period(layout: Any, axes: int, rate_hz: float) -> None:
     signals = np.stack([one.sampled(rate_hz, periods=2) for one in on_axes(layout, axes, **SMALL)])

@@ -63,17 +63,20 @@ def joined() -> Study:
 TOLERANCE = 4.0 / np.sqrt(2.0 * FITS) + 0.02
 
 
+@pytest.mark.slow
 def test_estimates_scatter_as_stated(joined: Study) -> None:
     np.testing.assert_allclose(joined.covariance.std(axis=0) / joined.covariance_std.mean(axis=0), 1.0, atol=TOLERANCE)
     np.testing.assert_allclose(joined.cifer.std(axis=0) / joined.cifer_std.mean(axis=0), 1.0, atol=TOLERANCE)
 
 
+@pytest.mark.slow
 def test_estimates_are_not_biased(joined: Study) -> None:
     for errors in (joined.covariance, joined.cifer):
         # The mean of n draws scatters by 1 / sqrt(n).
         assert np.all(np.abs(errors.mean(axis=0)) <= 4.0 * errors.std(axis=0) / np.sqrt(FITS))
 
 
+@pytest.mark.slow
 def test_of_both_the_one_with_the_covariance_scatters_less(joined: Study) -> None:
     ratio = joined.covariance.std(axis=0) / joined.cifer.std(axis=0)
     assert np.all(ratio <= 1.0 + TOLERANCE)
@@ -82,6 +85,7 @@ def test_of_both_the_one_with_the_covariance_scatters_less(joined: Study) -> Non
     assert np.all(joined.covariance_std <= 1.05 * joined.cifer_std)
 
 
+@pytest.mark.slow
 def test_errors_as_stated_show_no_model_error(joined: Study) -> None:
     # Of four responses the largest; what random errors of 2 % and 16 points let pass for a smooth one now and then.
     assert np.median(joined.model_errors, axis=0).max() < 0.2 * LEVEL + SMALLEST_MODEL_ERROR

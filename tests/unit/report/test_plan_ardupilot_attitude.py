@@ -131,7 +131,7 @@ def test_it_begins_with_the_lean_against_the_wind() -> None:
     assert autopilot.targets()[-1][1:3] == pytest.approx((2.0, -3.0), abs=1e-9)
 
 
-@pytest.mark.parametrize("heading", [0.5, -2.3])
+@pytest.mark.parametrize("heading", [0.5, pytest.param(-2.3, marks=pytest.mark.slow)])
 def test_a_vehicle_that_drifts_is_brought_back(heading: float) -> None:
     """The equation of the loop, solved: a push of 1 m/s on a point that leans at once."""
     autopilot = resting(heading)

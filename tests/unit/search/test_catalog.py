@@ -149,7 +149,7 @@ def threads() -> Iterator[Executor]:
 
 
 @EACH
-@pytest.mark.parametrize("workers", ["processes", "threads"])
+@pytest.mark.parametrize("workers", [pytest.param("processes", marks=pytest.mark.slow), "threads"])
 def test_any_number_of_workers_gives_the_same_answer(line: Line, workers: str, request: pytest.FixtureRequest) -> None:
     pool: Executor = request.getfixturevalue(workers)
     shared = search(line.text).run(PROBLEMS["late"], budget=line.budget, seed=1, executor=pool)

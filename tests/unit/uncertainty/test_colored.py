@@ -25,7 +25,8 @@ def regression(seed: int, slopes: FloatArray, *, memory: float = MEMORY) -> tupl
     return Part(residual=left[:, None], slopes=column[:, None, :], unknown=unknown[:, None, :]), estimate
 
 
-@pytest.mark.parametrize("memory", [0.0, pytest.param(0.9, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_stated_errors_are_the_scatter_of_many_estimates(memory: float) -> None:
     slopes = np.repeat(np.sign(np.random.default_rng(99).standard_normal((SAMPLES // 50, 1))), 50, axis=0)
     runs = [regression(seed, slopes, memory=memory) for seed in range(SEEDS)]

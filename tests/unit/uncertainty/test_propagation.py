@@ -81,7 +81,7 @@ SPRING = {"m": 2.0, "k": 30.0, "c": 1.6, "b": 5.0, "tau": 0.03}
     ("structure", "parameters"),
     [
         (rate_model("rate.roll"), RATE),
-        (rate_model("rate.roll"), RATE.drop("T_motor")),
+        pytest.param(rate_model("rate.roll"), RATE.drop("T_motor"), marks=pytest.mark.slow),
         (oscillator(SPRING), oscillator(SPRING).parameters),
     ],
     ids=["real", "algebraic", "pair"],
