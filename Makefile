@@ -7,17 +7,24 @@ DEMO   ?= rotorid-out/demo
 # Hundreds of tests start the program: what Python compiled once is kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quick study bench clean
+.PHONY: demo test checks compiled quick study bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/rotorid demo --out $(DEMO)
 
 test: $(VENV)/.installed-dev
+	$(MAKE) --jobs 2 checks compiled
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope
+
+checks: $(VENV)/.installed-dev
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope
+
+# A flight and two identifications: most of what is compiled, before the tests would do so on every core at once.
+compiled: $(VENV)/.installed-dev
+	OPENBLAS_NUM_THREADS=1 $(BIN)/rotorid demo --quiet --force --out $(VENV)/compiled
 
 # The tests of what changed since BASE, in under a minute.
 BASE ?= HEAD
