@@ -20,6 +20,10 @@ from rotorid.pipeline.flight_settings import SimulateChoices as SimulateChoices
 from rotorid.pipeline.identification import identify as identify
 from rotorid.pipeline.identification import identify_motors as identify_motors
 from rotorid.pipeline.inspection import inspect as inspect
+from rotorid.pipeline.joined import JoinedVehicle as JoinedVehicle
+from rotorid.pipeline.joined import VehicleNumber as VehicleNumber
+from rotorid.pipeline.joined import joined_vehicle as joined_vehicle
+from rotorid.pipeline.joined import require as require
 from rotorid.pipeline.responses import Responses as Responses
 from rotorid.pipeline.responses import response as response
 from rotorid.pipeline.results import IdentifiedModel as IdentifiedModel
