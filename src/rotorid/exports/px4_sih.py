@@ -333,9 +333,11 @@ def _held(body: Multirotor, frame: Frame, rotors: Arranged) -> dict[str, Held]:
     held: dict[str, Held] = dict.fromkeys(("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r"), "approximated")
     held |= dict.fromkeys(("M_u", "L_v"), "not")
     hubs, ideal = rotors.positions(body.rotors.layout), _places(body, frame)
-    if np.abs(hubs - ideal).max() > _SAME_PLACE * np.abs(ideal).max():
+    moved = np.abs(hubs - ideal).max() > _SAME_PLACE * np.abs(ideal).max()
+    if moved:
         held |= dict.fromkeys((ROLL, PITCH), "approximated")
-    if rotors.mirrored and np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
+    # Products of inertia bring what is off on one axis to the others.
+    if (moved or rotors.mirrored) and np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
         held |= dict.fromkeys((ROLL, PITCH, YAW), "approximated")
     c_0, _, c_2 = body.rotors.thrust
     if c_0 or c_2:
@@ -349,7 +351,7 @@ _SAME_PLACE = 0.005
 def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
     said = []
     late = vehicle.numbers.get("delay")
-    if late is not None:
+    if late is not None and late.value > 0.0:
         said.append(
             f"The delay of {1e3 * late.value:.2g} ms is a part of the lag."
             if choices.delay == "lag"

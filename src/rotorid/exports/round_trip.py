@@ -87,9 +87,10 @@ class HoverMotion(Immutable):
             by_motion=read_only(self.by_motion, np.float64, ndim=2),
         )
 
-    def replaced(self, by_output: FloatArray) -> HoverMotion:
-        """The same with other accelerations per output."""
-        return replace(self, by_output=by_output)
+    def replaced(self, by_output: FloatArray, *, hover_output: float | None = None) -> HoverMotion:
+        """The same for other outputs: of other rotors, or of what makes the outputs."""
+        hover = self.hover_output if hover_output is None else hover_output
+        return replace(self, by_output=by_output, hover_output=hover)
 
 
 def identified_motion(vehicle: JoinedVehicle, multirotor: Multirotor, *, lag_s: float | None) -> HoverMotion:
@@ -191,7 +192,7 @@ def _rows(
         yield row(name, unit, float(was @ pattern), float(exported.by_output[axis] @ pattern))
     yield row(HOVER, "1", identified.hover_output, exported.hover_output)
     if identified.lag_s is not None:
-        name = f"{LAG} and {DELAY}" if delay else LAG
+        name = f"{LAG} and {DELAY}" if delay and DELAY in vehicle.numbers else LAG
         now = exported.lag_s
         yield Compared(
             name=name,
@@ -200,7 +201,7 @@ def _rows(
             exported=0.0 if now is None else now,
             held="not" if now is None else held.get(LAG, "exact"),
         )
-    if (late := vehicle.numbers.get(DELAY)) is not None and not delay:
+    if (late := vehicle.numbers.get(DELAY)) is not None and late.value > 0.0 and not delay:
         yield row(DELAY, "s", late.value, 0.0, "not")
     for name, (i, j, unit) in _DERIVATIVES.items():
         if name in vehicle.numbers:

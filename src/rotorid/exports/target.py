@@ -58,11 +58,12 @@ class Compared(Immutable):
 
     @property
     def difference_percent(self) -> float:
-        """Exported less identified, in percent; infinite where zero came back as something."""
+        """How much more was exported than identified, in percent; infinite where zero came back as something."""
         difference, size = self.exported - self.identified, abs(self.size or self.identified)
         if difference == 0.0:
             return 0.0
-        return round(100.0 * difference / size, 9) if size > 0.0 else math.copysign(math.inf, difference)
+        away = math.copysign(1.0, self.identified) * difference
+        return round(100.0 * away / size, 9) if size > 0.0 else math.copysign(math.inf, away)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,4 +180,9 @@ def table_lines(compared: Sequence[Compared]) -> list[str]:
 def difference_text(one: Compared) -> str:
     """The difference of a row in words; where nothing is held there is none."""
     percent = one.difference_percent
-    return "" if one.held == "not" or not math.isfinite(percent) else f"{percent:+.2f} %"
+    if one.held == "not" or not math.isfinite(percent):
+        return ""
+    return "0.00 %" if abs(percent) < _SHOWN_PERCENT else f"{percent:+.2f} %"
+
+
+_SHOWN_PERCENT = 0.005

@@ -1,0 +1,521 @@
+r"""ArduPilot's simulator (SITL): a frame as JSON, and parameters.
+
+Its equations, with the share :math:`c` of the range between ``spin_min`` and ``spin_max``, at the highest voltage and
+the density where the reference was taken, without inflow:
+
+.. math::
+
+    F = F_{max} ((1 - e) c + e c^2), \quad F_{max} = \frac{m g}{n \, \mathrm{hoverThrOut}}, \quad
+    Q = 0.05 \, s \, d \, c F, \quad D_i = k \sqrt{\rho A / n} \sqrt{F} \, V_i
+
+with the momentum drag :math:`D_i` at the velocity of each motor, which damps rotation too, a drag of the body that
+grows with the square, and a damping of rates. There is no lag and no delay, and the inertia is diagonal.
+
+The curve has the force and the slope of the vehicle's rotors at hover wherever its form allows (:mod:`.thrust`). Where
+the vehicle was known by demands of thrust that its autopilot had straightened, the curve is the one that the autopilot
+took out, and the share of thrust in hover that of the outputs that it logged.
+
+References
+----------
+ArduPilot, ``libraries/SITL/SIM_Frame.cpp``, ``SIM_Motor.cpp``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.errors import ModelError
+from rotorid.exports.arrangement import Arranged, arranged
+from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, VERTICAL, YAW, compared, identified_motion, linearized
+from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.thrust import HoverThrust, expo_thrust
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+if TYPE_CHECKING:
+    from rotorid.models.rotors import RotorLayout
+    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
+    from rotorid.pipeline.summary import Straightening
+    from rotorid.simulation.multirotor import Multirotor
+
+NAME = "ardupilot"
+
+_TORQUE, _DAMPING = 0.05, math.radians(400.0)
+"""Torque by thrust, share and size; damping in 1/s times ``refRotRate``."""
+
+_SEA_LEVEL_KG_M3, _LAPSE_1_M, _DENSITY_POWER = 1.225, 2.25577e-5, 4.2559
+_HOME_M = 584.0
+"""Of the place where SITL starts when no other is named."""
+
+_USUAL: Mapping[str, tuple[float, str]] = {
+    "refAlt": (_HOME_M, "m"),
+    "refSpd": (15.08, "m/s"),
+    "refAngle": (45.0, "deg"),
+    "refVoltage": (12.09, "V"),
+    "refCurrent": (29.3, "A"),
+    "refBatRes": (0.01, "ohm"),
+    "maxVoltage": (12.6, "V"),
+    "refRotRate": (120.0, "deg/s"),
+    "disc_area": (0.385, "m^2"),
+    "mdrag_coef": (0.2, "1"),
+    "propExpo": (0.65, "1"),
+    "spin_min": (0.15, "1"),
+    "spin_max": (0.95, "1"),
+    "pwmMin": (1000.0, "us"),
+    "pwmMax": (2000.0, "us"),
+}
+"""Of SITL's own frame; ``refAlt`` is that of its home, where thrust then is as identified."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SitlFrame(Immutable):
+    """A frame that SITL knows by a name: it gives the order of the motors.
+
+    Parameters
+    ----------
+    name
+        Before the colon of ``--model``.
+    layout
+        The same in rotorid's library.
+    frame_class, frame_type
+        Parameters of the autopilot that fly it.
+    """
+
+    name: str
+    layout: str
+    frame_class: int
+    frame_type: int
+
+
+SITL_FRAMES = (
+    SitlFrame(name="x", layout="quad.x", frame_class=1, frame_type=1),
+    SitlFrame(name="+", layout="quad.plus", frame_class=1, frame_type=0),
+    SitlFrame(name="hexax", layout="hexa.x", frame_class=2, frame_type=1),
+    SitlFrame(name="hexa", layout="hexa.plus", frame_class=2, frame_type=0),
+    SitlFrame(name="octa", layout="octo.plus", frame_class=3, frame_type=0),
+    SitlFrame(name="octa-cwx", layout="octo.x.clockwise", frame_class=3, frame_type=14),
+    SitlFrame(name="octa-quad", layout="x8", frame_class=4, frame_type=1),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Thrust:
+    """Thrust of a motor in SITL's form, and what the autopilot makes of a demand where that is what is known."""
+
+    expo: float
+    hover_share: float
+    spin_min: float
+    spin_max: float
+    exact: bool
+    demand_gain: float | None = None
+
+    @property
+    def hover_c(self) -> float:
+        """Share of the spin range in hover."""
+        e, share = self.expo, self.hover_share
+        return share if e == 0.0 else (e - 1.0 + math.sqrt((1.0 - e) ** 2 + 4.0 * e * share)) / (2.0 * e)
+
+    @property
+    def ratio(self) -> float:
+        """Slope of thrust by share, over the quotient of the two: 1 of a line, 2 of a square."""
+        return self.hover_c * (1.0 - self.expo + 2.0 * self.expo * self.hover_c) / self.hover_share
+
+
+def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+    """A frame as strict JSON, and a list of parameters.
+
+    Parameters
+    ----------
+    vehicle
+        With rotors as one of :data:`SITL_FRAMES` has them.
+    choices
+        The name; SITL has no delay and no lag.
+
+    Raises
+    ------
+    UsageError
+        Mass, inertia or another number is not known.
+    ModelError
+        SITL has no such frame.
+    """
+    from rotorid.pipeline.joined import require
+
+    body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
+    frame, rotors = sitl_frame(body.rotors.layout)
+    defaults: dict[str, VehicleNumber] = {}
+    findings: list[Finding] = []
+    thrust = _thrust(vehicle, defaults, findings)
+    table = _table(vehicle, body, rotors, thrust, defaults, findings)
+    rows = _compared(vehicle, body, rotors, thrust, table)
+    file = f"{choices.names}.json"
+    head = [f"{choices.names}: an identified multirotor for ArduPilot's SITL, by rotorid", "", *table_lines(rows)]
+    return Exported(
+        target=NAME,
+        files={
+            file: json.dumps(table, indent=2, allow_nan=False) + "\n",
+            f"{choices.names}.param": _parameter_file(_parameters(vehicle, frame, thrust, table), head),
+        },
+        compared=rows,
+        defaults=defaults,
+        left_out=tuple(_left_out(vehicle, body)),
+        start=(
+            f"sim_vehicle.py -v ArduCopter --model {frame.name}:{file} --add-param-file {choices.names}.param\n"
+            "with the path of each file; JSON holds no comments, the round trip stands in the .param."
+        ),
+        findings=tuple(findings),
+    )
+
+
+def sitl_frame(layout: RotorLayout) -> tuple[SitlFrame, Arranged]:
+    """The frame of SITL that a layout is, and its rotors in SITL's order.
+
+    Raises
+    ------
+    ModelError
+        SITL has none.
+
+    Examples
+    --------
+    >>> from rotorid.models.rotors import library_layout
+    >>> frame, rotors = sitl_frame(library_layout("quad.x.betaflight"))
+    >>> frame.name, rotors.order
+    ('x', (1, 2, 3, 0))
+    """
+    from rotorid.models.rotors import library_layout
+
+    for frame in SITL_FRAMES:
+        own = library_layout(frame.layout)
+        bearings_deg = np.degrees(np.arctan2(own.positions[:, 1], own.positions[:, 0])).tolist()
+        tolerance_deg = 80.0 / layout.rotors
+        rotors = arranged(layout, bearings_deg, own.spins.tolist(), tolerance_deg=tolerance_deg)
+        if rotors is not None:
+            return frame, rotors
+    raise ModelError(
+        f"the rotors of {layout.name} stand or turn as in no frame that SITL has",
+        needed=f"one of {', '.join(frame.layout for frame in SITL_FRAMES)}",
+    )
+
+
+def air_density(altitude_m: float) -> float:
+    """Of the standard atmosphere, kg/m³.
+
+    Examples
+    --------
+    >>> round(air_density(593.0), 3)
+    1.157
+    """
+    return float(_SEA_LEVEL_KG_M3 * (1.0 - _LAPSE_1_M * altitude_m) ** _DENSITY_POWER)
+
+
+def _usual(name: str, defaults: dict[str, VehicleNumber], value: float | None = None, of: str = "") -> float:
+    """The default of SITL's own frame, noted."""
+    from rotorid.pipeline.joined import VehicleNumber
+
+    usual, unit = _USUAL[name]
+    chosen = usual if value is None else value
+    defaults[name] = VehicleNumber(value=chosen, unit=unit, source="default", of=of or "SITL's own frame")
+    return chosen
+
+
+def _thrust(vehicle: JoinedVehicle, defaults: dict[str, VehicleNumber], findings: list[Finding]) -> _Thrust:
+    motors = next((model.motors for model in vehicle.models if model.motors is not None), None)
+    if motors is not None and motors.outputs == "thrust_demand" and motors.straightening is not None:
+        return _straightened(vehicle, motors.straightening, findings)
+    hover = HoverThrust(output=vehicle.hover_output, force=vehicle.hover_force_n, slope=vehicle.hover_slope_n)
+    known = [vehicle.numbers.get(name) for name in ("spin_min", "spin_max")]
+    if known[0] is not None and known[1] is not None:
+        low, high = known[0].value, known[1].value
+    elif motors is not None and motors.straightening is not None:
+        low, high = motors.straightening.low, motors.straightening.high
+    else:
+        # Below this output a square through the force and the slope has no thrust.
+        least = max(0.0, hover.output - 2.0 * hover.force / hover.slope)
+        low = _usual("spin_min", defaults, least, "the output without thrust")
+        high = _usual("spin_max", defaults, 1.0, "the whole range")
+    curve = expo_thrust(hover, spin_min=low, spin_max=high)
+    if not curve.exact:
+        message = (
+            "SITL's curve lies between a line and a square through no thrust at spin_min, and the vehicle's does not: "
+            "thrust in hover is held and its slope is not."
+        )
+        findings.append(warn("export_compromise", "propExpo", message, expo=curve.expo))
+    return _Thrust(expo=curve.expo, hover_share=curve.hover_share, spin_min=low, spin_max=high, exact=curve.exact)
+
+
+def _straightened(vehicle: JoinedVehicle, known: Straightening, findings: list[Finding]) -> _Thrust:
+    """The curve that the autopilot took out, and the share of thrust that its logged outputs asked for."""
+    motors = next(model.motors for model in vehicle.models if model.motors is not None)
+    assert vehicle.multirotor is not None
+    rotors = vehicle.multirotor.rotors
+    # Flights carry a little more or less than the weight in the mean.
+    share = known.hover_share * vehicle.hover_force_n / rotors.thrust_at(motors.hover_output)
+    gain = known.hover_share / motors.hover_output
+    expo = min(max(known.expo, 0.0), 1.0)
+    message = (
+        f"The vehicle is known by demands of thrust. Its autopilot took out an expo of {expo:.3g} between outputs of "
+        f"{known.low:.3g} and {known.high:.3g}, and asked for {gain:.3f} times the demand to make up for voltage and "
+        f"density: SITL needs the same MOT_ parameters."
+    )
+    findings.append(remark("export_compromise", "propExpo", message, gain=gain))
+    return _Thrust(expo=expo, hover_share=share, spin_min=known.low, spin_max=known.high, exact=True, demand_gain=gain)
+
+
+def _table(
+    vehicle: JoinedVehicle,
+    body: Multirotor,
+    rotors: Arranged,
+    thrust: _Thrust,
+    defaults: dict[str, VehicleNumber],
+    findings: list[Finding],
+) -> dict[str, Any]:
+    """The JSON of the frame."""
+    hubs, weight = rotors.positions(body.rotors.layout), body.mass_kg * STANDARD_GRAVITY_M_S2
+    size = float(np.hypot(hubs[:, 0], hubs[:, 1]).max())
+    altitude = vehicle.altitude_m
+    altitude_m = _usual("refAlt", defaults) if altitude is None else altitude
+    density = air_density(altitude_m)
+    known_disc = vehicle.numbers.get("disc_area")
+    disc = _usual("disc_area", defaults) if known_disc is None else known_disc.value
+    drag = _momentum_drag(vehicle, density * disc * weight / body.mass_kg**2, defaults, findings)
+    per_rotor = drag * math.sqrt(density * disc * weight) / len(hubs)
+    voltage = vehicle.numbers.get("reference_v")
+    torque = body.rotors.torque_per_thrust_m / (_TORQUE * size * thrust.hover_c * (1.0 + 1.0 / thrust.ratio))
+    spins = body.rotors.layout.spins[list(rotors.order)] * (-1.0 if rotors.mirrored else 1.0)
+    usual = {name: _usual(name, defaults) for name in ("refVoltage", "refCurrent", "refBatRes", "refAngle")}
+    table: dict[str, Any] = {
+        "mass": body.mass_kg,
+        "diagonal_size": size,
+        "refSpd": _reference_speed(weight, drag, density * disc, defaults),
+        **usual,
+        "refAlt": altitude_m,
+        "maxVoltage": _usual("maxVoltage", defaults) if voltage is None else voltage.value,
+        "battCapacityAh": 0.0,
+        "propExpo": thrust.expo,
+        "hoverThrOut": thrust.hover_share,
+        "refRotRate": _rotation_rate(vehicle, body, per_rotor, defaults, findings),
+        "pwmMin": _USUAL["pwmMin"][0],
+        "pwmMax": _USUAL["pwmMax"][0],
+        "spin_min": thrust.spin_min,
+        "spin_max": thrust.spin_max,
+        "slew_max": 0.0,
+        "disc_area": disc,
+        "mdrag_coef": drag,
+        "moment_inertia": np.diag(body.inertia_kg_m2).tolist(),
+        "num_motors": len(hubs),
+    }
+    for number, (hub, spin) in enumerate(zip(hubs.tolist(), spins.tolist(), strict=True), start=1):
+        table[f"motor{number}_position"] = hub
+        table[f"motor{number}_vector"] = [0.0, 0.0, -1.0]
+        table[f"motor{number}_yaw"] = spin * torque
+    return {name: _rounded(value) for name, value in table.items()}
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
+    return value if isinstance(value, int) else float(f"{value:.8g}")
+
+
+def _momentum_drag(
+    vehicle: JoinedVehicle, scale: float, defaults: dict[str, VehicleNumber], findings: list[Finding]
+) -> float:
+    """``mdrag_coef`` of the drag over mass, which is it times the root of ``scale``."""
+    known = [-vehicle.numbers[name].value for name in ("X_u", "Y_v") if name in vehicle.numbers]
+    if not known:
+        return _usual("mdrag_coef", defaults)
+    drag = float(np.mean(known)) / math.sqrt(scale)
+    if drag < 0.0:
+        message = f"mdrag_coef would be {drag:.3g}, which pushes instead of braking; it was set to zero."
+        findings.append(warn("export_compromise", "mdrag_coef", message, identified=drag))
+    return max(drag, 0.0)
+
+
+def _reference_speed(weight: float, drag: float, air: float, defaults: dict[str, VehicleNumber]) -> float:
+    """``refSpd``: SITL's own, or the largest at which it does not lower ``mdrag_coef``."""
+    angle = math.radians(_USUAL["refAngle"][0])
+    if drag == 0.0:
+        return _usual("refSpd", defaults)
+    most = weight * math.tan(angle) / (math.cos(angle) ** 2 * drag * math.sqrt(weight * air / math.cos(angle)))
+    if most >= _USUAL["refSpd"][0]:
+        return _usual("refSpd", defaults)
+    return _usual("refSpd", defaults, 0.999 * most, "the fastest that leaves mdrag_coef as it is")
+
+
+def _rotation_rate(
+    vehicle: JoinedVehicle,
+    body: Multirotor,
+    per_rotor: float,
+    defaults: dict[str, VehicleNumber],
+    findings: list[Finding],
+) -> float:
+    """``refRotRate`` of what is left of the damping beside that of the momentum drag, N s/m for each rotor."""
+    hubs, inertia = body.rotors.layout.positions, body.inertia_kg_m2
+    levers = {"L_p": (1, 2, inertia[0, 0]), "M_q": (0, 2, inertia[1, 1])}
+    rest = [
+        -vehicle.numbers[name].value - per_rotor * float((hubs[:, i] ** 2 + hubs[:, j] ** 2).sum()) / about
+        for name, (i, j, about) in levers.items()
+        if name in vehicle.numbers
+    ]
+    if not rest:
+        return _usual("refRotRate", defaults)
+    mean = float(np.mean(rest))
+    if mean <= 0.0:
+        message = (
+            f"The momentum drag alone damps roll and pitch by {-mean:.2g} 1/s more than was identified: refRotRate is "
+            "0, off."
+        )
+        findings.append(warn("export_compromise", "refRotRate", message, excess_1_s=-mean))
+        return 0.0
+    return _DAMPING / mean
+
+
+# The equations
+
+
+def sitl_accelerations(
+    table: Mapping[str, Any], x: FloatArray, velocity_m_s: FloatArray, rates_rad_s: FloatArray
+) -> FloatArray:
+    """SITL's equations at the highest voltage and the reference's density: accelerations without gravity, FRD.
+
+    Parameters
+    ----------
+    table
+        The JSON of a frame with positions of the motors and its inertia.
+    x
+        Outputs between ``pwmMin`` and ``pwmMax`` in SITL's order, shape ``(motors,)``.
+    velocity_m_s, rates_rad_s
+        Through the air and of the body.
+    """
+    n, mass, density = table["num_motors"], table["mass"], air_density(table["refAlt"])
+    weight, e = mass * STANDARD_GRAVITY_M_S2, table["propExpo"]
+    hover_m_s = 2.0 * table["refVoltage"] * table["refCurrent"] / weight
+    area, fastest_m_s = weight / (0.5 * density * hover_m_s**2), hover_m_s / math.sqrt(table["hoverThrOut"])
+    drag, body_drag = _sitl_drag(table, weight, density)
+    c = np.clip((x - table["spin_min"]) / (table["spin_max"] - table["spin_min"]), 0.0, 1.0)
+    force, moment = np.zeros(3), np.zeros(3)
+    for number in range(n):
+        hub, up = (np.array(table[f"motor{number + 1}_{what}"]) for what in ("position", "vector"))
+        local = velocity_m_s + np.cross(rates_rad_s, hub)
+        inflow = max(0.0, float(local @ up))
+        jet = fastest_m_s**2 * ((1.0 - e) * c[number] + e * c[number] ** 2) - inflow**2
+        thrust = max(0.0, 0.5 * density * area / n * jet)
+        push = thrust * up - drag * math.sqrt(density * table["disc_area"] / n * thrust) * local
+        yaw = table[f"motor{number + 1}_yaw"] * c[number] * _TORQUE * table["diagonal_size"] * thrust
+        force += push
+        moment += np.cross(hub, push) + np.array([0.0, 0.0, yaw])
+    force -= body_drag * 0.5 * density * velocity_m_s * np.abs(velocity_m_s)
+    damping = _DAMPING / table["refRotRate"] if table["refRotRate"] > 0.0 else 0.0
+    return np.concatenate([force / mass, moment / np.array(table["moment_inertia"]) - damping * rates_rad_s])
+
+
+def _sitl_drag(table: Mapping[str, Any], weight: float, density: float) -> tuple[float, float]:
+    """Momentum drag as SITL leaves it, and the area of the body's drag."""
+    angle, drag = math.radians(table["refAngle"]), table["mdrag_coef"]
+    speed = table["refSpd"]
+    momentum = math.cos(angle) ** 2 * drag * speed * math.sqrt(weight / math.cos(angle) * density * table["disc_area"])
+    needed = weight * math.tan(angle)
+    if momentum > needed:
+        return drag * needed / momentum, 0.0
+    return drag, (needed - momentum) / (0.5 * density * speed**2)
+
+
+def _compared(
+    vehicle: JoinedVehicle,
+    body: Multirotor,
+    rotors: Arranged,
+    thrust: _Thrust,
+    table: Mapping[str, Any],
+) -> tuple[Compared, ...]:
+    lag = vehicle.numbers.get("T_motor")
+    identified = identified_motion(vehicle, body, lag_s=None if lag is None else lag.value)
+    span = table["spin_max"] - table["spin_min"]
+    hover = table["spin_min"] + span * _share_in_hover(table)
+    own = linearized(
+        lambda x, v, w: sitl_accelerations(table, x, v, w), np.full(table["num_motors"], hover), lag_s=None
+    )
+    back, output = rotors.restored(own.by_output), hover
+    if thrust.demand_gain is not None:
+        # One over the slope of thrust by output, in shares, is what the autopilot makes of a demand.
+        c, e = _share_in_hover(table), table["propExpo"]
+        back = back * span * thrust.demand_gain / (1.0 - e + 2.0 * e * c)
+        output = table["hoverThrOut"] / thrust.demand_gain
+    exported = own.replaced(back, hover_output=output)
+    return compared(vehicle, identified, exported, _held(vehicle, body, thrust), delay=False)
+
+
+def _share_in_hover(table: Mapping[str, Any]) -> float:
+    e, share = table["propExpo"], table["hoverThrOut"]
+    return float(share if e == 0.0 else (e - 1.0 + math.sqrt((1.0 - e) ** 2 + 4.0 * e * share)) / (2.0 * e))
+
+
+def _held(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> dict[str, Held]:
+    """One drag for all axes, one damping, a diagonal inertia, no lag."""
+    held: dict[str, Held] = dict.fromkeys(("Z_w", "L_p", "M_q", "N_r"), "approximated")
+    held |= dict.fromkeys((LAG, "M_u", "L_v"), "not")
+    numbers = vehicle.numbers
+    if "X_u" in numbers and "Y_v" in numbers:
+        held |= dict.fromkeys(("X_u", "Y_v"), "approximated")
+    if any(numbers[name].value > 0.0 for name in ("X_u", "Y_v") if name in numbers):
+        held |= dict.fromkeys(("X_u", "Y_v"), "not")
+    if not thrust.exact:
+        held |= dict.fromkeys((VERTICAL, ROLL, PITCH, YAW, HOVER), "approximated")
+    if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
+        held |= dict.fromkeys((ROLL, PITCH, YAW), "approximated")
+    return held
+
+
+def _left_out(vehicle: JoinedVehicle, body: Multirotor) -> list[str]:
+    said = []
+    for name, words in (("T_motor", "lag of the motors"), ("delay", "delay")):
+        if name in vehicle.numbers and vehicle.numbers[name].value > 0.0:
+            said.append(f"SITL has no {words}: {1e3 * vehicle.numbers[name].value:.2g} ms are left out.")
+    if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
+        said.append("SITL's inertia is diagonal: the products of inertia are left out.")
+    if any(name in vehicle.numbers for name in ("M_u", "L_v")):
+        said.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are left out.")
+    said.append("SITL has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
+    if vehicle.altitude_m is None:
+        said.append(
+            f"The altitude of the flight is not known: thrust is as identified at {_HOME_M:g} m, where SITL starts."
+        )
+    return said
+
+
+def _parameters(
+    vehicle: JoinedVehicle, frame: SitlFrame, thrust: _Thrust, table: Mapping[str, Any]
+) -> dict[str, float]:
+    """Parameters of the autopilot and of SITL that go with the frame, and the gains that flew, of an ArduPilot."""
+    demand = table["hoverThrOut"] if thrust.demand_gain is None else table["hoverThrOut"] / thrust.demand_gain
+    parameters = {
+        "FRAME_CLASS": float(frame.frame_class),
+        "FRAME_TYPE": float(frame.frame_type),
+        "MOT_PWM_MIN": table["pwmMin"],
+        "MOT_PWM_MAX": table["pwmMax"],
+        "MOT_SPIN_MIN": table["spin_min"],
+        "MOT_SPIN_MAX": table["spin_max"],
+        "MOT_THST_EXPO": table["propExpo"],
+        "MOT_THST_HOVER": demand,
+        "SIM_BATT_VOLTAGE": table["maxVoltage"],
+        "SIM_BATT_CAP_AH": 0.0,
+    }
+    if thrust.demand_gain is None:
+        # Thrust is as identified without compensation.
+        parameters |= {"MOT_BAT_VOLT_MAX": 0.0, "MOT_BAT_VOLT_MIN": 0.0}
+    controller = vehicle.controller
+    if controller is not None and controller.autopilot == "ArduPilot":
+        parameters |= dict(controller.gains)
+    return parameters
+
+
+def _parameter_file(parameters: Mapping[str, float], head: Sequence[str]) -> str:
+    """Parameters as ArduPilot's tools read them: a name, a comma, a value."""
+    lines = [f"# {line}".rstrip() for line in head]
+    return "\n".join([*lines, *(f"{name},{value:.7g}" for name, value in parameters.items())]) + "\n"
