@@ -219,6 +219,9 @@ KINDS: Mapping[str, Kind] = {
         "warning", "A flight that cannot judge the model", "An unseen flight that was too disturbed to judge the model."
     ),
     "dropped_parameter": Kind("info", "A parameter was dropped", "A parameter that the data do not show was dropped."),
+    "export_compromise": Kind(
+        "warning", "Held otherwise", "What stands in an export for a number that the target cannot hold as it is."
+    ),
     "feedforward": Kind("info", "Feed-forward", "A loop was seen together with its feed-forward."),
     "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
     "flat_bandwidth": Kind(
@@ -231,6 +234,12 @@ KINDS: Mapping[str, Kind] = {
         "Nothing was left unseen: a second model without one maneuver was judged on that.",
     ),
     "implausible_physics": Kind("info", "Implausible physics", "A value that is rare among vehicles that fly."),
+    "frozen_sensor": Kind(
+        "warning",
+        "A sensor stands still amid motion",
+        "A measured channel repeats one value for half a second or longer while the vehicle moves; those samples were "
+        "left out.",
+    ),
     "impossible_physics": Kind(
         "warning", "A value that physics does not allow", "A value that physics does not allow."
     ),

@@ -95,6 +95,9 @@ class FrequencyResponse(Immutable):
         What moved the outputs beside the inputs; ``None`` for what is no plain estimate any more.
     sample_rate_hz
         Of the records behind it; ``None`` where that is not known.
+    sensor_errors
+        How far each output disagrees with the other sensors of its log, as a relative error of its scale and as a
+        delay in seconds, shape ``(y, 2)``; ``None`` where nothing disagrees.
 
     Examples
     --------
@@ -122,6 +125,7 @@ class FrequencyResponse(Immutable):
     input_correlation: ComplexArray | None = None
     disturbance: Disturbance | None = None
     sample_rate_hz: float | None = None
+    sensor_errors: FloatArray | None = None
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)
@@ -145,6 +149,10 @@ class FrequencyResponse(Immutable):
                 if np.shape(values) != needed:
                     raise ValueError(f"{name}: shape {needed} was needed and {np.shape(values)} came")
                 self._set(**{name: read_only(values, np.complex128, ndim=4)})
+        if self.sensor_errors is not None:
+            if np.shape(self.sensor_errors) != (y, 2):
+                raise ValueError(f"sensor_errors: shape {(y, 2)} was needed and {np.shape(self.sensor_errors)} came")
+            self._set(sensor_errors=read_only(self.sensor_errors, np.float64, ndim=2))
         self._set(
             omega_rad_s=omega,
             **arrays,

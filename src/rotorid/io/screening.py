@@ -1,7 +1,7 @@
 r"""Values and stamps that cannot be, and what is nobody's concern: what every record passes as it leaves the readers.
 
 No log format of autopilots has a checksum over its samples, so that a flipped bit or a frame of another file arrives as
-a value like any other. Four tests tell what cannot be, each linear in the number of samples (the first but for the
+a value like any other. Five tests tell what cannot be, each linear in the number of samples (the first but for the
 sorting of stamps that are in disorder):
 
 - Stamps must rise, and lie inside of the log. Of stamps in disorder the longest rising sequence stays, of equal ones
@@ -12,6 +12,8 @@ sorting of stamps that are in disorder):
   above ten times the largest ordinary step of the whole channel, above eight times the roughness of its own
   surroundings, and its neighbors agree. This is Hampel's test with steps in place of levels, since a flight moves. A
   shock of an accelerometer is rough for several samples and stays.
+- A measured value that otherwise changes from sample to sample cannot stand still for half a second between motions:
+  its sensor or its estimator hung. What it shows before the first motion and after the last one may be rest.
 - A command may jump; but a single sample ten times as far from the median as all others of the channel is none, nor is
   a single negative output of a motor that otherwise turns forward.
 
@@ -54,6 +56,8 @@ _SURROUNDINGS = 16
 _ORDINARY, _LEAST_RANK = 1e-3, 12
 """The ordinary step is the largest but for this share of all, or for this many."""
 _SAMPLED = 20_000
+_STILL_S, _FEWEST_STILL, _LIVELY = 0.5, 25, 0.9
+"""So long, and so many samples, are equal in a channel of which outside of such stretches this share changes."""
 _GIANT, _MOST_GIANTS = 10.0, 5
 _OUTPUTS = frozenset(f"motor_{number}" for number in range(1, MOTORS + 1))
 _BACKWARD = 0.05
@@ -282,10 +286,11 @@ class _Faults:
     no_number: BoolArray
     outside: BoolArray
     lone: BoolArray
+    still: BoolArray
 
     @property
     def bad(self) -> BoolArray:
-        return self.no_number | self.outside | self.lone
+        return self.no_number | self.outside | self.lone | self.still
 
     @property
     def refused(self) -> bool:
@@ -300,7 +305,8 @@ def _possible(topic: Topic) -> tuple[list[Topic], list[Finding]]:
         return [topic], []
     usual = topic.sample_rate_hz >= _SLOWEST_HZ
     faults = [
-        _faults(channel, values, lone=usual) for channel, values in zip(topic.channels, topic.values, strict=True)
+        _faults(channel, values, topic.sample_rate_hz if usual else None)
+        for channel, values in zip(topic.channels, topic.values, strict=True)
     ]
     faulty = [fault for fault in faults if fault is not None]
     if not faulty:
@@ -321,8 +327,8 @@ def _possible(topic: Topic) -> tuple[list[Topic], list[Finding]]:
     return [_chosen(topic, ~bad.get(topic.channels[alike[0]].name, none), alike) for alike in groups.values()], findings
 
 
-def _faults(channel: Channel, values: FloatArray, *, lone: bool) -> _Faults | None:
-    """What of a channel cannot be, or ``None`` where nothing is wrong with it."""
+def _faults(channel: Channel, values: FloatArray, rate_hz: float | None) -> _Faults | None:
+    """What of a channel cannot be, or ``None`` where nothing is wrong; without a rate its course says nothing."""
     low, high = range_of(channel) or (-np.inf, np.inf)
     # A comparison with a NaN is false; one pass tells that all is well.
     least, most = float(values.min()), float(values.max())
@@ -330,16 +336,35 @@ def _faults(channel: Channel, values: FloatArray, *, lone: bool) -> _Faults | No
     no_number = np.zeros(values.size, dtype=np.bool_) if sound else ~np.isfinite(values)
     with np.errstate(invalid="ignore"):
         outside = no_number if sound else ((values < low) | (values > high)) & ~no_number
-    alone = np.zeros(values.size, dtype=np.bool_)
-    if lone:
+    alone, still = np.zeros((2, values.size), dtype=np.bool_)
+    if rate_hz is not None:
         inside = None if sound else np.flatnonzero(~(no_number | outside))
-        found = _lone_samples(values if inside is None else values[inside], channel.name)
-        alone[found if inside is None else inside[found]] = True
-    return (
-        None
-        if sound and not alone.any()
-        else _Faults(channel=channel, no_number=no_number, outside=outside, lone=alone)
-    )
+        known = values if inside is None else values[inside]
+        for mask, found in ((alone, _lone_samples(known, channel.name)), (still, _still(known, channel.name, rate_hz))):
+            mask[found if inside is None else inside[found]] = True
+    if sound and not alone.any() and not still.any():
+        return None
+    return _Faults(channel=channel, no_number=no_number, outside=outside, lone=alone, still=still)
+
+
+def _still(values: FloatArray, name: str, rate_hz: float) -> IntArray:
+    """Indices of samples that repeat the one before for longer than a sensor in motion does."""
+    none = np.empty(0, dtype=np.int64)
+    if name not in MEASURED or values.size < _FEWEST:
+        return none
+    changes = np.flatnonzero(values[1:] != values[:-1])
+    repeats = values.size - 1 - changes.size
+    fewest = max(_FEWEST_STILL, int(_STILL_S * rate_hz))
+    if repeats < fewest or not changes.size:
+        return none
+    # Between two changes; what lies before the first or behind the last may be rest.
+    lengths = np.diff(changes)
+    long = np.flatnonzero(lengths > fewest)
+    span = int(changes[-1] - changes[0])
+    lively = span - int(lengths[long].sum())
+    if not long.size or lively < _MOSTLY * span or changes.size - long.size < _LIVELY * lively:
+        return none
+    return np.concatenate([np.arange(changes[place] + 2, changes[place + 1] + 1) for place in long])
 
 
 def _lone_samples(values: FloatArray, name: str) -> IntArray:
@@ -419,7 +444,7 @@ def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
     name = fault.channel.name
     where = f"{name} in {topic.name}"
     unit = "" if fault.channel.unit == "1" else f" {fault.channel.unit}"
-    impossible, lone = int(np.sum(fault.outside)), int(np.sum(fault.lone))
+    impossible, lone, still = (int(np.sum(mask)) for mask in (fault.outside, fault.lone, fault.still))
     if fault.refused:
         low, high = range_of(fault.channel) or (-np.inf, np.inf)
         reason = (
@@ -450,6 +475,16 @@ def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
             samples=impossible + lone,
             impossible=impossible,
             lone=lone,
+            first_s=float(topic.time_s[first]),
+        )
+    if still:
+        first = int(np.flatnonzero(fault.still)[0])
+        yield warn(
+            "frozen_sensor",
+            name,
+            f"{where} stands still for {still} of {fault.bad.size} samples amid motion, first at "
+            f"{topic.time_s[first]:.3f} s; they were left out.",
+            samples=still,
             first_s=float(topic.time_s[first]),
         )
 

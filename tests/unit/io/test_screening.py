@@ -272,3 +272,36 @@ def test_every_reader_passes_the_screen(tmp_path: Path) -> None:
     record = rotorid.read(path)
     assert record["q"].values.size == SAMPLES - 1
     assert kinds(record) == ["impossible_value"]
+
+
+def moving(still: slice) -> rotorid.FlightRecord:
+    """Ten seconds of a gyro at 100 Hz that hangs for a while."""
+    values = np.random.default_rng(3).standard_normal(1000)
+    values[still] = values[still][0]
+    topic = Topic(
+        name="gyro", time_s=np.arange(1000) / 100.0, channels=(Channel(name="p", unit="rad/s"),), values=values[None]
+    )
+    return screened(rotorid.FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=(topic,)))
+
+
+def test_a_sensor_that_hangs_amid_motion_is_left_out() -> None:
+    record = moving(slice(400, 500))
+    assert len(record["p"]) == 901
+    assert [finding.kind for finding in record.findings] == ["frozen_sensor"]
+    assert record.findings[0].numbers["samples"] == 99
+
+
+@pytest.mark.parametrize("rest", [slice(0, 200), slice(700, 1000), slice(400, 420)])
+def test_rest_before_and_behind_motion_is_no_fault(rest: slice) -> None:
+    assert moving(rest).findings == ()
+
+
+def test_a_channel_that_changes_rarely_does_not_hang() -> None:
+    values = np.repeat(np.arange(10.0), 100)
+    topic = Topic(
+        name="slow", time_s=np.arange(1000) / 100.0, channels=(Channel(name="p", unit="rad/s"),), values=values[None]
+    )
+    assert (
+        screened(rotorid.FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=(topic,))).findings
+        == ()
+    )

@@ -3,8 +3,9 @@ r"""Shapes of errors of frequency responses that are no noise: smooth model erro
 A structure that leaves something out errs alike at neighboring frequencies: in magnitude and in phase a smooth function
 of :math:`\ln \omega`, taken as a Gaussian process with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`,
 one octave. And no log says where within a sample a value belongs: every input and every output may be late by
-:math:`0.15 \, \Delta t`. How large the smooth errors are, the residuals of a fit must tell
-(:mod:`rotorid.uncertainty.model_error`).
+:math:`0.15 \, \Delta t`. A sensor that contradicts the kinematics of its log may be the wrong one of the two: its
+response may be off by all of the scale and all of the delay by which they differ. How large the smooth errors are, the
+residuals of a fit must tell (:mod:`rotorid.uncertainty.model_error`).
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ def response_error_shapes(
     outputs: Sequence[str],
     inputs: Sequence[str],
     sample_rate_hz: float | None,
+    sensor_errors: FloatArray | None = None,
 ) -> ErrorShapes:
     """Shapes for points of frequency responses, whose residuals are magnitudes and then phases.
 
@@ -64,6 +66,8 @@ def response_error_shapes(
         Channel names.
     sample_rate_hz
         Of the log; without it clocks count as exact.
+    sensor_errors
+        Relative error of the scale and delay in seconds by which each output disagrees with other sensors, ``(y, 2)``.
     """
     count = omega_rad_s.size
     magnitude, phase = scale[:count], scale[count:]
@@ -81,8 +85,20 @@ def response_error_shapes(
         late = phase * omega_rad_s * CLOCK_SAMPLES / sample_rate_hz
         channels = [*(source == u for u in np.unique(source)), *(output == y for y in np.unique(output))]
         clocks = np.concatenate([np.zeros((count, len(channels))), late[:, None] * np.stack(channels, axis=1)])
+    if sensor_errors is not None:
+        clocks = np.concatenate([clocks, _contradicted(sensor_errors, magnitude, phase * omega_rad_s, output)], axis=1)
     shapes = ErrorShapes(names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), known=clocks)
     return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
+
+
+def _contradicted(errors: FloatArray, magnitude: FloatArray, late: FloatArray, output: IntArray) -> FloatArray:
+    """A column for the scale, and one for the delay, of each output that other sensors contradict."""
+    columns = [np.zeros((2 * output.size, 0))]
+    for y, (scale, delay_s) in enumerate(errors):
+        own, nothing = output == y, np.zeros(output.size)
+        columns += [np.concatenate([scale * magnitude * own, nothing])[:, None]] if scale else []
+        columns += [np.concatenate([nothing, delay_s * late * own])[:, None]] if delay_s else []
+    return np.concatenate(columns, axis=1)
 
 
 def _responses(output: IntArray, source: IntArray) -> list[tuple[int, int, IntArray]]:

@@ -615,6 +615,7 @@ class FrequencyProblem(Problem):
             outputs=self.data.outputs,
             inputs=self.data.inputs,
             sample_rate_hz=self.data.sample_rate_hz,
+            sensor_errors=self.data.sensor_errors,
         )
         if self.structure.constants.get(_PLACE) != 0.0:
             return shapes

@@ -53,7 +53,7 @@ from rotorid.pipeline.fits.time import (
     residuals,
     simulated_records,
 )
-from rotorid.pipeline.preparation.consistency import data_quality
+from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
 from rotorid.pipeline.preparation.coverage import covered_by
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
@@ -448,7 +448,10 @@ class InTime(_Linear[TimeDomainData]):
         of_vehicles = all(is_command(name) for name in structure.inputs)
         # No response to a set-point is about the lag of motors.
         remarks = (finding for finding in data.findings if of_vehicles or "needed_hz" not in finding.numbers)
-        quality = data_quality(selection.fitted, data.segments, structure.inputs)
+        agreement = sensor_agreement(selection.fitted)
+        # A fit in time states random errors alone: of a contradiction only the refusal counts here.
+        sensor_errors(agreement, structure.outputs)
+        quality = data_quality(selection.fitted, data.segments, structure.inputs, agreement)
         return TimeDomainData(structure, selection, data, side, settings, (*findings, *remarks, *quality))
 
     def fit(self, data: TimeDomainData) -> TimeFit:

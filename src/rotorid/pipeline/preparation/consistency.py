@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.preparation.flights import Flight
@@ -32,7 +32,7 @@ from rotorid.signal.kinematics import (
 )
 from rotorid.signal.quality import battery_sag, quality_findings
 from rotorid.signal.skew import Relation, TimeSkew, time_skew
-from rotorid.typing import Axis
+from rotorid.typing import Axis, FloatArray
 
 SHORTEST_S = 20.0
 """Ten windows of two seconds: below it a check says little, and the flight around an excitation says more."""
@@ -430,9 +430,13 @@ def _skew_finding(item: ChannelSkew) -> Finding:
 
 
 _REMARKED_SAG_PERCENT = 1.0
+_LARGEST_SCALE_ERROR = 0.3
+"""Beyond this no error of a sensor is left, but one of units or axes."""
 
 
-def data_quality(flights: Sequence[Flight], segments: Sequence[Segment], inputs: Sequence[str]) -> tuple[Finding, ...]:
+def data_quality(
+    flights: Sequence[Flight], segments: Sequence[Segment], inputs: Sequence[str], agreement: Sequence[Consistency]
+) -> tuple[Finding, ...]:
     """Remarks on all maneuvers, each kind and place once; of several maneuvers the first that shows it speaks."""
     remarks = [
         finding
@@ -441,17 +445,71 @@ def data_quality(flights: Sequence[Flight], segments: Sequence[Segment], inputs:
     ]
     sags = (battery_sag(record, maneuver) for record, maneuver in flights)
     remarks += [sag for sag in sags if sag and abs(sag.numbers["change_percent"]) >= _REMARKED_SAG_PERCENT]
-    remarks += _consistency(flights)
+    remarks += [finding for one in agreement for finding in one.findings]
     return tuple({(finding.kind, finding.where): finding for finding in reversed(remarks)}.values())
 
 
-def _consistency(flights: Sequence[Flight]) -> list[Finding]:
+def sensor_agreement(flights: Sequence[Flight]) -> tuple[Consistency, ...]:
     """Whether sensors and clocks agree over the longest maneuver of each axis, in each log."""
     records = {id(record): record for record, _ in flights}
     groups = [(record, [m for r, m in flights if r is record]) for record in records.values()]
-    return [
-        finding
+    return tuple(
+        check_consistency(record, stretches(record, maneuvers))
         for record, maneuvers in groups
         if max(maneuver.duration_s for maneuver in maneuvers) >= SHORTEST_S
-        for finding in check_consistency(record, stretches(record, maneuvers)).findings
-    ]
+    )
+
+
+def sensor_errors(agreement: Sequence[Consistency], outputs: Sequence[str]) -> FloatArray | None:
+    """How far outputs disagree with the attitude of their logs, in the log where they do so most.
+
+    Nothing tells which of the two is wrong, so that a response may be off by all of it.
+
+    Parameters
+    ----------
+    agreement
+        See :func:`sensor_agreement`.
+    outputs
+        Channels; only rates are judged, since specific force hangs on much else.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        Relative error of the scale and delay in seconds, shape ``(outputs, 2)``; ``None`` where nothing disagrees.
+
+    Raises
+    ------
+    InsufficientDataError
+        A rate has the wrong sign, or another scale by 30 % or more: the log holds it in another unit or axis.
+    """
+    errors = np.zeros((len(outputs), 2))
+    for check in _contradictions(agreement):
+        if check.channel not in outputs:
+            continue
+        off = check.scale - 1.0
+        if check.relation != "same" or abs(off) > _LARGEST_SCALE_ERROR:
+            raise InsufficientDataError(
+                f"{check.channel} is {check.scale:.2f} times what {check.against} gives",
+                needed="a rate that is the derivative of the attitude beside it",
+                remedy="check signs, units and axes of both; rotorid inspect compares them",
+                findings=[refusal("kinematic_inconsistency", check.channel, _contradiction(check), scale=check.scale)],
+            )
+        low, high = check.known_lag_s
+        late = min(check.lag_s - low, 0.0) + max(check.lag_s - high, 0.0)
+        place = outputs.index(check.channel)
+        errors[place] = np.maximum(errors[place], np.abs([off, late]))
+    return errors if errors.any() else None
+
+
+def _contradictions(agreement: Sequence[Consistency]) -> Iterator[KinematicCheck]:
+    for one in agreement:
+        for _, check in one.checks:
+            if check.verdict == "inconsistent" and check.channel in RATES:
+                yield check
+
+
+def _contradiction(check: KinematicCheck) -> str:
+    return (
+        f"{check.channel} is {check.scale:.3f} ± {check.scale_std:.3f} times what {check.against} gives: one of the "
+        "two is in another unit, axis or sign, and no model of it can be right."
+    )

@@ -18,7 +18,7 @@ from rotorid.data.record import AXES, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
-from rotorid.pipeline.preparation.consistency import data_quality
+from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import choose_instruments, is_free, no_instrument, open_loop
 from rotorid.pipeline.preparation.segments import cut, histories, require_known, source_of, with_surroundings
@@ -150,6 +150,8 @@ def measure(
     plan = _windows(records, band, settings)
     omega = _grid(band, plan)
     _PROGRESS.info("frequency responses")
+    agreement = sensor_agreement(flights)
+    errors = sensor_errors(agreement, outputs)
     direct, diagnostics = _respond(records, inputs, outputs, omega, plan)
     joint = None
     if instruments:
@@ -158,7 +160,7 @@ def measure(
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
     return Measured(
-        response=joint or direct,
+        response=replace(joint or direct, sensor_errors=errors),
         direct=direct if joint else None,
         diagnostics=diagnostics,
         segments=segments,
@@ -166,7 +168,7 @@ def measure(
         excited_rad_s={name: _excited_to(_of_input(flights, name)) for name in inputs},
         findings=(
             *findings,
-            *data_quality(flights, segments, inputs),
+            *data_quality(flights, segments, inputs, agreement),
             *plan.findings,
             *((no_instrument(inputs),) if unknown else ()),
         ),
