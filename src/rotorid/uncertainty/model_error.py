@@ -19,8 +19,7 @@ from residuals to parameters,
 .. math:: \mathrm{Cov}\,\theta = M \, (C + \sum_k a_k^2 s B_k B_k^T s + T T^T) \, M^T
 
 Errors that leave no trace in residuals, a wrong scale or a slope that depends on amplitude, are covered by the floor
-alone. Over simulated flights of ten vehicles and two simulators of autopilots 95 % intervals made of random errors held
-in 66 % of cases, these in 97 %.
+alone. How often such intervals hold, over simulated flights of seven vehicles, stands in ``docs/accuracy.md``.
 
 The idea of a prior on what is left out is that of stochastic embedding (Goodwin, Gevers and Ninness, *Quantifying the
 Error in Estimated Transfer Functions with Application to Model Order Selection*, IEEE Transactions on Automatic Control
