@@ -16,6 +16,9 @@ from rotorid.errors import LogError as LogError
 from rotorid.errors import ModelError as ModelError
 from rotorid.errors import RotoridError as RotoridError
 from rotorid.errors import UsageError as UsageError
+from rotorid.exports.target import ExportChoices as ExportChoices
+from rotorid.exports.target import Exported as Exported
+from rotorid.exports.targets import export as export
 from rotorid.fitting.frequency.problem import FrequencyProblem as FrequencyProblem
 from rotorid.fitting.methods import fit as fit
 from rotorid.fitting.problem import Problem as Problem

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
-from rotorid.documents.result import ResultDocument, refused_document, result_document
+from rotorid.documents.result import RESULT, ResultDocument, load, refused_document, result_document
+from rotorid.errors import UsageError
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.several import SeveralModels
 
@@ -42,3 +45,50 @@ def results_document(models: SeveralModels) -> ResultsDocument:
         findings=[FindingDocument.model_validate(finding) for finding in refusals],
         provenance=ProvenanceDocument.model_validate(models.provenance),
     )
+
+
+def load_results(paths: Sequence[str | Path]) -> list[IdentifiedModel]:
+    """Read the models of several results, in their order.
+
+    Parameters
+    ----------
+    paths
+        Folders that ``identify`` wrote, of one model or of several, or the ``result.json`` or ``results.json`` in them.
+        Of several models those that stand are read.
+
+    Raises
+    ------
+    UsageError
+        A path leads to no result, or to none with a model.
+    """
+    return [model for path in paths for model in _loaded(Path(path))]
+
+
+def _loaded(path: Path) -> list[IdentifiedModel]:
+    folder = path if path.is_dir() else path.parent
+    several = path.name == RESULTS if path.is_file() else (folder / RESULTS).is_file()
+    if not several:
+        return [load(path)]
+    table = _table(folder / RESULTS)
+    standing = [one["model"] for one in table if isinstance(one, dict) and one.get("parameters")]
+    if not standing:
+        raise UsageError(f"{path} holds no model: the data did not support one", needed="results with parameters")
+    held = {model.name: model for model in map(load, sorted(place.parent for place in folder.glob(f"*/{RESULT}")))}
+    missing = [name for name in standing if name not in held]
+    if missing:
+        raise UsageError(f"the folder of {missing[0]} is not in {path}", needed="all folders that identify wrote")
+    return [held[name] for name in standing]
+
+
+def _table(file: Path) -> list[Any]:
+    from rotorid.io import documents
+
+    needed = f"a {RESULTS} that rotorid identify wrote"
+    try:
+        read = documents.parse_json(documents.read_text(file, needed=needed, most_bytes=documents.MOST_JSON_BYTES))
+    except documents.DocumentError as error:
+        raise UsageError(f"{file} is no JSON: {error}", needed=needed) from error
+    results = read.get("results") if isinstance(read, dict) else None
+    if not isinstance(results, list) or read.get("schema") != "rotorid.results/1":
+        raise UsageError(f"{file} is no {RESULTS}", needed=needed)
+    return results

@@ -9,6 +9,7 @@ from rotorid.documents.base import Document
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
+from rotorid.documents.export import ExportDocument, ModelsDocument
 from rotorid.documents.inspection import InspectDocument, InspectionsDocument
 from rotorid.documents.response import ResponseDocument
 from rotorid.documents.result import ResultDocument
@@ -30,6 +31,8 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.inspections-1": InspectionsDocument,
     "rotorid.review-1": ReviewDocument,
     "rotorid.reviews-1": ReviewsDocument,
+    "rotorid.export-1": ExportDocument,
+    "rotorid.models-1": ModelsDocument,
 }
 
 

@@ -5,4 +5,6 @@ from rotorid.exports.target import table_lines as table_lines
 from rotorid.exports.targets import TARGETS as TARGETS
 from rotorid.exports.targets import Target as Target
 from rotorid.exports.targets import export as export
+from rotorid.exports.targets import export_draws as export_draws
+from rotorid.exports.targets import joined as joined
 from rotorid.exports.targets import target_named as target_named

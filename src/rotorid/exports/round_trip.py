@@ -109,8 +109,8 @@ def identified_motion(vehicle: JoinedVehicle, multirotor: Multirotor, *, lag_s: 
     air = multirotor.aerodynamics
     assert air is not None
     return HoverMotion(
-        by_output=np.linalg.solve(body, multirotor.wrench * vehicle.hover_slope_n),
-        by_motion=np.linalg.solve(body, air),
+        by_output=np.asarray(np.linalg.solve(body, multirotor.wrench * vehicle.hover_slope_n), dtype=np.float64),
+        by_motion=np.asarray(np.linalg.solve(body, air), dtype=np.float64),
         hover_output=vehicle.hover_output,
         lag_s=lag_s,
     )

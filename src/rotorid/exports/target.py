@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rotorid.data.base import Immutable
@@ -111,6 +112,21 @@ class Exported(Immutable):
                     needed=f"a difference of at most {EXACT_PERCENT:g} %, since {self.target} holds it exactly",
                 )
 
+    def write(self, folder: str | Path) -> None:
+        """Write the files into a folder, which is made when missing; files of the same names are replaced.
+
+        Parameters
+        ----------
+        folder
+            Where they go.
+        """
+        from rotorid.io.files import write_atomically
+
+        for name, content in self.files.items():
+            place = Path(folder) / name
+            place.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(place, content)
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExportChoices(Immutable):
@@ -180,8 +196,17 @@ def table_lines(compared: Sequence[Compared]) -> list[str]:
 def difference_text(one: Compared) -> str:
     """The difference of a row in words; where nothing is held there is none."""
     percent = one.difference_percent
-    if one.held == "not" or not math.isfinite(percent):
-        return ""
+    return "" if one.held == "not" or not math.isfinite(percent) else percent_text(percent)
+
+
+def percent_text(percent: float) -> str:
+    """A difference in percent with two digits, and a sign where it is more than rounding.
+
+    Examples
+    --------
+    >>> percent_text(-0.0001), percent_text(1.5)
+    ('0.00 %', '+1.50 %')
+    """
     return "0.00 %" if abs(percent) < _SHOWN_PERCENT else f"{percent:+.2f} %"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -12,7 +12,9 @@ from rotorid.errors import UsageError
 from rotorid.exports.target import ExportChoices, Exported
 
 if TYPE_CHECKING:
+    from rotorid.models.rotors import RotorLayout
     from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.pipeline.results import IdentifiedModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,17 +84,26 @@ urdf, matlab, control, fmu, json; did you mean mujoco?
     )
 
 
-def export(vehicle: JoinedVehicle, target: str, choices: ExportChoices | None = None) -> Exported:
+def export(
+    what: JoinedVehicle | IdentifiedModel | Sequence[IdentifiedModel],
+    target: str,
+    choices: ExportChoices | None = None,
+    *,
+    given: Mapping[str, float] | None = None,
+    layout: RotorLayout | None = None,
+) -> Exported:
     """A vehicle in the files of another tool.
 
     Parameters
     ----------
-    vehicle
-        What results say of it.
+    what
+        An identified model, several of one vehicle, or what was joined from them.
     target
         Name of the target, see :data:`TARGETS`.
     choices
         Delay, rate, name.
+    given, layout
+        Numbers and rotors that the results do not hold, for :func:`rotorid.pipeline.joined.joined_vehicle`.
 
     Raises
     ------
@@ -100,7 +111,70 @@ def export(vehicle: JoinedVehicle, target: str, choices: ExportChoices | None = 
         There is no such target, or it needs a number that is not known.
     ModelError
         The target cannot hold the vehicle.
+
+    Examples
+    --------
+    >>> from rotorid.models.rotors import library_layout
+    >>> known = {"m": 1.2, "I_xx": 0.012, "I_yy": 0.012, "I_zz": 0.02, "c_2": 9.0, "kappa": 0.02, "arm": 0.25}
+    >>> exported = export([], "gazebo", given=known, layout=library_layout("quad.x"))
+    >>> sorted(exported.files)
+    ['22002_gz_vehicle', 'vehicle.world.sdf', 'vehicle/model.config', 'vehicle/model.sdf']
     """
-    found = target_named(target)
-    made: Exported = import_module(f"rotorid.exports.{found.module}").export(vehicle, choices or ExportChoices())
+    found, chosen = target_named(target), choices or ExportChoices()
+    vehicle = joined(what, chosen, given=given, layout=layout)
+    made: Exported = import_module(f"rotorid.exports.{found.module}").export(vehicle, chosen)
     return made
+
+
+def export_draws(
+    models: Sequence[IdentifiedModel],
+    target: str,
+    choices: ExportChoices,
+    count: int,
+    *,
+    seed: int = 0,
+    given: Mapping[str, float] | None = None,
+    layout: RotorLayout | None = None,
+) -> tuple[list[Exported], int]:
+    """Vehicles drawn from the covariance of the results, and how many draws were impossible.
+
+    Parameters
+    ----------
+    models, target, choices, given, layout
+        As for :func:`export`.
+    count
+        How many vehicles.
+    seed
+        Of the draws.
+
+    Raises
+    ------
+    ModelError
+        Hardly any draw is a vehicle.
+    """
+    import numpy as np
+
+    from rotorid.exports.draws import draws, require_possible
+
+    def made(drawn: Sequence[IdentifiedModel]) -> Exported:
+        vehicle = joined(drawn, choices, given=given, layout=layout)
+        require_possible(vehicle)
+        return export(vehicle, target, choices)
+
+    return draws(models, count, made, rng=np.random.default_rng(seed))
+
+
+def joined(
+    what: JoinedVehicle | IdentifiedModel | Sequence[IdentifiedModel],
+    choices: ExportChoices,
+    *,
+    given: Mapping[str, float] | None = None,
+    layout: RotorLayout | None = None,
+) -> JoinedVehicle:
+    """What is exported, under the name that was chosen."""
+    from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
+
+    if isinstance(what, JoinedVehicle):
+        return what
+    models = what if isinstance(what, Sequence) else [what]
+    return joined_vehicle(models, given=given, name=choices.names, layout=layout)

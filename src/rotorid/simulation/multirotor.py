@@ -113,7 +113,7 @@ class Rotors(Immutable):
         return self.thrust[0] + share * (self.thrust[1] + share * self.thrust[2])
 
     def share_of(self, thrust_n: float) -> float:
-        """Speed that makes a thrust, as a share of the largest.
+        """Speed that makes a thrust where thrust rises with speed, as a share of the largest.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Rotors(Immutable):
             share = (thrust_n - c_0) / c_1
         else:
             inside = c_1**2 - 4.0 * c_2 * (c_0 - thrust_n)
-            share = (-c_1 + inside**0.5) / (2.0 * c_2) if inside >= 0.0 and c_2 > 0.0 else -1.0
+            share = (-c_1 + inside**0.5) / (2.0 * c_2) if inside >= 0.0 and c_2 != 0.0 else -1.0
         if share < 0.0:
             raise ModelError(f"a thrust of {thrust_n:g} N came for rotors of {self.thrust}", needed="one they can make")
         return share

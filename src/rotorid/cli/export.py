@@ -1,0 +1,211 @@
+"""``rotorid export``: results of identifications in, files of simulators and tools out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rotorid.cli.command import command_line
+from rotorid.cli.console import default_folder, output_console, print_findings, progress, tell
+from rotorid.cli.options import Output
+
+if TYPE_CHECKING:
+    from rotorid.documents.export import DrawsDocument, ExportDocument
+    from rotorid.exports.target import ExportChoices, Exported
+    from rotorid.pipeline.joined import JoinedVehicle
+
+FILE = "export.json"
+
+
+def export_command(
+    results: Annotated[
+        list[Path], typer.Argument(help="What identify wrote: folders, or result.json; several of one vehicle join.")
+    ],
+    *,
+    to: Annotated[
+        str,
+        typer.Option(
+            help="px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, matlab, control, fmu or json.", metavar="TARGET"
+        ),
+    ],
+    known: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="NAME=VALUE that the results do not hold, such as m=1.4. Repeatable."),
+    ] = None,
+    layout: Annotated[
+        str | None, typer.Option("--layout", help="quad.x, ... or FILE.toml of rotors, where results hold none.")
+    ] = None,
+    name: Annotated[str, typer.Option("--name", help="Of the vehicle in files.")] = "vehicle",
+    delay_as_lag: Annotated[
+        bool, typer.Option("--delay-as-lag", help="Add the delay to the lag, where a target has no delay.")
+    ] = False,
+    pade: Annotated[
+        int | None, typer.Option("--pade", help="Order of a Padé approximation: delays as states of a state space.")
+    ] = None,
+    sample_rate: Annotated[
+        float | None, typer.Option("--sample-rate", help="Hz of discrete state spaces. [default: continuous]")
+    ] = None,
+    draws: Annotated[
+        int, typer.Option("--draws", help="Write so many vehicles more, drawn from the covariance.", min=0)
+    ] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
+    output: Output,
+) -> None:
+    """Write an identified vehicle as files of a simulator or a tool, with what they hold of it."""
+    from rotorid.documents.base import to_json
+    from rotorid.documents.export import DrawsDocument
+    from rotorid.documents.results import load_results
+    from rotorid.exports.targets import export, export_draws, joined, target_named
+    from rotorid.io.folders import making, target_folder
+    from rotorid.pipeline.settings import chosen_layout, parse_fix, require_seed
+    from rotorid.report.files import result_kind
+
+    target_named(to)
+    require_seed(seed)
+    choices = _choices(name, delay_as_lag=delay_as_lag, pade=pade, sample_rate_hz=sample_rate)
+    given, rotors = parse_fix(known or []), None if layout is None else chosen_layout(layout)
+    target = target_folder(output.out, default_folder(results, f"export-{to}"), result_kind(FILE), force=output.force)
+    with progress(quiet=output.quiet):
+        models = load_results(results)
+        vehicle = joined(models, choices, given=given, layout=rotors)
+        exported = export(vehicle, to, choices)
+        drawn: list[Exported] = []
+        counted: DrawsDocument | None = None
+        if draws:
+            tell(f"drawing {draws} vehicles")
+            drawn, redrawn = export_draws(models, to, choices, draws, seed=seed, given=given, layout=rotors)
+            counted = DrawsDocument(count=draws, seed=seed, redrawn=redrawn)
+        files = _files(exported, drawn)
+        document = _document(vehicle, exported, choices, files, counted)
+        text = to_json(document)
+        with making(target) as made:
+            _write(made.place, {**files, FILE: text})
+    if output.json:
+        sys.stdout.write(text)
+    elif not output.quiet:
+        _print(document, made.folder)
+
+
+def _choices(name: str, *, delay_as_lag: bool, pade: int | None, sample_rate_hz: float | None) -> ExportChoices:
+    from rotorid.errors import UsageError
+    from rotorid.exports.target import ExportChoices
+
+    if delay_as_lag and pade is not None:
+        raise UsageError(
+            "--delay-as-lag and --pade came together", needed="one of them: a delay is a lag or states, not both"
+        )
+    return ExportChoices(
+        delay="lag" if delay_as_lag else "none" if pade is None else "states",
+        pade_order=3 if pade is None else pade,
+        sample_rate_hz=sample_rate_hz,
+        names=name,
+    )
+
+
+def _files(exported: Exported, drawn: Sequence[Exported]) -> dict[str, str | bytes]:
+    """All files by their paths, those of draws in numbered folders."""
+    from rotorid.errors import UsageError
+
+    files = dict(exported.files)
+    digits = len(str(len(drawn)))
+    for number, one in enumerate(drawn, start=1):
+        files |= {f"draws/{number:0{digits}}/{name}": content for name, content in one.files.items()}
+    seen: dict[str, str] = {FILE.lower(): FILE}
+    for name in files:
+        if (other := seen.setdefault(name.lower(), name)) != name or name == FILE:
+            raise UsageError(
+                f"{name} and {other} would be one file", needed="names that differ", remedy="choose another with --name"
+            )
+    return files
+
+
+def _document(
+    vehicle: JoinedVehicle,
+    exported: Exported,
+    choices: ExportChoices,
+    files: Mapping[str, str | bytes],
+    draws: DrawsDocument | None,
+) -> ExportDocument:
+    from rotorid.data.findings import worst_first
+    from rotorid.documents.base import FindingDocument
+    from rotorid.documents.export import ComparedDocument, ExportDocument, file_documents, finite, number_documents
+
+    findings = worst_first([*vehicle.findings, *exported.findings])
+    return ExportDocument(
+        target=exported.target,
+        name=choices.names,
+        results=[model.name for model in vehicle.models],
+        delay=choices.delay,
+        pade_order=choices.pade_order if choices.delay == "states" else None,
+        sample_rate_hz=choices.sample_rate_hz,
+        files=file_documents(files),
+        quantities=[
+            ComparedDocument(
+                name=one.name,
+                unit=one.unit,
+                identified=one.identified,
+                exported=one.exported,
+                difference_percent=None if one.held == "not" else finite(one.difference_percent),
+                held=one.held,
+            )
+            for one in exported.compared
+        ],
+        numbers=number_documents(vehicle.numbers),
+        given=number_documents({name: one for name, one in vehicle.numbers.items() if one.source == "given"}),
+        defaults=number_documents(exported.defaults),
+        left_out=list(exported.left_out),
+        draws=draws,
+        start=exported.start,
+        findings=[FindingDocument.model_validate(finding) for finding in findings],
+        command=command_line(),
+    )
+
+
+def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    from rotorid.io.files import write_atomically
+
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(folder / name, content)
+
+
+_HELD = {"exact": "exact", "approximated": "approximated", "not": "[dim]not held[/dim]"}
+
+
+def _print(document: ExportDocument, folder: Path) -> None:
+    """The round trip, what was given and taken from defaults, what was left out, how to start."""
+    from rich.table import Table
+
+    from rotorid.exports.target import percent_text
+
+    console = output_console()
+
+    def plain(text: str) -> None:
+        console.print(text, markup=False, soft_wrap=True, highlight=False)
+
+    table = Table(title=f"{document.name} to {document.target}", title_justify="left", box=None, pad_edge=False)
+    for column, side in (("quantity", "left"), ("identified", "right"), ("exported", "right"), ("unit", "left")):
+        table.add_column(column, justify=side)  # type: ignore[arg-type]
+    table.add_column("difference", justify="right")
+    table.add_column("held")
+    for one in document.quantities:
+        percent = "" if one.difference_percent is None else percent_text(one.difference_percent)
+        unit = "" if one.unit == "1" else one.unit
+        table.add_row(one.name, f"{one.identified:.5g}", f"{one.exported:.5g}", unit, percent, _HELD[one.held])
+    if document.quantities:
+        console.print(table)
+    for title, numbers in (("given", document.given), ("default", document.defaults)):
+        for name, number in numbers.items():
+            unit = "" if number.unit == "1" else f" {number.unit}"
+            plain(f"{title}: {name} = {number.value:.5g}{unit}{f' ({number.of})' if number.of else ''}")
+    for sentence in document.left_out:
+        plain(f"left out: {sentence}")
+    if document.draws is not None:
+        plain(f"drawn: {document.draws.count} vehicles in draws; {document.draws.redrawn} draws were none")
+    print_findings(document.findings)
+    plain(f"\nstart:\n{document.start}")
+    plain(f"files: {folder}")

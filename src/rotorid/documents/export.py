@@ -1,0 +1,170 @@
+"""``export.json``, schema ``rotorid.export/1``: what of a vehicle went to another tool, and what came back of it.
+
+``rotorid.models/1`` is the vehicle itself for tools that read JSON: its numbers, and every model with its covariance.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from rotorid.documents.base import Document, FindingDocument
+from rotorid.documents.result import MatricesDocument, matrices_document
+from rotorid.pipeline.summary import ParameterEstimate, PoleEstimate
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
+    from rotorid.pipeline.results import IdentifiedModel
+
+
+class NumberDocument(Document):
+    """A number of a vehicle, and where it comes from."""
+
+    value: float
+    unit: str
+    source: Literal["identified", "given", "derived", "default"]
+    std: float | None = None
+    of: str = ""
+
+
+class FileDocument(Document):
+    """A file that was written."""
+
+    name: str
+    sha256: str
+
+
+class ComparedDocument(Document):
+    """A quantity as it was identified, and as the equations of the target have it at hover."""
+
+    name: str
+    unit: str
+    identified: float
+    exported: float
+    difference_percent: float | None
+    held: Literal["exact", "approximated", "not"]
+
+
+class DrawsDocument(Document):
+    """Vehicles drawn from the covariance: a folder each in ``draws``; ``redrawn`` draws were none."""
+
+    count: int
+    seed: int
+    redrawn: int
+
+
+class ExportDocument(Document):
+    """``export.json``: target, files, the round trip, where every number comes from, and what was left out."""
+
+    schema_name: Annotated[Literal["rotorid.export/1"], Field(alias="schema")] = "rotorid.export/1"
+    target: str
+    name: str
+    results: list[str]
+    delay: Literal["states", "lag", "none"]
+    pade_order: int | None = None
+    sample_rate_hz: float | None = None
+    files: list[FileDocument]
+    quantities: list[ComparedDocument]
+    numbers: dict[str, NumberDocument]
+    given: dict[str, NumberDocument]
+    defaults: dict[str, NumberDocument]
+    left_out: list[str]
+    draws: DrawsDocument | None = None
+    start: str
+    findings: list[FindingDocument] = Field(default_factory=list)
+    command: list[str] = Field(default_factory=list)
+
+
+class CovarianceDocument(Document):
+    """Covariance of the free parameters, in the order of the names and in their units."""
+
+    names: list[str]
+    matrix: list[list[float]]
+
+
+class StateSpaceDocument(Document):
+    """The same model with its delays aside: ``z' = A z + B u``, ``y = C z + D u``, or of the next sample."""
+
+    sample_time_s: float | None = None
+    A: list[list[float]]
+    B: list[list[float]]
+    C: list[list[float]]
+    D: list[list[float]]
+
+
+class ModelDocument(Document):
+    """A model: parameters, covariance, matrices."""
+
+    model: str
+    logs: list[str]
+    inputs: list[str]
+    outputs: list[str]
+    states: list[str]
+    parameters: dict[str, ParameterEstimate]
+    covariance: CovarianceDocument
+    matrices: MatricesDocument
+    state_space: StateSpaceDocument | None = None
+    poles: list[PoleEstimate] = Field(default_factory=list)
+
+
+class ModelsDocument(Document):
+    """A vehicle: its numbers, its rotors, and the models that they come from."""
+
+    schema_name: Annotated[Literal["rotorid.models/1"], Field(alias="schema")] = "rotorid.models/1"
+    name: str
+    numbers: dict[str, NumberDocument]
+    rotors_m: list[list[float]] | None = None
+    spins: list[float] | None = None
+    models: list[ModelDocument]
+
+
+def number_documents(numbers: Mapping[str, VehicleNumber]) -> dict[str, NumberDocument]:
+    """Numbers of a vehicle as a document holds them."""
+    return {name: NumberDocument.model_validate(one) for name, one in numbers.items()}
+
+
+def file_documents(files: Mapping[str, str | bytes]) -> list[FileDocument]:
+    """Names and hashes of files."""
+    return [
+        FileDocument(name=name, sha256=hashlib.sha256(text if isinstance(text, bytes) else text.encode()).hexdigest())
+        for name, text in sorted(files.items())
+    ]
+
+
+def finite(value: float) -> float | None:
+    """A number where it is one."""
+    return value if math.isfinite(value) else None
+
+
+def model_document(model: IdentifiedModel, state_space: StateSpaceDocument | None = None) -> ModelDocument:
+    """A model with its covariance."""
+    structure = model.structure
+    return ModelDocument(
+        model=structure.name,
+        logs=list(model.provenance.inputs),
+        inputs=list(structure.inputs),
+        outputs=list(structure.outputs),
+        states=list(structure.states),
+        parameters=dict(model.parameters),
+        covariance=CovarianceDocument(names=list(model.bounds.names), matrix=model.bounds.covariance.tolist()),
+        matrices=matrices_document(model.system),
+        state_space=state_space,
+        poles=list(model.pole_estimates),
+    )
+
+
+def models_document(vehicle: JoinedVehicle, models: Sequence[ModelDocument]) -> ModelsDocument:
+    """A vehicle and its models."""
+    body = vehicle.multirotor
+    layout = None if body is None else body.rotors.layout
+    return ModelsDocument(
+        name=vehicle.name,
+        numbers=number_documents(vehicle.numbers),
+        rotors_m=None if layout is None else layout.positions.tolist(),
+        spins=None if layout is None else layout.spins.tolist(),
+        models=list(models),
+    )

@@ -1,0 +1,108 @@
+r"""Vehicles that could have been identified as well: drawn from the covariance of the results.
+
+.. math:: \theta^{(k)} \sim \mathcal N(\hat\theta, \, P)
+
+jointly for the parameters of one result, independently for those of several, and joined anew. A draw that is no
+vehicle, as one with a negative inertia, is drawn again and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from rotorid.errors import ModelError, UsageError
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.pipeline.results import IdentifiedModel
+
+_POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
+_TRIALS_PER_DRAW = 100
+
+
+Made = TypeVar("Made")
+
+
+def draws(
+    models: Sequence[IdentifiedModel],
+    count: int,
+    make: Callable[[Sequence[IdentifiedModel]], Made],
+    *,
+    rng: np.random.Generator,
+) -> tuple[list[Made], int]:
+    """Make something of results drawn from their covariance, and say how many draws were impossible.
+
+    Parameters
+    ----------
+    models
+        The results.
+    count
+        How many draws.
+    make
+        What is made of each; an error of its says that this draw is none.
+    rng
+        Draws.
+
+    Raises
+    ------
+    ModelError
+        Hardly any draw is possible.
+    """
+    made: list[Made] = []
+    redrawn = 0
+    while len(made) < count:
+        drawn = [drawn_model(model, rng=rng) for model in models]
+        found = [model for model in drawn if model is not None]
+        try:
+            if len(found) == len(models):
+                made.append(make(found))
+                continue
+        except (ModelError, UsageError):
+            pass
+        redrawn += 1
+        if redrawn > _TRIALS_PER_DRAW * count:
+            raise ModelError(
+                f"of {redrawn + len(made)} vehicles drawn from the covariance {len(made)} are possible",
+                needed="results that are known better",
+                remedy="give what is hardly known with --set",
+            )
+    return made, redrawn
+
+
+def require_possible(vehicle: JoinedVehicle) -> None:
+    """Refuse a drawn vehicle that cannot be.
+
+    Raises
+    ------
+    ModelError
+        A mass, an inertia, a lag or the torque of the rotors is not positive, or the rotors do not carry the weight.
+    """
+    numbers = vehicle.numbers
+    if wrong := [name for name in _POSITIVE if name in numbers and numbers[name].value <= 0.0]:
+        raise ModelError(f"{', '.join(wrong)} came below zero", needed="positive numbers")
+    if vehicle.multirotor is not None:
+        _ = vehicle.multirotor.hover_shares
+
+
+def drawn_model(model: IdentifiedModel, *, rng: np.random.Generator) -> IdentifiedModel | None:
+    """The model at parameters drawn from its covariance; ``None`` where they cannot be."""
+    names = model.bounds.names
+    values, vectors = np.linalg.eigh(model.bounds.covariance) if names else (np.zeros(0), np.zeros((0, 0)))
+    # Rounding may leave a variance below zero.
+    steps = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(names)))
+    drawn = {name: model.parameters[name].value + float(step) for name, step in zip(names, steps, strict=True)}
+    own = model.structure.parameters
+    try:
+        moved = own.with_values({name: value for name, value in drawn.items() if name in own.names})
+    except ModelError:
+        return None
+    drawn = {**moved.values, **drawn}
+    parameters = {
+        name: replace(one, value=drawn[name]) if one.status in ("free", "tied") and name in drawn else one
+        for name, one in model.parameters.items()
+    }
+    return replace(model, structure=replace(model.structure, parameters=moved), parameters=parameters)
