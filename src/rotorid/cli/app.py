@@ -31,10 +31,10 @@ COMMANDS = {
     "compare": "Put models and methods side by side.",
     "delay": "Estimate delays as fractions of a sample.",
     "design": "Plan a flight: test inputs, what they will tell, files.",
-    "simulate": "Fly a vehicle of the library, and write its log.",
+    "simulate": "Fly a vehicle in simulation, and write its log.",
     "export": "Write an identified vehicle as files of simulators and tools.",
     "models": "List the models of the library, or print one.",
-    "vehicles": "List the vehicles of the library.",
+    "vehicles": "List the vehicles of the library, or write a vehicle file.",
 }
 """Every command, and what it does in a line of ``rotorid --help``; its own help says more."""
 

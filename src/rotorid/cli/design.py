@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,11 +13,13 @@ import typer
 from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress, tell
 from rotorid.cli.options import Output
+from rotorid.cli.vehicles import LIKE_HELP, say_taken
 from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Shape
     from rotorid.documents.design import DesignDocument, PlanSummaryDocument, PredictionDocument
+    from rotorid.vehicles.catalog import VehicleEntry
 
 
 def design_command(
@@ -28,6 +31,15 @@ def design_command(
         ),
     ],
     *,
+    vehicle: Annotated[
+        list[str],
+        typer.Option(
+            "--vehicle",
+            help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or a result of identify; "
+            "several results join. Repeatable.",
+        ),
+    ],
+    like: Annotated[str | None, typer.Option("--like", help=LIKE_HELP)] = None,
     design: Annotated[dict[str, Any], DesignChoices],
     gains: Annotated[
         Path | None, typer.Option("--gains", help="A log of your own autopilot, whose gains will fly.")
@@ -40,20 +52,26 @@ def design_command(
     output: Output,
 ) -> None:
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
+    from rotorid.documents.vehicle import named_vehicle
     from rotorid.io.folders import making, target_folder
     from rotorid.io.registry import read
     from rotorid.pipeline.designs import design as plan_flights
     from rotorid.report.files import require_autopilot, result_kind, to_json, write_design
 
     require_autopilot(autopilot)
+    named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
+    if not output.quiet:
+        say_taken(named)
     choices = DesignChoices(
-        kinds=tuple(_shape(kind, design["vehicle"]) for kind in kinds),
+        vehicle=named.entry,
+        changes=named.changes,
+        kinds=tuple(_shape(kind, named.entry) for kind in kinds),
         plan=PlanChoices(wind=air.wind, **plan),
         gains={} if gains is None else read(gains).parameters,
         gains_source="" if gains is None else gains.name,
         **design,
     )
-    default = Path("rotorid-out") / f"{choices.vehicle}-design"
+    default = Path("rotorid-out") / f"{choices.entry.name}-design"
     target = target_folder(output.out, default, result_kind("design.json"), force=output.force)
     with progress(quiet=output.quiet):
         designed = plan_flights(choices)
@@ -63,18 +81,17 @@ def design_command(
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:
-        _print(document, choices, made.folder)
+        _print(document, [*vehicle, *(["--like", like] if like else [])], made.folder)
 
 
-def _shape(kind: str, vehicle: str) -> Shape:
+def _shape(kind: str, vehicle: VehicleEntry) -> Shape:
     """The shape that a kind names; a plain sweep is the one that the autopilot can fly."""
     from rotorid.pipeline.designs import sweep_of
-    from rotorid.vehicles.catalog import aircraft
 
-    return sweep_of(aircraft(vehicle)) if kind == "sweep" else parse_shape(kind)
+    return sweep_of(vehicle.aircraft) if kind == "sweep" else parse_shape(kind)
 
 
-def _print(document: DesignDocument, choices: DesignChoices, folder: Path) -> None:
+def _print(document: DesignDocument, vehicle: Sequence[str], folder: Path) -> None:
     from rotorid.cli.console import output_console
 
     console = output_console()
@@ -91,7 +108,7 @@ def _print(document: DesignDocument, choices: DesignChoices, folder: Path) -> No
     console.print(f"plan: {place / 'plan.json'}", soft_wrap=True, markup=False)
     console.print(f"card: {place / 'flight-card.html'}", soft_wrap=True, markup=False)
     console.print(
-        f"fly it in simulation: rotorid simulate {choices.vehicle} --plan {place / 'plan.json'}",
+        f"fly it in simulation: rotorid simulate {' '.join(vehicle)} --plan {place / 'plan.json'}",
         soft_wrap=True,
         markup=False,
     )

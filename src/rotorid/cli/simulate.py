@@ -1,4 +1,4 @@
-"""``rotorid simulate``: a vehicle of the library flies, and its log is written as its autopilot would have."""
+"""``rotorid simulate``: a vehicle flies, and its log is written as its autopilot would have."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import typer
 from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress
 from rotorid.cli.options import Output
+from rotorid.cli.vehicles import LIKE_HELP, say_taken
 from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices
 
 if TYPE_CHECKING:
@@ -26,8 +27,15 @@ RIG = "rig"
 
 
 def simulate_command(
-    vehicle: Annotated[str, typer.Argument(help="A vehicle of the library: see rotorid vehicles.")],
+    vehicle: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="VEHICLE...",
+            help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or results of identify.",
+        ),
+    ],
     *,
+    like: Annotated[str | None, typer.Option("--like", help=LIKE_HELP)] = None,
     plan: Annotated[
         str | None,
         typer.Option(
@@ -40,14 +48,15 @@ def simulate_command(
     air: Air,
     output: Output,
 ) -> None:
-    """Fly a vehicle of the library in simulation, and write its log as its autopilot would have."""
+    """Fly a vehicle in simulation, and write its log as its autopilot would have."""
+    from rotorid.documents.vehicle import named_vehicle
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind, to_json, write_rig_simulation, write_simulation
 
-    target = target_folder(
-        output.out, Path("rotorid-out") / vehicle, result_kind("simulation.json"), force=output.force
-    )
-    if vehicle == RIG:
+    named = named_vehicle(vehicle, like=like, given=flight.get("changes"))
+    default = Path("rotorid-out") / named.entry.name
+    target = target_folder(output.out, default, result_kind("simulation.json"), force=output.force)
+    if named.entry.name == RIG and named.entry.make is None:
         _refuse_of_the_rig(plan, air, flight)
         with making(target) as made:
             document = write_rig_simulation(made.place, seed=flight["seed"], command=command_line())
@@ -55,7 +64,9 @@ def simulate_command(
         if plan == _NO_PLAN and flight["duration_s"] is None:
             flight["duration_s"] = _HOVER_S
         # Checked before the plan is made, which takes a while.
-        choices = SimulateChoices(vehicle=vehicle, wind=air.wind, **flight)
+        choices = SimulateChoices(vehicle=named.entry, wind=air.wind, **{**flight, "changes": named.changes})
+        if not output.quiet:
+            say_taken(named)
         craft = choices.aircraft
         with progress(quiet=output.quiet):
             choices = replace(choices, plan=_plan(plan, craft, choices))

@@ -299,7 +299,7 @@ def design_document(
         seed=choices.plan.seed,
     )
     return DesignDocument(
-        vehicle=VehicleDocument.model_validate(flown_vehicle(choices.vehicle, choices.aircraft, choices.changes)),
+        vehicle=VehicleDocument.model_validate(flown_vehicle(choices.entry, choices.aircraft, choices.changes)),
         limits=asdict(choices.plan.limits),
         plans=[_plan_summary(plan, *files) for plan, files in zip(designed, written, strict=True)],
         best=best_of(designed),

@@ -15,6 +15,7 @@ from rotorid.documents.response import ResponseDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.documents.results import ResultsDocument
 from rotorid.documents.review import ReviewDocument, ReviewsDocument
+from rotorid.documents.vehicle import VehicleFile
 from rotorid.documents.verify import VerifyDocument
 
 SCHEMAS: Mapping[str, type[Document]] = {
@@ -33,6 +34,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.reviews-1": ReviewsDocument,
     "rotorid.export-1": ExportDocument,
     "rotorid.models-1": ModelsDocument,
+    "rotorid.vehicle-1": VehicleFile,
 }
 
 

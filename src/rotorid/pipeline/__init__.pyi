@@ -24,6 +24,8 @@ from rotorid.pipeline.joined import JoinedVehicle as JoinedVehicle
 from rotorid.pipeline.joined import VehicleNumber as VehicleNumber
 from rotorid.pipeline.joined import joined_vehicle as joined_vehicle
 from rotorid.pipeline.joined import require as require
+from rotorid.pipeline.own_vehicles import OwnVehicle as OwnVehicle
+from rotorid.pipeline.own_vehicles import own_vehicle as own_vehicle
 from rotorid.pipeline.responses import Responses as Responses
 from rotorid.pipeline.responses import response as response
 from rotorid.pipeline.results import IdentifiedModel as IdentifiedModel

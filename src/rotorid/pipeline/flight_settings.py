@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rotorid.simulation.multirotor_flight import Aircraft
     from rotorid.simulation.wind import Wind
     from rotorid.typing import Axis
+    from rotorid.vehicles.catalog import Vehicle, VehicleEntry
 
 _MOST_RUNS = 10_000
 _MOST_REPEATS = 20
@@ -327,7 +328,7 @@ class DesignChoices(Immutable):
     Parameters
     ----------
     vehicle
-        Name in the library.
+        Name in the library, or a vehicle of one's own.
     kinds
         Shapes, one plan each.
     plan
@@ -348,7 +349,7 @@ class DesignChoices(Immutable):
         How the flight will be identified.
     """
 
-    vehicle: Annotated[str, Option("--vehicle", help="A vehicle of the library: see rotorid vehicles.")]
+    vehicle: "Vehicle"
     kinds: "tuple[Shape, ...]"
     plan: PlanChoices = field(default_factory=PlanChoices)
     models: Annotated[
@@ -392,13 +393,19 @@ class DesignChoices(Immutable):
         )
 
     @property
+    def entry(self) -> "VehicleEntry":
+        """What is known of the vehicle."""
+        from rotorid.vehicles.catalog import entry_of
+
+        return entry_of(self.vehicle)
+
+    @property
     def aircraft(self) -> "Aircraft":
         """What will fly."""
         from rotorid.simulation.multirotor_flight import changed, piloted
-        from rotorid.vehicles.catalog import aircraft
         from rotorid.vehicles.px4 import with_gains
 
-        craft = changed(aircraft(self.vehicle), self.changes)
+        craft = changed(self.entry.aircraft, self.changes)
         if self.gains_source:
             craft = with_gains(craft, self.gains, source=self.gains_source)
         return piloted(craft)
@@ -425,7 +432,7 @@ class SimulateChoices(Immutable):
     Parameters
     ----------
     vehicle
-        Name in the library.
+        Name in the library, or a vehicle of one's own.
     plan
         Test inputs; without any, nothing is excited.
     duration_s
@@ -446,7 +453,7 @@ class SimulateChoices(Immutable):
         Of wind, noise and what is drawn.
     """
 
-    vehicle: str
+    vehicle: "Vehicle"
     plan: "FlightPlan | None" = None
     duration_s: Annotated[float | None, Option("--duration", help="Seconds to fly. [default: as long as the plan]")] = (
         None
@@ -491,12 +498,18 @@ class SimulateChoices(Immutable):
         self._set(changes=self.changes, vary=self.vary)
 
     @property
+    def entry(self) -> "VehicleEntry":
+        """What is known of the vehicle."""
+        from rotorid.vehicles.catalog import entry_of
+
+        return entry_of(self.vehicle)
+
+    @property
     def aircraft(self) -> "Aircraft":
         """What flies, before anything is drawn."""
         from rotorid.simulation.multirotor_flight import changed, piloted
-        from rotorid.vehicles.catalog import aircraft
 
-        return piloted(changed(aircraft(self.vehicle), self.changes))
+        return piloted(changed(self.entry.aircraft, self.changes))
 
     @property
     def log_format(self) -> "LogFormat":

@@ -287,14 +287,14 @@ def joined_vehicle(
     known = dict(given or {})
     _require_given(known)
     flown = [model for model in models if model.motors is not None]
-    rotors, arm = _rotors(flown, known, layout, usual or {})
-    numbers = _joined_numbers(models, flown, known)
+    assumed = _assumed(flown, known, usual or {})
+    in_force = {**known, **{key: one.value for key, one in assumed.items()}}
+    rotors, arm = _rotors(flown, in_force, layout, usual or {})
+    numbers = _joined_numbers(models, flown, in_force)
     if arm is not None:
         numbers["arm"] = arm
-    numbers |= {key: _given(key, value) for key, value in known.items()}
-    for key, value in (usual or {}).items():
-        if key not in numbers and not (key in _TERMS and any(term in numbers for term in _TERMS)):
-            numbers |= {} if key == "I_zz" and "kappa_per_I_zz" in numbers else {key: value}
+    numbers |= {key: _given(key, value) for key, value in known.items()} | assumed
+    numbers |= _usual(numbers, usual or {})
     rotors, findings = _turning(rotors, numbers)
     findings += _yaw(numbers)
     body = _multirotor(name, numbers, rotors)
@@ -307,6 +307,26 @@ def joined_vehicle(
         controller=next((one.controller for one in (*flown, *models) if one.controller is not None), None),
     )
     return replace(vehicle, findings=(*findings, *_judged(vehicle, flown)))
+
+
+def _assumed(
+    flown: Sequence[IdentifiedModel], known: Mapping[str, float], usual: Mapping[str, VehicleNumber]
+) -> dict[str, VehicleNumber]:
+    """Mass and arm that nobody gave, where results need them for their scale."""
+    motors = [model.motors for model in flown if model.motors is not None]
+    scaled = any(one.scale is not None for one in motors) or any(name in known for name in SCALES)
+    sized = any(one.arm_m is not None for one in motors) or "arm" in known
+    wanted = [name for name, there in (("m", scaled), ("arm", sized)) if motors and not there and name in usual]
+    return {name: usual[name] for name in wanted}
+
+
+def _usual(numbers: Mapping[str, VehicleNumber], usual: Mapping[str, VehicleNumber]) -> dict[str, VehicleNumber]:
+    """What is missing and does not follow from what is known: curves are whole, and kappa and I_zz have a ratio."""
+    found = {name: one for name, one in usual.items() if name not in numbers}
+    follows = set(_TERMS) if any(term in numbers for term in _TERMS) else set()
+    if "kappa_per_I_zz" in numbers:
+        follows |= {"kappa", "I_zz"} if "kappa" in numbers or "I_zz" in numbers else {"I_zz"}
+    return {name: one for name, one in found.items() if name not in follows}
 
 
 def _given(name: str, value: float) -> VehicleNumber:

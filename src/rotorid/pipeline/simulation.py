@@ -1,4 +1,4 @@
-"""A vehicle of the library flies, and its log is written as its autopilot would have; the rig moves on its pivot.
+"""A vehicle flies, and its log is written as its autopilot would have; the rig moves on its pivot.
 
 What comes back says what flew, what was true of it (the derivatives of the exact linear model about hover, in still
 air), what each flight reached, and where the maneuvers are on the clock of the logs.
@@ -32,7 +32,7 @@ from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.typing import Axis
 from rotorid.vehicles import rig
-from rotorid.vehicles.catalog import VEHICLES
+from rotorid.vehicles.catalog import VEHICLES, Vehicle, VehicleEntry
 
 _NOTICED = 1e-9
 _SEED_BITS_LEFT_OUT = 80
@@ -49,7 +49,7 @@ class TrueValue(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class FlownVehicle(Immutable):
-    """A vehicle of the library; ``changed`` holds what the user set otherwise than its source has it."""
+    """A vehicle; ``changed`` holds what the user set otherwise than its source has it."""
 
     name: str
     description: str
@@ -118,13 +118,13 @@ class Run(Immutable):
     flown: SimulatedFlight
 
 
-def simulate(vehicle: str, plan: FlightPlan | None = None, **options: Any) -> SimulatedFlight:
-    """Fly a vehicle of the library under its autopilot; :func:`rotorid.write_log` makes a log of the flight.
+def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Any) -> SimulatedFlight:
+    """Fly a vehicle under its autopilot; :func:`rotorid.write_log` makes a log of the flight.
 
     Parameters
     ----------
     vehicle
-        Its name, see :func:`rotorid.vehicles.aircraft_names`.
+        Its name, see :func:`rotorid.vehicles.aircraft_names`, or a vehicle of one's own.
     plan
         What to fly; without one the vehicle hovers for ``duration_s``.
     **options
@@ -217,7 +217,7 @@ def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: flo
 
 def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLog:
     """Write the log of a run, and say what it is."""
-    shown = VEHICLES[choices.vehicle].shown
+    shown = choices.entry.shown
     seen = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
     write_log(path, seen, format=choices.log_format)
     return SimulatedLog(
@@ -237,7 +237,7 @@ def simulation_of(choices: SimulateChoices, logs: Sequence[SimulatedLog], *, com
     start_s = START_S[choices.log_format]
     planned = () if choices.plan is None else choices.plan.maneuvers
     return Simulation(
-        vehicle=flown_vehicle(choices.vehicle, craft, choices.changes),
+        vehicle=flown_vehicle(choices.entry, craft, choices.changes),
         logs=tuple(logs),
         maneuvers=tuple(_on_log(maneuver, start_s, logs[0].file) for maneuver in planned),
         truth=truth_of(craft),
@@ -282,11 +282,10 @@ def _clean(value: float) -> float:
     return 0.0 if abs(value) < _NOTICED else value
 
 
-def flown_vehicle(name: str, craft: Aircraft, changes: Mapping[str, float]) -> FlownVehicle:
-    """A vehicle of the library with the numbers that were set otherwise."""
-    known = VEHICLES[name]
+def flown_vehicle(known: VehicleEntry, craft: Aircraft, changes: Mapping[str, float]) -> FlownVehicle:
+    """A vehicle with the numbers that were set otherwise."""
     return FlownVehicle(
-        name=name,
+        name=known.name,
         description=known.summary,
         source=known.source,
         autopilot=craft.autopilot.kind,

@@ -321,7 +321,7 @@ def design_summary(designed: Sequence[Designed], choices: DesignChoices) -> tupl
     most = _best_sentences(compared(designed)) if len(designed) > 1 else []
     each = [_plan_sentence(one) for one in designed]
     reach = _shared_answers(designed) if len(designed) > 1 else list(reach_sentences(designed[0]))
-    return (*most, *each, *reach, f"All of it is for {choices.vehicle} in {wind_words(choices.plan.wind)}.")
+    return (*most, *each, *reach, f"All of it is for {choices.entry.name} in {wind_words(choices.plan.wind)}.")
 
 
 def _plan_sentence(one: Designed) -> str:

@@ -122,6 +122,11 @@ def _of_logs(document: Mapping[str, Any]) -> dict[str, str | None]:
     return {log["file"]: log["sha256"] for log in document["logs"]}
 
 
+def _of_export(document: Mapping[str, Any]) -> dict[str, str | None]:
+    """Files of an ``export.json`` with their hashes."""
+    return {one["name"]: one["sha256"] for one in document["files"]}
+
+
 _BESIDE = ("report.html", "responses.npz", "figures/*", "tables/*")
 _MODEL = ("result.json", "model.toml", *_BESIDE)
 _IDENTIFIED = ResultKind(
@@ -141,6 +146,7 @@ _KINDS: Mapping[str, ResultKind] = {
     "design.json": ResultKind(
         mains=("design.json",), schema="rotorid.design/", files=("design.html",), listed=_of_plans
     ),
+    "export.json": ResultKind(mains=("export.json",), schema="rotorid.export/", listed=_of_export),
     "simulation.json": ResultKind(
         mains=("simulation.json",), schema="rotorid.simulation/", files=("plan.json",), listed=_of_logs
     ),
@@ -257,7 +263,7 @@ def write_design(
 
 
 def _title(designed: Sequence[Designed], choices: DesignChoices) -> str:
-    return f"{'A flight plan' if len(designed) == 1 else f'{len(designed)} flight plans'} for {choices.vehicle}"
+    return f"{'A flight plan' if len(designed) == 1 else f'{len(designed)} flight plans'} for {choices.entry.name}"
 
 
 def require_autopilot(name: str | None) -> None:
@@ -337,7 +343,7 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> Fligh
         for parameter in (told.prediction.parameters if told.prediction is not None else ())
     ]
     return FlightFacts(
-        vehicle=choices.vehicle,
+        vehicle=choices.entry.name,
         autopilot=autopilot,
         room_m=reached.position_m,
         height_m=max(choices.plan.wind.height_m, 3.0 * reached.height_m),
@@ -375,7 +381,7 @@ def write_simulation(
     def fly(number: int) -> Callable[[Path], None]:
         def write(path: Path) -> None:
             _PROGRESS.info(
-                f"flying {choices.vehicle}" + (f", {number + 1} of {choices.runs}" if choices.runs > 1 else ""),
+                f"flying {choices.entry.name}" + (f", {number + 1} of {choices.runs}" if choices.runs > 1 else ""),
                 extra={"done": number, "total": choices.runs},
             )
             logs.append(write_run(path, fly_run(choices, number), choices))

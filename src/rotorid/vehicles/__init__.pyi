@@ -9,8 +9,11 @@ from rotorid.vehicles import px4 as px4
 from rotorid.vehicles import rig as rig
 from rotorid.vehicles import s500 as s500
 from rotorid.vehicles.catalog import VEHICLES as VEHICLES
+from rotorid.vehicles.catalog import Vehicle as Vehicle
+from rotorid.vehicles.catalog import VehicleEntry as VehicleEntry
 from rotorid.vehicles.catalog import aircraft as aircraft
 from rotorid.vehicles.catalog import aircraft_names as aircraft_names
+from rotorid.vehicles.catalog import entry_of as entry_of
 from rotorid.vehicles.demo import demo_plan as demo_plan
 from rotorid.vehicles.gazebo import iris as iris
 from rotorid.vehicles.gazebo import x500 as x500

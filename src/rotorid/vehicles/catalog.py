@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
 
@@ -47,6 +48,23 @@ class VehicleEntry(Immutable):
     source: str
     make: Callable[[], Aircraft] | None = None
     shown: Callable[[SimulatedFlight, np.random.Generator], SimulatedFlight] | None = None
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """What flies.
+
+        Raises
+        ------
+        ModelError
+            It does not fly freely.
+        """
+        if self.make is None:
+            raise ModelError(
+                f"the vehicle {self.name} turns on a pivot and does not fly",
+                needed=f"one of {', '.join(aircraft_names())}",
+                remedy="rotorid.vehicles.rig.fly simulates its records",
+            )
+        return self.make()
 
 
 _ENTRIES: tuple[VehicleEntry, ...] = (
@@ -110,6 +128,37 @@ VEHICLES: Mapping[str, VehicleEntry] = MappingProxyType({entry.name: entry for e
 """Every vehicle by its name, sorted."""
 
 
+Vehicle: TypeAlias = str | VehicleEntry | Aircraft
+"""A vehicle by its name in the library, one of a file or of results, or what flies itself."""
+
+
+def entry_of(vehicle: Vehicle) -> VehicleEntry:
+    """What is known of a vehicle, however it is named.
+
+    Parameters
+    ----------
+    vehicle
+        A name of the library, or a vehicle of one's own.
+
+    Raises
+    ------
+    ModelError
+        The library has no such vehicle.
+
+    Examples
+    --------
+    >>> entry_of(entry_of("x500").aircraft).name
+    'x500'
+    """
+    if isinstance(vehicle, Aircraft):
+        return VehicleEntry(name=vehicle.name, summary="", source=vehicle.vehicle.source, make=lambda: vehicle)
+    if isinstance(vehicle, VehicleEntry):
+        return vehicle
+    if vehicle not in VEHICLES:
+        raise no_such("vehicle", vehicle, aircraft_names())
+    return VEHICLES[vehicle]
+
+
 def aircraft_names() -> tuple[str, ...]:
     """Names of the vehicles that fly freely, sorted.
 
@@ -139,13 +188,4 @@ def aircraft(name: str) -> Aircraft:
     >>> aircraft("x500").vehicle.mass_kg
     2.0
     """
-    if name not in VEHICLES:
-        raise no_such("vehicle", name, aircraft_names())
-    make = VEHICLES[name].make
-    if make is None:
-        raise ModelError(
-            f"the vehicle {name} turns on a pivot and does not fly",
-            needed=f"one of {', '.join(aircraft_names())}",
-            remedy="rotorid.vehicles.rig.fly simulates its records",
-        )
-    return make()
+    return entry_of(name).aircraft

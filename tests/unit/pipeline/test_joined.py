@@ -235,6 +235,19 @@ def test_other_numbers_fill_in_what_is_missing() -> None:
     vehicle = joined_vehicle([motors()], usual=usual)
     assert {name for name, one in vehicle.numbers.items() if one.source == "default"} == {"kappa", "X_u", "I_zz"}
     assert require(vehicle, target="test").inertia_kg_m2[2, 2] == pytest.approx(0.04)
+    known = joined_vehicle([motors()], usual=usual, given={"I_zz": 0.036}).numbers
+    assert (known["kappa"].value, known["kappa"].source) == (pytest.approx(0.018), "derived")
+
+
+def test_mass_and_arm_of_another_vehicle_scale_what_is_relative() -> None:
+    usual = {
+        "m": VehicleNumber(value=1.5, unit="kg", source="default", of="px4_quad"),
+        "arm": VehicleNumber(value=ARM_M, unit="m", source="default", of="px4_quad"),
+        "kappa": VehicleNumber(value=0.02, unit="m", source="default", of="px4_quad"),
+    }
+    vehicle = joined_vehicle([motors(factor=1.0 / 1.5, scale=None, arm_m=None)], usual=usual)
+    np.testing.assert_allclose(require(vehicle, target="test").inertia_kg_m2.diagonal(), [0.02, 0.022, 0.04])
+    assert {vehicle.numbers[name].source for name in ("m", "arm", "kappa")} == {"default"}
 
 
 @pytest.mark.parametrize(
