@@ -121,3 +121,16 @@ def test_a_table_of_600_megabytes(room: Path) -> None:
     )
     log.unlink()
     assert (seconds < 20.0, memory_gib < 1.5) == (True, True)
+
+
+def test_a_log_of_200_megabytes_is_reviewed_in_a_gibibyte(shared_data: Path, room: Path) -> None:
+    raw = np.fromfile(shared_data / "ardupilot_sitl/x_calm_roll.BIN", dtype=np.uint8)
+    log = room / "long.BIN"
+    repeated(raw, dataflash_stamps(raw), 0, 9, log)
+    assert log.stat().st_size > 195e6
+    code, seconds, memory_gib = ran("review", log, "--out", room / "review", "--quiet")
+    page = room / "review" / "review.html"
+    print(f"{seconds:.0f} s, {memory_gib:.2f} GiB, page of {page.stat().st_size / 1e6:.1f} MB")
+    assert code == 0
+    assert memory_gib < 1.0
+    assert page.stat().st_size < 6e6
