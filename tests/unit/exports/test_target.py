@@ -1,0 +1,121 @@
+"""What every export has in common: rows of the round trip, choices, names of targets, draws."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.exports.vehicles import sih
+from tests.unit.pipeline.test_joined import hover, motors
+
+from rotorid import export as export_by_face
+from rotorid.errors import ModelError, UsageError
+from rotorid.exports import TARGETS, Compared, ExportChoices, Exported, export, export_draws, table_lines
+from rotorid.exports.draws import drawn_model
+from rotorid.exports.round_trip import identified_motion, linearized
+
+
+def row(identified: float, exported: float, **more: object) -> Compared:
+    return Compared(name="gain", unit="1", identified=identified, exported=exported, held="exact", **more)  # type: ignore[arg-type]
+
+
+def test_differences_grow_away_from_zero() -> None:
+    assert row(-2.0, -2.02).difference_percent == pytest.approx(1.0)
+    assert row(2.0, 1.98).difference_percent == pytest.approx(-1.0)
+    assert row(0.0, 0.0).difference_percent == 0.0
+    assert math.isinf(row(0.0, 1.0).difference_percent)
+    assert row(0.0, 0.1, size=10.0).difference_percent == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("came_back", [1.011, 0.989, math.nan])
+def test_what_is_held_exactly_may_not_differ(came_back: float) -> None:
+    with pytest.raises(ModelError, match="holds it exactly"):
+        Exported(target="one", files={}, compared=(row(1.0, came_back),))
+    Exported(target="one", files={}, compared=(row(1.0, 1.009), replace(row(1.0, came_back), held="approximated")))
+
+
+def test_the_table_says_what_is_not_held() -> None:
+    lines = table_lines([replace(row(0.05, 0.0), unit="s", held="not")])
+    assert lines[1].endswith(" not held")
+    assert "%" not in lines[1]
+
+
+@pytest.mark.parametrize("name", ["", "1st", "my-quad", "a b", "ä", "x" * 41])
+def test_names_that_are_none(name: str) -> None:
+    with pytest.raises(UsageError, match="--name"):
+        ExportChoices(names=name)
+
+
+def test_targets_are_all_there() -> None:
+    assert set(TARGETS) == {
+        *("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf"),
+        *("matlab", "control", "fmu", "json"),
+    }
+
+
+def test_the_face_exports_a_model() -> None:
+    exported = export_by_face(motors(I_zz=0.038), "gazebo", ExportChoices(names="bird"))
+    assert "bird/model.sdf" in exported.files
+    assert exported.target == "gazebo"
+
+
+def test_linearization_is_that_of_the_body() -> None:
+    vehicle = sih()
+    body = vehicle.multirotor
+    assert body is not None
+    motion = identified_motion(vehicle, body, lag_s=None)
+    # 5 N by 0.2 m by 1/0.025 kg m^2 for each of four rotors.
+    assert np.abs(motion.by_output[3]).sum() == pytest.approx(160.0)
+    assert motion.by_motion[0, 0] == pytest.approx(-1.0)
+    same = linearized(
+        lambda x, v, w: motion.by_output @ x + motion.by_motion @ np.concatenate([v, w]), np.full(4, 0.5), lag_s=None
+    )
+    assert same.by_output == pytest.approx(motion.by_output, abs=1e-6)
+    assert same.by_motion == pytest.approx(motion.by_motion, abs=1e-6)
+
+
+def test_draws_have_the_covariance() -> None:
+    model, rng = motors(I_zz=0.038), np.random.default_rng(3)
+    names = model.bounds.names
+    values = []
+    for _ in range(400):
+        drawn = drawn_model(model, rng=rng)
+        assert drawn is not None
+        values.append([drawn.parameters[name].value for name in names])
+        assert drawn.parameters["m"].value == model.parameters["m"].value
+    spread = np.cov(np.array(values).T)
+    std = np.sqrt(np.diag(model.bounds.covariance))
+    # Of 400 draws a standard deviation is known to 3.5 %, a correlation to 0.05.
+    assert np.sqrt(np.diag(spread)) == pytest.approx(std, rel=0.15)
+    assert (spread / np.outer(std, std))[~np.eye(len(std), dtype=bool)] == pytest.approx(0.0, abs=0.25)
+
+
+def test_impossible_draws_are_drawn_again_and_counted() -> None:
+    # Half of all inertias about the roll axis lie below zero, or nearly.
+    vague = motors(I_zz=0.038)
+    scale = np.where(np.array(vague.bounds.names) == "I_xx", 100.0, 1.0)
+    vague = replace(vague, bounds=replace(vague.bounds, covariance=vague.bounds.covariance * np.outer(scale, scale)))
+    made, redrawn = export_draws([vague], "ardupilot", ExportChoices(), 8)
+    assert len(made) == 8
+    assert redrawn > 0
+
+
+def test_draws_of_several_results_join_anew() -> None:
+    made, _ = export_draws(
+        [motors(I_zz=0.038), hover(X_u=-0.3, M_u=1.1, M_q=-0.71)], "px4-sih", ExportChoices(), 4, seed=5
+    )
+    drag = [next(one.identified for one in exported.compared if one.name == "X_u") for exported in made]
+    assert len(set(drag)) == 4
+    assert drag == pytest.approx([-0.3] * 4, rel=0.3)
+
+
+def test_files_are_written_into_their_folders(tmp_path: object) -> None:
+    from pathlib import Path
+
+    folder = Path(str(tmp_path)) / "made"
+    exported = export(sih(), "gazebo", ExportChoices(names="bird"))
+    exported.write(folder)
+    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert found == set(exported.files)
