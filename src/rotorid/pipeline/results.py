@@ -42,6 +42,7 @@ from rotorid.verification.verification import Verification
 
 if TYPE_CHECKING:
     from rotorid.simulation.linear import Hold
+    from rotorid.simulation.rational_model import Delays, RationalModel
 
 Records: TypeAlias = FlightRecord | str | Path | Iterable[FlightRecord | str | Path]
 """Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it."""
@@ -339,8 +340,46 @@ class IdentifiedModel(Immutable):
         own = self.structure.parameters
         return to_toml(self.structure, own, {name: value for name, value in std.items() if name in own.names})
 
-    def to_control(self) -> Any:
-        """The model as a ``control.StateSpace``, delays by Padé approximations of order four.
+    def rational(
+        self, *, delays: Delays = "states", pade_order: int = _PADE_ORDER, sample_rate_hz: float | None = None
+    ) -> RationalModel:
+        """The model as a state space without delays; see :func:`rotorid.simulation.rational`.
+
+        Parameters
+        ----------
+        delays
+            As ``states``, as a ``lag``, or ``none`` at all.
+        pade_order
+            Order of the approximation by states.
+        sample_rate_hz
+            Rate of a sampled model, exact for held inputs; continuous without it.
+
+        Raises
+        ------
+        UsageError
+            The order or the rate is out of range.
+        ModelError
+            The model has no proper state space.
+        """
+        from rotorid.simulation.rational_model import rational
+
+        return rational(
+            self.system,
+            delays=delays,
+            pade_order=pade_order,
+            sample_rate_hz=sample_rate_hz,
+            states=self.structure.states,
+        )
+
+    def to_control(
+        self, *, delays: Delays = "states", pade_order: int = _PADE_ORDER, sample_rate_hz: float | None = None
+    ) -> Any:
+        """The model as a ``control.StateSpace``, delays by default as Padé approximations of order four.
+
+        Parameters
+        ----------
+        delays, pade_order, sample_rate_hz
+            As for :meth:`rational`.
 
         Raises
         ------
@@ -350,14 +389,35 @@ class IdentifiedModel(Immutable):
             The model has no proper state space.
         """
         control = optional("control")
-        system, structure = self.system, self.structure
-        plant = control.ss(*system.proper())
-        before = _padded(control, system.input_delays_s)
-        after = _padded(control, system.output_delays_s)
-        for delays, late in ((system.input_delays_s, before), (system.output_delays_s, after)):
-            if delays.any():
-                plant = plant * late if late is before else late * plant
-        return control.ss(plant, inputs=list(structure.inputs), outputs=list(structure.outputs))
+        model = self.rational(delays=delays, pade_order=pade_order, sample_rate_hz=sample_rate_hz)
+        return control.ss(
+            *(np.array(getattr(model, name)) for name in "ABCD"),
+            0 if model.sample_time_s is None else model.sample_time_s,
+            inputs=list(self.structure.inputs),
+            outputs=list(self.structure.outputs),
+            states=list(model.states) or None,
+        )
+
+    def to_scipy(
+        self, *, delays: Delays = "states", pade_order: int = _PADE_ORDER, sample_rate_hz: float | None = None
+    ) -> Any:
+        """The model as a ``scipy.signal.StateSpace``, delays by default as Padé approximations of order four.
+
+        Parameters
+        ----------
+        delays, pade_order, sample_rate_hz
+            As for :meth:`rational`.
+
+        Raises
+        ------
+        ModelError
+            The model has no proper state space.
+        """
+        from scipy.signal import StateSpace as ScipyStateSpace
+
+        model = self.rational(delays=delays, pade_order=pade_order, sample_rate_hz=sample_rate_hz)
+        matrices = [np.array(getattr(model, name)) for name in "ABCD"]
+        return ScipyStateSpace(*matrices, **({} if model.sample_time_s is None else {"dt": model.sample_time_s}))
 
     def measured_to_control(self) -> Any:
         """The measured response as a ``control.FrequencyResponseData``.
@@ -550,12 +610,6 @@ def no_response(structure: LinearStructure) -> FrequencyResponse:
         outputs=structure.outputs,
         estimate="direct",
     )
-
-
-def _padded(control: Any, delays_s: FloatArray) -> Any:
-    """Delays side by side as one system."""
-    each = [control.ss(control.tf(*control.pade(delay_s, _PADE_ORDER if delay_s else 0))) for delay_s in delays_s]
-    return control.append(*each)
 
 
 def _number(value: float | None, digits: int) -> str:

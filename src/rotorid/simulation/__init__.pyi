@@ -44,5 +44,8 @@ from rotorid.simulation.predictor import StateEstimate as StateEstimate
 from rotorid.simulation.predictor import kalman_start as kalman_start
 from rotorid.simulation.predictor import least_squares_start as least_squares_start
 from rotorid.simulation.predictor import sampled_model as sampled_model
+from rotorid.simulation.rational_model import RationalModel as RationalModel
+from rotorid.simulation.rational_model import delay_error as delay_error
+from rotorid.simulation.rational_model import rational as rational
 from rotorid.simulation.wind import CALM as CALM
 from rotorid.simulation.wind import Wind as Wind

@@ -119,3 +119,26 @@ def test_python_control_gets_the_same_model(model: IdentifiedModel) -> None:
     assert list(plant.input_labels) == list(model.structure.inputs)
     measured = model.measured_to_control()
     assert list(measured.output_labels) == list(model.data.response.outputs)
+
+
+def test_scipy_gets_the_same_model_continuous_and_sampled(model: IdentifiedModel) -> None:
+    from scipy.signal import dlsim
+
+    exact = model.response(OMEGA)
+    plant = model.to_scipy(pade_order=6)
+    answer = [(plant.C @ np.linalg.solve(1j * w * np.eye(len(plant.A)) - plant.A, plant.B) + plant.D) for w in OMEGA]
+    np.testing.assert_allclose(np.moveaxis(answer, 0, -1), exact, rtol=1e-6)
+    u = np.sign(np.sin(0.3 * np.arange(80)))
+    sampled = model.to_scipy(sample_rate_hz=50.0)
+    _, y, _ = dlsim(sampled, u)
+    np.testing.assert_allclose(y[:, 0], model.simulate(u, sample_rate_hz=50.0, hold="zero")[0], atol=1e-9)
+
+
+def test_python_control_gets_a_sampled_model(model: IdentifiedModel) -> None:
+    control = pytest.importorskip("control", reason="python-control is not installed")
+    u = np.sign(np.sin(0.3 * np.arange(80)))
+    sampled = model.to_control(sample_rate_hz=50.0)
+    assert sampled.dt == 0.02
+    y = np.asarray(control.forced_response(sampled, inputs=u).outputs).reshape(-1)
+    np.testing.assert_allclose(y, model.simulate(u, sample_rate_hz=50.0, hold="zero")[0], atol=1e-9)
+    assert len(model.to_control(delays="none").state_labels) == len(model.structure.states)
