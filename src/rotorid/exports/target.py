@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -156,10 +157,11 @@ class ExportChoices(Immutable):
     names: str = "vehicle"
 
     def __post_init__(self) -> None:
-        if not (self.names.isascii() and self.names.isidentifier() and len(self.names) <= _LONGEST_NAME):
+        allowed = self.names.isascii() and self.names.isidentifier() and not iskeyword(self.names)
+        if not (allowed and len(self.names) <= _LONGEST_NAME):
             raise UsageError(
                 f"the name {self.names!r} came",
-                needed=f"a letter, then letters, digits and underscores, {_LONGEST_NAME} characters at most",
+                needed=f"letters, digits and underscores, a letter first, at most {_LONGEST_NAME}, and no keyword",
                 remedy="choose another with --name",
             )
         if not 1 <= self.pade_order <= _HIGHEST_ORDER:

@@ -42,7 +42,7 @@ def test_the_table_says_what_is_not_held() -> None:
     assert "%" not in lines[1]
 
 
-@pytest.mark.parametrize("name", ["", "1st", "my-quad", "a b", "ä", "x" * 41])
+@pytest.mark.parametrize("name", ["", "1st", "my-quad", "a b", "ä", "class", "x" * 41])
 def test_names_that_are_none(name: str) -> None:
     with pytest.raises(UsageError, match="--name"):
         ExportChoices(names=name)
