@@ -6,3 +6,7 @@ from rotorid.documents.result import load as load
 from rotorid.documents.result import save as save
 from rotorid.documents.schemas import SCHEMAS as SCHEMAS
 from rotorid.documents.schemas import schema_text as schema_text
+from rotorid.documents.vehicle import named_vehicle as named_vehicle
+from rotorid.documents.vehicle import parse_vehicle as parse_vehicle
+from rotorid.documents.vehicle import read_vehicle as read_vehicle
+from rotorid.documents.vehicle import vehicle_toml as vehicle_toml

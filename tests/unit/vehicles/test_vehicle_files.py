@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,6 +72,12 @@ def test_a_file_written_by_hand_flies() -> None:
     assert (body.aerodynamics[0, 0], body.aerodynamics[3, 3]) == (pytest.approx(-0.36), -0.012)
     assert entry.aircraft.autopilot.rates == aircraft("px4_quad").autopilot.rates
     assert np.abs(simulate(entry, duration_s=1.0).columns["p"]).max() < 1.0
+
+
+def test_the_file_in_the_docs_flies() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / "vehicles.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert parse_vehicle(text, where="vehicles.md").aircraft.vehicle.mass_kg == 1.2
 
 
 def test_numbers_on_top_of_a_base_count() -> None:
