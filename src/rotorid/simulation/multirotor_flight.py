@@ -244,11 +244,18 @@ def flight_tables(
     )
     if ticks < rows:
         raise LostError(
-            f"{aircraft.name} turned over {_when(ticks / rate_hz - settle_s)}",
+            f"{aircraft.name} turned over {_when(ticks / rate_hz - settle_s)}{_blown(wind)}",
             needed="a flight that stays within what the vehicle and its autopilot can do",
             remedy="lower the amplitude of the plan, the wind or the gains",
         )
     return FlightTables(aircraft=aircraft, plan=plan, skipped=skipped, log=log, truth=truth, asked=asked, winds=winds)
+
+
+def _blown(wind: Wind) -> str:
+    if wind == CALM:
+        return ", in calm air"
+    gusts = f" with gusts of {wind.turbulence_m_s:g} m/s" if wind.turbulence_m_s else ""
+    return f", in a wind of {np.hypot(wind.north_m_s, wind.east_m_s):g} m/s{gusts}"
 
 
 def _when(time_s: float) -> str:
