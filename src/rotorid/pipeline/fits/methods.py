@@ -52,6 +52,7 @@ from rotorid.pipeline.fits.time import (
     require_sound_in_time,
     residuals,
     simulated_records,
+    with_model_error,
 )
 from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
 from rotorid.pipeline.preparation.coverage import covered_by
@@ -462,7 +463,9 @@ class InTime(_Linear[TimeDomainData]):
         fitted = replace(fitted, simulated=simulated_records(fitted, data.records))
         require_sound_in_time(fitted, fitted.fit_percent)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
-        return replace(fitted, bootstrap=again)
+        side = data.frequency.fitted
+        widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
+        return replace(widened, bootstrap=again)
 
     def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:
         """Simulate what was not fitted."""

@@ -30,6 +30,7 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import (
@@ -780,9 +781,49 @@ def compare_with(
     }
 
 
+def with_model_error(
+    fitted: TimeFit, frequency: FrequencyFit, structure: LinearStructure, records: TimeRecords
+) -> TimeFit:
+    r"""The fit with what the structure leaves out beside its random errors, as the frequency domain shows it.
+
+    .. math:: C = C_{random} + C_{model, f} + d d^T
+
+    Records in time do not tell model error from noise. What the residuals of responses show of it, see
+    :mod:`rotorid.uncertainty.model_error`, bends a fit of the same data in time as well, though not alike: with the
+    distance :math:`d` between both where it exceeds what they state, hold of the inputs apart. Nothing tells which of
+    the two is right.
+
+    Parameters
+    ----------
+    fitted, records
+        The fit in time, and what it was fitted to.
+    frequency, structure
+        The fit of responses of the same data. Parameters that only one of the two has keep their random errors, and
+        all do where it does not describe the responses.
+    """
+    bounds, names = fitted.bounds, list(fitted.bounds.names)
+    shared = [name for name in frequency.bounds.names if name in names]
+    fits = float(np.mean(frequency.costs[frequency.problem.used.any(axis=-1)])) <= ACCEPTABLE_COST
+    if not shared or not fits:
+        return fitted
+    here = [names.index(name) for name in shared]
+    there = [frequency.bounds.names.index(name) for name in shared]
+    added = np.zeros(bounds.covariance.shape)
+    added[np.ix_(here, here)] = (frequency.bounds.covariance - frequency.bounds.random)[np.ix_(there, there)]
+    std = np.sqrt(np.diag(bounds.covariance + added))
+    distance = np.zeros(len(names))
+    for name, other in compare_with(frequency, structure, fitted, records).items():
+        if name in shared and other.std is not None:
+            place = names.index(name)
+            off = fitted.parameters[name].value + other.hold_s - other.value
+            distance[place] = off if abs(off) > math.hypot(std[place], other.std) else 0.0
+    return replace(fitted, bounds=replace(bounds, covariance=bounds.covariance + added + np.outer(distance, distance)))
+
+
 def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
     """A warning for each parameter that time and frequency domain know, and know differently."""
-    std = dict(zip(fitted.bounds.names, map(float, fitted.bounds.std), strict=True))
+    # Their distance is part of what is stated: without it, what each knows of itself.
+    std = dict(zip(fitted.bounds.names, map(float, fitted.bounds.random_std), strict=True))
     findings = []
     for name, other in others.items():
         if name not in std or other.std is None:
