@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from tests.reference.s500_records import record_of
 
+import rotorid
 from rotorid.fitting.least_squares import Outcome
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
 from rotorid.fitting.time.prediction_error import InnovationsProblem, PredictionErrorFit, fit_prediction_error
@@ -136,3 +137,16 @@ def test_output_error_is_further_from_the_truth_than_it_says(flight: Flight, fou
     predicted = np.abs(flight.errors(found.parameters.values) / np.array(list(found.std.values())))
     assert predicted[fair].max() < 4.0
     assert np.sqrt(np.mean(scaled[fair] ** 2)) > 1.5 * np.sqrt(np.mean(predicted[fair] ** 2))
+
+
+def test_a_loop_logged_at_half_its_rate_is_right_within_what_is_stated(shared_data: Path) -> None:
+    """What was logged and what the controller saw differ; the gain comes out 2 % high, and the interval says so."""
+    record = rotorid.read(shared_data / "ardupilot_sitl" / "x_calm_roll.BIN")
+    found = rotorid.identify(record, "rate.roll", method="prediction_error")["L_roll"]
+    assert found.std is not None
+    assert found.std_random is not None
+    assert found.lower is not None
+    assert found.upper is not None
+    assert found.std > found.std_random
+    assert found.lower < 437.2 < found.upper
+    assert found.std < 0.03 * found.value
