@@ -50,7 +50,7 @@ def export_command(
         float | None, typer.Option("--sample-rate", help="Hz of discrete state spaces. [default: continuous]")
     ] = None,
     draws: Annotated[
-        int, typer.Option("--draws", help="Write so many vehicles more, drawn from the covariance.", min=0)
+        int, typer.Option("--draws", help="Write so many vehicles more, drawn from the covariance.", min=0, max=10000)
     ] = 0,
     seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
     output: Output,

@@ -87,9 +87,10 @@ class CovarianceDocument(Document):
 
 
 class StateSpaceDocument(Document):
-    """The same model with its delays aside: ``z' = A z + B u``, ``y = C z + D u``, or of the next sample."""
+    """The model without delays: ``x' = A x + B u``, or the next sample of a sampled one, and ``y = C x + D u``."""
 
     sample_time_s: float | None = None
+    states: list[str]
     A: list[list[float]]
     B: list[list[float]]
     C: list[list[float]]

@@ -1,19 +1,19 @@
 """The models themselves as JSON, with their covariance, for tools that have no format of their own here.
 
 Schema ``rotorid.models/1``: numbers of the vehicle as far as they are known, and of every model parameters, covariance,
-matrices with exact delays, and the state space without them, continuous or sampled with held inputs.
+matrices with exact delays, and a state space without delays, continuous or sampled.
 """
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rotorid.errors import ModelError, UsageError
 from rotorid.exports.target import Compared, ExportChoices, Exported
-from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
     from rotorid.documents.export import StateSpaceDocument
@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from rotorid.pipeline.results import IdentifiedModel
 
 NAME = "json"
+
+_DELAYS: Mapping[str, str] = {
+    "none": "they are left out of the state space",
+    "states": "in the state space they are states",
+    "lag": "in the state space they are lags",
+}
 
 
 def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
@@ -32,7 +38,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     vehicle
         What results say; of unknown scale too.
     choices
-        The rate of a sampled state space. Delays stand beside the matrices, exactly.
+        What becomes of the delays in the state space, and its rate. Beside the matrices they stand exactly.
 
     Raises
     ------
@@ -48,73 +54,57 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
             "no result came" if not names else f"two results of {max(names, key=names.count)} came",
             needed="results with models of different names",
         )
-    late = [model.name for model in vehicle.models if _proper(model.system) is None]
-    documents = [model_document(model, _state_space(model.system, choices)) for model in vehicle.models]
+    spaces = [_state_space(model, choices) for model in vehicle.models]
+    documents = [model_document(model, space) for model, space in zip(vehicle.models, spaces, strict=True)]
     text = to_json(models_document(vehicle, documents))
+    improper = [name for name, space in zip(names, spaces, strict=True) if space is None]
     return Exported(
         target=NAME,
         files={f"{choices.names}.json": text},
         compared=tuple(_compared(vehicle.models, json.loads(text))),
         left_out=(
-            "Delays stand beside the matrices and are exact; the state space has none.",
-            *(f"{name} has no state space: an output follows a state without a lag." for name in late),
+            f"Delays stand beside the matrices and are exact; {_DELAYS[choices.delay]}.",
+            *(f"{name} has no proper state space, and stands as its matrices." for name in improper),
         ),
         start=f"import json; models = json.load(open('{choices.names}.json'))['models']",
     )
 
 
-def _proper(system: StateSpace) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None:
-    try:
-        return system.proper()
-    except ModelError:
-        return None
-
-
-def _state_space(system: StateSpace, choices: ExportChoices) -> StateSpaceDocument | None:
-    from scipy.linalg import expm
-
+def _state_space(model: IdentifiedModel, choices: ExportChoices) -> StateSpaceDocument | None:
     from rotorid.documents.export import StateSpaceDocument
 
-    found = _proper(system)
-    if found is None:
+    try:
+        found = model.rational(
+            delays=choices.delay, pade_order=choices.pade_order, sample_rate_hz=choices.sample_rate_hz
+        )
+    except ModelError:
         return None
-    A, B, C, D = found
-    step_s = None if choices.sample_rate_hz is None else 1.0 / choices.sample_rate_hz
-    if step_s is not None:
-        # Exact for held inputs: the exponential of the system with its inputs as constant states.
-        count = len(A)
-        both = np.zeros((count + B.shape[1],) * 2)
-        both[:count] = np.hstack([A, B])
-        step = expm(step_s * both)
-        A, B = step[:count, :count], step[:count, count:]
-    return StateSpaceDocument(sample_time_s=step_s, A=A.tolist(), B=B.tolist(), C=C.tolist(), D=D.tolist())
+    return StateSpaceDocument(
+        sample_time_s=found.sample_time_s,
+        states=list(found.states),
+        **{name: getattr(found, name).tolist() for name in "ABCD"},
+    )
 
 
-def _compared(models: tuple[IdentifiedModel, ...], written: dict[str, list[dict[str, object]]]) -> list[Compared]:
-    """Poles and delays as the file has them: slowest pole, fastest pole, largest delay of each model."""
+def _compared(models: Sequence[IdentifiedModel], written: Mapping[str, Any]) -> list[Compared]:
+    """Gain and delay of each model as the file has them."""
     rows = []
     for model, document in zip(models, written["models"], strict=True):
         was, now = model.system, _read(document["matrices"])
-        values = {
-            "gain at 1 rad/s": (_gain(was), _gain(now), "1"),
-            "largest delay": (_delay(was), _delay(now), "s"),
-        }
-        rows += [
-            Compared(name=f"{model.name}: {name}", unit=unit, identified=a, exported=b, held="exact")
-            for name, (a, b, unit) in values.items()
-        ]
+        for name, of, unit in (("gain at 1 rad/s", _gain, "1"), ("longest delay", _delay, "s")):
+            rows.append(
+                Compared(name=f"{model.name}: {name}", unit=unit, identified=of(was), exported=of(now), held="exact")
+            )
     return rows
 
 
-def _read(matrices: object) -> StateSpace:
+def _read(matrices: Mapping[str, Any]) -> StateSpace:
     from rotorid.models.state_space import StateSpace
 
-    assert isinstance(matrices, dict)
-    delays = matrices["delays_s"]
     return StateSpace(
         **{name: np.array(matrices[name], dtype=np.float64) for name in ("M", "F", "G", "H0", "H1")},
-        input_delays_s=np.array(delays["inputs"]),
-        output_delays_s=np.array(delays["outputs"]),
+        input_delays_s=np.array(matrices["delays_s"]["inputs"]),
+        output_delays_s=np.array(matrices["delays_s"]["outputs"]),
     )
 
 
@@ -124,4 +114,5 @@ def _gain(system: StateSpace) -> float:
 
 
 def _delay(system: StateSpace) -> float:
-    return float(max(system.input_delays_s.max(initial=0.0), system.output_delays_s.max(initial=0.0)))
+    """Of the response with the longest."""
+    return float(np.add.outer(system.output_delays_s, system.input_delays_s).max(initial=-np.inf))
