@@ -13,6 +13,7 @@ from tests.hostile.damage import assert_complete, hang_limit
 from rotorid.documents.compare import read_results
 from rotorid.documents.design import read_plan
 from rotorid.documents.result import load
+from rotorid.documents.vehicle import read_vehicle
 from rotorid.errors import RotoridError
 from rotorid.io.documents import DocumentError, parse_json, parse_toml
 from rotorid.io.tables.mapping import read_mapping
@@ -28,6 +29,7 @@ TOML: Mapping[str, Callable[[Path], object]] = MappingProxyType(
         "mapping": read_mapping,
         "controllers": read_controllers,
         "candidate": read_candidate,
+        "vehicle": read_vehicle,
     }
 )
 JSON: Mapping[str, Callable[[Path], object]] = MappingProxyType(

@@ -40,6 +40,9 @@ _NEEDED = "a vehicle file, such as rotorid vehicles x500 --toml prints"
 Triple: TypeAlias = tuple[float, float, float]
 Table: TypeAlias = dict[str, Any]
 
+_LARGEST = 1e12
+"""Beyond any number of a vehicle, and far from where products of such numbers end."""
+
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}")
 """Names of vehicles name folders too."""
 
@@ -310,6 +313,8 @@ def _require_finite(table: Table, where: str) -> None:
         # No limit of a rate is a limit without end.
         if not math.isfinite(value) and not (place.endswith("rate_limit_rad_s") and value > 0.0):
             raise UsageError(f"{where} holds {place} = {value:g}", needed="finite numbers")
+        if math.isfinite(value) and abs(value) > _LARGEST:
+            raise UsageError(f"{where} holds {place} = {value:g}", needed=f"numbers up to {_LARGEST:g}")
 
 
 def _require_flight(craft: Aircraft) -> None:
@@ -567,7 +572,8 @@ def _autopilot_tables(own: Autopilot, base: str | None) -> list[str]:
     if own.mixer is not None and not (mixer is not None and np.array_equal(mixer, own.mixer)):
         table["mixer"] = own.mixer.tolist()
     elif mixer is not None and own.mixer is None:
-        raise ModelError(f"the autopilot has no mixer of its own, and that of {base} has", needed="another base")
+        # No number of a file takes a mixer away.
+        return _autopilot_tables(own, None)
     lines = _table("autopilot", ({"base": base} if base else {}) | table)
     for name in parts:
         if inside := _differing(getattr(own, name), None if start is None else getattr(start, name)):

@@ -297,7 +297,7 @@ def joined_vehicle(
     numbers |= _usual(numbers, usual or {})
     rotors, findings = _turning(rotors, numbers)
     findings += _yaw(numbers)
-    body = _multirotor(name, numbers, rotors)
+    body = _multirotor(name, numbers, rotors, source=", ".join(dict.fromkeys(map(_label, models))))
     vehicle = JoinedVehicle(
         name=name,
         multirotor=body,
@@ -700,7 +700,9 @@ def _require_body(numbers: Mapping[str, VehicleNumber], share: float) -> None:
     )
 
 
-def _multirotor(name: str, numbers: Mapping[str, VehicleNumber], rotors: RotorLayout | None) -> Multirotor | None:
+def _multirotor(
+    name: str, numbers: Mapping[str, VehicleNumber], rotors: RotorLayout | None, *, source: str
+) -> Multirotor | None:
     """The rigid body, where everything that it needs is known."""
     curve = any(term in numbers for term in _TERMS)
     if rotors is None or not rotors.arm_known or not curve or not set(_BODY) <= set(numbers):
@@ -725,7 +727,7 @@ def _multirotor(name: str, numbers: Mapping[str, VehicleNumber], rotors: RotorLa
             lag_up_s=value.get("T_motor", 0.0),
         ),
         aerodynamics=air,
-        source=", ".join(dict.fromkeys(one.of for one in numbers.values() if one.source == "identified")),
+        source=source,
     )
 
 

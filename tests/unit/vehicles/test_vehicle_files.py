@@ -109,6 +109,7 @@ def test_rotors_are_placed_one_by_one() -> None:
         ("9.0]", "1.0]", "hovers at 1.7"),
         ("mass_kg = 1.2", "mass_kg = nan", "body.mass_kg = nan"),
         ("mass_kg = 1.2", "mass_kg = -1.2", "positive mass"),
+        ("0.02\nlag", "1e308\nlag", "numbers up to 1e+12"),
         ("mass_kg = 1.2", "mass_kg = 'heavy'", "body.mass_kg"),
         ("L_p = -1.0", "L_q = -1.0", "there is no derivative L_q"),
         ('"quad.x"', '"quad.xx"', "did you mean quad.x?"),
@@ -170,6 +171,21 @@ def test_gains_are_those_of_the_log() -> None:
     assert own.aircraft.autopilot.rates.proportional[0] == 0.07
     assert "gains and filters" not in own.taken
     assert "gains and filters" in own_vehicle([motors()], like=aircraft("px4_quad"), given={"kappa": 0.02}).taken
+
+
+def test_thrust_by_demand_flies_without_a_curve() -> None:
+    """ArduPilot's mixer in the library holds a factor of its simulator, which is in the identified thrust here."""
+    model = motors(scale="m")
+    assert model.motors is not None
+    model = replace(model, motors=replace(model.motors, outputs="thrust_demand"))
+    own = own_vehicle([model], like=aircraft("ardupilot_quad"), given={"kappa": 0.02})
+    autopilot = own.aircraft.autopilot
+    assert (autopilot.linearization.expo, autopilot.parameters["MOT_THST_EXPO"], autopilot.mixer) == (0.0, 0.0, None)
+    assert autopilot.parameters["FRAME_TYPE"] == 1.0
+    assert any("demands of thrust" in words for words in own.taken)
+    assert_same(
+        parse_vehicle(vehicle_toml(entry_of(own.aircraft), base="ardupilot_quad"), where="a").aircraft, own.aircraft
+    )
 
 
 @pytest.mark.parametrize(
