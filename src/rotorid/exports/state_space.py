@@ -1,0 +1,269 @@
+r"""What all targets of linear models share: the models without delays, their names, and what is held of them.
+
+A tool that has no delays of its own gets them as states, as lags, or not at all
+(:mod:`rotorid.simulation.rational_model`). The round trip is that of the matrices as they are written: the largest gain
+in the middle of the band that was fitted, the fastest pole, and the delay that the exported model has at the upper end
+of the band,
+
+.. math:: \tau_e = -\frac{1}{\omega} \arg \frac{T_e(j\omega)}{T_0(j\omega)}
+
+with :math:`T_0` the model without delays.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn
+from rotorid.errors import UsageError
+from rotorid.exports.target import Compared, ExportChoices, Held, table_lines
+from rotorid.simulation.rational_model import RationalModel, delay_error
+from rotorid.typing import FloatArray
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.pipeline.results import IdentifiedModel
+
+USUAL_BAND_RAD_S = (1.0, 50.0)
+"""Where a model was not fitted to responses."""
+
+LONGEST_NAME = 31
+"""Of a variable in a file of MATLAB."""
+
+_NOTHING_S = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NamedModel(Immutable):
+    """A model as another tool gets it.
+
+    Parameters
+    ----------
+    name
+        Of a variable.
+    model
+        What was identified.
+    plant
+        Without delays, continuous.
+    exported
+        As it was chosen: with delays as states, as lags or without them, continuous or sampled.
+    """
+
+    name: str
+    model: IdentifiedModel
+    plant: RationalModel
+    exported: RationalModel
+
+    @property
+    def band_rad_s(self) -> tuple[float, float]:
+        """Fitted frequencies."""
+        return self.model.band_rad_s or USUAL_BAND_RAD_S
+
+    @property
+    def omega_rad_s(self) -> FloatArray:
+        """Frequencies up to the end of the band."""
+        return np.geomspace(0.1 * self.band_rad_s[1], self.band_rad_s[1], 50)
+
+    @property
+    def error(self) -> float:
+        """Largest relative difference to the model with its delays, up to the end of the band."""
+        return delay_error(self.model.system, self.exported, self.omega_rad_s)
+
+    @property
+    def delays_s(self) -> FloatArray:
+        """Of each response, shape ``(y, u)``; negative ones count as none, and so do those of no response at all."""
+        system = self.model.system
+        late = np.maximum(system.output_delays_s, 0.0)[:, None] + np.maximum(system.input_delays_s, 0.0)
+        responds = np.abs(self.plant.response(self.omega_rad_s[-1:]))[..., 0] > 0.0
+        return np.asarray(np.where(responds, late, 0.0))
+
+
+def named_models(vehicle: JoinedVehicle, choices: ExportChoices) -> tuple[NamedModel, ...]:
+    """The models of a vehicle under names that programs can have.
+
+    Raises
+    ------
+    UsageError
+        There is none, or two would have one name.
+    ModelError
+        A model has no proper state space.
+
+    Examples
+    --------
+    >>> variable_name("hover.longitudinal")
+    'hover_longitudinal'
+    """
+    if not vehicle.models:
+        raise UsageError("no result came", needed="results with models; numbers alone are no state space")
+    named = [
+        NamedModel(
+            name=variable_name(model.name),
+            model=model,
+            plant=model.rational(delays="none"),
+            exported=model.rational(
+                delays=choices.delay, pade_order=choices.pade_order, sample_rate_hz=choices.sample_rate_hz
+            ),
+        )
+        for model in vehicle.models
+    ]
+    names = [one.name for one in named]
+    for one in named:
+        if names.count(one.name) > 1:
+            raise UsageError(
+                f"two results would be called {one.name}",
+                needed="results of different models",
+                remedy="export them one by one",
+            )
+    return tuple(named)
+
+
+def variable_name(name: str) -> str:
+    """A name of letters, digits and underscores."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return (plain if plain[:1].isalpha() else f"model_{plain}")[:LONGEST_NAME]
+
+
+def compared_models(
+    models: Sequence[NamedModel], choices: ExportChoices, *, own_delays: bool = False
+) -> tuple[Compared, ...]:
+    """Rows of the round trip.
+
+    Parameters
+    ----------
+    models
+        What is exported.
+    choices
+        What becomes of delays.
+    own_delays
+        Whether the target has delays of its own, which are exact.
+    """
+    return tuple(row for one in models for row in _rows(one, choices, own_delays=own_delays))
+
+
+def _rows(one: NamedModel, choices: ExportChoices, *, own_delays: bool) -> Iterator[Compared]:
+    system, exported = one.model.system, one.exported
+    middle = math.sqrt(one.band_rad_s[0] * one.band_rad_s[1])
+    sampled: Held = "exact" if exported.sample_time_s is None else "approximated"
+    gain, now = np.abs(system.response(np.array([middle]))), np.abs(exported.response(np.array([middle])))
+    at = np.unravel_index(int(gain.argmax()), gain.shape)
+    held: Held = "approximated" if choices.delay == "lag" else sampled
+    label = f"{one.model.name}: gain at {middle:.3g} rad/s"
+    yield Compared(name=label, unit="1", identified=float(gain[at]), exported=float(now[at]), held=held)
+    count = len(one.plant.A)
+    if count:
+        was, own = np.abs(system.poles()).max(), np.linalg.eigvals(exported.A[:count, :count]).astype(np.complex128)
+        step_s = exported.sample_time_s
+        fastest = float(np.abs(own if step_s is None else np.log(own) / step_s).max())
+        yield Compared(
+            name=f"{one.model.name}: fastest pole",
+            unit="rad/s",
+            identified=float(was),
+            exported=fastest,
+            held="exact" if exported.sample_time_s is None or was * exported.sample_time_s < 1.0 else "approximated",
+        )
+    if one.delays_s.max(initial=0.0) > _NOTHING_S:
+        yield _delay_row(one, choices, own_delays=own_delays)
+
+
+def _delay_row(one: NamedModel, choices: ExportChoices, *, own_delays: bool) -> Compared:
+    top = one.band_rad_s[1]
+    late = one.delays_s
+    at = np.unravel_index(int(late.argmax()), late.shape)
+    late_s = float(late[at])
+    held: Held
+    if own_delays:
+        now_s, held = late_s, "exact"
+    elif choices.delay == "none":
+        now_s, held = 0.0, "not"
+    else:
+        without = one.model.rational(delays="none", sample_rate_hz=choices.sample_rate_hz)
+        omega = np.array([top])
+        ratio = complex(one.exported.response(omega)[(*at, 0)] / without.response(omega)[(*at, 0)])
+        turns = round((top * late_s + float(np.angle(ratio))) / math.tau)
+        now_s, held = (math.tau * turns - float(np.angle(ratio))) / top, "approximated"
+    return Compared(
+        name=f"{one.model.name}: delay at {top:.3g} rad/s", unit="s", identified=late_s, exported=now_s, held=held
+    )
+
+
+def early(models: Sequence[NamedModel]) -> tuple[Finding, ...]:
+    """A remark on every model with a delay below zero."""
+    found = []
+    for one in models:
+        lowest = min(
+            one.model.system.input_delays_s.min(initial=0.0), one.model.system.output_delays_s.min(initial=0.0)
+        )
+        if lowest < -_NOTHING_S:
+            message = f"{one.model.name} has a delay of {1e3 * lowest:.3g} ms, which counts as none."
+            found.append(warn("export_compromise", one.model.name, message, delay_s=float(lowest)))
+    return tuple(found)
+
+
+def delay_words(models: Sequence[NamedModel], choices: ExportChoices) -> list[str]:
+    """What became of the delays, in sentences."""
+    late = [one for one in models if one.delays_s.max(initial=0.0) > _NOTHING_S]
+    if not late:
+        return []
+    worst = 1e3 * max(float(one.delays_s.max()) for one in late)
+    if choices.delay == "none":
+        return [
+            f"Delays of up to {worst:.3g} ms are left out; --pade N makes them states, --delay-as-lag makes them lags."
+        ]
+    if choices.delay == "states" and choices.sample_rate_hz is not None:
+        return ["Delays are exact, as memory of past inputs."]
+    how = "lags" if choices.delay == "lag" else f"states, by Padé approximations of order {choices.pade_order}"
+    said = [f"Delays are {how}: the response is another one by up to the share that follows."]
+    if choices.sample_rate_hz is None:
+        said += [f"{one.model.name}: {one.error:.2g} up to {one.band_rad_s[1]:.3g} rad/s." for one in late]
+    else:
+        said = [f"Delays are {how}."]
+    return said
+
+
+def description(one: NamedModel) -> list[str]:
+    """Lines on a model: what it is, where it holds, its parameters with their standard deviations."""
+    model = one.model
+    low, high = one.band_rad_s
+    lines = [f"{model.name}: {', '.join(model.structure.inputs)} to {', '.join(model.structure.outputs)}"]
+    lines += [
+        "SI units and radians; axes forward, right, down; inputs and outputs are differences from trim.",
+        f"Fitted from {low:.3g} to {high:.3g} rad/s." if model.band_rad_s else "Fitted in time.",
+        *(f"Log: {name}" for name in _log_names(model)),
+    ]
+    for name, found in model.parameters.items():
+        if found.status != "dropped":
+            spread = "" if found.std is None else f" +- {found.std:.2g}"
+            lines.append(f"{name} = {found.value:.6g}{spread} {found.unit}".rstrip())
+    return lines
+
+
+def _log_names(model: IdentifiedModel) -> list[str]:
+    from pathlib import Path
+
+    return [Path(path).name for path in model.provenance.inputs]
+
+
+def headed(title: str, rows: Sequence[Compared], sentences: Sequence[str]) -> list[str]:
+    """Lines at the head of a file: its title, the round trip, what was left out."""
+    return [title, "", *table_lines(rows), *(["", *sentences] if sentences else [])]
+
+
+def measured(model: IdentifiedModel) -> Mapping[str, FloatArray] | None:
+    """The measured response where all of it is a number; ``None`` where there is none."""
+    response = model.data.response
+    there = np.isfinite(response.values).all(axis=(0, 1)) if response.values.size else np.zeros(0, dtype=bool)
+    if not there.any():
+        return None
+    return {
+        "omega_rad_s": np.asarray(response.omega_rad_s[there]),
+        "real": np.asarray(response.values.real[..., there]),
+        "imag": np.asarray(response.values.imag[..., there]),
+        "coherence": np.nan_to_num(response.coherence[..., there]),
+    }
