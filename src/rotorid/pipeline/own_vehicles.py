@@ -154,8 +154,9 @@ def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple
     late_s = joined.numbers.get("delay")
     if late_s is not None and late_s.source != "default":
         own = replace(own, delay_s=(max(late_s.value, 0.0),) * 4)
-    if any(one.motors is not None and one.motors.outputs == "thrust_demand" for one in joined.models):
-        taken.append("no curve from demand to output: its logs knew demands of thrust, and outputs here are these")
+    known = [one.motors for one in joined.models if one.motors is not None]
+    if any(one.outputs == "thrust_demand" and one.straightening is not None for one in known):
+        taken.append("no curve from demand to output: the logs knew demands of thrust, and outputs here are these")
     same_rotors = like.vehicle.rotors.layout.rotors == body.rotors.layout.rotors
     if own.kind != "simple" or not same_rotors:
         own = replace(own, mixer=None)

@@ -16,7 +16,7 @@ from rotorid.documents.vehicle import named_vehicle, parse_vehicle, read_vehicle
 from rotorid.errors import ModelError, UsageError
 from rotorid.pipeline.own_vehicles import own_vehicle
 from rotorid.pipeline.simulation import simulate
-from rotorid.pipeline.summary import ControllerSettings
+from rotorid.pipeline.summary import ControllerSettings, Straightening
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind
 from rotorid.vehicles.catalog import VEHICLES, aircraft, aircraft_names, entry_of
@@ -177,7 +177,8 @@ def test_thrust_by_demand_flies_without_a_curve() -> None:
     """ArduPilot's mixer in the library holds a factor of its simulator, which is in the identified thrust here."""
     model = motors(scale="m")
     assert model.motors is not None
-    model = replace(model, motors=replace(model.motors, outputs="thrust_demand"))
+    line = Straightening(expo=0.65, low=0.15, high=0.95, hover_share=0.39)
+    model = replace(model, motors=replace(model.motors, outputs="thrust_demand", straightening=line))
     own = own_vehicle([model], like=aircraft("ardupilot_quad"), given={"kappa": 0.02})
     autopilot = own.aircraft.autopilot
     assert (autopilot.linearization.expo, autopilot.parameters["MOT_THST_EXPO"], autopilot.mixer) == (0.0, 0.0, None)
