@@ -36,7 +36,7 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, VERTICAL, YAW, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
-from rotorid.exports.thrust import HoverThrust, expo_thrust
+from rotorid.exports.thrust import HoverThrust, expo_thrust, full_thrust_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -165,7 +165,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
         },
         compared=rows,
         defaults=defaults,
-        left_out=tuple(_left_out(vehicle, body)),
+        left_out=tuple(_left_out(vehicle, body, thrust)),
         start=(
             f"sim_vehicle.py -v ArduCopter --model {frame.name}:{file} --add-param-file {choices.names}.param\n"
             "with the path of each file; JSON holds no comments, the round trip stands in the .param."
@@ -472,7 +472,7 @@ def _held(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> dict[str
     return held
 
 
-def _left_out(vehicle: JoinedVehicle, body: Multirotor) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> list[str]:
     said = []
     for name, words in (("T_motor", "lag of the motors"), ("delay", "delay")):
         if name in vehicle.numbers and vehicle.numbers[name].value > 0.0:
@@ -482,6 +482,10 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor) -> list[str]:
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
         said.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are left out.")
     said.append("SITL has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
+    if thrust.demand_gain is None:
+        full_n = vehicle.hover_force_n / thrust.hover_share
+        form = f"of SITL's form with an expo of {thrust.expo:.3g}"
+        said += full_thrust_words(form, full_n, body.rotors.thrust_at(thrust.spin_max))
     if vehicle.altitude_m is None:
         said.append(
             f"The altitude of the flight is not known: thrust is as identified at {_HOME_M:g} m, where SITL starts."

@@ -33,6 +33,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import HOVER, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -165,7 +166,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
         },
         compared=rows,
         defaults=defaults,
-        left_out=tuple(_left_out(vehicle, choices)),
+        left_out=tuple(_left_out(vehicle, choices, model)),
         start=_start(name, model, float(rows_hover(rows))),
         findings=tuple(findings),
     )
@@ -314,7 +315,7 @@ def _compared(
     return compared(vehicle, identified, exported, held, delay=choices.delay == "lag")
 
 
-def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, choices: ExportChoices, model: GazeboVehicle) -> list[str]:
     said = ["Gazebo's rotors have no drag along their axis, and the body has none: Z_w and damping are left out."]
     late = vehicle.numbers.get("delay")
     if late is not None and late.value > 0.0:
@@ -329,7 +330,9 @@ def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
         said.append("Drag is not identified: the model has none.")
     if "T_motor" not in vehicle.numbers:
         said.append("The lag of the motors is not identified.")
-    return said
+    assert vehicle.multirotor is not None
+    full_n = model.thrust * float(model.fastest) ** 2
+    return said + full_thrust_words("a square of the speed", full_n, vehicle.multirotor.rotors.thrust_at(1.0))
 
 
 # The files

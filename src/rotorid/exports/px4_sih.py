@@ -34,7 +34,7 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged
 from rotorid.exports.round_trip import HOVER, PITCH, ROLL, YAW, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
-from rotorid.exports.thrust import sih_lag
+from rotorid.exports.thrust import full_thrust_words, sih_lag
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -362,9 +362,9 @@ def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
     said.append("SIH has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
     if "T_motor" not in vehicle.numbers:
         said.append("The lag of the motors is not identified.")
-    if vehicle.multirotor is not None and (vehicle.multirotor.rotors.thrust[0] or vehicle.multirotor.rotors.thrust[2]):
-        said.append("SIH's thrust is a line through zero: the curve away from hover is left out.")
-    return said
+    assert vehicle.multirotor is not None
+    identified_n = vehicle.multirotor.rotors.thrust_at(1.0)
+    return said + full_thrust_words("a line through zero", vehicle.hover_slope_n, identified_n)
 
 
 # The files

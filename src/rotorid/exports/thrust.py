@@ -132,3 +132,31 @@ def sih_lag(lag_s: float, *, step_s: float = 0.004) -> float:
     if not (lag_s > 0.0 and step_s > 0.0):
         raise UsageError(f"a lag of {lag_s:g} s and a step of {step_s:g} s came", needed="positive ones")
     return -step_s / math.expm1(-step_s / lag_s)
+
+
+def full_thrust_words(form: str, exported_n: float, identified_n: float) -> list[str]:
+    """A sentence on thrust at full output, where the form of a target bends otherwise than the identified curve.
+
+    Parameters
+    ----------
+    form
+        What thrust is in the target.
+    exported_n, identified_n
+        Thrust of one rotor at full output, newtons.
+
+    Examples
+    --------
+    >>> full_thrust_words("a line", 12.0, 9.0)
+    ['Thrust is a line: one rotor makes 12 N at full output, where the identified curve has 9 N.']
+    >>> full_thrust_words("a line", 9.0, 9.01)
+    []
+    """
+    if abs(exported_n - identified_n) <= _SAME_THRUST * abs(identified_n):
+        return []
+    return [
+        f"Thrust is {form}: one rotor makes {exported_n:.4g} N at full output, where the identified curve has "
+        f"{identified_n:.4g} N."
+    ]
+
+
+_SAME_THRUST = 0.01
