@@ -70,7 +70,7 @@ def _loaded(path: Path) -> list[IdentifiedModel]:
     if not several:
         return [load(path)]
     table = _table(folder / RESULTS)
-    standing = [one["model"] for one in table if isinstance(one, dict) and one.get("parameters")]
+    standing = [str(one.get("model")) for one in table if isinstance(one, dict) and one.get("parameters")]
     if not standing:
         raise UsageError(f"{path} holds no model: the data did not support one", needed="results with parameters")
     held = {model.name: model for model in map(load, sorted(place.parent for place in folder.glob(f"*/{RESULT}")))}

@@ -191,3 +191,20 @@ def test_several_models_of_one_run_are_read(of_motors: Path, of_hover: Path, tmp
     ran = rotorid("export", tmp_path / "several", "--to", "px4-sih", "--out", tmp_path / "out", "--json")
     assert ran.code == 0, ran.err
     assert json.loads(ran.out)["results"] == ["physical.motors", "hover.longitudinal"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "is no JSON"),
+        ("[]", "is no results.json"),
+        ('{"schema": "rotorid.results/1", "results": 3}', "is no results.json"),
+        ('{"schema": "rotorid.results/1", "results": [{"model": "rate.yaw", "findings": []}]}', "holds no model"),
+        ('{"schema": "rotorid.results/1", "results": [{"model": ["x"], "parameters": {"a": 1}}]}', "is not in"),
+    ],
+)
+def test_results_that_are_none(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "several").mkdir()
+    (tmp_path / "several" / "results.json").write_text(text)
+    out = tmp_path / "out"
+    refused(rotorid("export", tmp_path / "several", "--to", "json", "--out", out), out, words)
