@@ -1,0 +1,155 @@
+"""The FMUs: FMPy finds nothing wrong with them, and once compiled they move as rotorid simulates."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from tests.unit.exports.models import HOVER, ROLL, model, vehicle
+
+from rotorid.exports import ExportChoices, Exported
+from rotorid.exports.fmu import export
+from rotorid.exports.state_space import variable_name
+from rotorid.typing import FloatArray
+
+COMPILER = shutil.which(os.environ.get("CC", "cc"))
+RATE_HZ = 200.0
+
+
+def compiled(exported: Exported, folder: Path) -> None:
+    """Run the script of an export, as a person would."""
+    if COMPILER is None:
+        pytest.skip("there is no C compiler")
+    exported.write(folder)
+    done = subprocess.run(
+        [sys.executable, "vehicle_compile.py"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stderr
+
+
+def inputs(names: tuple[str, ...], samples: int = 160) -> FloatArray:
+    """A doublet on each input, one after the other."""
+    u = np.zeros((len(names), samples))
+    for row, start in zip(u, range(10, 160, 60), strict=False):
+        row[start : start + 20], row[start + 20 : start + 40] = 0.1, -0.1
+    return u
+
+
+def flown(fmpy: Any, place: Path, names: tuple[str, ...], outputs: tuple[str, ...], u: FloatArray) -> FloatArray:
+    """Outputs at the samples of held inputs, by the functions of the FMU themselves."""
+    from fmpy.fmi2 import FMU2Slave
+
+    described = fmpy.read_model_description(str(place))
+    unpacked = fmpy.extract(str(place))
+    references = {one.name: one.valueReference for one in described.modelVariables}
+    slave = FMU2Slave(
+        guid=described.guid,
+        unzipDirectory=unpacked,
+        modelIdentifier=described.coSimulation.modelIdentifier,
+        instanceName="one",
+    )
+    slave.instantiate()
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    rows = []
+    for k, column in enumerate(u.T):
+        slave.setReal([references[name] for name in names], column.tolist())
+        rows.append(slave.getReal([references[name] for name in outputs]))
+        # Two steps of unlike length: the result is the same.
+        slave.doStep(k / RATE_HZ, 0.3 / RATE_HZ)
+        slave.doStep((k + 0.3) / RATE_HZ, 0.7 / RATE_HZ)
+    slave.terminate()
+    slave.freeInstance()
+    shutil.rmtree(unpacked, ignore_errors=True)
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize(
+    ("choices", "count"),
+    [(ExportChoices(delay="lag"), 2), (ExportChoices(delay="states", sample_rate_hz=RATE_HZ), 1)],
+    ids=["continuous", "sampled"],
+)
+def test_it_moves_as_rotorid_simulates_it(choices: ExportChoices, count: int, tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+    found = vehicle(*[model(HOVER), model(ROLL)][:count])
+    compiled(export(found, choices), tmp_path)
+    for one in found.models:
+        structure = one.structure
+        u = inputs(structure.inputs)
+        y = flown(fmpy, tmp_path / f"vehicle_{variable_name(one.name)}.fmu", structure.inputs, structure.outputs, u)
+        if choices.sample_rate_hz is not None:
+            # Delays are memory: exact.
+            expected = one.simulate(u, sample_rate_hz=RATE_HZ, hold="zero")
+        else:
+            own = one.rational(delays="lag", sample_rate_hz=RATE_HZ)
+            x, rows = np.zeros(len(own.A)), []
+            for column in u.T:
+                rows.append(own.C @ x + own.D @ column)
+                x = own.A @ x + own.B @ column
+            expected = np.array(rows).T
+        np.testing.assert_allclose(y, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_fmpy_finds_nothing_wrong(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+    from fmpy.validation import validate_fmu
+
+    exported = export(vehicle(), ExportChoices(delay="states"))
+    exported.write(tmp_path)
+    for name in ("vehicle_rate_roll.fmu", "vehicle_hover_two.fmu"):
+        assert validate_fmu(str(tmp_path / name)) == []
+        described = fmpy.read_model_description(str(tmp_path / name))
+        assert described.coSimulation.canHandleVariableCommunicationStepSize
+
+
+def test_the_file_holds_sources_that_need_nothing() -> None:
+    exported = export(vehicle(), ExportChoices())
+    raw = exported.files["vehicle_hover_two.fmu"]
+    assert isinstance(raw, bytes)
+    with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+        assert archive.namelist() == [
+            "modelDescription.xml",
+            "sources/model.h",
+            "sources/hover_two.c",
+            "documentation/index.html",
+        ]
+        described = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        source, header = (archive.read(f"sources/{name}").decode() for name in ("hover_two.c", "model.h"))
+        page = archive.read("documentation/index.html").decode()
+    assert [line for line in source.splitlines() if line.startswith("#include <")] == [
+        "#include <math.h>",
+        "#include <stdlib.h>",
+        "#include <string.h>",
+    ]
+    names = [one.attrib["name"] for one in described.iter("ScalarVariable")]
+    assert names == ["pitch_command", "thrust_command", "q", "ax", "az"]
+    assert [one.attrib["index"] for one in described.iter("Unknown")] == ["3", "4", "5", "3", "4", "5"]
+    assert f'#define GUID "{described.attrib["guid"]}"' in header
+    assert "hover.two: delay at 50 rad/s" in page
+    assert raw == export(vehicle(), ExportChoices()).files["vehicle_hover_two.fmu"]
+
+
+def test_the_sources_have_no_warnings(tmp_path: Path) -> None:
+    if COMPILER is None:
+        pytest.skip("there is no C compiler")
+    export(vehicle(), ExportChoices()).write(tmp_path)
+    with zipfile.ZipFile(tmp_path / "vehicle_rate_roll.fmu") as archive:
+        archive.extractall(tmp_path)
+    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+    prefix = "-DFMI2_FUNCTION_PREFIX=rate_roll_"
+    for options in (strict, [*strict, prefix]):
+        done = subprocess.run(
+            [COMPILER, *options, str(tmp_path / "sources/rate_roll.c")], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
