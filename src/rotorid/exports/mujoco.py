@@ -29,6 +29,7 @@ from rotorid.errors import ModelError
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import DELAY, HoverMotion, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, table_lines
+from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -44,6 +45,7 @@ FLU = np.diag([1.0, -1.0, -1.0])
 """Forward, right, down to forward, left, up."""
 
 _BOTH = np.diag([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+_MOTION = ("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r")
 _TRIANGLE_ROUNDING = 1e-9
 _HEIGHT_M = 1.0
 
@@ -361,14 +363,9 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: Expo
 
 
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) -> list[str]:
-    said = []
-    c_0, c_1, c_2 = body.rotors.thrust
-    if c_2:
-        line = sum(float(zero + slope) for zero, slope in tangents(body)) / len(body.hover_shares)
-        said.append(
-            f"Thrust is the tangent at hover, cut at no and full thrust: the curve, {c_0 + c_1 + c_2:.4g} N at full "
-            f"output where the tangent would have {line:.4g} N, is left out."
-        )
+    full = body.rotors.thrust_at(1.0)
+    line = min(float(tangents(body).sum(axis=1).mean()), full)
+    said = full_thrust_words("the tangent at hover, within that of no and of full output", line, full)
     late = vehicle.numbers.get(DELAY)
     if late is not None and late.value > 0.0:
         said.append(
@@ -379,6 +376,9 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) 
         )
     if np.any(body.aerodynamics):
         said.append("Drag and damping are in the loop and not in the model.")
+    unknown = [name for name in _MOTION if name not in vehicle.numbers]
+    if unknown:
+        said.append(f"{', '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identified: there is none.")
     if "T_motor" not in vehicle.numbers:
         said.append("The lag of the motors is not identified.")
     return said

@@ -37,6 +37,7 @@ from rotorid.exports.mujoco import FLU, own_slopes, tangents
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import DELAY, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
         files={f"{name}_rotorpy.py": _file(body, model, radius_m, [title, "", *table_lines(rows)])},
         compared=rows,
         defaults=defaults,
-        left_out=tuple(_left_out(vehicle, body, choices)),
+        left_out=tuple(_left_out(vehicle, body, model, choices)),
         start=(
             "from rotorpy.vehicles.multirotor import Multirotor\n"
             f"from {name}_rotorpy import hovering, quad_params, speeds\n"
@@ -312,15 +313,14 @@ def _held(vehicle: JoinedVehicle, model: SpeedVehicle) -> Mapping[str, Held]:
     return held
 
 
-def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, choices: ExportChoices) -> list[str]:
     said = [
         "RotorPy has one drag across the rotors, and no damping of rates but what the drag of the rotors makes: L_p, "
         "M_q and N_r follow from it.",
         f"Its gravity is {_GRAVITY_M_S2:g} m/s^2: outputs in hover are higher by 0.02 %.",
     ]
-    c_0, c_1, c_2 = body.rotors.thrust
-    if not np.isclose(c_1**2, 4.0 * c_0 * c_2, atol=1e-9):
-        said.append("Thrust is a square with the force and the slope at hover: the curve away from hover is left out.")
+    full = model.thrust * model.fastest_rad_s**2
+    said += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
     late = vehicle.numbers.get(DELAY)
     if late is not None and late.value > 0.0:
         said.append(

@@ -41,6 +41,7 @@ from rotorid.exports.round_trip import (
     linearized,
 )
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
         files={f"{name}.urdf": _urdf(name, body, model, rotors, radius_m, head)},
         compared=rows,
         defaults=defaults,
-        left_out=tuple(_left_out(vehicle, body, rotors)),
+        left_out=tuple(_left_out(vehicle, body, model, rotors)),
         start=(
             f"Copy {name}.urdf to gym_pybullet_drones/assets, add {name.upper()} = {name!r} to DroneModel in\n"
             "utils/enums.py, and use drone_model=DroneModel."
@@ -240,7 +241,7 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
     return compared(vehicle, identified, own.replaced(rotors.restored(own.by_output)), held)
 
 
-def _left_out(vehicle: JoinedVehicle, body: Multirotor, rotors: Arranged) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rotors: Arranged) -> list[str]:
     said = []
     if rotors.mirrored:
         said.append("All rotors turn the other way there: yaw by the speed of a rotor has the other sign.")
@@ -251,7 +252,6 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, rotors: Arranged) -> lis
     said.append("There is no damping of rates and no moment by velocity; drag needs Physics.PYB_DRAG.")
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
         said.append("Products of inertia stand in the file, and its reader takes the diagonal alone.")
-    c_0, c_1, c_2 = body.rotors.thrust
-    if not math.isclose(c_1**2, 4.0 * c_0 * c_2, abs_tol=1e-9):
-        said.append("Thrust is a square with the force and the slope at hover: the curve away from hover is left out.")
+    full = model.thrust * model.fastest_rad_s**2
+    said += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
     return said
