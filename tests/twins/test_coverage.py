@@ -12,7 +12,6 @@ linearization in hover, with what a flight makes of it:
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
