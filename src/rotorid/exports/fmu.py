@@ -1,7 +1,7 @@
 """FMI 2.0: each model as an FMU for co-simulation whose sources are C, and a script that compiles them.
 
 An FMU that carries Python needs the same Python wherever it runs, and the library that makes it has binaries for two
-systems. A linear model is some arrays and a hundred lines of C, which every tool that takes FMUs can have: the file
+systems. A linear model is some arrays and two hundred lines of C, which every tool that takes FMUs can have: the file
 holds the sources, and the script that stands beside it compiles them for the machine it runs on and puts the result
 into the file. Nothing is compiled by rotorid itself.
 
