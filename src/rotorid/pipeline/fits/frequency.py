@@ -26,7 +26,7 @@ Flight Testing*, eq 21.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -723,6 +723,9 @@ def _held_at_zero(coupling: UnseenCoupling) -> Finding:
 
 
 WORST_PAIR_COST = 150.0
+LONGEST_SPIN_UP_S = 1.0
+"""Angular momentum of a rotor over twice its torque is 0.05 to 0.3 s; a second is none."""
+
 LARGEST_DEVIATION_DB, LARGEST_DEVIATION_DEG = 2.0, 15.0
 _LEFT_OUT_SHARE = 1.0 / 3.0
 """Of the responses at most: where more are not described, the structure does not hold at all."""
@@ -808,11 +811,28 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
     if rate_hz is not None and fastest > 2.0 * np.pi * rate_hz:
         message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {rate_hz:.3g} Hz."
         reasons.append(refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=rate_hz))
+    reasons += _endless_spin_up(fitted)
     mean_cost = float(np.mean(fitted.costs[problem.used.any(axis=-1)]))
     if mean_cost > ACCEPTABLE_COST:
         message = f"The average cost is {mean_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
         reasons.append(refusal("poor_fit", name, message, average_cost=mean_cost))
     return reasons
+
+
+def _endless_spin_up(fitted: FrequencyFit) -> Iterator[Finding]:
+    """A reaction to the spin-up of rotors that lasts longer than any rotor turns against its drag."""
+    values = fitted.parameters.values
+    if not values.get("N_spin") or not values.get("N_yaw"):
+        return
+    lead_s = values["N_spin"] / values["N_yaw"]
+    if lead_s > LONGEST_SPIN_UP_S:
+        yield refusal(
+            "impossible_physics",
+            "N_spin",
+            f"N_spin is {lead_s:.2g} s of N_yaw, and no rotor reacts for longer than {LONGEST_SPIN_UP_S:g} s. A "
+            "damping and a lag of the motors explain this response alike: take rate.yaw, or a hover model.",
+            lead_s=lead_s,
+        )
 
 
 def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:
