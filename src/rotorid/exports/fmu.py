@@ -1,12 +1,21 @@
-"""FMI 2.0: each model as an FMU for co-simulation whose sources are C, and a script that compiles them.
+r"""FMI 2.0: the vehicle and each model as FMUs for co-simulation whose sources are C, and a script that compiles them.
 
 An FMU that carries Python needs the same Python wherever it runs, and the library that makes it has binaries for two
-systems. A linear model is some arrays and two hundred lines of C, which every tool that takes FMUs can have: the file
-holds the sources, and the script that stands beside it compiles them for the machine it runs on and puts the result
-into the file. Nothing is compiled by rotorid itself.
+systems. A model is some arrays and two hundred lines of C, which every tool that takes FMUs can have: the file holds
+the sources, and the script that stands beside it compiles them for the machine it runs on and puts the result into the
+file. Nothing is compiled by rotorid itself.
 
-Inputs are held over a communication step. Continuous models are integrated exactly for them, for steps of any length;
-sampled ones move on with their own rate.
+A linear model holds its inputs over a communication step. Continuous ones are integrated exactly for that, for steps of
+any length; sampled ones move on with their own rate. The vehicle is the rigid body with rotors, with its curve of
+thrust, lag, drag and delay,
+
+.. math::
+
+    m \dot V = m g + R (W_F F + D_F (V_b, \omega)), \qquad
+    J \dot\omega = W_M F + D_M (V_b, \omega) - \omega \times J \omega, \qquad
+    T \dot x = u(t - \tau) - x, \qquad F_i = c_0 + c_1 x_i + c_2 x_i^2
+
+in steps of a millisecond, from hover, in free flight: there is no ground.
 
 References
 ----------
@@ -17,13 +26,22 @@ from __future__ import annotations
 
 import hashlib
 import io
+import re
 import uuid
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.exports.mujoco import own_slopes
+from rotorid.exports.px4_sih import lag_of
+from rotorid.exports.round_trip import DELAY, compared, identified_motion, linearized
 from rotorid.exports.state_space import (
     NamedModel,
     compared_models,
@@ -33,49 +51,81 @@ from rotorid.exports.state_space import (
     headed,
     named_models,
 )
-from rotorid.exports.target import ExportChoices, Exported
+from rotorid.exports.target import Compared, ExportChoices, Exported
 from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
     from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.simulation.multirotor import Multirotor
 
 NAME = "fmu"
 
-_SOURCE = "linear_fmu.c"
-_STEP_S = 0.001
+STEP_S = 0.001
+
+WINDS = ("wind_north", "wind_east", "wind_down")
+"""Inputs of the vehicle besides its motors, m/s."""
+
+OUTPUTS = (
+    *("north", "east", "down", "velocity_north", "velocity_east", "velocity_down"),
+    *("u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az"),
+)
+"""Of the vehicle: SI units, radians, axes north, east, down and forward, right, down."""
+
 _OLDEST = (1980, 1, 1, 0, 0, 0)
 _NUMBERS_A_LINE = 6
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Unit(Immutable):
+    """What an FMU is made of: its name, equations, numbers and variables."""
+
+    name: str
+    title: str
+    dynamics: str
+    header: str
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    step_s: float
+    lines: Sequence[str]
+    starts: Mapping[str, float] = field(default_factory=dict)
+
+
 def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
-    """An FMU for each model, and a script that compiles them.
+    """An FMU for each model and, where its scale is known, for the vehicle, and a script that compiles them.
 
     Parameters
     ----------
     vehicle
         With the models that it was joined from; of unknown scale too.
     choices
-        Delays as states, as lags or left out; the rate of sampled models.
+        Delays of models as states, as lags or left out; the rate of sampled ones. The vehicle has its delay as whole
+        steps, or as a part of the lag.
 
     Raises
     ------
     UsageError
-        There is no model, or two would have one name.
+        There is neither a model nor a vehicle, or two models would have one name.
     ModelError
         A model has no proper state space.
     """
-    models = named_models(vehicle, choices)
+    body = vehicle.multirotor
+    if not vehicle.models and body is None:
+        raise UsageError("no result came", needed="results with models, or a vehicle whose scale is known")
+    models = named_models(vehicle, choices) if vehicle.models else ()
     rows = compared_models(models, choices)
     sentences = delay_words(models, choices)
-    head = headed(f"{choices.names}: identified models as FMUs, by rotorid", rows, sentences)
-    names = [f"{choices.names}_{one.name}.fmu" for one in models]
-    script = f"{choices.names}_compile.py"
+    units = {f"{choices.names}_{one.name}.fmu": _linear(one) for one in models}
+    if body is not None:
+        unit = _vehicle(choices.names, vehicle, body, choices)
+        units = {f"{choices.names}.fmu": unit, **units}
+        rows = (*_compared(vehicle, body, unit.header, choices), *rows)
+        sentences += _said(vehicle, choices)
+    head = headed(f"{choices.names}: an identified vehicle as FMUs, by rotorid", rows, sentences)
+    script, names = f"{choices.names}_compile.py", list(units)
     return Exported(
         target=NAME,
-        files={
-            **{name: _fmu(one, head) for name, one in zip(names, models, strict=True)},
-            script: _COMPILE.format(names=names),
-        },
+        files={**{name: _fmu(unit, head) for name, unit in units.items()}, script: _COMPILE.format(names=names)},
         compared=rows,
         left_out=tuple(sentences),
         start=(
@@ -86,15 +136,136 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     )
 
 
-def _fmu(one: NamedModel, head: Sequence[str]) -> bytes:
-    header = _header(one)
-    source = files("rotorid.exports").joinpath("sources", _SOURCE).read_text(encoding="utf-8")
-    guid = str(uuid.UUID(bytes=hashlib.sha256((header + source).encode()).digest()[:16]))
+def _linear(one: NamedModel) -> _Unit:
+    system, structure = one.exported, one.model.structure
+    sizes = {"STATES": len(system.states), "INPUTS": len(structure.inputs), "OUTPUTS": len(structure.outputs)}
+    step_s = 0.0 if system.sample_time_s is None else system.sample_time_s
+    arrays = {name: getattr(system, name) for name in "ABCD"}
+    return _Unit(
+        name=one.name,
+        title=one.model.name,
+        dynamics="linear.h",
+        header=_header(sizes, {"STEP_S": step_s}, arrays),
+        inputs=[f"{name}_input" if name in structure.outputs else name for name in structure.inputs],
+        outputs=structure.outputs,
+        step_s=step_s or STEP_S,
+        lines=description(one),
+    )
+
+
+def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) -> _Unit:
+    motors, air = body.rotors.layout.motor_names, body.aerodynamics
+    assert air is not None
+    sizes = {
+        "ROTORS": len(motors),
+        "INPUTS": len(motors) + len(WINDS),
+        "OUTPUTS": len(OUTPUTS),
+        "DELAY_STEPS": _delay_steps(vehicle, choices),
+    }
+    scalars = {
+        "STEP_S": STEP_S,
+        "MASS": body.mass_kg,
+        "GRAVITY": STANDARD_GRAVITY_M_S2,
+        "LAG_S": lag_of(vehicle, choices) or 0.0,
+    }
+    arrays = {
+        "INERTIA": body.inertia_kg_m2,
+        "INVERSE_INERTIA": np.linalg.inv(body.inertia_kg_m2),
+        "AIR": air,
+        "WRENCH": body.wrench,
+        "THRUST": np.array(body.rotors.thrust),
+        "HOVER": body.hover_shares,
+    }
+    return _Unit(
+        name=name,
+        title=name,
+        dynamics="vehicle.h",
+        header=_header(sizes, scalars, arrays),
+        inputs=(*motors, *WINDS),
+        outputs=OUTPUTS,
+        step_s=STEP_S,
+        lines=["Outputs of the motors from 0 to 1, at first those of hover; free flight, there is no ground."],
+        starts=dict(zip(motors, body.hover_shares.tolist(), strict=True)),
+    )
+
+
+def _delay_steps(vehicle: JoinedVehicle, choices: ExportChoices) -> int:
+    late = vehicle.numbers.get(DELAY)
+    return 0 if late is None or choices.delay == "lag" else max(round(late.value / STEP_S), 0)
+
+
+def _said(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
+    """What became of the delay of the vehicle, and what it has not."""
+    said, late = [], vehicle.numbers.get(DELAY)
+    if late is not None and late.value > 0.0:
+        said.append(
+            f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is a part of its lag."
+            if choices.delay == "lag"
+            else f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is {_delay_steps(vehicle, choices)} steps of "
+            f"{1e3 * STEP_S:g} ms."
+        )
+    if "T_motor" not in vehicle.numbers:
+        said.append("The lag of the motors is not identified.")
+    return said
+
+
+# The equations of the vehicle, by the numbers as they are written
+
+
+def vehicle_accelerations(header: str, x: FloatArray, velocity_m_s: FloatArray, rates_rad_s: FloatArray) -> FloatArray:
+    """What the FMU of a vehicle does: accelerations without gravity, FRD.
+
+    Parameters
+    ----------
+    header
+        Its numbers, as they stand in ``model.h``.
+    x
+        Lagged outputs, shape ``(rotors,)``.
+    velocity_m_s, rates_rad_s
+        Through the air and of the body, FRD.
+    """
+    number = {name: _read(header, name) for name in ("MASS", "INERTIA", "INVERSE_INERTIA", "AIR", "WRENCH", "THRUST")}
+    c_0, c_1, c_2 = number["THRUST"]
+    inertia = number["INERTIA"].reshape(3, 3)
+    wrench = number["WRENCH"].reshape(6, -1) @ (c_0 + x * (c_1 + x * c_2))
+    wrench = wrench + number["AIR"].reshape(6, 6) @ np.concatenate([velocity_m_s, rates_rad_s])
+    moment = wrench[3:] - np.cross(rates_rad_s, inertia @ rates_rad_s)
+    turning = number["INVERSE_INERTIA"].reshape(3, 3) @ moment
+    return np.concatenate([wrench[:3] / number["MASS"][0], turning])
+
+
+def _read(header: str, name: str) -> FloatArray:
+    found = re.search(rf"\b{name}(?:\[\] = {{([^}}]*)}}| (\S+))", header)
+    assert found is not None
+    return np.array([float(text) for text in (found[1] or found[2]).split(",")])
+
+
+def _compared(vehicle: JoinedVehicle, body: Multirotor, header: str, choices: ExportChoices) -> tuple[Compared, ...]:
+    identified = own_slopes(vehicle, body, identified_motion(vehicle, body, lag_s=lag_of(vehicle, choices)))
+    exported = linearized(
+        lambda x, v, w: vehicle_accelerations(header, x, v, w),
+        _read(header, "HOVER"),
+        lag_s=float(_read(header, "LAG_S")[0]) or None,
+    )
+    rows = compared(vehicle, identified, exported, {}, delay=choices.delay == "lag")
+    late_s = float(_read(header, "DELAY_STEPS")[0]) * STEP_S
+    return tuple(replace(row, exported=late_s, held="approximated") if row.name == DELAY else row for row in rows)
+
+
+# The files
+
+
+def _fmu(unit: _Unit, head: Sequence[str]) -> bytes:
+    place = files("rotorid.exports").joinpath("sources")
+    functions, equations = (place.joinpath(name).read_text(encoding="utf-8") for name in ("fmi2.c", unit.dynamics))
+    digest = hashlib.sha256((unit.header + functions + equations).encode()).digest()
+    guid = str(uuid.UUID(bytes=digest[:16]))
     contents = {
-        "modelDescription.xml": _description(one, guid),
-        "sources/model.h": f'#define GUID "{guid}"\n{header}',
-        f"sources/{one.name}.c": source,
-        "documentation/index.html": _page(one, head),
+        "modelDescription.xml": _description(unit, guid),
+        "sources/model.h": f'#define GUID "{guid}"\n{unit.header}',
+        "sources/dynamics.h": equations,
+        f"sources/{unit.name}.c": functions,
+        "documentation/index.html": _page(unit, head),
     }
     written = io.BytesIO()
     with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -107,12 +278,10 @@ def _fmu(one: NamedModel, head: Sequence[str]) -> bytes:
     return written.getvalue()
 
 
-def _header(one: NamedModel) -> str:
-    system, structure = one.exported, one.model.structure
-    sizes = {"STATES": len(system.states), "INPUTS": len(structure.inputs), "OUTPUTS": len(structure.outputs)}
+def _header(sizes: Mapping[str, int], scalars: Mapping[str, float], arrays: Mapping[str, FloatArray]) -> str:
     lines = [f"#define {name} {size}" for name, size in sizes.items()]
-    lines.append(f"#define STEP_S {0.0 if system.sample_time_s is None else system.sample_time_s:.17g}")
-    lines += [f"static const double {name}[] = {{{_numbers(getattr(system, name))}}};" for name in "ABCD"]
+    lines += [f"#define {name} {value:.17g}" for name, value in scalars.items()]
+    lines += [f"static const double {name}[] = {{{_numbers(values)}}};" for name, values in arrays.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -122,24 +291,22 @@ def _numbers(matrix: FloatArray) -> str:
     return ",\n    ".join(rows)
 
 
-def _description(one: NamedModel, guid: str) -> str:
+def _description(unit: _Unit, guid: str) -> str:
     from rotorid import __version__
 
-    structure, step_s = one.model.structure, one.exported.sample_time_s
-    inputs, outputs = structure.inputs, structure.outputs
     variables = [
-        f"    <ScalarVariable name={quoteattr(_once(name, outputs))} valueReference={quoteattr(str(number))} "
-        'causality="input" variability="continuous"><Real start="0"/></ScalarVariable>'
-        for number, name in enumerate(inputs)
+        f'    <ScalarVariable name={quoteattr(name)} valueReference="{number}" causality="input" '
+        f'variability="continuous"><Real start="{unit.starts.get(name, 0.0):.17g}"/></ScalarVariable>'
+        for number, name in enumerate(unit.inputs)
     ]
     variables += [
-        f"    <ScalarVariable name={quoteattr(name)} valueReference={quoteattr(str(number))} "
-        'causality="output" variability="continuous" initial="calculated"><Real/></ScalarVariable>'
-        for number, name in enumerate(outputs, start=len(inputs))
+        f'    <ScalarVariable name={quoteattr(name)} valueReference="{number}" causality="output" '
+        'variability="continuous" initial="calculated"><Real/></ScalarVariable>'
+        for number, name in enumerate(unit.outputs, start=len(unit.inputs))
     ]
-    unknowns = "".join(f'<Unknown index="{index}"/>' for index in range(len(inputs) + 1, len(variables) + 1))
+    unknowns = "".join(f'<Unknown index="{index}"/>' for index in range(len(unit.inputs) + 1, len(variables) + 1))
     abilities = {
-        "modelIdentifier": one.name,
+        "modelIdentifier": unit.name,
         "canHandleVariableCommunicationStepSize": "true",
         "canInterpolateInputs": "false",
         "canGetAndSetFMUstate": "true",
@@ -149,12 +316,12 @@ def _description(one: NamedModel, guid: str) -> str:
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
-            f'<fmiModelDescription fmiVersion="2.0" modelName={quoteattr(one.model.name)} guid={quoteattr(guid)} '
+            f'<fmiModelDescription fmiVersion="2.0" modelName={quoteattr(unit.title)} guid={quoteattr(guid)} '
             f'generationTool="rotorid {__version__}" variableNamingConvention="flat" numberOfEventIndicators="0">',
             f"  <CoSimulation {able}>",
-            f"    <SourceFiles><File name={quoteattr(one.name + '.c')}/></SourceFiles>",
+            f"    <SourceFiles><File name={quoteattr(unit.name + '.c')}/></SourceFiles>",
             "  </CoSimulation>",
-            f'  <DefaultExperiment startTime="0" stopTime="1" stepSize="{_STEP_S if step_s is None else step_s:g}"/>',
+            f'  <DefaultExperiment startTime="0" stopTime="1" stepSize="{unit.step_s:g}"/>',
             "  <ModelVariables>",
             *variables,
             "  </ModelVariables>",
@@ -167,18 +334,11 @@ def _description(one: NamedModel, guid: str) -> str:
     )
 
 
-def _once(name: str, others: Sequence[str]) -> str:
-    """A name that no output has."""
-    return f"{name}_input" if name in others else name
-
-
-def _page(one: NamedModel, head: Sequence[str]) -> str:
+def _page(unit: _Unit, head: Sequence[str]) -> str:
     from html import escape
 
-    text = "\n".join([*description(one), "", *head])
-    return (
-        f'<!DOCTYPE html>\n<meta charset="utf-8">\n<title>{escape(one.model.name)}</title>\n<pre>{escape(text)}</pre>\n'
-    )
+    text = "\n".join([*unit.lines, "", *head])
+    return f'<!DOCTYPE html>\n<meta charset="utf-8">\n<title>{escape(unit.title)}</title>\n<pre>{escape(text)}</pre>\n'
 
 
 _COMPILE = '''"""Compile the sources of the FMUs beside this file for this machine, and put the results into them.
