@@ -48,6 +48,7 @@ from rotorid.exports.state_space import (
     delay_words,
     description,
     early,
+    harmless,
     headed,
     named_models,
 )
@@ -295,12 +296,12 @@ def _description(unit: _Unit, guid: str) -> str:
     from rotorid import __version__
 
     variables = [
-        f'    <ScalarVariable name={quoteattr(name)} valueReference="{number}" causality="input" '
+        f'    <ScalarVariable name={quoteattr(harmless(name))} valueReference="{number}" causality="input" '
         f'variability="continuous"><Real start="{unit.starts.get(name, 0.0):.17g}"/></ScalarVariable>'
         for number, name in enumerate(unit.inputs)
     ]
     variables += [
-        f'    <ScalarVariable name={quoteattr(name)} valueReference="{number}" causality="output" '
+        f'    <ScalarVariable name={quoteattr(harmless(name))} valueReference="{number}" causality="output" '
         'variability="continuous" initial="calculated"><Real/></ScalarVariable>'
         for number, name in enumerate(unit.outputs, start=len(unit.inputs))
     ]
@@ -316,7 +317,7 @@ def _description(unit: _Unit, guid: str) -> str:
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
-            f'<fmiModelDescription fmiVersion="2.0" modelName={quoteattr(unit.title)} guid={quoteattr(guid)} '
+            f'<fmiModelDescription fmiVersion="2.0" modelName={quoteattr(harmless(unit.title))} guid={quoteattr(guid)} '
             f'generationTool="rotorid {__version__}" variableNamingConvention="flat" numberOfEventIndicators="0">',
             f"  <CoSimulation {able}>",
             f"    <SourceFiles><File name={quoteattr(unit.name + '.c')}/></SourceFiles>",

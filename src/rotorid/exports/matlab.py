@@ -26,6 +26,7 @@ from rotorid.exports.state_space import (
     delay_words,
     description,
     early,
+    harmless,
     headed,
     measured,
     named_models,
@@ -277,7 +278,7 @@ def _matrix(values: FloatArray) -> str:
 
 
 def _cells(names: Sequence[str]) -> str:
-    quoted = ["'" + name.replace("'", "''") + "'" for name in names]
+    quoted = ["'" + harmless(name).replace("'", "''") + "'" for name in names]
     return "{" + "; ".join(quoted) + "}"
 
 

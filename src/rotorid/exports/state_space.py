@@ -241,7 +241,19 @@ def description(one: NamedModel) -> list[str]:
         if found.status != "dropped":
             spread = "" if found.std is None else f" +- {found.std:.2g}"
             lines.append(f"{name} = {found.value:.6g}{spread} {found.unit}".rstrip())
-    return lines
+    return [harmless(line) for line in lines]
+
+
+def harmless(text: str) -> str:
+    """A text on one line that ends no comment and no string: names of files and models may be anything.
+
+    Examples
+    --------
+    >>> harmless("a log" + chr(10) + "import os")
+    'a log import os'
+    """
+    plain = "".join(letter if letter.isprintable() else " " for letter in text)
+    return plain.replace('"' * 3, "'" * 3).replace(chr(92), "/")
 
 
 def _log_names(model: IdentifiedModel) -> list[str]:
@@ -252,7 +264,8 @@ def _log_names(model: IdentifiedModel) -> list[str]:
 
 def headed(title: str, rows: Sequence[Compared], sentences: Sequence[str]) -> list[str]:
     """Lines at the head of a file: its title, the round trip, what was left out."""
-    return [title, "", *table_lines(rows), *(["", *sentences] if sentences else [])]
+    lines = [title, "", *table_lines(rows), *(["", *sentences] if sentences else [])]
+    return [harmless(line) for line in lines]
 
 
 def measured(model: IdentifiedModel) -> Mapping[str, FloatArray] | None:

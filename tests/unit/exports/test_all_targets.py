@@ -1,0 +1,112 @@
+"""What holds of every target: files that parse, the same files twice, and what is asked for."""
+
+from __future__ import annotations
+
+import ast
+import io
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import PurePosixPath
+from xml.etree import ElementTree
+
+import pytest
+from tests.unit.exports.models import HOVER, ROLL, model, vehicle
+from tests.unit.exports.vehicles import SIH, sih
+from tests.unit.pipeline.test_joined import motors
+
+from rotorid.errors import UsageError
+from rotorid.exports import TARGETS, ExportChoices, Exported, export
+from rotorid.models.rotors import library_layout
+from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
+
+SCALED = [name for name, target in TARGETS.items() if target.scale]
+LINEAR = [name for name, target in TARGETS.items() if not target.scale]
+UNCOMMENTED = (".json", ".config", ".world.sdf", "_compile.py", ".mat")
+
+
+def whole() -> JoinedVehicle:
+    """A body and models."""
+    return replace(sih(), models=(model(ROLL), model(HOVER)))
+
+
+def parsed(name: str, content: str | bytes) -> None:
+    """Read a file as strictly as what it is for."""
+    if isinstance(content, bytes):
+        if name.endswith(".fmu"):
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                assert archive.testzip() is None
+                ElementTree.fromstring(archive.read("modelDescription.xml"))
+        else:
+            assert content.startswith(b"MATLAB 5.0 MAT-file")
+        return
+    assert content.endswith("\n")
+    assert not any(line != line.rstrip() for line in content.splitlines())
+    if name.endswith((".xml", ".sdf", ".urdf", ".config")):
+        ElementTree.fromstring(content.encode())
+    elif name.endswith(".json"):
+        json.loads(content, parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
+    elif name.endswith(".py"):
+        ast.parse(content)
+
+
+@pytest.mark.parametrize("target", list(TARGETS))
+def test_files_parse_and_hold_the_round_trip(target: str) -> None:
+    exported = export(whole(), target, ExportChoices(names="bird"))
+    assert exported.target == target
+    assert exported.start
+    assert exported.compared
+    for name, content in exported.files.items():
+        place = PurePosixPath(name)
+        assert not place.is_absolute()
+        assert ".." not in place.parts
+        assert "bird" in name
+        parsed(name, content)
+        if isinstance(content, str) and not name.endswith(UNCOMMENTED):
+            assert all(row.name in content for row in exported.compared)
+
+
+@pytest.mark.parametrize("target", list(TARGETS))
+def test_the_same_vehicle_is_the_same_files(target: str) -> None:
+    first, second = (dict(export(whole(), target).files) for _ in range(2))
+    assert first == second
+
+
+@pytest.mark.parametrize("target", SCALED)
+def test_without_a_scale_the_mass_is_asked_for(target: str) -> None:
+    with pytest.raises(UsageError, match=r"--set m=…"):
+        export(motors(scale=None), target)
+
+
+@pytest.mark.parametrize("target", SCALED)
+def test_torque_is_never_taken_from_a_default(target: str) -> None:
+    with pytest.raises(UsageError, match=r"kappa.*no body has I_zz beyond .* or kappa beyond .*--set kappa=…"):
+        export(motors(), target)
+    known = {name: value for name, value in SIH.items() if name not in ("kappa", "I_zz")}
+    with pytest.raises(UsageError, match="I_zz and kappa"):
+        export(joined_vehicle([], given=known, layout=library_layout("quad.x")), target)
+
+
+@pytest.mark.parametrize("target", LINEAR)
+def test_models_need_no_scale(target: str) -> None:
+    assert export(vehicle(), target).files
+
+
+def test_the_vehicle_alone_is_an_fmu_and_no_state_space() -> None:
+    assert set(export(sih(), "fmu").files) == {"vehicle.fmu", "vehicle_compile.py"}
+    for target in ("matlab", "control", "json"):
+        with pytest.raises(UsageError, match="no result came"):
+            export(sih(), target)
+
+
+@pytest.mark.parametrize("target", ["matlab", "control"])
+def test_names_of_logs_end_no_comment(target: str) -> None:
+    found = model(ROLL)
+    hostile = {'a\nraise SystemExit("""\\': "0" * 64}
+    found = replace(found, provenance=replace(found.provenance, inputs=hostile))
+    exported: Exported = export(found, target)
+    text = next(one for one in exported.files.values() if isinstance(one, str))
+    (line,) = [line for line in text.splitlines() if "SystemExit" in line]
+    assert line.startswith(("# ", "% "))
+    if target == "control":
+        ast.parse(text)
