@@ -27,10 +27,12 @@ import rotorid
 from rotorid.documents.base import to_json
 from rotorid.documents.design import plan_document
 from rotorid.documents.result import save
+from rotorid.documents.vehicle import vehicle_toml
 from rotorid.errors import RotoridError
 from rotorid.excitation.plan import planned, sequence
 from rotorid.io.tables.csv import write_csv
 from rotorid.pipeline.settings import parse_segment
+from rotorid.vehicles.catalog import VEHICLES
 
 pytest.importorskip("resource", reason="limits of memory are those of Unix")
 
@@ -119,6 +121,8 @@ def text_of(name: str, sound: Path) -> str:
 
     if name in ("model", "candidate"):
         return (sound / "model.toml").read_text()
+    if name == "vehicle":
+        return vehicle_toml(VEHICLES["x500"])
     return {"layout": LAYOUT, "mapping": MAPPING.decode(), "controllers": CONTROLLERS}[name]
 
 

@@ -162,11 +162,17 @@ def test_a_sweep_below_the_fitted_band_says_so(first: Fit) -> None:
 
 
 def test_a_log_of_another_vehicle_is_said_to_be_missed(first: Fit, record: FlightRecord) -> None:
-    found = checked(first, changed(record, "other.csv", p=3.0))
+    found = checked(first, changed(record, "other.csv", p=3.0, phi=3.0))
     # Three times the gain is 9.5 dB everywhere: a cost of about 20 times its square.
     assert found.frequency["p/roll_command"] == pytest.approx(20.0 * (20.0 * np.log10(3.0)) ** 2, rel=0.2)
     assert list(of_kind("poor_verification", found.findings)) == ["other.csv: p/roll_command"]
     assert "not_verified" not in {finding.kind for finding in found.findings}
+
+
+def test_a_log_whose_rate_contradicts_its_attitude_judges_nothing(first: Fit, record: FlightRecord) -> None:
+    found = checked(first, changed(record, "other.csv", p=3.0))
+    assert found.frequency == {}
+    assert "p is 3.00 times what" in of_kind("not_verified", found.findings)["other.csv"]
 
 
 def test_every_log_that_adds_nothing_is_named_with_its_cause(first: Fit, record: FlightRecord) -> None:
@@ -182,7 +188,7 @@ def test_every_log_that_adds_nothing_is_named_with_its_cause(first: Fit, record:
 
 
 def test_a_good_log_does_not_hide_a_bad_one(first: Fit, record: FlightRecord) -> None:
-    good, bad = named(record, "good.csv"), changed(record, "bad.csv", p=3.0)
+    good, bad = named(record, "good.csv"), changed(record, "bad.csv", p=3.0, phi=3.0)
     alone, both = checked(first, bad), checked(first, good, bad)
     assert both.frequency == alone.frequency
     assert list(of_kind("poor_verification", both.findings)) == ["bad.csv: p/roll_command"]

@@ -80,10 +80,10 @@ def test_the_delay_is_the_same_from_logs_of_two_rates() -> None:
     found = result_document(identify([fast, slow], "response.second_order_delay"))
     delay = found.parameters["tau_phi"]
     assert found.hold == "zero"
-    assert delay.std is not None
+    assert delay.std_random is not None
     # Four deviations; joined by lines the held steps of the slow log would be half of 40 ms late.
-    assert abs(delay.value - TRUTH["tau_phi"]) < 4.0 * delay.std
-    assert 4.0 * delay.std < 0.5 / 25.0
+    assert abs(delay.value - TRUTH["tau_phi"]) < 4.0 * delay.std_random
+    assert 4.0 * delay.std_random < 0.5 / 25.0
 
 
 def test_logs_of_which_one_is_held_ask_for_a_hold() -> None:
