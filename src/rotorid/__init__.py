@@ -7,7 +7,7 @@ Examples
 --------
 >>> import rotorid
 >>> rotorid.__all__[:3]
-['Channel', 'Finding', 'Findings']
+['Channel', 'ExportChoices', 'Exported']
 """
 
 from rotorid._faces import attach, lazy
