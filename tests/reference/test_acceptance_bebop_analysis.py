@@ -160,6 +160,7 @@ def steps(bebop_data: Path) -> dict[str, list[StepResponse]]:
     return found
 
 
+@pytest.mark.slow
 def test_rise_time_of_pitch_is_the_published_one(steps: dict[str, list[StepResponse]]) -> None:
     """Table III has five steps and the data six; which are meant is not said. The first five are taken here."""
     mean, spread = bebop.RISE_TIME_S["theta"]

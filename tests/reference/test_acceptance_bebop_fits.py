@@ -153,6 +153,7 @@ def test_unfiltered_outputs_show_the_delay_of_every_axis(unfiltered: list[CrossV
     assert np.abs(delays_s - 0.070).max() <= 0.020
 
 
+@pytest.mark.slow
 def test_a_zero_phase_filter_on_the_outputs_alone_leaves_no_delay(filtered: Path) -> None:
     """It answers before it is asked: some 50 ms of delay are hidden, and angles are left with less than none."""
     for y in ("phi", "theta"):

@@ -65,6 +65,7 @@ def test_rig_has_delay_and_lag(shared_data: Path) -> None:
     assert found.recommended.delay_s == pytest.approx(10e-3, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_simulated_airframe_in_closed_loop(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "s500" / "pitch_sweeps.csv")
     found = delay([record], input="pitch_command", output="q").pairs["q/pitch_command"]

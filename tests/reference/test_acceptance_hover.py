@@ -384,7 +384,7 @@ def px4(read: Read) -> Callable[[str], IdentifiedModel]:
     return of
 
 
-@pytest.mark.parametrize("name", PX4_SETTINGS)
+@pytest.mark.parametrize("name", ["shared lag", pytest.param("shared lag and delay", marks=pytest.mark.slow)])
 def test_px4_derivatives_lag_and_delays_are_the_simulators(name: str, px4: Callable[[str], IdentifiedModel]) -> None:
     parameters = result_document(px4(name)).parameters
     assert max(errors(parameters, PX4, ["L_roll", "M_pitch", "N_yaw", "Z_thrust"]).values()) < 0.03

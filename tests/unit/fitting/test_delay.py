@@ -210,6 +210,7 @@ def test_a_standard_deviation_is_given_only_where_the_interval_is_of_its_width()
     assert _consistent(0.004, (0.08, 0.095)) == 0.004
 
 
+@pytest.mark.slow
 def test_merged_lines_say_what_all_of_them_say(monkeypatch: pytest.MonkeyPatch) -> None:
     record = late_lag(2, 2.7, samples=12_000, hold_samples=1)
     merged = estimate_delay([record], input=INPUT, output=OUTPUT, orders=SECOND).recommended
