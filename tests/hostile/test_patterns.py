@@ -120,6 +120,8 @@ NOT_FOREIGN = frozenset(
         "rotorid.signal.autopilot_filters:_GYRO",
         "rotorid.io.px4.writer:INTEGERS",  # parameters of a vehicle of the library
         "rotorid.io.betaflight.blackbox:re.escape(MAGIC)",  # no repetition
+        # A header that the export has just written itself.
+        "rotorid.exports.fmu:f'\\\\b{name}(?:\\\\[\\\\] = {{([^}}]*)}}| (\\\\S+))'",
     }
 )
 """Places whose pattern is no constant, and why it is none of a file."""
