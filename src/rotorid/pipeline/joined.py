@@ -365,6 +365,11 @@ def _rotors(
             first.positions / first.arm, other.positions / other.arm, atol=1e-3
         ):
             raise _conflict("the places of the rotors", "", (held[0][0].motors, _label(held[0][0])), model)
+    if layout is not None and held and layout.rotors != held[0][1].rotors:
+        raise UsageError(
+            f"{layout.name} has {layout.rotors} rotors, and {_label(held[0][0])} {held[0][1].rotors}",
+            needed="a layout of the rotors that flew: their thrust was identified one by one",
+        )
     sized = [(model, one) for model, one in held if one.arm_known]
     found = layout or (sized[0][1] if sized else held[0][1] if held else None)
     if found is None:

@@ -276,3 +276,8 @@ def test_a_hover_at_another_output_is_said() -> None:
     (finding,) = joined_vehicle([model], given={"kappa": 0.02}).findings
     assert finding.where == "hover"
     assert finding.numbers["flown_output"] == 0.5233
+
+
+def test_a_layout_of_other_rotors_than_those_that_flew_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"hexa\.x has 6 rotors, and physical\.motors"):
+        joined_vehicle([motors()], given={"arm": 0.25}, layout=library_layout("hexa.x"))
