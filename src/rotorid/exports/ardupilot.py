@@ -33,7 +33,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
-from rotorid.exports.arrangement import Arranged, arranged
+from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, VERTICAL, YAW, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
 from rotorid.exports.thrust import HoverThrust, expo_thrust, full_thrust_words
@@ -52,6 +52,7 @@ _TORQUE, _DAMPING = 0.05, math.radians(400.0)
 """Torque by thrust, share and size; damping in 1/s times ``refRotRate``."""
 
 _SEA_LEVEL_KG_M3, _LAPSE_1_M, _DENSITY_POWER = 1.225, 2.25577e-5, 4.2559
+_USUAL_SPIN_ARM = 0.1
 _HOME_M = 584.0
 """Of the place where SITL starts when no other is named."""
 
@@ -144,11 +145,12 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     UsageError
         Mass, inertia or another number is not known.
     ModelError
-        SITL has no such frame.
+        SITL has no such frame, or the rotors are tilted.
     """
     from rotorid.pipeline.joined import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
+    refuse_tilted(body.rotors.layout, NAME)
     frame, rotors = sitl_frame(body.rotors.layout)
     defaults: dict[str, VehicleNumber] = {}
     findings: list[Finding] = []
@@ -503,6 +505,8 @@ def _parameters(
         "FRAME_TYPE": float(frame.frame_type),
         "MOT_PWM_MIN": table["pwmMin"],
         "MOT_PWM_MAX": table["pwmMax"],
+        # ArduPilot arms no vehicle whose motors idle above the output where thrust begins.
+        "MOT_SPIN_ARM": min(_USUAL_SPIN_ARM, table["spin_min"]),
         "MOT_SPIN_MIN": table["spin_min"],
         "MOT_SPIN_MAX": table["spin_max"],
         "MOT_THST_EXPO": table["propExpo"],

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.errors import ModelError
 from rotorid.models.rotors import RotorLayout
 from rotorid.typing import FloatArray
 
@@ -74,3 +75,18 @@ def arranged(
         if np.all(same.sum(axis=0) == 1) and np.all(same.sum(axis=1) == 1):
             return Arranged(order=tuple(int(row.argmax()) for row in same), mirrored=sign < 0.0)
     return None
+
+
+def refuse_tilted(layout: RotorLayout, target: str) -> None:
+    """Refuse rotors that do not push straight up.
+
+    Raises
+    ------
+    ModelError
+        One is tilted.
+    """
+    if np.abs(layout.thrust_axes - np.array([[0.0], [0.0], [-1.0]])).max() > _UPRIGHT:
+        raise ModelError(f"the rotors of {layout.name} are tilted", needed=f"upright ones, which {target} flies")
+
+
+_UPRIGHT = 1e-6

@@ -30,9 +30,11 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.errors import ModelError
+from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import HOVER, compared, identified_motion, linearized
-from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.target import EXACT_PERCENT, Compared, ExportChoices, Exported, Held, table_lines
 from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
@@ -48,6 +50,10 @@ _LAG_UP_S, _LAG_DOWN_S = 0.0125, 0.025
 """Of the plugin's own x500."""
 
 _SLOWDOWN = 10.0
+_FEWEST_SPEEDS = 10
+_ROUNDING_RAD_S = 1.0
+"""Of the two ends of the range, half each."""
+
 _ROTOR_SHARE, _ROD_SHARE, _ROD_RATIO = 0.005, 0.5, 0.02
 """A rotor's share of the mass, its length as a share of the arm, and its thickness as a share of its length."""
 
@@ -136,7 +142,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     Parameters
     ----------
     vehicle
-        With any number of rotors.
+        With any number of upright rotors.
     choices
         ``delay="lag"`` adds the delay to the lag.
 
@@ -144,10 +150,13 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     ------
     UsageError
         Mass, inertia or another number is not known.
+    ModelError
+        The rotors are tilted, or their speeds are too few to be commanded as whole ones.
     """
     from rotorid.pipeline.joined import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
+    refuse_tilted(body.rotors.layout, NAME)
     defaults: dict[str, VehicleNumber] = {}
     findings: list[Finding] = []
     model = gazebo_vehicle(vehicle, body, choices, defaults, findings)
@@ -200,6 +209,12 @@ def gazebo_vehicle(
     fastest = round(usual("maxRotVelocity", _FASTEST_RAD_S, "rad/s", "x500") if known is None else known.value)
     shift = max(2.0 * force / slope - output, 0.0)
     slowest = round(fastest * shift / (1.0 + shift))
+    if fastest - slowest < _FEWEST_SPEEDS:
+        raise ModelError(
+            f"outputs from 0 to 1 are speeds from {slowest} to {fastest} rad/s",
+            needed=f"at least {_FEWEST_SPEEDS} rad/s between them, for PX4 commands whole ones",
+            remedy="--set speed_max=… of the speed at full output, in rad/s",
+        )
     if not _exact_hover(vehicle):
         message = (
             "The slope of thrust at hover is steeper than that of a square through zero: PX4's speeds begin at zero, "
@@ -307,10 +322,11 @@ def _compared(
         np.full(len(model.hubs_m), output),
         lag_s=model.lag_up_s,
     )
+    rounding = _ROUNDING_RAD_S / (model.fastest - model.slowest)
     held: dict[str, Held] = dict.fromkeys(("Z_w", "L_p", "M_q", "N_r", "M_u", "L_v"), "not")
     if {"X_u", "Y_v"} <= set(vehicle.numbers) or model.drag == 0.0:
         held |= dict.fromkeys(("X_u", "Y_v"), "approximated")
-    if not exact:
+    if not exact or 100.0 * rounding > EXACT_PERCENT * vehicle.hover_output:
         held[HOVER] = "approximated"
     return compared(vehicle, identified, exported, held, delay=choices.delay == "lag")
 

@@ -31,8 +31,8 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
-from rotorid.exports.arrangement import Arranged, arranged
-from rotorid.exports.round_trip import HOVER, PITCH, ROLL, YAW, compared, identified_motion, linearized
+from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
+from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
 from rotorid.exports.thrust import full_thrust_words, sih_lag
 from rotorid.typing import FloatArray
@@ -116,11 +116,12 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     UsageError
         Mass, inertia or another number is not known.
     ModelError
-        SIH has no such arrangement of rotors.
+        SIH has no such arrangement of rotors, or they are tilted.
     """
     from rotorid.pipeline.joined import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
+    refuse_tilted(body.rotors.layout, NAME)
     frame, rotors = sih_frame(body.rotors.layout)
     parameters, defaults, findings = _parameters(vehicle, body, frame, choices)
     rows = _compared(vehicle, body, (frame, rotors), parameters, choices)
@@ -198,7 +199,7 @@ def _parameters(
         "SIH_L_PITCH": pitch_m,
         "SIH_KDV": drag,
         "SIH_KDW": damping,
-        "SIH_T_TAU": _USUAL_LAG_S if lag_s is None else sih_lag(lag_s, step_s=STEP_S),
+        "SIH_T_TAU": _USUAL_LAG_S if lag_s is None else _time_constant(lag_s),
         "MPC_THR_HOVER": body.mass_kg * STANDARD_GRAVITY_M_S2 / (len(frame.spins) * largest_n),
         "THR_MDL_FAC": 0.0,
     }
@@ -229,6 +230,14 @@ def lag_of(vehicle: JoinedVehicle, choices: ExportChoices) -> float | None:
     if lag is None:
         return added_s or None
     return lag.value + added_s
+
+
+def _time_constant(lag_s: float) -> float:
+    """``SIH_T_TAU`` of a lag; that of one step, the shortest that SIH has, where the lag is much shorter."""
+    return STEP_S if lag_s < _SHORTEST_SHARE * STEP_S else sih_lag(lag_s, step_s=STEP_S)
+
+
+_SHORTEST_SHARE = 0.1
 
 
 def _default(value: float, unit: str, of: str) -> VehicleNumber:
@@ -307,10 +316,13 @@ def _compared(
     frame, rotors = placed
     identified = identified_motion(vehicle, body, lag_s=lag_of(vehicle, choices))
     hover = np.full(len(rotors.order), parameters["MPC_THR_HOVER"])
-    pole_s = -STEP_S / math.log1p(-STEP_S / parameters["SIH_T_TAU"])
+    constant_s = parameters["SIH_T_TAU"]
+    # With the constant of one step the output is there after it, and no lag is left.
+    at_once = constant_s <= STEP_S
+    pole_s = 0.0 if at_once else -STEP_S / math.log1p(-STEP_S / constant_s)
     own = linearized(lambda x, v, w: sih_accelerations(parameters, x, v, w), hover, lag_s=pole_s)
     exported = own.replaced(rotors.restored(own.by_output))
-    held = _held(body, frame, rotors)
+    held = _held(body, frame, rotors) | ({LAG: "approximated"} if at_once else {})
     return compared(vehicle, identified, exported, held, delay=choices.delay == "lag")
 
 

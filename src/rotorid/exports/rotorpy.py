@@ -33,6 +33,7 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, remark
 from rotorid.errors import ModelError
+from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.mujoco import FLU, own_slopes, tangents
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import DELAY, compared, identified_motion, linearized
@@ -56,8 +57,6 @@ _GRAVITY_M_S2 = 9.81
 _USUAL_LAG_S, _USUAL_RADIUS_M = 0.005, 0.1
 _USUAL_GAINS = {"k_w": 1.0, "k_v": 10.0, "kp_att": 544.0, "kd_att": 46.64}
 """Of the Hummingbird that comes with RotorPy."""
-
-_UPRIGHT = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,8 +169,7 @@ def require_upright(body: Multirotor, target: str) -> None:
     layout = body.rotors.layout
     if layout.rotors != _ROTORS:
         raise ModelError(f"{layout.name} has {layout.rotors} rotors", needed=f"four rotors, which {target} flies")
-    if np.abs(layout.thrust_axes - np.array([[0.0], [0.0], [-1.0]])).max() > _UPRIGHT:
-        raise ModelError(f"the rotors of {layout.name} are tilted", needed=f"upright ones, which {target} flies")
+    refuse_tilted(layout, target)
 
 
 def rotor_radius(

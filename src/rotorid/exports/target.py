@@ -137,7 +137,7 @@ class ExportChoices(Immutable):
     ----------
     delay
         The delay from output to motion: as states by a Padé approximation, as a lag, or left out. Simulators of
-        vehicles know a lag alone, to which it is then added.
+        vehicles know a lag alone, to which it is then added; those without a lag refuse it.
     pade_order
         Order of the approximation.
     sample_rate_hz

@@ -31,23 +31,28 @@ class Target(Immutable):
         Module of this package whose function ``export`` makes it.
     scale
         Whether it needs a vehicle in kilograms and meters; state spaces do not.
+    lag
+        Whether its motors have a lag, to which a delay can be added.
     """
 
     name: str
     summary: str
     module: str
     scale: bool = True
+    lag: bool = True
 
 
 TARGETS: Mapping[str, Target] = {
     target.name: target
     for target in (
         Target(name="px4-sih", summary="PX4's simulation in hardware: parameters and an airframe", module="px4_sih"),
-        Target(name="ardupilot", summary="ArduPilot's SITL: a frame as JSON, and parameters", module="ardupilot"),
+        Target(
+            name="ardupilot", summary="ArduPilot's SITL: a frame as JSON, and parameters", module="ardupilot", lag=False
+        ),
         Target(name="gazebo", summary="Gazebo with rotors of MulticopterMotorModel: SDF", module="gazebo"),
         Target(name="mujoco", summary="MuJoCo: MJCF with a hovering keyframe", module="mujoco"),
         Target(name="rotorpy", summary="RotorPy: a Python file with its parameters", module="rotorpy"),
-        Target(name="urdf", summary="gym-pybullet-drones: URDF", module="urdf"),
+        Target(name="urdf", summary="gym-pybullet-drones: URDF", module="urdf", lag=False),
         Target(name="matlab", summary="MATLAB and Octave: .mat and a script", module="matlab", scale=False),
         Target(name="control", summary="python-control: a script", module="control", scale=False),
         Target(name="fmu", summary="Simulink and Modelica: FMI 2.0 co-simulation", module="fmu", scale=False),
@@ -108,7 +113,7 @@ def export(
     Raises
     ------
     UsageError
-        There is no such target, or it needs a number that is not known.
+        There is no such target, it needs a number that is not known, or it has no place for a choice.
     ModelError
         The target cannot hold the vehicle.
 
@@ -121,9 +126,32 @@ def export(
     ['22002_gz_vehicle', 'vehicle.world.sdf', 'vehicle/model.config', 'vehicle/model.sdf']
     """
     found, chosen = target_named(target), choices or ExportChoices()
+    _require_held(found, chosen)
     vehicle = joined(what, chosen, given=given, layout=layout)
     made: Exported = import_module(f"rotorid.exports.{found.module}").export(vehicle, chosen)
     return made
+
+
+def _require_held(target: Target, choices: ExportChoices) -> None:
+    """Refuse choices that the target has no place for, so that no answer says that they were heeded."""
+    if target.scale and choices.delay == "states":
+        raise UsageError(
+            f"delays as states came for {target.name}",
+            needed="a state space: matlab, control, fmu or json",
+            remedy="--delay-as-lag in place of --pade" if target.lag else "leave --pade out",
+        )
+    if target.scale and choices.sample_rate_hz is not None:
+        raise UsageError(
+            f"a sample rate came for {target.name}",
+            needed="a state space: matlab, control, fmu or json",
+            remedy="leave --sample-rate out",
+        )
+    if choices.delay == "lag" and not target.lag:
+        raise UsageError(
+            f"a delay as lag came for {target.name}, whose motors have no lag",
+            needed="a target with one",
+            remedy="leave --delay-as-lag out",
+        )
 
 
 def export_draws(

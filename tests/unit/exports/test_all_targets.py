@@ -5,17 +5,19 @@ from __future__ import annotations
 import ast
 import io
 import json
+import math
 import zipfile
 from dataclasses import replace
 from pathlib import PurePosixPath
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from tests.unit.exports.models import HOVER, ROLL, model, vehicle
 from tests.unit.exports.vehicles import SIH, sih
 from tests.unit.pipeline.test_joined import motors
 
-from rotorid.errors import UsageError
+from rotorid.errors import ModelError, UsageError
 from rotorid.exports import TARGETS, ExportChoices, Exported, export
 from rotorid.models.rotors import library_layout
 from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
@@ -110,3 +112,23 @@ def test_names_of_logs_end_no_comment(target: str) -> None:
     assert line.startswith(("# ", "% "))
     if target == "control":
         ast.parse(text)
+
+
+@pytest.mark.parametrize("choices", [ExportChoices(delay="states"), ExportChoices(sample_rate_hz=100.0)])
+@pytest.mark.parametrize("target", SCALED)
+def test_simulators_refuse_what_only_state_spaces_hold(target: str, choices: ExportChoices) -> None:
+    with pytest.raises(UsageError, match="needed: a state space"):
+        export(whole(), target, choices)
+
+
+@pytest.mark.parametrize("target", ["ardupilot", "urdf"])
+def test_motors_without_a_lag_take_no_delay(target: str) -> None:
+    with pytest.raises(UsageError, match="whose motors have no lag"):
+        export(whole(), target, ExportChoices(delay="lag"))
+
+
+@pytest.mark.parametrize("target", ["px4-sih", "ardupilot", "gazebo", "rotorpy", "urdf"])
+def test_tilted_rotors_do_not_become_upright_ones(target: str) -> None:
+    tilted = replace(library_layout("quad.x"), axes=np.tile([0.05, 0.0, -math.sqrt(1.0 - 0.05**2)], (4, 1)))
+    with pytest.raises(ModelError, match="are tilted; needed: upright ones"):
+        export([], target, given=SIH, layout=tilted)

@@ -238,3 +238,10 @@ def test_every_frame_of_sitl_is_found(one: Any) -> None:
 def test_a_frame_that_sitl_does_not_have_is_refused() -> None:
     with pytest.raises(ModelError, match="no frame that SITL has"):
         export(joined_vehicle([], given=SECOND, layout=library_layout("y6")), ExportChoices())
+
+
+@pytest.mark.parametrize(("spin_min", "spin_arm"), [(0.15, 0.1), (0.05, 0.05)])
+def test_motors_idle_below_the_output_of_thrust(spin_min: float, spin_arm: float) -> None:
+    text = export(second(spin_min=spin_min), ExportChoices()).files["vehicle.param"]
+    assert isinstance(text, str)
+    assert f"MOT_SPIN_ARM,{spin_arm:g}\nMOT_SPIN_MIN,{spin_min:g}\n" in text

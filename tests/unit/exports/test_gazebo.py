@@ -12,6 +12,7 @@ from tests.unit.exports.flown import flown
 from tests.unit.exports.motion import STEP_S, doublet, inequality, own
 from tests.unit.exports.vehicles import SECOND, asymmetric, second, sih
 
+from rotorid.errors import ModelError
 from rotorid.exports import ExportChoices, Exported
 from rotorid.exports.gazebo import export
 from rotorid.models.rotors import library_layout
@@ -193,3 +194,11 @@ def test_a_vehicle_of_grams_has_rotors_lighter_than_itself() -> None:
         export(joined_vehicle([], given=tiny | {"arm": 0.046}, layout=library_layout("quad.x")), ExportChoices())
     )
     assert model.mass == pytest.approx(0.03)
+
+
+def test_whole_speeds_of_a_slow_rotor_move_the_hover_and_are_said() -> None:
+    exported = export(second(speed_max=40.0), ExportChoices())
+    (hover,) = (one for one in exported.compared if one.name == "hover output")
+    assert hover.held == "approximated"
+    with pytest.raises(ModelError, match="from 0 to 1 rad/s; needed: at least 10 rad/s between them"):
+        export(second(speed_max=0.6), ExportChoices())

@@ -165,3 +165,12 @@ def test_without_a_mass_it_asks_for_one() -> None:
     known = {name: value for name, value in SIH.items() if name != "m"}
     with pytest.raises(UsageError, match="--set m="):
         export(joined_vehicle([], given=known, layout=library_layout("quad.x")), ExportChoices())
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.0002])
+def test_a_lag_shorter_than_a_step_is_that_of_one_step(lag_s: float) -> None:
+    vehicle = joined_vehicle([], given=SIH | {"T_motor": lag_s}, layout=library_layout("quad.x"))
+    exported = export(vehicle, ExportChoices())
+    assert parameters(exported)["SIH_T_TAU"] == 0.004
+    (lag,) = (one for one in exported.compared if one.name == "motor lag")
+    assert (lag.identified, lag.exported, lag.held) == (lag_s, 0.0, "approximated")
