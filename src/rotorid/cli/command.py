@@ -14,9 +14,10 @@ from rotorid.cli.console import progress, say_refused, tell
 from rotorid.data.display import visible
 
 if TYPE_CHECKING:
-    from rotorid.cli.options import Output
+    from rotorid.cli.options import ForPaper, Output
     from rotorid.data.record import FlightRecord
     from rotorid.errors import InsufficientDataError
+    from rotorid.report.publication import Publication
 
 
 def carry_out(
@@ -31,6 +32,8 @@ def carry_out(
     document: Callable[[Any], Any],
     show: Callable[[Any, Path], None],
     mapping: Path | None = None,
+    paper: ForPaper | None = None,
+    publication: Callable[[Any], Publication] | None = None,
 ) -> None:
     """Read logs, compute a result of them, write its files, and print it as JSON or for a person.
 
@@ -56,6 +59,8 @@ def carry_out(
         Prints it for a person.
     mapping
         File that names the channels of other sources.
+    paper, publication
+        Which pictures and tables to write beside the report, and what makes them of a result.
 
     Raises
     ------
@@ -79,6 +84,8 @@ def carry_out(
             tell("writing the report")
             with making(target) as made:
                 write(made.place, result)
+                if paper is not None and publication is not None and (paper.figures or paper.tables):
+                    illustrate(made.place, publication(result), paper)
     except InsufficientDataError as error:
         why = with_command(refused(error, records))
         if output.json:
@@ -89,6 +96,14 @@ def carry_out(
         sys.stdout.write(to_json(document(result)))
     elif not output.quiet:
         show(document(result), made.folder)
+
+
+def illustrate(folder: Path, publication: Publication, paper: ForPaper) -> None:
+    """Write the pictures and tables of a result that are wanted for a paper."""
+    from rotorid.report.publication import write_publication
+
+    tell("drawing the figures")
+    write_publication(folder, publication, figures=paper.figures, tables=paper.tables)
 
 
 def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightRecord]:

@@ -9,7 +9,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
-from rotorid.cli.options import Map, Only, Output
+from rotorid.cli.options import ForPaper, Map, Only, Output
 from rotorid.pipeline.settings import IdentifySettings
 
 if TYPE_CHECKING:
@@ -25,11 +25,13 @@ def compare_command(
     settings: Annotated[IdentifySettings, Only("segments", "shifts", "hold")],
     map: Map = None,
     output: Output,
+    paper: ForPaper,
 ) -> None:
     """Put models and methods side by side, on the same data with --log."""
     from rotorid.documents.compare import compare_document, read_results
     from rotorid.pipeline.comparison import compare, refused_comparison
     from rotorid.report.compare import JSON, write_comparison
+    from rotorid.report.publication import of_comparison
 
     entries = read_results(results)
     carry_out(
@@ -43,6 +45,8 @@ def compare_command(
         refused=lambda error, records: compare_document(refused_comparison(error, entries, records, settings=settings)),
         document=compare_document,
         show=_print,
+        paper=paper,
+        publication=of_comparison,
     )
 
 

@@ -11,7 +11,7 @@ import typer
 
 from rotorid.cli.command import carry_out, read_logs, with_command
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import Logs, Map, Output
+from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.errors import UsageError
 from rotorid.pipeline.settings import ALL, MODEL, IdentifySettings, motor_choices, parse_names
 
@@ -57,12 +57,14 @@ def identify_command(
     settings: IdentifySettings,
     map: Map = None,
     output: Output,
+    paper: ForPaper,
 ) -> None:
     """Identify a model from flight logs: responses, bounds, verification, report."""
     from rotorid.documents.result import refused_document, result_document
     from rotorid.pipeline.cross_validation import cross_validated, parse_kind
     from rotorid.pipeline.identification import identify, refused
     from rotorid.report.files import write_results
+    from rotorid.report.publication import of_model
 
     kind = parse_kind(cross_validate)
     models = [name for text in model for name in parse_names(text)]
@@ -72,7 +74,7 @@ def identify_command(
                 "--cross-validate, --inputs or --decoupled came with several models",
                 needed="them with a single --model",
             )
-        _identify_several(logs, models, verify=verify or (), settings=settings, map=map, output=output)
+        _identify_several(logs, models, verify=verify or (), settings=settings, map=map, output=output, paper=paper)
         return
     (model_name,) = models
     motors = motor_choices(model_name, settings, beside={"cross validate": cross_validate, "inputs": inputs})
@@ -99,6 +101,8 @@ def identify_command(
         refused=lambda error, records: refused_document(refused(error, records, wanted, settings=settings)),
         document=result_document,
         show=print_result,
+        paper=paper,
+        publication=of_model,
     )
 
 
@@ -110,6 +114,7 @@ def _identify_several(
     settings: IdentifySettings,
     map: Path | None,
     output: Output,
+    paper: ForPaper,
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
     from rotorid.documents.results import RESULTS, ResultsDocument, results_document
@@ -142,7 +147,9 @@ def _identify_several(
         folder=default_folder(logs, "+".join(Path(name).stem if "/" in name else name for name in models)),
         file=RESULTS,
         compute=compute,
-        write=lambda folder, several: write_several(folder, several, title=title),
+        write=lambda folder, several: write_several(
+            folder, several, title=title, figures=paper.figures, tables=paper.tables
+        ),
         refused=lambda _error, _records: results_document(found[0]),
         document=results_document,
         show=show,

@@ -50,6 +50,38 @@ class Output:
     force: Annotated[bool, Option("--force", help="Overwrite files at --out that are not rotorid's.")] = False
 
 
+def _format(text: str) -> str:
+    from rotorid.plot.printed import require_format
+
+    return require_format(text)
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    from rotorid.report.tables import require_formats
+
+    return require_formats(part.strip() for part in text.split(","))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForPaper:
+    """What is written beside the report for a paper.
+
+    Parameters
+    ----------
+    figures
+        Kind of file of every picture; ``None`` writes none.
+    tables
+        Kinds of file of every table.
+    """
+
+    figures: Annotated[
+        Any, Option("--figures", help="Write every picture as svg, pdf or png too, into figures.", parse=_format)
+    ] = None
+    tables: Annotated[
+        Any, Option("--tables", help="Write every table as csv, tex or both (csv,tex), into tables.", parse=_formats)
+    ] = ()
+
+
 class Only:
     """Beside a class of settings in ``Annotated``: the fields of it that a command has."""
 

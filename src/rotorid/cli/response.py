@@ -9,7 +9,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
-from rotorid.cli.options import Logs, Map, Output
+from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.pipeline.settings import ResponseSettings
 
 if TYPE_CHECKING:
@@ -24,11 +24,13 @@ def response_command(
     settings: ResponseSettings,
     map: Map = None,
     output: Output,
+    paper: ForPaper,
 ) -> None:
     """Estimate frequency responses with coherence and random error, and the margins of the loop."""
     from rotorid.documents.response import response_document
     from rotorid.pipeline.responses import refused_response, response
     from rotorid.report.files import write_responses
+    from rotorid.report.publication import of_responses
 
     channels = {"inputs": _channels(inputs, "--inputs"), "outputs": _channels(outputs, "--outputs")}
     title = f"Responses from {', '.join(log.name for log in logs)}"
@@ -45,6 +47,8 @@ def response_command(
         ),
         document=response_document,
         show=_print,
+        paper=paper,
+        publication=of_responses,
     )
 
 

@@ -12,7 +12,7 @@ import typer
 from rotorid.cli.command import read_logs
 from rotorid.cli.console import default_folder, output_console, progress, say, tell
 from rotorid.cli.logs import logs_in
-from rotorid.cli.options import Logs, Map, Output
+from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 
 if TYPE_CHECKING:
     from rotorid.documents.base import Document
@@ -33,11 +33,9 @@ def review_command(
     *,
     map: Map = None,
     models: Annotated[bool, typer.Option("--models/--no-models", help="Identify models too; the longest part.")] = True,
-    figures: Annotated[
-        str | None, typer.Option("--figures", help="Write every picture as svg, pdf or png too, into figures.")
-    ] = None,
     show: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
     output: Output,
+    paper: Annotated[ForPaper, Only("figures")],
 ) -> None:
     """Say everything that ordinary flights tell: loops, steps, margins, models, noise, motors."""
     from rotorid.documents.base import to_json
@@ -46,10 +44,6 @@ def review_command(
     from rotorid.report.files import result_kind
     from rotorid.report.review import render_reviews
 
-    if figures is not None:
-        from rotorid.plot.printed import require_format
-
-        require_format(figures)
     files = logs_in(logs)
     target = target_folder(output.out, default_folder(files, "review"), result_kind(FILE), force=output.force)
     with progress(quiet=output.quiet):
@@ -58,8 +52,8 @@ def review_command(
         document = _document(seen)
         text, page = to_json(document), render_reviews(seen)
         with making(target) as made:
-            if figures is not None:
-                _write_figures(made.place / "figures", seen, require_format(figures))
+            if paper.figures is not None:
+                _write_figures(made.place / "figures", seen, paper.figures)
             _write(made.place, text, page, seen)
     if output.json:
         sys.stdout.write(text)

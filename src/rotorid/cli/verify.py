@@ -9,7 +9,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
-from rotorid.cli.options import Logs, Map, Output
+from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.pipeline.settings import VerifySettings
 
 if TYPE_CHECKING:
@@ -26,11 +26,13 @@ def verify_command(
     settings: VerifySettings,
     map: Map = None,
     output: Output,
+    paper: ForPaper,
 ) -> None:
     """Judge an identified model on data that it has not seen."""
     from rotorid.documents.verify import refused_verify_document, verify_document
     from rotorid.pipeline.checking.candidate import read_candidate
     from rotorid.pipeline.verification import refused_verification, verify
+    from rotorid.report.publication import of_verification
 
     candidate = read_candidate(result)
     name = candidate.structure.name
@@ -47,6 +49,8 @@ def verify_command(
         ),
         document=verify_document,
         show=_print,
+        paper=paper,
+        publication=of_verification,
     )
 
 

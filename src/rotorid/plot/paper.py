@@ -309,6 +309,7 @@ def _trend(cell: Axes, trend: Trend) -> None:
 
 
 _COLUMN_IN, _OVERVIEW_HEIGHT_IN = 4.2, 8.4
+_BESIDE_IN, _BESIDE_WIDTH_IN, _BESIDE_HEIGHT_IN = 2.4, 3.5, 5.2
 
 
 class Fitted(Protocol):
@@ -318,7 +319,7 @@ class Fitted(Protocol):
     def response(self) -> FrequencyResponse: ...
 
     @property
-    def model_response(self) -> ComplexArray: ...
+    def model_response(self) -> ComplexArray | None: ...
 
     @property
     def used(self) -> BoolArray: ...
@@ -385,7 +386,7 @@ def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> No
     output, input = response.outputs[y], response.inputs[u]
     for cell in cells[1:3]:
         cell.sharex(cells[0])
-    _bode(cells[:3], identified, int(y), int(u))
+    _bode(cells[:3], identified.data, int(y), int(u))
     cells[0].set_title(f"{quantity(output).words}\nover {quantity(input).words}", loc="left")
     for cell in cells[:2]:
         cell.tick_params(labelbottom=False)
@@ -402,21 +403,76 @@ def _column(cells: Sequence[Axes], identified: Identified, *, first: bool) -> No
         canvas.align_ylabels(list(cells))
 
 
-def _bode(cells: Sequence[Axes], identified: Identified, y: int, u: int) -> None:
-    response, model = identified.data.response, identified.data.model_response[y, u]
+def _bode(cells: Sequence[Axes], fitted: Fitted, y: int, u: int) -> None:
+    response = fitted.response
+    model = None if fitted.model_response is None else fitted.model_response[y, u]
+    omega, used, coherence = response.omega_rad_s, fitted.used[y, u], response.coherence[y, u]
+    if model is None:
+        lean_deg = reference_deg(omega, response.values[y, u], used & (coherence >= fitted.least_coherence))
+    else:
+        lean_deg = unwrapped_deg(omega, model)
     drawn = Drawn(
         view=View(),
-        measured=measured_curve(
-            response,
-            output=response.outputs[y],
-            input=response.inputs[u],
-            lean_deg=unwrapped_deg(response.omega_rad_s, model),
-        ),
-        coherence=response.coherence[y, u],
-        used=identified.data.used[y, u],
-        least_coherence=identified.data.least_coherence,
+        measured=measured_curve(response, output=response.outputs[y], input=response.inputs[u], lean_deg=lean_deg),
+        coherence=coherence,
+        used=used,
+        least_coherence=fitted.least_coherence,
     )
     draw(cells, drawn, model)
+
+
+def side_by_side(fitted: Fitted, pairs: Sequence[tuple[str, str]]) -> Canvas:
+    """Responses as papers show them: one column each, magnitude, phase and coherence below each other.
+
+    Bands are ± 2 σ of the random error. Points that did not enter the fit are faded.
+
+    Parameters
+    ----------
+    fitted
+        Measured responses with what was used of them and, where there is one, the model.
+    pairs
+        Output and input of each column; three or four are readable over the width of a page.
+
+    Raises
+    ------
+    UsageError
+        matplotlib is not installed.
+    ValueError
+        A pair is not among the responses, or there is none.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> omega, ones = np.geomspace(1.0, 10.0, 9), np.ones((2, 1, 9))
+    >>> both = FrequencyResponse(omega_rad_s=omega, values=ones * 10.0 / (1j * omega), coherence=ones,
+    ...     random_error=0.01 * ones, covariance=np.zeros((2, 1, 9, 9), complex), inputs=("roll_command",),
+    ...     outputs=("p", "ay"), estimate="direct")
+    >>> fitted = SimpleNamespace(response=both, model_response=None, used=ones > 0.0, least_coherence=0.6)
+    >>> canvas = side_by_side(fitted, [("p", "roll_command"), ("ay", "roll_command")])
+    >>> len(canvas.axes)
+    6
+    """
+    if not pairs:
+        raise ValueError("no response was to be drawn")
+    mpl = matplotlib_or_remedy()
+    response = fitted.response
+    with mpl.rc_context(PAPER_STYLE):
+        # The object instead of pyplot: no global state, no window system.
+        size = (max(_BESIDE_WIDTH_IN, _BESIDE_IN * len(pairs)), _BESIDE_HEIGHT_IN)
+        canvas: Canvas = mpl.figure.Figure(figsize=size, layout="constrained")
+        ratios = {"height_ratios": [3.0, 2.2, 1.2]}
+        grid = canvas.subplots(3, len(pairs), squeeze=False, sharex="col", gridspec_kw=ratios)
+        for column, (output, input) in enumerate(pairs):
+            cells = list(grid[:, column])
+            y, u = response.pair(output, input)
+            _bode(cells, fitted, y, u)
+            cells[0].set_title(f"{output} / {input}", loc="left", fontsize=9)
+        for cell, label in zip(grid[:, 0], ("magnitude [dB]", "phase [°]", "coherence"), strict=True):
+            cell.set_ylabel(label)
+        canvas.align_ylabels(list(grid[:, 0]))
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        canvas.legend(handles, labels, loc="outside upper left", ncols=max(len(labels), 1))
+    return canvas
 
 
 def _trace(cell: Axes, check: Verification, output: str) -> None:

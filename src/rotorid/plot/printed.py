@@ -72,7 +72,7 @@ def printed(figure: Figure, kind: PrintedAs) -> bytes:
     matplotlib = matplotlib_or_remedy("a figure as a file")
     layout = figure["layout"]
     names = [name for name in layout if name.startswith("yaxis")]
-    with matplotlib.rc_context({**PAPER_STYLE, "svg.hashsalt": "rotorid", "svg.fonttype": "path"}):
+    with matplotlib.rc_context(PAPER_STYLE):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure as NewCanvas
 
@@ -94,9 +94,24 @@ def printed(figure: Figure, kind: PrintedAs) -> bytes:
         _horizontal(rows, layout["xaxis"])
         _labels(rows, domains, layout.get("annotations", ()))
         _legend(canvas, rows)
-        file = io.BytesIO()
-        # No date, so that the same picture is the same file.
-        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+    return saved(canvas, kind)
+
+
+def saved(canvas: Canvas, kind: PrintedAs) -> bytes:
+    """A matplotlib figure as SVG, PDF with fonts that journals take, or PNG; the same figure is the same file.
+
+    Parameters
+    ----------
+    canvas
+        The figure.
+    kind
+        Of the file.
+    """
+    matplotlib = matplotlib_or_remedy("a figure as a file")
+    file = io.BytesIO()
+    # No date, so that the same picture is the same file.
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+    with matplotlib.rc_context({**PAPER_STYLE, "svg.hashsalt": "rotorid", "svg.fonttype": "path", "pdf.fonttype": 42}):
         canvas.savefig(file, format=kind, dpi=_DOTS_PER_INCH, metadata=metadata)
     return file.getvalue()
 

@@ -255,8 +255,7 @@ def render_comparison(compared: Comparison, *, title: str) -> str:
 
 def render_documents(document: CompareDocument, flown: Sequence[ComparedManeuver], *, title: str) -> str:
     """The same of a document and the signals behind it."""
-    dots = _dots(document)
-    overlays = [_overlay(each, f"maneuver-{number}") for number, each in enumerate(flown[:_MOST_PICTURES])]
+    dots, overlays = _dots(document), _overlays(flown)
     return render(
         "compare.html",
         title=title,
@@ -275,6 +274,16 @@ def render_documents(document: CompareDocument, flown: Sequence[ComparedManeuver
         remarks=finding_rows(document.findings),
         pictures=[*([dots] if dots else []), *overlays],
     )
+
+
+def pictures_of(document: CompareDocument, flown: Sequence[ComparedManeuver]) -> Sequence[Picture]:
+    """All pictures of the page."""
+    dots = _dots(document)
+    return [*([dots] if dots else []), *_overlays(flown)]
+
+
+def _overlays(flown: Sequence[ComparedManeuver]) -> Sequence[Picture]:
+    return [_overlay(each, f"maneuver-{number}") for number, each in enumerate(flown[:_MOST_PICTURES])]
 
 
 def comparison_summary(document: CompareDocument) -> tuple[str, ...]:

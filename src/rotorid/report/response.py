@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -348,9 +348,7 @@ def render_responses(result: Responses, *, title: str) -> str:
     title
         Heading of the page.
     """
-    bands, responses, windows = bands_picture(result), response_pictures(result), window_pictures(result)
-    timelines, loops = timeline_pictures(result), _loops(result)
-    of_loops = [picture for loop in loops for picture in loop.pictures]
+    drawn = _drawn(result)
     return render(
         "response.html",
         title=title,
@@ -358,16 +356,47 @@ def render_responses(result: Responses, *, title: str) -> str:
         sentences=response_summary(result),
         least_coherence=result.least_coherence,
         pairs=pair_rows(result),
-        bands=bands,
-        responses=responses,
-        loops=loops,
+        bands=drawn.bands,
+        responses=drawn.responses,
+        loops=drawn.loops,
         splits=split_rows(result),
         condition=significant(result.largest_condition),
-        windows=windows,
+        windows=drawn.windows,
         records=record_rows(result),
-        timelines=timelines,
+        timelines=drawn.timelines,
         remarks=finding_rows(result.findings),
-        pictures=[bands, *responses, *of_loops, *windows, *timelines],
+        pictures=drawn.pictures,
+    )
+
+
+def pictures_of(result: Responses) -> Sequence[Picture]:
+    """All pictures of the page."""
+    return _drawn(result).pictures
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Drawn:
+    """What the page shows, drawn."""
+
+    bands: Picture
+    responses: Sequence[Picture]
+    loops: Sequence[Loop]
+    windows: Sequence[Picture]
+    timelines: Sequence[Picture]
+
+    @property
+    def pictures(self) -> Sequence[Picture]:
+        of_loops = (picture for loop in self.loops for picture in loop.pictures)
+        return [self.bands, *self.responses, *of_loops, *self.windows, *self.timelines]
+
+
+def _drawn(result: Responses) -> _Drawn:
+    return _Drawn(
+        bands=bands_picture(result),
+        responses=response_pictures(result),
+        loops=_loops(result),
+        windows=window_pictures(result),
+        timelines=timeline_pictures(result),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,18 @@ from rotorid.report.files import to_json, write_results, write_together
 
 if TYPE_CHECKING:
     from rotorid.pipeline.several import SeveralModels
+    from rotorid.plot.printed import PrintedAs
+    from rotorid.report.tables import TableFormat
 
 
-def write_several(folder: Path, models: SeveralModels, *, title: str) -> None:
+def write_several(
+    folder: Path,
+    models: SeveralModels,
+    *,
+    title: str,
+    figures: PrintedAs | None = None,
+    tables: Sequence[TableFormat] = (),
+) -> None:
     """Write a folder for each model that stands, then ``report.html`` and ``results.json``, both or none.
 
     Parameters
@@ -24,12 +33,18 @@ def write_several(folder: Path, models: SeveralModels, *, title: str) -> None:
         What to write; those that were refused stand in ``results.json`` alone.
     title
         Heading of the report.
+    figures, tables
+        Kinds of files for a paper, written into the folder of each model.
     """
     from rotorid.documents.results import RESULTS, results_document
     from rotorid.report.identification import render_report
+    from rotorid.report.publication import of_model, write_publication
 
     for name, model in models.identified.items():
-        write_results(folder / Path(name).name, model, title=f"{name} of {title}")
+        own = folder / Path(name).name
+        write_results(own, model, title=f"{name} of {title}")
+        if figures is not None or tables:
+            write_publication(own, of_model(model), figures=figures, tables=tables)
     text, page = to_json(results_document(models)), render_report(list(models.identified.values()), title=title)
     files: dict[str, Callable[[Path], None]] = {
         "report.html": lambda path: write_atomically(path, page),

@@ -9,6 +9,7 @@ Bode pictures of sweeps that the fit had not seen, with the model over them and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -275,8 +276,7 @@ def render_verification(verified: Verified, *, title: str) -> str:
 
 def render_checks(document: VerifyDocument, found: Verifications, *, title: str) -> str:
     """The same of a document and the signals behind it."""
-    checks = [check_section(check, key=f"check-{number}") for number, check in enumerate(found.maneuvers)]
-    sweeps = [unseen_sweeps(sweep, key=f"sweeps-{number}") for number, sweep in enumerate(found.sweeps)]
+    checks, sweeps = _sections(found)
     return render(
         "verification.html",
         title=title,
@@ -287,11 +287,23 @@ def render_checks(document: VerifyDocument, found: Verifications, *, title: str)
         j_rms=j_rms_sentence(document),
         covered=range_rows(document.covered),
         remarks=finding_rows(document.findings),
-        pictures=[
-            *(picture for check in checks for picture in check.pictures),
-            *(picture for one in sweeps for picture in one.pictures),
-        ],
+        pictures=_pictures(checks, sweeps),
     )
+
+
+def pictures_of(found: Verifications) -> list[Picture]:
+    """All pictures of the page."""
+    return _pictures(*_sections(found))
+
+
+def _sections(found: Verifications) -> tuple[list[Check], list[UnseenSweeps]]:
+    checks = [check_section(check, key=f"check-{number}") for number, check in enumerate(found.maneuvers)]
+    return checks, [unseen_sweeps(sweep, key=f"sweeps-{number}") for number, sweep in enumerate(found.sweeps)]
+
+
+def _pictures(checks: Sequence[Check], sweeps: Sequence[UnseenSweeps]) -> list[Picture]:
+    of_checks = [picture for check in checks for picture in check.pictures]
+    return of_checks + [picture for one in sweeps for picture in one.pictures]
 
 
 def verification_summary(document: VerifyDocument) -> tuple[str, ...]:

@@ -1,0 +1,653 @@
+r"""Tables of results for a paper: parameters with CR and I, poles, costs, unseen maneuvers, as CSV and as LaTeX.
+
+A CSV file holds every digit, one heading for each column, units in columns of their own or in the heading. A LaTeX file
+is a ``tabular`` with the rules of the package ``booktabs``, rounded as one prints it: a value at the digit that its
+standard deviation supports, percents with two digits.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from rotorid.errors import UsageError
+from rotorid.report.frame import percent, significant, with_error
+
+if TYPE_CHECKING:
+    from rotorid.documents.compare import CompareDocument, ComparedValueDocument
+    from rotorid.documents.response import ResponseDocument
+    from rotorid.documents.result import ResultDocument
+    from rotorid.documents.verify import VerifyDocument
+    from rotorid.pipeline.summary import ManeuverCheck, MotorPhysics
+
+TableFormat: TypeAlias = Literal["csv", "tex"]
+TABLE_FORMATS: tuple[TableFormat, ...] = ("csv", "tex")
+Entry: TypeAlias = str | float | int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a table.
+
+    Parameters
+    ----------
+    name
+        Heading in CSV: one word, with the unit where all rows share one.
+    title
+        Heading on paper.
+    shown
+        A number on paper; text stays text.
+    """
+
+    name: str
+    title: str
+    shown: Callable[[float | None], str] = significant
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Table:
+    """A table of numbers and words.
+
+    Parameters
+    ----------
+    name
+        Of its files, without the ending.
+    caption
+        What it holds, in a sentence.
+    columns, rows
+        Headings, and entries in their order; ``None`` where there is no number.
+    symbols
+        Columns whose text is the name of a parameter.
+    errors
+        Column to that of its standard deviation, which says at which digit it is rounded on paper.
+    """
+
+    name: str
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Entry, ...], ...]
+    symbols: tuple[str, ...] = ()
+    errors: Mapping[str, str] | None = None
+
+
+def require_formats(names: Iterable[str]) -> tuple[TableFormat, ...]:
+    """Refuse kinds of files that are not known, before any work is done for them.
+
+    Examples
+    --------
+    >>> require_formats(["tex", "csv"])
+    ('tex', 'csv')
+    """
+    wanted = tuple(dict.fromkeys(names))
+    known: dict[str, TableFormat] = {name: name for name in TABLE_FORMATS}
+    if unknown := [name for name in wanted if name not in known]:
+        raise UsageError(f"tables as {', '.join(unknown)} were asked for", needed=f"one of {', '.join(TABLE_FORMATS)}")
+    return tuple(known[name] for name in wanted)
+
+
+def as_csv(table: Table) -> str:
+    r"""A table with a line of headings, every digit, and nothing where there is no number.
+
+    Examples
+    --------
+    >>> table = Table(name="poles", caption="Poles.", columns=(Column("real", "Real"),), rows=((-0.1,), (None,)))
+    >>> as_csv(table)
+    'real\n-0.1\n""\n'
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([column.name for column in table.columns])
+    writer.writerows([[_plain(entry) for entry in row] for row in table.rows])
+    return text.getvalue()
+
+
+def _plain(entry: Entry) -> Entry:
+    """An entry of CSV; text that a spreadsheet would take for a formula is marked as text."""
+    if entry is None:
+        return ""
+    return f"'{entry}" if isinstance(entry, str) and entry.startswith(("=", "+", "-", "@", "\t")) else entry
+
+
+def as_latex(table: Table) -> str:
+    r"""A table as a ``tabular`` with ``booktabs`` rules; its caption is a comment.
+
+    Examples
+    --------
+    >>> columns = (Column("parameter", "Parameter"), Column("value", "Value"), Column("std", "Std"))
+    >>> table = Table(name="p", caption="Derivatives.", columns=columns, rows=(("L_roll", -439.23, 3.1),),
+    ...     symbols=("parameter",), errors={"value": "std"})
+    >>> print(as_latex(table))
+    % Derivatives.
+    % \usepackage{booktabs}
+    \begin{tabular}{lrr}
+    \toprule
+    Parameter & Value & Std \\
+    \midrule
+    $L_{\mathrm{roll}}$ & $-439$ & $3$ \\
+    \bottomrule
+    \end{tabular}
+    <BLANKLINE>
+    """
+    numeric = [any(isinstance(row[place], int | float) for row in table.rows) for place in range(len(table.columns))]
+    lines = [
+        f"% {' '.join(table.caption.split())}",
+        r"% \usepackage{booktabs}",
+        rf"\begin{{tabular}}{{{''.join('r' if number else 'l' for number in numeric)}}}",
+        r"\toprule",
+        _line(escaped(column.title) for column in table.columns),
+        r"\midrule",
+        *(_line(_cells(table, row)) for row in table.rows),
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+WRITERS: Mapping[TableFormat, Callable[[Table], str]] = {"csv": as_csv, "tex": as_latex}
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "±": r"$\pm$",
+    "°": r"$^\circ$",
+    "σ": r"$\sigma$",
+    "−": r"$-$",
+    "–": "--",
+    **{character: f"\\{character}" for character in "&%$#_{}"},
+}
+_GREEK = (
+    "alpha",
+    "beta",
+    "delta",
+    "zeta",
+    "theta",
+    "kappa",
+    "lambda",
+    "mu",
+    "rho",
+    "sigma",
+    "tau",
+    "phi",
+    "psi",
+    "omega",
+)
+_UNIT = re.compile(r"\^(-?[0-9]{1,2})")
+_SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def escaped(text: str) -> str:
+    r"""Text that LaTeX prints as it stands.
+
+    Examples
+    --------
+    >>> print(escaped("50 % of p/roll_command"))
+    50 \% of p/roll\_command
+    """
+    return "".join(_SPECIAL.get(character, character) for character in text if character.isprintable())
+
+
+def symbol(name: str) -> str:
+    r"""The name of a parameter as a formula: what stands behind the first underscore is its index.
+
+    Examples
+    --------
+    >>> print(symbol("L_roll"), symbol("tau_ax"), symbol("M_u"), symbol("kappa"), symbol("T_motor_up"))
+    $L_{\mathrm{roll}}$ $\tau_{\mathrm{ax}}$ $M_{u}$ $\kappa$ $T_{\mathrm{motor\,up}}$
+    """
+    head, _, index = name.partition("_")
+    letter = f"\\{head}" if head in _GREEK else (escaped(head) if len(head) < 2 else f"\\mathrm{{{escaped(head)}}}")
+    if not index:
+        return f"${letter}$"
+    words = r"\,".join(escaped(word) for word in index.split("_"))
+    upright = words if len(index) == 1 else f"\\mathrm{{{words}}}"
+    return f"${letter}_{{{upright}}}$"
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"{' & '.join(cells)} \\\\"
+
+
+def _cells(table: Table, row: Sequence[Entry]) -> Iterator[str]:
+    entries = {column.name: entry for column, entry in zip(table.columns, row, strict=True)}
+    errors = table.errors or {}
+    values = {error: value for value, error in reversed(list(errors.items()))}
+    for column in table.columns:
+        entry = entries[column.name]
+        if isinstance(entry, str):
+            yield _words(table, column.name, entry)
+        elif column.name in errors:
+            yield _number(column, entry, entries.get(errors[column.name]))
+        elif column.name in values:
+            yield _number(column, entries.get(values[column.name]), entry, deviation=True)
+        else:
+            yield _number(column, entry, None)
+
+
+def _words(table: Table, column: str, entry: str) -> str:
+    if column in table.symbols:
+        return symbol(entry)
+    return _UNIT.sub(r"$^{\1}$", "" if entry == "1" else entry) if column == "unit" else escaped(entry)
+
+
+def _number(column: Column, value: Entry, std: Entry, *, deviation: bool = False) -> str:
+    """A number on paper; of a value with a deviation either, both rounded at the digit that the deviation supports."""
+    own = std if deviation else value
+    if not isinstance(own, int | float) or not math.isfinite(own):
+        return "--"
+    if isinstance(value, int | float) and isinstance(std, int | float) and math.isfinite(value + std) and std > 0.0:
+        both, _, power = with_error(value, std).strip("(").partition(")·10")
+        text = both.split(" ± ")[deviation]
+    else:
+        text, _, power = column.shown(own).partition("·10")
+    raised = power.translate(_SUPERSCRIPTS)
+    times = f" \\cdot 10^{{{raised}}}" if raised else ""
+    return f"${text.replace('−', '-').replace('> ', '>')}{times}$"
+
+
+def _two(value: float | None) -> str:
+    return significant(value, digits=2)
+
+
+def _whole(value: float | None) -> str:
+    return "" if value is None else f"{value:.0f}"
+
+
+_BAND = (Column("from_rad_s", "From [rad/s]"), Column("to_rad_s", "To [rad/s]"))
+
+
+def result_tables(document: ResultDocument) -> tuple[Table, ...]:
+    """Tables of an identified model: parameters, poles, costs, unseen flight, delays, equations, search, and motors."""
+    found = (
+        _parameters(document),
+        _poles(document),
+        _responses(document),
+        maneuver_table(document.verification.maneuvers),
+        _unseen(document),
+        _delays(document),
+        *_matrices(document),
+        _bootstrap(document),
+        _folds(document),
+        *(motor_tables(document.motors) if document.motors else ()),
+    )
+    return tuple(table for table in found if table is not None and table.rows)
+
+
+def verification_tables(document: VerifyDocument) -> tuple[Table, ...]:
+    """Tables of a verification: scores of each maneuver and output, cost of each response of unseen sweeps."""
+    rows = [
+        (", ".join(sweep.records), name, pair.value, *pair.band_rad_s, pair.points)
+        for sweep in document.frequency
+        for name, pair in sweep.pairs.items()
+    ]
+    sweeps = Table(
+        name="unseen_responses",
+        caption="Cost of the model against responses of sweeps that were not fitted; up to 100 is acceptable.",
+        columns=(
+            Column("records", "Records"),
+            Column("response", "Response"),
+            Column("cost", "Cost"),
+            *_BAND,
+            Column("points", "Points", _whole),
+        ),
+        rows=tuple(rows),
+    )
+    return tuple(table for table in (maneuver_table(document.maneuvers), sweeps) if table.rows)
+
+
+def response_tables(document: ResponseDocument) -> tuple[Table, ...]:
+    """Tables of measured responses: the band of each, windows and records, and margins of the loops."""
+    pairs = Table(
+        name="responses",
+        caption="What can be used of each response, and its mean coherence and random error there.",
+        columns=(
+            Column("response", "Response"),
+            Column("unit", "Unit"),
+            *_BAND,
+            Column("points", "Points", _whole),
+            Column("coherence", "Coherence", _two),
+            Column("random_error_percent", "Error [%]", percent),
+        ),
+        rows=tuple(
+            (
+                name,
+                pair.unit,
+                *(pair.band_rad_s or (None, None)),
+                pair.points,
+                pair.mean_coherence,
+                None if pair.mean_random_error is None else 100.0 * pair.mean_random_error,
+            )
+            for name, pair in document.pairs.items()
+        ),
+    )
+    margins = Table(
+        name="margins",
+        caption="Margins of the loops with one standard deviation; the unit stands in the name.",
+        columns=(
+            Column("axis", "Axis"),
+            Column("quantity", "Quantity"),
+            Column("value", "Value"),
+            Column("std", "Std", _two),
+        ),
+        rows=tuple(
+            (axis, name, number.value, number.std)
+            for axis, loop in document.loops.items()
+            for name, number in loop.numbers.items()
+        ),
+        errors={"value": "std"},
+    )
+    return tuple(table for table in (pairs, margins) if table.rows)
+
+
+def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
+    """Tables of a comparison: models, shared parameters side by side, scores of each maneuver."""
+    labels = [one.label for one in document.models]
+    models = Table(
+        name="models",
+        caption="Models side by side; fits in percent, AIC and BIC on the data of each.",
+        columns=(
+            *(Column(name, name.capitalize()) for name in ("result", "model", "method")),
+            Column("order", "Order", _whole),
+            Column("free_parameters", "Free", _whole),
+            Column("own_percent", "Own [%]"),
+            Column("cross_validated_percent", "Cross-validated [%]"),
+            Column("on_logs_percent", "On logs [%]"),
+            *(Column(name, title) for name, title in (("cost", "Cost"), ("aic", "AIC"), ("bic", "BIC"))),
+        ),
+        rows=tuple(
+            (
+                one.label,
+                one.model,
+                one.method,
+                one.order,
+                one.free_parameters,
+                _mean(one.fit_percent),
+                one.cross_validation.mean_percent if one.cross_validation else None,
+                one.on_logs.mean_percent if one.on_logs else None,
+                one.cost,
+                one.aic,
+                one.bic,
+            )
+            for one in document.models
+        ),
+    )
+    values = [(Column(f"{label}", label), Column(f"{label}_std", f"{label} std", _two)) for label in labels]
+    shared = Table(
+        name="parameters",
+        caption="Parameters of all models with one standard deviation.",
+        columns=(Column("parameter", "Parameter"), Column("unit", "Unit"), *(each for both in values for each in both)),
+        rows=tuple(
+            (
+                name,
+                one.unit,
+                *(
+                    entry
+                    for label in labels
+                    for entry in (
+                        (one.values[label].value, one.values[label].std) if label in one.values else (None,) * 2
+                    )
+                ),
+            )
+            for name, one in document.parameters.items()
+        ),
+        symbols=("parameter",),
+        errors={label: f"{label}_std" for label in labels},
+    )
+    flown = Table(
+        name="maneuvers",
+        caption="Fit of every model on every maneuver in percent; frozen parameters.",
+        columns=(
+            *(Column(name, name.capitalize()) for name in ("record", "axis", "kind")),
+            *(Column(x, x) for x in labels),
+        ),
+        rows=tuple(
+            (
+                one.record,
+                one.axis,
+                one.kind,
+                *(one.models[label].mean_percent if label in one.models else None for label in labels),
+            )
+            for one in document.maneuvers
+        ),
+    )
+    return tuple(table for table in (models, shared, flown) if table.rows)
+
+
+def _with_std(one: ComparedValueDocument | None) -> tuple[Entry, Entry]:
+    return (None, None) if one is None else (one.value, one.std)
+
+
+def _mean(values: Mapping[str, float] | None) -> float | None:
+    return sum(values.values()) / len(values) if values else None
+
+
+def _parameters(document: ResultDocument) -> Table:
+    return Table(
+        name="parameters",
+        caption=f"Parameters of {document.model} with one standard deviation, Cramer-Rao bound and insensitivity.",
+        columns=(
+            Column("parameter", "Parameter"),
+            Column("value", "Value"),
+            Column("std", "Std", _two),
+            Column("lower", "Lower"),
+            Column("upper", "Upper"),
+            Column("unit", "Unit"),
+            Column("cramer_rao_percent", "CR [%]", percent),
+            Column("insensitivity_percent", "I [%]", percent),
+            Column("status", "Status"),
+        ),
+        rows=tuple(
+            (
+                name,
+                one.value,
+                one.std,
+                one.lower,
+                one.upper,
+                one.unit,
+                one.cramer_rao_percent,
+                one.insensitivity_percent,
+                one.status,
+            )
+            for name, one in document.parameters.items()
+        ),
+        symbols=("parameter",),
+        errors={"value": "std", "lower": "std", "upper": "std"},
+    )
+
+
+def _poles(document: ResultDocument) -> Table:
+    return Table(
+        name="poles",
+        caption=f"Poles of {document.model} with one standard deviation.",
+        columns=(
+            Column("real_rad_s", "Real [rad/s]"),
+            Column("real_std_rad_s", "Std", _two),
+            Column("imag_rad_s", "Imaginary [rad/s]"),
+            Column("imag_std_rad_s", "Std", _two),
+            Column("damping", "Damping"),
+            Column("frequency_rad_s", "Frequency [rad/s]"),
+        ),
+        rows=tuple(
+            (one.real, one.real_std, one.imag, one.imag_std, one.damping, one.frequency_rad_s) for one in document.poles
+        ),
+        errors={"real_rad_s": "real_std_rad_s", "imag_rad_s": "imag_std_rad_s"},
+    )
+
+
+def _responses(document: ResultDocument) -> Table | None:
+    if document.cost is None:
+        return None
+    return Table(
+        name="responses",
+        caption=f"Cost of each response, {significant(document.cost.average)} in the mean; up to 50 is excellent.",
+        columns=(Column("response", "Response"), Column("cost", "Cost"), *_BAND, Column("points", "Points", _whole)),
+        rows=tuple((name, one.value, *one.band_rad_s, one.points) for name, one in document.cost.pairs.items()),
+    )
+
+
+def maneuver_table(maneuvers: Sequence[ManeuverCheck]) -> Table:
+    """Scores of every output of every unseen maneuver."""
+    return Table(
+        name="maneuvers",
+        caption="The model on maneuvers that were not fitted.",
+        columns=(
+            *(Column(name, name.capitalize()) for name in ("record", "axis", "kind")),
+            Column("start_s", "Start [s]"),
+            Column("output", "Output"),
+            Column("tic", "TIC", _two),
+            Column("fit_percent", "Fit [%]"),
+            Column("rms", "RMS"),
+            Column("j_rms", "J_rms"),
+            Column("verdict", "Verdict"),
+        ),
+        rows=tuple(
+            (
+                *(one.record, one.axis, one.kind, one.start_s, output),
+                *(scores.tic, scores.nrmse_fit_percent, scores.rms, one.j_rms, one.verdict),
+            )
+            for one in maneuvers
+            for output, scores in one.scores.items()
+            if output in one.moved
+        ),
+    )
+
+
+def _unseen(document: ResultDocument) -> Table:
+    return Table(
+        name="unseen_responses",
+        caption="Cost of the model against responses of sweeps that were not fitted; up to 100 is acceptable.",
+        columns=(Column("response", "Response"), Column("cost", "Cost")),
+        rows=tuple(document.verification.frequency.items()),
+    )
+
+
+def _delays(document: ResultDocument) -> Table:
+    milli = 1e3
+    return Table(
+        name="delays",
+        caption="Where the time between an input and an output goes.",
+        columns=(
+            Column("response", "Response"),
+            Column("input_ms", "Input [ms]"),
+            Column("motor_ms", "Motor [ms]"),
+            Column("output_ms", "Output [ms]"),
+            Column("total_ms", "Total [ms]"),
+            Column("total_std_ms", "Std [ms]", _two),
+        ),
+        rows=tuple(
+            (
+                name,
+                milli * one.input_delay_s,
+                milli * one.motor_lag_s,
+                milli * one.output_delay_s,
+                milli * one.total_s,
+                None if one.total_std_s is None else milli * one.total_std_s,
+            )
+            for name, one in document.delays.items()
+        ),
+        errors={"total_ms": "total_std_ms"},
+    )
+
+
+def _matrices(document: ResultDocument) -> Iterator[Table]:
+    if document.matrices is None:
+        return
+    of = {"F": document.states, "G": document.inputs}
+    for name, columns in of.items():
+        rows = getattr(document.matrices, name)
+        if not rows or len(rows[0]) != len(columns) or len(rows) != len(document.states):
+            continue
+        yield Table(
+            name=f"matrix_{name}",
+            caption=f"Matrix {name} of M x' = F x + G u(t - tau), {document.model}.",
+            columns=(Column("state", "State"), *(Column(each, each) for each in columns)),
+            rows=tuple((state, *row) for state, row in zip(document.states, rows, strict=True)),
+        )
+
+
+def _bootstrap(document: ResultDocument) -> Table | None:
+    if document.bootstrap is None:
+        return None
+    return Table(
+        name="bootstrap",
+        caption=f"Parameters over {document.bootstrap.runs} refits to noise drawn anew.",
+        columns=(
+            Column("parameter", "Parameter"),
+            Column("mean", "Mean"),
+            Column("std", "Std", _two),
+            Column("std_percent", "Std [%]", percent),
+            *(Column(name, name.capitalize()) for name in ("low", "median", "high")),
+        ),
+        rows=tuple(
+            (name, one.mean, one.std, one.relative_percent, one.low, one.median, one.high)
+            for name, one in document.bootstrap.parameters.items()
+        ),
+        symbols=("parameter",),
+        errors={"mean": "std"},
+    )
+
+
+def _folds(document: ResultDocument) -> Table | None:
+    if document.cross_validation is None:
+        return None
+    return Table(
+        name="cross_validation",
+        caption="Fit of every output of every record with the parameters of every fold.",
+        columns=(
+            Column("identified", "Identified on"),
+            Column("record", "Record"),
+            Column("unseen", "Unseen"),
+            Column("output", "Output"),
+            Column("fit_percent", "Fit [%]"),
+            Column("tic", "TIC", _two),
+        ),
+        rows=tuple(
+            (
+                ", ".join(fold.identified),
+                record,
+                "yes" if record in fold.unseen else "no",
+                output,
+                score.nrmse_fit_percent,
+                score.tic,
+            )
+            for fold in document.cross_validation.folds
+            for record, outputs in fold.scores.items()
+            for output, score in outputs.items()
+        ),
+    )
+
+
+def motor_tables(motors: MotorPhysics) -> tuple[Table, ...]:
+    """What follows of rotors: thrust in hover and at full output, and inertia by both ways of a regression."""
+    derived = Table(
+        name="motors",
+        caption="What follows from the parameters, with one standard deviation.",
+        columns=(
+            Column("quantity", "Quantity"),
+            Column("value", "Value"),
+            Column("std", "Std", _two),
+            Column("unit", "Unit"),
+        ),
+        rows=tuple((name, one.value, one.std, one.unit) for name, one in motors.derived.items()),
+        errors={"value": "std"},
+    )
+    both = Table(
+        name="inertia_both_ways",
+        caption="Inertia by acceleration on torque and by torque on acceleration, plain and without the bias of noise.",
+        columns=(
+            Column("parameter", "Parameter"),
+            *(Column(name, name.replace("_", " ").capitalize()) for name in _BOTH_WAYS),
+            Column("unit", "Unit"),
+        ),
+        rows=tuple((one.parameter, *one.plain, *one.corrected, one.unit) for one in motors.both_ways),
+        symbols=("parameter",),
+    )
+    return derived, both
+
+
+_BOTH_WAYS = ("plain_first", "plain_second", "corrected_first", "corrected_second")
