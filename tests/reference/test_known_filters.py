@@ -13,6 +13,7 @@ import pytest
 import rotorid
 from rotorid.data.record import FlightRecord, Topic
 from rotorid.data.response import FrequencyResponse
+from rotorid.errors import UsageError
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.clock import resample
 from rotorid.spectral.derived import corrected, ratio, selected
@@ -155,3 +156,25 @@ def test_old_log_does_not_say_how_its_gyro_was_integrated(shared_data: Path) -> 
     assert known_filters(record, "sensor_combined.gyro_rad[0]") == ()
     (finding,) = filter_findings(record, "sensor_combined.gyro_rad[0]")
     assert finding.kind == "unknown_filter"
+
+
+def test_a_model_without_known_filters_is_that_of_the_vehicle(unpacked: Callable[[str], Path]) -> None:
+    record = rotorid.read(unpacked("ardupilot_sitl/x_calm_roll.BIN"), sandbox=False)
+    behind = replace(record, topics=tuple(without(t, "p") if t.name.startswith("SIDD") else t for t in record.topics))
+    vehicle = rotorid.identify(behind, "rate.roll", correct_filters=True)
+    # Left in, a filter of 20 Hz passes for a lag of motors, which there are none.
+    assert vehicle.parameters["T_motor"].status == "dropped"
+    gain = vehicle.parameters["L_roll"]
+    assert gain.value == pytest.approx(437.2, rel=0.01)
+    assert gain.std < 5.0
+    # 2.5 ms of the vehicle, less the 1.25 ms by which SIDD is a mean, which RATE is not.
+    assert vehicle.delays["p/roll_command"].total_s == pytest.approx(1.3e-3, abs=1e-3)
+    assert vehicle.delays["p/roll_command"].known_filters_s is None
+    assert vehicle.provenance.sources["p"] == "RATE.R without its known filters"
+    assert vehicle.provenance.settings["correct_filters"] is True
+
+
+def test_filters_are_not_taken_off_a_fit_in_time(unpacked: Callable[[str], Path]) -> None:
+    record = rotorid.read(unpacked("ardupilot_sitl/x_calm_roll.BIN"), sandbox=False)
+    with pytest.raises(UsageError, match="--correct-filters came for a fit in time"):
+        rotorid.identify(record, "rate.roll", method="output_error", correct_filters=True)

@@ -429,7 +429,7 @@ def response(
         chosen.flown,
         inputs=inputs,
         outputs=outputs,
-        settings=settings,
+        settings=replace(settings, correct_filters=False),
         also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
     )
     # Loops and controllers are those that flew, filters and all.
@@ -476,6 +476,8 @@ def _require_channels(
     for name in outputs:
         if name in inputs:
             raise UsageError(f"{name} came as an input and as an output", needed="different channels")
+    if odd := [name for name in settings.input_windows_s if name not in inputs]:
+        raise UsageError(f"windows of {' and '.join(odd)} came", needed=f"windows of {' or '.join(inputs)}")
     known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
     for name in (*inputs, *outputs, *settings.instruments):
         if name not in known:

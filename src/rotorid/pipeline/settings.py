@@ -109,6 +109,26 @@ def parse_numbers(text: str) -> tuple[float, ...]:
         raise UsageError(f"the list {text!r} cannot be read", needed="numbers with commas between them") from None
 
 
+def parse_input_windows(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """Read ``INPUT:S,S,...`` once or more; each input once.
+
+    Examples
+    --------
+    >>> parse_input_windows(("roll_command:14,9,6", "yaw_command:9"))
+    {'roll_command': (14.0, 9.0, 6.0), 'yaw_command': (9.0,)}
+    """
+    windows: dict[str, tuple[float, ...]] = {}
+    for text in texts:
+        name, colon, lengths = (part.strip() for part in text.partition(":"))
+        if not (name and colon and lengths):
+            needed = "INPUT:S,S,... such as roll_command:14,9,6"
+            raise UsageError(f"the windows {text!r} cannot be read", needed=needed)
+        if name in windows:
+            raise UsageError(f"windows of {name} came twice", needed="each input once")
+        windows[name] = parse_numbers(lengths)
+    return windows
+
+
 def parse_names(text: str) -> tuple[str, ...]:
     """Read ``CHANNEL,...``.
 
@@ -359,6 +379,17 @@ JOINT_COHERENCE = 0.2
 """Limits below which a point is left out. A joint estimate is judged by instrument and output, whose coherence feedback
 and other inputs lower without harm: its random error tells what a point is worth, down to about this value."""
 
+CompositionChoice: TypeAlias = Literal["variance", "least_squares", "weights"]
+"""How windows of several lengths are joined: with the least variance, by least squares over spectra and coherence as
+CIFER does, or as the weighted mean from which that starts."""
+
+TaperChoice: TypeAlias = Literal["hann", "half_sine"]
+
+OVERLAP = 0.8
+"""Of neighboring windows, unless another one is asked for."""
+
+LARGEST_OVERLAP = 0.95
+
 LONGEST_WINDOW_S = 3600.0
 
 
@@ -372,6 +403,15 @@ class MeasureSettings(Immutable):
         Band to look at; by default what was excited and is coherent.
     windows_s
         Window lengths; by default five by rule.
+    input_windows_s
+        Window lengths of the responses to one input, by input, in place of ``windows_s`` for it.
+    composition
+        How windows are joined: ``variance`` makes the stated error least, ``least_squares`` over spectra and coherence
+        is CIFER's, ``weights`` the mean from which it starts.
+    taper
+        How windows fade: ``hann`` or ``half_sine``.
+    overlap
+        Share of a window that the next one covers too.
     coherence
         Least coherence of a point; by default 0.6 for a direct and 0.2 for a joint estimate.
     estimate
@@ -384,6 +424,8 @@ class MeasureSettings(Immutable):
         Channel to seconds by which it is delayed before anything is estimated.
     seed
         For what is drawn at random; nothing is by default.
+    correct_filters
+        Take known filters of the autopilot off the outputs.
     """
 
     band_rad_s: Annotated[
@@ -393,6 +435,21 @@ class MeasureSettings(Immutable):
     windows_s: Annotated[
         tuple[float, ...], Option("--windows", help="S,S,... window lengths in seconds.", parse=parse_numbers)
     ] = ()
+    input_windows_s: Annotated[
+        Mapping[str, tuple[float, ...]],
+        Option(
+            "--input-windows",
+            help="INPUT:S,S,... window lengths for the responses to one input. Repeatable.",
+            parse=parse_input_windows,
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    composition: Annotated[
+        CompositionChoice,
+        Option("--composition", help="How windows are joined: variance, least_squares (CIFER's) or weights."),
+    ] = "variance"
+    taper: Annotated[TaperChoice, Option("--taper", help="How windows fade: hann or half_sine.")] = "hann"
+    overlap: Annotated[float, Option("--overlap", help="Share of a window that the next one covers too.")] = OVERLAP
     coherence: Annotated[
         float | None, Option("--coherence", help="Least coherence of a point. [default: 0.6 direct, 0.2 joint]")
     ] = None
@@ -420,17 +477,22 @@ class MeasureSettings(Immutable):
         ),
     ] = field(default_factory=dict)
     seed: Annotated[int, Option("--seed", help="Seed of everything drawn at random.")] = 0
+    correct_filters: bool = False
 
     def __post_init__(self) -> None:
         self._set(
             windows_s=tuple(self.windows_s),
+            input_windows_s={name: tuple(lengths) for name, lengths in self.input_windows_s.items()},
             instruments=as_names(self.instruments),
             segments=tuple(self.segments),
             shifts=self.shifts,
         )
         if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1] < math.inf:
             raise UsageError(f"the band {self.band_rad_s[0]:g}:{self.band_rad_s[1]:g} is empty", needed="0 < LO < HI")
-        for length in self.windows_s:
+        for name, lengths in self.input_windows_s.items():
+            if not lengths:
+                raise UsageError(f"no window of {name} came", needed="one length or more")
+        for length in (*self.windows_s, *(one for lengths in self.input_windows_s.values() for one in lengths)):
             if not 0.0 < length <= LONGEST_WINDOW_S:
                 needed = f"lengths above 0 and up to {LONGEST_WINDOW_S:g} s"
                 raise UsageError(f"a window of {length:g} s came", needed=needed)
@@ -446,10 +508,15 @@ class MeasureSettings(Immutable):
         require_seed(self.seed)
         if self.coherence is not None and not 0.0 <= self.coherence < 1.0:
             raise UsageError(f"a coherence of {self.coherence:g} came", needed="a number from 0 to below 1")
-        if self.estimate not in get_args(EstimateChoice):
-            raise UsageError(
-                f"the estimate {self.estimate!r} came", needed=f"one of {', '.join(get_args(EstimateChoice))}"
-            )
+        for what, given, kind in (
+            ("estimate", self.estimate, EstimateChoice),
+            ("composition", self.composition, CompositionChoice),
+            ("taper", self.taper, TaperChoice),
+        ):
+            if given not in get_args(kind):
+                raise UsageError(f"the {what} {given!r} came", needed=f"one of {', '.join(get_args(kind))}")
+        if not 0.0 <= self.overlap <= LARGEST_OVERLAP:
+            raise UsageError(f"an overlap of {self.overlap:g} came", needed=f"a share from 0 to {LARGEST_OVERLAP:g}")
         if self.estimate == "direct" and self.instruments:
             raise UsageError("a direct estimate takes no instrument", remedy="leave out --instrument or --estimate")
 
@@ -461,6 +528,18 @@ class MeasureSettings(Immutable):
 
     def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
+        usual = MeasureSettings()
+        # Told only where they were asked for, as most runs know nothing of them.
+        asked: dict[str, Setting] = {
+            name: getattr(self, name)
+            for name in ("composition", "taper", "overlap")
+            if getattr(self, name) != getattr(usual, name)
+        }
+        if self.input_windows_s:
+            asked["input_windows_s"] = [
+                f"{name}:{','.join(repr(float(one)) for one in lengths)}"
+                for name, lengths in self.input_windows_s.items()
+            ]
         return {
             "band_rad_s": list(self.band_rad_s) if self.band_rad_s else None,
             "windows_s": list(self.windows_s),
@@ -470,6 +549,7 @@ class MeasureSettings(Immutable):
             # All digits, so that the text gives the same run again.
             "segments": [f"{m.axis}:{float(m.start_s)!r}:{float(m.stop_s)!r}" for m in self.segments],
             "shifts": [f"{name}:{float(seconds)!r}" for name, seconds in self.shifts.items()],
+            **asked,
         }
 
 
@@ -479,7 +559,9 @@ class ResponseSettings(MeasureSettings):
 
     Parameters
     ----------
-    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+    band_rad_s, windows_s, input_windows_s, composition, taper, overlap
+        As in :class:`MeasureSettings`.
+    coherence, estimate, instruments, segments, shifts, seed
         As in :class:`MeasureSettings`.
     correct_filters
         Take known filters of the autopilot off the outputs, so that a response is that of the vehicle alone.
@@ -563,6 +645,8 @@ class IdentifySettings(MeasureSettings):
         Parameters held at given values.
     ties
         Parameters that follow others: name to an expression such as ``-L_p``.
+    correct_filters
+        Take known filters of the autopilot off the outputs, so that the model is that of the vehicle alone.
     free
         Parameters to free again that the model holds.
     constants
@@ -612,6 +696,9 @@ class IdentifySettings(MeasureSettings):
             repeats=True,
         ),
     ] = field(default_factory=dict)
+    correct_filters: Annotated[
+        bool, Option("--correct-filters", help="Take known filters of the autopilot off the outputs, out of the model.")
+    ] = False
     free: Annotated[
         tuple[str, ...],
         Option("--free", help="NAME of a parameter that the model holds. Repeatable.", parse=tuple, repeats=True),
@@ -731,25 +818,30 @@ class IdentifySettings(MeasureSettings):
 
     def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
-        return super().as_json() | {
-            "fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()],
-            "ties": [f"{name}={text}" for name, text in self.ties.items()],
-            "free": list(self.free),
-            "constants": [f"{name}={float(value)!r}" for name, value in self.constants.items()],
-            "outputs": list(self.outputs),
-            "pairs": [pair_text(name, band) for name, band in self.pairs.items()],
-            "pair_weights": [f"{name}={float(value)!r}" for name, value in self.pair_weights.items()],
-            "weights": self.weights,
-            "reduce": self.reduce,
-            "speed_damping": self.speed_damping,
-            "method": self.method,
-            "hold": self.hold,
-            "pieces_s": self.pieces_s,
-            "starts": self.starts,
-            "search": self.search,
-            "evaluations": self.evaluations,
-            "bootstrap": self.bootstrap,
-        }
+        asked: dict[str, Setting] = {"correct_filters": True} if self.correct_filters else {}
+        return (
+            super().as_json()
+            | asked
+            | {
+                "fix": [f"{name}={float(value)!r}" for name, value in self.fix.items()],
+                "ties": [f"{name}={text}" for name, text in self.ties.items()],
+                "free": list(self.free),
+                "constants": [f"{name}={float(value)!r}" for name, value in self.constants.items()],
+                "outputs": list(self.outputs),
+                "pairs": [pair_text(name, band) for name, band in self.pairs.items()],
+                "pair_weights": [f"{name}={float(value)!r}" for name, value in self.pair_weights.items()],
+                "weights": self.weights,
+                "reduce": self.reduce,
+                "speed_damping": self.speed_damping,
+                "method": self.method,
+                "hold": self.hold,
+                "pieces_s": self.pieces_s,
+                "starts": self.starts,
+                "search": self.search,
+                "evaluations": self.evaluations,
+                "bootstrap": self.bootstrap,
+            }
+        )
 
 
 ALL = "all"

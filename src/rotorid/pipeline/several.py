@@ -198,6 +198,7 @@ def _known(structure: LinearStructure) -> dict[str, frozenset[str]]:
         "constants": frozenset(structure.constants),
         "pairs": responses,
         "pair_weights": responses,
+        "input_windows_s": frozenset(structure.inputs),
     }
 
 
@@ -231,6 +232,7 @@ _KINDS = {
     "constants": "constant",
     "pairs": "response",
     "pair_weights": "response",
+    "input_windows_s": "input",
 }
 
 

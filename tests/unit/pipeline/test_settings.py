@@ -19,6 +19,7 @@ from rotorid.pipeline.settings import (
     as_settings,
     parse_band,
     parse_fix,
+    parse_input_windows,
     parse_numbers,
     parse_pairs,
     parse_segment,
@@ -36,6 +37,12 @@ from rotorid.pipeline.settings import (
         ({"windows_s": (10.0, 0.0)}, "a window of 0 s"),
         ({"windows_s": (math.inf,)}, "a window of inf s"),
         ({"windows_s": (math.nan,)}, "a window of nan s"),
+        ({"input_windows_s": {"roll_command": (10.0, -1.0)}}, "a window of -1 s"),
+        ({"input_windows_s": {"roll_command": ()}}, "no window of roll_command"),
+        ({"composition": "cifer"}, "the composition 'cifer'"),
+        ({"taper": "boxcar"}, "the taper 'boxcar'"),
+        ({"overlap": 1.0}, "an overlap of 1 "),
+        ({"overlap": math.nan}, "an overlap of nan"),
         ({"coherence": 1.0}, "a coherence of 1 "),
         ({"coherence": -0.1}, "a coherence of -0.1"),
         ({"estimate": "guess"}, "the estimate 'guess'"),
@@ -245,3 +252,23 @@ def test_one_record_or_path_stands_for_a_list_of_one(tmp_path: Path) -> None:
     (read_here,) = as_records(log)
     assert as_records(read_here) == (read_here,)
     assert [record.source.name for record in as_records([str(log), read_here])] == ["roll.csv", "roll.csv"]
+
+
+def test_windows_of_an_input_are_read_and_written_down() -> None:
+    read = parse_input_windows(("roll_command:14,9", "yaw_command: 6"))
+    assert read == {"roll_command": (14.0, 9.0), "yaw_command": (6.0,)}
+    written = IdentifySettings(input_windows_s=read, taper="half_sine", overlap=0.5).as_json()
+    assert written["input_windows_s"] == ["roll_command:14.0,9.0", "yaw_command:6.0"]
+    assert (written["taper"], written["overlap"]) == ("half_sine", 0.5)
+    assert "composition" not in written
+
+
+@pytest.mark.parametrize("text", ["14,9", "roll_command:", ":9", "roll_command:nine"])
+def test_windows_that_cannot_be_read_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="cannot be read"):
+        parse_input_windows((text,))
+
+
+def test_windows_of_an_input_twice_are_refused() -> None:
+    with pytest.raises(UsageError, match="came twice"):
+        parse_input_windows(("roll_command:9", "roll_command:5"))

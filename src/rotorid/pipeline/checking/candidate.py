@@ -256,6 +256,9 @@ def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores)
 
 
 RESULT, RESULTS, MODEL = "result.json", "results.json", "model.toml"
+UNFILTERED = " without its known filters"
+"""What follows the source of an output that known filters were taken off before the model was fitted."""
+
 _SAME_VALUE = 1e-6
 
 
@@ -326,8 +329,12 @@ def candidate_model(model: IdentifiedModel) -> Candidate:
 
 
 def output_sources(measured: Measured) -> dict[str, str]:
-    """Output to where it stood in the first log."""
-    return {name: source_of(measured.segments[0], name) for name in measured.response.outputs}
+    """Output to where it stood in the first log that holds it."""
+    sources: dict[str, str] = {}
+    for name in measured.response.outputs:
+        held = next(segment for segment in measured.segments if name in segment.history.names)
+        sources[name] = source_of(held, name) + (UNFILTERED if name in measured.unfiltered else "")
+    return sources
 
 
 def read_candidate(result: Path) -> Candidate:

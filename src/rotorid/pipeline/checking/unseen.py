@@ -24,7 +24,7 @@ from rotorid.fitting.time.output_error import Fitted as Simulated
 from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.checking.candidate import Candidate, candidate_of
+from rotorid.pipeline.checking.candidate import UNFILTERED, Candidate, candidate_of
 from rotorid.pipeline.checking.maneuvers import excited_outputs, predict_maneuvers, remarks_on, usual_motion
 from rotorid.pipeline.fits.frequency import FrequencyFit, fitted_band
 from rotorid.pipeline.fits.time import TimeFit, growth, nothing_unseen
@@ -502,6 +502,8 @@ def _judge(candidate: Candidate, logs: Sequence[UnseenLog], settings: MeasureSet
     outputs = tuple(name for name in candidate.structure.outputs if all(name in log.outputs for log in logs))
     if not outputs:
         raise InsufficientDataError("the logs have no output of the model in common")
+    if any(source.endswith(UNFILTERED) for source in (candidate.sources or {}).values()):
+        settings = replace(settings, correct_filters=True)
     judged = check_sweeps(
         candidate.structure if outputs == candidate.structure.outputs else candidate.structure.select(outputs=outputs),
         candidate.parameters,

@@ -907,7 +907,9 @@ def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: 
 def _one(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[float, Finding]:
     output, source, axis = _STEPS[name]
     own = [item for item in flights if item[1].axis == axis] or list(flights)
-    plain = replace(settings, instruments=(), estimate="direct", pairs={}, pair_weights={}, shifts={})
+    plain = replace(
+        settings, instruments=(), estimate="direct", pairs={}, pair_weights={}, shifts={}, correct_filters=False
+    )
     measured = measure(own, inputs=(source,), outputs=(output,), settings=plain)
     structure = speed_damping(output, source)
     used = measured.trusted_points(measured.response, plain.least_coherence(joint=False))

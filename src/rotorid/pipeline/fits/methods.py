@@ -429,6 +429,11 @@ class InTime(_Linear[TimeDomainData]):
     def prepare(self, records: Sequence[FlightRecord]) -> TimeDomainData:
         """Take the maneuvers out of the logs as they were sampled, and fit their responses for a start."""
         require_bootstrap(self.settings, self.kind)
+        if self.settings.correct_filters:
+            raise UsageError(
+                "--correct-filters came for a fit in time",
+                needed="--method frequency: filters are taken off responses",
+            )
         if self.kind == "equation_error":
             needed = "another method: regression has one minimum and needs no search"
             refuse_search(self.settings, "equation error", needed)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,12 +23,22 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import choose_instruments, is_free, no_instrument, open_loop
 from rotorid.pipeline.preparation.segments import cut, histories, require_known, source_of, with_surroundings
 from rotorid.pipeline.results import Segment
-from rotorid.pipeline.settings import MeasureSettings
+from rotorid.pipeline.settings import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.filters import KnownFilter
+from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
 from rotorid.spectral.estimate import Diagnostics, diagnosed_response
-from rotorid.spectral.windows import PERIODS_IN_WINDOW, WindowPlan, given_windows, plan_windows
+from rotorid.spectral.joined import by_input, joined_diagnostics
+from rotorid.spectral.windows import (
+    HALF_SINE,
+    HANN,
+    PERIODS_IN_WINDOW,
+    Taper,
+    WindowPlan,
+    given_windows,
+    plan_windows,
+)
 from rotorid.typing import BoolArray, FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -63,6 +73,10 @@ class Measured:
         Remarks on the way.
     diagnostics
         What stands behind ``response``.
+    lowest_rad_s
+        Input to the lowest frequency that its own windows reach, where windows were chosen by input.
+    unfiltered
+        Outputs that known filters were taken off.
     """
 
     response: FrequencyResponse
@@ -72,6 +86,8 @@ class Measured:
     asked_rad_s: tuple[float, float]
     excited_rad_s: Mapping[str, float]
     findings: tuple[Finding, ...]
+    lowest_rad_s: Mapping[str, float] = field(default_factory=dict)
+    unfiltered: tuple[str, ...] = ()
 
     @property
     def excited_to_rad_s(self) -> float:
@@ -104,6 +120,7 @@ class Measured:
             Shape ``(y, u, f)``.
         """
         bands = {name: self._trusted_to(top) for name, top in self.excited_rad_s.items()}
+        bands = {name: (max(low, self.lowest_rad_s.get(name, low)), high) for name, (low, high) in bands.items()}
         each = [
             usable_points(data, coherence=coherence, band_rad_s=bands[name])[:, u] for u, name in enumerate(data.inputs)
         ]
@@ -147,69 +164,104 @@ def measure(
     segments, findings = cut(wider, channels=channels, followers=followers, shifts=settings.shifts)
     records = histories(segments)
     band = settings.band_rad_s or default_band(flights, records[0].sample_rate_hz)
-    plan = _windows(records, band, settings)
-    omega = _grid(band, plan)
+    windows = _windows(records, band, settings, inputs)
     _PROGRESS.info("frequency responses")
     agreement = sensor_agreement(flights)
     errors = sensor_errors(agreement, outputs)
-    direct, diagnostics = _respond(records, inputs, outputs, omega, plan)
+    direct, diagnostics = _respond(records, inputs, outputs, band, windows, settings)
     joint = None
     if instruments:
-        joint, diagnostics = _respond(records, inputs, outputs, omega, plan, instruments)
+        joint, diagnostics = _respond(records, inputs, outputs, band, windows, settings, instruments)
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
-    return Measured(
+    measured = Measured(
         response=replace(joint or direct, sensor_errors=errors),
         direct=direct if joint else None,
         diagnostics=diagnostics,
         segments=segments,
         asked_rad_s=band,
         excited_rad_s={name: _excited_to(_of_input(flights, name)) for name in inputs},
+        lowest_rad_s={name: windows[name].lowest_rad_s for name in inputs if name in settings.input_windows_s},
         findings=(
             *findings,
             *data_quality(flights, segments, inputs, agreement),
-            *plan.findings,
+            *dict.fromkeys(finding for plan in windows.values() for finding in plan.findings),
             *((no_instrument(inputs),) if unknown else ()),
         ),
     )
+    return without_known_filters(measured, flights) if settings.correct_filters else measured
+
+
+_COMPOSITIONS: Mapping[CompositionChoice, Composition] = {
+    "variance": "minimum_variance",
+    "least_squares": "least_squares",
+    "weights": "weights",
+}
+_TAPERS: Mapping[TaperChoice, Taper] = {"hann": HANN, "half_sine": HALF_SINE}
 
 
 def _respond(
     records: Sequence[TimeHistory],
     inputs: Sequence[str],
     outputs: Sequence[str],
-    omega_rad_s: FloatArray,
-    plan: WindowPlan,
+    band_rad_s: tuple[float, float],
+    windows: Mapping[str, WindowPlan],
+    settings: MeasureSettings,
     instruments: Sequence[str] = (),
 ) -> tuple[FrequencyResponse, Diagnostics]:
-    return diagnosed_response(
-        records,
-        inputs=inputs,
-        outputs=outputs,
-        instruments=instruments,
-        omega_rad_s=omega_rad_s,
-        windows_s=plan.lengths_s,
-    )
+    """Responses with the windows that were planned for each input."""
+    longest = max(windows.values(), key=lambda plan: max(plan.lengths_s))
+    omega = _grid(band_rad_s, longest)
+    found = {
+        plan.lengths_s: diagnosed_response(
+            records,
+            inputs=inputs,
+            outputs=outputs,
+            instruments=instruments,
+            omega_rad_s=omega,
+            windows_s=plan.lengths_s,
+            overlap=settings.overlap,
+            taper=_TAPERS[settings.taper],
+            composition=_COMPOSITIONS[settings.composition],
+        )
+        for plan in dict.fromkeys(windows.values())
+    }
+    if len(found) == 1:
+        return next(iter(found.values()))
+    whole = by_input({name: found[plan.lengths_s][0] for name, plan in windows.items()})
+    lengths = list(found)
+    columns = [lengths.index(windows[name].lengths_s) for name in inputs]
+    return whole, joined_diagnostics(list(found.values()), whole, columns=columns)
 
 
 def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
     """How much quiet time to take along: that of the longest window, as far as it is known yet."""
-    if settings.windows_s:
-        return max(settings.windows_s)
+    given = [*settings.windows_s, *(one for lengths in settings.input_windows_s.values() for one in lengths)]
+    if given:
+        return max(given)
     return min(0.5 * max(maneuver.duration_s for _, maneuver in flights), _LONGEST_MARGIN_S)
 
 
-def _windows(records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: MeasureSettings) -> WindowPlan:
-    """Windows for the records: half of the time flown lies in records of at least the planned length.
+def _windows(
+    records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: MeasureSettings, inputs: Sequence[str]
+) -> dict[str, WindowPlan]:
+    """Windows of each input: half of the time flown lies in records of at least the planned length.
 
     A gap may leave a stub of a second beside records of a minute. Windows that do not fit into it pass it over.
     """
     lengths = np.sort([record.duration_s for record in records])[::-1]
     typical = float(lengths[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])
-    if settings.windows_s:
-        return given_windows(settings.windows_s, typical)
-    return plan_windows(typical, float(lengths.sum()), band_rad_s)
+    own = {name: lengths for name, lengths in settings.input_windows_s.items() if name in inputs}
+    usual = None
+    if any(name not in own for name in inputs):
+        usual = (
+            given_windows(settings.windows_s, typical)
+            if settings.windows_s
+            else plan_windows(typical, float(lengths.sum()), band_rad_s)
+        )
+    plans = {name: given_windows(one, typical) for name, one in own.items()}
+    return {name: plan for name in inputs if (plan := plans.get(name, usual)) is not None}
 
 
 def _grid(band_rad_s: tuple[float, float], plan: WindowPlan) -> FloatArray:
@@ -278,11 +330,11 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
     if not chains:
         return remarked
     direct = None if measured.direct is None else corrected(measured.direct, chains)
-    return replace(remarked, response=corrected(measured.response, chains), direct=direct)
+    return replace(remarked, response=corrected(measured.response, chains), direct=direct, unfiltered=tuple(chains))
 
 
 def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, float]:
-    """Output to the delay in seconds of the known filters in front of it, where all logs had the same ones.
+    """Output to the delay in seconds of the known filters in its response, where all logs had the same ones.
 
     Parameters
     ----------
@@ -293,6 +345,8 @@ def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, fl
     """
     delays: dict[str, float] = {}
     for output in measured.response.outputs:
+        if output in measured.unfiltered:
+            continue
         sources = sorted({source_of(segment, output) for segment in measured.segments})
         chains = [known_filters(record, source) for source in sources for record, _ in flights]
         if chains[0] and all(chain == chains[0] for chain in chains):

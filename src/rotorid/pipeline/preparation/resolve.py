@@ -236,7 +236,7 @@ def require_known(structure: LinearStructure, settings: IdentifySettings) -> Non
     structure
         The whole model.
     settings
-        Choices of the run: parameters, constants, outputs and responses ``output/input`` are looked up.
+        Choices of the run: parameters, constants, inputs, outputs and responses ``output/input`` are looked up.
 
     Raises
     ------
@@ -250,6 +250,7 @@ def require_known(structure: LinearStructure, settings: IdentifySettings) -> Non
         ("constant", settings.constants, structure.constants),
         ("response", settings.pairs, responses),
         ("response", settings.pair_weights, responses),
+        ("input", settings.input_windows_s, structure.inputs),
     ):
         for name in given:
             if name not in known:
