@@ -186,7 +186,7 @@ def measure(
         findings=(
             *findings,
             *data_quality(flights, segments, inputs, agreement),
-            *dict.fromkeys(finding for plan in windows.values() for finding in plan.findings),
+            *(finding for plan in _different(windows) for finding in plan.findings),
             *((no_instrument(inputs),) if unknown else ()),
         ),
     )
@@ -225,7 +225,7 @@ def _respond(
             taper=_TAPERS[settings.taper],
             composition=_COMPOSITIONS[settings.composition],
         )
-        for plan in dict.fromkeys(windows.values())
+        for plan in _different(windows)
     }
     if len(found) == 1:
         return next(iter(found.values()))
@@ -233,6 +233,11 @@ def _respond(
     lengths = list(found)
     columns = [lengths.index(windows[name].lengths_s) for name in inputs]
     return whole, joined_diagnostics(list(found.values()), whole, columns=columns)
+
+
+def _different(windows: Mapping[str, WindowPlan]) -> tuple[WindowPlan, ...]:
+    """Plans of inputs, each once."""
+    return tuple({plan.lengths_s: plan for plan in windows.values()}.values())
 
 
 def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
