@@ -22,11 +22,16 @@ from rotorid.models.library import RATE_AXES
 from rotorid.pipeline.fits.frequency import LOWEST_TOP_RAD_S
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import axis_of, find_instrument
+from rotorid.pipeline.preparation.instruments import axis_of, find_instrument, own_instrument
 from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import LoggedManeuver, logged
 from rotorid.signal.airborne import Airborne, airborne
-from rotorid.signal.excitations import candidate_excitations, find_excitations, still_declarations
+from rotorid.signal.excitations import (
+    candidate_excitations,
+    find_excitations,
+    motor_excitations,
+    still_declarations,
+)
 from rotorid.signal.kinematics import KinematicCheck
 from rotorid.typing import Axis, FloatArray, IntArray
 
@@ -80,7 +85,7 @@ class Support(Immutable):
 
 
 def supports(record: FlightRecord, found: _PerAxis, candidates: _PerAxis) -> dict[str, Support]:
-    """Name of each rate model to whether the log supports it.
+    """Name of each rate model, and of each of a rig where single motors were tested, to whether the log supports it.
 
     Parameters
     ----------
@@ -92,7 +97,65 @@ def supports(record: FlightRecord, found: _PerAxis, candidates: _PerAxis) -> dic
     if record.status.foreign:
         because = f"the vehicle is a {record.status.vehicle}, as {record.status.named_in} says, and no multirotor"
         return {model: Support(possible=False, because=because) for model in RATE_AXES}
-    return {model: _support(record, axis.input, axis.output, found, candidates) for model, axis in RATE_AXES.items()}
+    rates = {model: _support(record, axis.input, axis.output, found, candidates) for model, axis in RATE_AXES.items()}
+    return rates | _rig_supports(record, found)
+
+
+_RIG_MODELS: Mapping[str, tuple[tuple[str, ...], tuple[Axis, ...], tuple[str, ...]]] = {
+    "rig.roll": (("motor_3", "motor_4"), ("roll",), ("phi", "p")),
+    "rig.attitude": (tuple(f"motor_{n}" for n in range(1, 5)), ("roll", "pitch"), ("phi", "theta", "psi")),
+}
+"""Inputs of each model of a vehicle on a pivot, the axes that have to be swept, and outputs of which one is enough."""
+
+
+def _rig_supports(record: FlightRecord, found: _PerAxis) -> dict[str, Support]:
+    """Whether a record with test inputs of single motors supports the models of a vehicle on a pivot; else nothing."""
+    if not motor_excitations(record):
+        return {}
+    return {name: _rig_support(record, *needed, found) for name, needed in _RIG_MODELS.items()}
+
+
+def _rig_support(
+    record: FlightRecord, motors: Sequence[str], axes: Sequence[Axis], outputs: Sequence[str], found: _PerAxis
+) -> Support:
+    flights = [Flight(record, m) for axis in axes for m in found[axis] if m.kind in RICH_KINDS]
+    missing = [name for name in motors if name not in record.channel_names]
+    instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
+    unswept = [axis for axis in axes if not any(flight.axis == axis for flight in flights)]
+    seen = [name for name in outputs if name in record.channel_names]
+    rate = min((_best_rate_hz(record, name) for name in (*motors, *seen)), default=0.0)
+    needs = (
+        Need(need=", ".join(motors), there=not missing, found=f"{rate:.3g} Hz" if not missing else "not all logged"),
+        Need(need=" or ".join(outputs), there=bool(seen), found=", ".join(seen) or "not logged"),
+        Need(
+            need=f"single motors swept on {' and '.join(axes)}",
+            there=not unswept,
+            found=f"{len(flights)} sweep(s)" if flights else "none found",
+        ),
+        Need(
+            need="their test inputs, free of feedback",
+            there=len(instruments) == len(motors),
+            found=", ".join(instruments) or "none that move",
+        ),
+    )
+    if missing or not seen:
+        lacking = missing or [" or ".join(outputs)]
+        return Support(possible=False, because=f"the log lacks {' and '.join(lacking)}", needs=needs)
+    if unswept:
+        return Support(
+            possible=False,
+            because=f"no sweep of single motors turns the vehicle in {' or '.join(unswept)}",
+            remedy="give a second log with it to identify",
+            needs=needs,
+        )
+    free = needs[-1].there
+    estimate = f"joint estimate with {', '.join(instruments)}" if free else "direct estimate only; feedback may bias it"
+    return Support(
+        possible=True,
+        because=f"{len(flights)} rich excitation(s), {rate:.0f} Hz, {estimate}",
+        instrument=", ".join(instruments) if free else None,
+        needs=needs,
+    )
 
 
 def segment_of(axis: str, start_s: float, stop_s: float) -> str:

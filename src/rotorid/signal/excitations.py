@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from rotorid.data.base import remembered
-from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
+from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import even_step_s
@@ -133,7 +133,8 @@ def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     The first signal of :func:`excitation_signals` that shows any is taken. An interval is active while the signal
     leaves its resting value by more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps are
     told by half periods that shrink or grow steadily, random binary signals by two levels without a trend, multisines
-    by a period that they repeat, doublets and multisteps by few switches.
+    by a period that they repeat, doublets and multisteps by few switches. Where nothing of an axis was excited and
+    single motors were, as on a rig, their test inputs count to the axis that turns most.
 
     Sticks that move on the ground excite nothing, and who turns over flies a figure: neither is an excitation, nor is
     what the log declares in a signal that stands still.
@@ -150,7 +151,7 @@ def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     Maneuvers
         In order of time; empty where nothing was excited.
     """
-    found = _from_outside(record, axis)
+    found = _from_outside(record, axis) or _by_single_motors(record, axis)
     if found:
         return Maneuvers(found)
     # The short answers to gusts that a command shows while everything outside of the loop is seen to rest are none.
@@ -251,6 +252,44 @@ def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     found = _purposeful(record, axis, names)
     others = tuple(m for m in found if not _any_shared(m, declared))
     return tuple(sorted((*declared, *others), key=lambda maneuver: maneuver.start_s))
+
+
+def motor_excitations(record: FlightRecord) -> tuple[str, ...]:
+    """Test inputs of single motors that a record holds, ``motor_3_excitation``, in the order of the motors.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles import rig
+    >>> motor_excitations(rig.fly(("motor_3", "motor_4"), np.random.default_rng(0)))[2:]
+    ('motor_3_excitation', 'motor_4_excitation')
+    """
+    names = (f"motor_{number}_excitation" for number in range(1, MOTORS + 1))
+    return tuple(name for name in names if name in record.channel_names)
+
+
+def _by_single_motors(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Excitations in which single motors were moved, as on a rig; each counts to the axis that turns most meanwhile."""
+    found: list[Maneuver] = []
+    for name in motor_excitations(record):
+        moved = (m for m in _purposeful(record, axis, [name]) if _turns_most(record, m) == axis)
+        found += [m for m in moved if not _any_shared(m, found)]
+    return tuple(sorted(found, key=lambda maneuver: maneuver.start_s))
+
+
+def _turns_most(record: FlightRecord, maneuver: Maneuver) -> Axis | None:
+    """The axis with the largest spread of the rates, or of the angles where no rate is logged."""
+    for channels in ({"roll": "p", "pitch": "q", "yaw": "r"}, {"roll": "phi", "pitch": "theta", "yaw": "psi"}):
+        spreads: dict[Axis, float] = {}
+        for axis, name in channels.items():
+            for topic, row in record.holding(name):
+                inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
+                values = topic.values[row][inside & np.isfinite(topic.values[row])]
+                if values.size:
+                    spreads[axis] = float(np.std(values))  # type: ignore[index]
+                    break
+        if spreads and max(spreads.values()) > 0.0:
+            return max(spreads, key=lambda axis: spreads[axis])
+    return None
 
 
 def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple[Maneuver, ...]:

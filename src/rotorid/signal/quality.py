@@ -41,7 +41,8 @@ def quality_findings(history: TimeHistory, *, axis: Axis, accounted: Collection[
 
     ``saturation``
         Share of samples of a command or motor at a limit: 0, 1 (−1 and 1 for roll, pitch, yaw), or a value at which
-        samples pile up, see :func:`limited_share`.
+        samples pile up, see :func:`limited_share`. Motors that go below zero, as voltages about a trim do, have no end
+        at 0 or 1: there the pile-up alone counts.
     ``sensor_clipping``
         The same pile-up at an end of an accelerometer or gyro.
     ``off_axis_input``
@@ -180,7 +181,11 @@ def _saturated(name: str, values: FloatArray) -> float:
         # A random binary signal stands at its levels on purpose.
         return 0.0
     # A thrust that goes below zero is counted from hover, and zero is no end of its range.
-    upward = name in _MOTORS or (name == "thrust_command" and float(np.mean(values < -_HARD_LIMIT)) < _HARD_LIMIT)
+    signed = float(np.mean(values < -_HARD_LIMIT)) >= _HARD_LIMIT
+    if signed and name in _MOTORS:
+        # Volts about a trim: where their range ends is not known.
+        return limited_share(values)
+    upward = name in _MOTORS or (name == "thrust_command" and not signed)
     lowest = 0.0 if upward else -1.0
     if np.abs(values).max() > _NORMALIZED:
         # Steps of a motor controller, or microseconds: where their range ends is not known.

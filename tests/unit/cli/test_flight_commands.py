@@ -10,6 +10,7 @@ import pytest
 from tests.unit.cli.commands import rotorid
 
 from rotorid import read
+from rotorid.vehicles import rig
 
 HOVER = ("--plan", "none", "--duration", "4")
 
@@ -163,6 +164,31 @@ def test_the_rig_is_moved_and_its_ratio_found(tmp_path: Path) -> None:
     given = (*given, "--json", "--out", str(tmp_path / "result"))
     found = json.loads(rotorid("identify", tmp_path / "flight.csv", "--model", "rig.roll", *given).out)
     assert found["parameters"]["K_f"]["value"] == pytest.approx(truth["K_f"], rel=0.02)
+
+
+def test_the_rig_as_a_new_user_would(tmp_path: Path) -> None:
+    """Nothing is named by hand: the sweep is found, its test inputs are the instruments, another log verifies."""
+    for seed in ("0", "1"):
+        assert rotorid("simulate", "rig", "--seed", seed, "--out", tmp_path / seed, "--quiet").code == 0
+    log, other = tmp_path / "0" / "flight.csv", tmp_path / "1" / "flight.csv"
+    seen = json.loads(rotorid("inspect", log, "--json").out)
+    assert [(one["axis"], one["kind"]) for one in seen["excitations"]] == [("roll", "sweep")]
+    assert seen["supports"]["rig.roll"]["possible"]
+    assert not seen["supports"]["rig.attitude"]["possible"]
+    assert "sweep of single motors turns the vehicle in pitch" in seen["supports"]["rig.attitude"]["because"]
+    given = ("--model", "rig.roll", "--fix", f"J_x={rig.TRUTH['J_x']}", "--verify", other, "--json")
+    found = json.loads(rotorid("identify", log, *given, "--out", tmp_path / "result").out)
+    for name in ("K_f", "tau_3", "tau_4"):
+        one = found["parameters"][name]
+        assert abs(one["value"] - rig.TRUTH[name]) <= 3.0 * one["std"]
+        assert one["lower"] <= rig.TRUTH[name] <= one["upper"]
+        assert one["std"] <= 0.03 * rig.TRUTH[name]
+    assert "saturation" not in {one["kind"] for one in found["findings"]}
+    assert "motor_3_excitation, motor_4_excitation" in next(
+        one["message"] for one in found["findings"] if one["kind"] == "closed_loop_bias"
+    )
+    assert set(found["verification"]["frequency"]) == {"phi/motor_3", "phi/motor_4", "p/motor_3", "p/motor_4"}
+    assert max(found["verification"]["frequency"].values()) < 20.0
 
 
 def test_the_bebop_shows_its_interface_alone(tmp_path: Path) -> None:

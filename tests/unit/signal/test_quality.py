@@ -182,3 +182,9 @@ def test_a_thrust_that_is_counted_from_hover_has_no_stop_at_zero() -> None:
     )
     stuck = np.maximum(0.3 + SWEEP, 0.0)
     assert findings("thrust", thrust_command=stuck)["saturation", "thrust_command"].numbers["share"] > 0.2
+
+
+def test_voltages_about_a_trim_have_no_stop_at_zero() -> None:
+    assert not findings(motor_3=0.6 * SWEEP + noise(7, 0.05))
+    assert ("saturation", "motor_3") in findings(motor_3=np.clip(0.6 * SWEEP, -0.5, 0.5))
+    assert ("saturation", "motor_3") in findings(motor_3=np.clip(0.6 * SWEEP + 0.5, 0.0, 1.0))

@@ -87,6 +87,16 @@ def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     return None
 
 
+def own_instrument(flights: Sequence[Flight], input: str) -> str | None:
+    """The test input of an input that is no command, ``motor_3_excitation`` of ``motor_3``, or ``None``.
+
+    Every record holds it, and it moves in one maneuver at least: in the others another motor was swept.
+    """
+    name = f"{input}_excitation"
+    logged = all(name in record.channel_names for record, _ in flights)
+    return name if logged and any(_moves(flight, name) for flight in flights) else None
+
+
 def is_free(flights: Sequence[Flight], name: str) -> bool:
     """Whether a channel contains no feedback in any of the maneuvers: a stick, or a set-point that is one."""
     axis = next((axis for axis, setpoint in RATE_SETPOINTS.items() if setpoint == name), None)
@@ -137,7 +147,10 @@ def choose_instruments(
                 f"{len(settings.instruments)} instruments for {len(inputs)} inputs came", needed="one for each input"
             )
         return settings.instruments
-    found = [find_instrument(flights, axis_of(name)) if is_command(name) else None for name in inputs]
+    found = [
+        find_instrument(flights, axis_of(name)) if is_command(name) else own_instrument(flights, name)
+        for name in inputs
+    ]
     if all(found):
         return tuple(name for name in found if name)
     if settings.estimate == "joint":
