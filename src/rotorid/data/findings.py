@@ -267,6 +267,11 @@ KINDS: Mapping[str, Kind] = {
     "known_filter": Kind(
         "info", "A known filter", "The filters that a channel has passed, as far as the log says, and their delay."
     ),
+    "joined_records": Kind(
+        "warning",
+        "Records joined",
+        "Logs that hold some channels each were joined, and an input moved that one of them does not tell apart.",
+    ),
     "lag_plus_delay": Kind(
         "info", "Lag and delay together", "The sum of motor lag and delay, which is known better than either."
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import rotorid
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.models.library import library_model, transfer_function
 from rotorid.models.structure import connected
-from rotorid.pipeline.preparation.scope import Scoped, scoped
+from rotorid.pipeline.preparation.scope import Scoped, require_common_axes, scoped
 from rotorid.pipeline.settings import IdentifySettings
 
 LONGITUDINAL = library_model("hover.longitudinal")
@@ -116,6 +117,34 @@ def test_outputs_must_be_in_every_record() -> None:
             [AUTOPILOT, other],
             IdentifySettings(outputs=("q", "az")),
         )
+
+
+def test_of_joined_records_any_may_hold_an_output() -> None:
+    other = log(at_rest("imu", 200.0, "q", "ax", *COMMANDS), name="second.csv")
+    records = [AUTOPILOT, other]
+    scope = scoped(
+        LONGITUDINAL,
+        sweeps(AUTOPILOT, ["pitch", "thrust"]),
+        records,
+        IdentifySettings(outputs=("q", "az")),
+        joined=True,
+    )
+    assert scope.structure.outputs == ("q", "az")
+    alone = scoped(LONGITUDINAL, sweeps(AUTOPILOT, ["pitch", "thrust"]), [AUTOPILOT], IdentifySettings())
+    both = scoped(LONGITUDINAL, sweeps(AUTOPILOT, ["pitch", "thrust"]), records, IdentifySettings(), joined=True)
+    assert both.structure.outputs == alone.structure.outputs
+
+
+def test_records_of_other_units_or_without_a_common_axis_are_refused() -> None:
+    other = log(at_rest("imu", 200.0, "p", "roll_command"), name="roll.csv")
+    with pytest.raises(UsageError, match=r"none of .* holds an input of hover\.longitudinal"):
+        require_common_axes(LONGITUDINAL, [other, replace(other, topics=other.topics)])
+    (topic,) = (t for t in AUTOPILOT.topics if "q" in [c.name for c in t.channels])
+    degrees = tuple(replace(c, unit="deg/s") if c.name == "q" else c for c in topic.channels)
+    topics = tuple(replace(t, channels=degrees) if t is topic else t for t in AUTOPILOT.topics)
+    with pytest.raises(UsageError, match=r"q came in rad/s in .* and deg/s in"):
+        require_common_axes(LONGITUDINAL, [AUTOPILOT, replace(AUTOPILOT, topics=topics)])
+    require_common_axes(LONGITUDINAL, [AUTOPILOT, other])
 
 
 def test_a_log_without_any_output_names_the_first_that_is_missing() -> None:

@@ -332,8 +332,9 @@ def output_sources(measured: Measured) -> dict[str, str]:
     """Output to where it stood in the first log that holds it."""
     sources: dict[str, str] = {}
     for name in measured.response.outputs:
-        held = next(segment for segment in measured.segments if name in segment.history.names)
-        sources[name] = source_of(held, name) + (UNFILTERED if name in measured.unfiltered else "")
+        held = [segment for segment in measured.segments if name in segment.history.names]
+        if held:
+            sources[name] = source_of(held[0], name) + (UNFILTERED if name in measured.unfiltered else "")
     return sources
 
 

@@ -32,7 +32,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command
 from rotorid.pipeline.preparation.inverse import pose_screened
 from rotorid.pipeline.preparation.measure import Measured, default_band, measure
-from rotorid.pipeline.preparation.segments import TimeRecords, require_channels, source_of, time_records
+from rotorid.pipeline.preparation.segments import TimeRecords, holds, require_channels, source_of, time_records
 from rotorid.pipeline.preparation.selection import (
     RICH_KINDS,
     Selection,
@@ -165,7 +165,9 @@ def _model(structure: LinearStructure, parameters: ParameterSet, data: Frequency
     count = len(structure.outputs)
     swept = [structure.inputs.index(name) for name in data.inputs]
     others = [structure.inputs.index(name) for name in data.outputs[count:]]
-    return np.asarray(whole[:, swept] + np.einsum("yvf,vuf->yuf", whole[:, others], data.values[count:]))
+    # Records that lack an input tell nothing of it.
+    moved = np.nan_to_num(data.values[count:])
+    return np.asarray(whole[:, swept] + np.einsum("yvf,vuf->yuf", whole[:, others], moved))
 
 
 def _used(measured: Measured, data: FrequencyResponse, fitted_rad_s: tuple[float, float], limit: float) -> BoolArray:
@@ -241,7 +243,9 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
         reduced = fit_and_drop(pose_screened(structure, measured, settings, rest).problem)
         parameters = reduced.problem.parameters.unpack(reduced.solution.theta)
         band = fitted_band(reduced.problem)
-        judged = check_sweeps(structure, parameters, [held], band_rad_s=band, settings=settings)
+        there = tuple(name for name in structure.outputs if holds(held.record, name))
+        seen = structure if there == structure.outputs else structure.select(outputs=there)
+        judged = check_sweeps(seen, parameters, [held], band_rad_s=band, settings=settings)
     except InsufficientDataError as error:
         return FrequencyCheck(findings=(_not_held_out(name, error),))
     # What was said of the data when all of it was fitted need not be said of its parts again.
@@ -326,11 +330,14 @@ def verify_unseen(
     logs = [
         UnseenLog(
             record=record,
-            outputs=structure.outputs,
+            outputs=tuple(name for name in structure.outputs if holds(record, name)),
             short=tuple(flight for flight in selection.unseen if flight.record is record),
+            cause=_lacking(record, structure.inputs),
         )
         for record in own
     ]
+    # A log without some input told of the others when it was fitted, and cannot be predicted.
+    logs = [replace(log, short=()) if log.cause else log for log in logs]
     logs += unseen_logs(candidate, verify, axes, fits=selection.fits)
     return check_logs(candidate, logs, settings, usual=usual)
 

@@ -61,7 +61,7 @@ from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.inverse import Screened, pose_screened
 from rotorid.pipeline.preparation.measure import Measured, filter_delays, measure
 from rotorid.pipeline.preparation.resolve import answers_setpoints, black_box_order
-from rotorid.pipeline.preparation.scope import scoped, trimmed, with_channels_of
+from rotorid.pipeline.preparation.scope import require_common_axes, scoped, trimmed, with_channels_of
 from rotorid.pipeline.preparation.segments import TimeRecords, source_of, time_records
 from rotorid.pipeline.preparation.selection import Selection, select_records
 from rotorid.pipeline.provenance import Choices
@@ -248,10 +248,11 @@ def choose(
     UsageError, ModelError
         A choice is wrong.
     """
-    records, left = with_channels_of(model, records)
+    records, left = with_channels_of(model, records, joined=not in_time)
+    require_common_axes(model, records)
     selection, remarks = select_records(model, records, settings, in_time=in_time)
     own = settings if settings.outputs or not outputs else replace(settings, outputs=outputs)
-    scope = scoped(model, selection, records, own)
+    scope = scoped(model, selection, records, own, joined=not in_time)
     at_trim = trimmed(scope.structure, selection.fitted, settings)
     return Chosen(at_trim.structure, selection, (*left, *remarks, *scope.findings, *at_trim.findings))
 

@@ -81,9 +81,8 @@ def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     for name in candidates[0]:
         if name not in shared or name.endswith("_command") or not all(_moves(flight, name) for flight in own):
             continue
-        # Other axes' maneuvers need the channel too, at rest as it may be. What was not injected is known without.
-        if is_injection(name) or all(name in record.channel_names for record, _ in flights):
-            return name
+        # Where another axis was flown without it in the log it says nothing, as if it had been at rest.
+        return name
     return None
 
 

@@ -8,8 +8,9 @@ Remarks on feedback in the input.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +21,8 @@ from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
 from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import choose_instruments, is_free, no_instrument, open_loop
-from rotorid.pipeline.preparation.segments import cut, histories, require_known, source_of, with_surroundings
+from rotorid.pipeline.preparation.instruments import choose_instruments, is_command, is_free, no_instrument, open_loop
+from rotorid.pipeline.preparation.segments import cut, histories, holds, require_known, source_of, with_surroundings
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
@@ -29,7 +30,7 @@ from rotorid.signal.filters import KnownFilter
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
 from rotorid.spectral.estimate import Diagnostics, diagnosed_response
-from rotorid.spectral.joined import by_input, joined_diagnostics
+from rotorid.spectral.joined import by_input, joined_diagnostics, joined_responses
 from rotorid.spectral.windows import (
     HALF_SINE,
     HANN,
@@ -143,7 +144,8 @@ def measure(
     """Frequency responses of the outputs to the inputs over all maneuvers together.
 
     Joint input–output whenever every input has an instrument, and the direct estimate beside it. Channels in ``also``
-    are taken along where every record has them.
+    are taken along where every record has them. Records that hold some of the channels each are estimated apart, and
+    each response is that of the records that hold it.
 
     Raises
     ------
@@ -152,11 +154,115 @@ def measure(
     UsageError
         A shift is of a channel that takes no part, or longer than a maneuver.
     """
-    instruments = choose_instruments(flights, inputs, outputs, settings)
-    channels = (*inputs, *outputs)
+    groups, left = _accounted(_groups(flights, inputs, outputs, settings))
+    prepared = [_prepare(group, settings, also) for group in groups]
+    require_known(settings.shifts, [name for one in prepared for name in one.channels])
+    band = settings.band_rad_s or _common_band(prepared)
+    longest = max((plan for one in prepared for plan in one.windows.values()), key=lambda plan: max(plan.lengths_s))
+    omega = _grid(band, longest)
+    _PROGRESS.info("frequency responses")
+    parts = [_measured(one, omega, band, settings) for one in prepared]
+    if len(parts) == 1 and not left:
+        return parts[0]
+    whole = _joined(parts, groups, inputs, outputs)
+    return replace(whole, findings=(*left, *whole.findings))
+
+
+class _Group(NamedTuple):
+    """Maneuvers of records that hold the same channels of a response."""
+
+    flights: tuple[Flight, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    instruments: tuple[str, ...]
+    unheard: tuple[str, ...] = ()
+
+
+class _Prepared(NamedTuple):
+    """A group on one clock, with the windows of each input."""
+
+    group: _Group
+    segments: tuple[Segment, ...]
+    channels: tuple[str, ...]
+    band_rad_s: tuple[float, float]
+    windows: Mapping[str, WindowPlan]
+    findings: tuple[Finding, ...]
+
+
+def _groups(
+    flights: Sequence[Flight], inputs: tuple[str, ...], outputs: tuple[str, ...], settings: MeasureSettings
+) -> list[_Group]:
+    """Maneuvers by what their records hold; all in one group where all hold the same.
+
+    An output is estimated from all records that hold it beside the same inputs.
+    """
+    held: dict[tuple[str, ...], list[Flight]] = {}
+    for flight in flights:
+        held.setdefault(tuple(name for name in inputs if holds(flight.record, name)), []).append(flight)
+    by_output: dict[tuple[tuple[str, ...], tuple[int, ...]], list[str]] = {}
+    for sources, every in held.items():
+        for name in outputs:
+            rows = tuple(row for row, flight in enumerate(every) if holds(flight.record, name))
+            if sources and rows:
+                by_output.setdefault((sources, rows), []).append(name)
+    nowhere = [name for name in (*inputs, *outputs) if not any(holds(record, name) for record, _ in flights)]
+    if nowhere or len(by_output) == 1:
+        return [_Group(tuple(flights), inputs, outputs, choose_instruments(flights, inputs, outputs, settings))]
+    given = settings.instruments if len(settings.instruments) == len(inputs) else ()
+    chosen = dict(zip(inputs, given, strict=False))
+    groups = []
+    for (sources, rows), answers in by_output.items():
+        own = [held[sources][row] for row in rows]
+        own = [flight for flight in own if not _of_axis_of(flight, inputs) or _of_axis_of(flight, sources)]
+        # What only feedback moves, and nothing free of feedback tells apart, cannot be accounted for.
+        swept = tuple(name for name in sources if _flown_for(own, name) or chosen.get(name))
+        wanted = replace(settings, instruments=tuple(chosen[name] for name in swept if name in chosen))
+        if own and swept:
+            instruments = choose_instruments(own, swept, answers, wanted)
+            unheard = tuple(name for name in inputs if name not in swept)
+            groups.append(_Group(tuple(own), swept, tuple(answers), instruments, unheard))
+    return groups
+
+
+def _accounted(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, ...]]:
+    """Groups without those in which an input moved that is logged and cannot be told apart, where others do without.
+
+    Feedback moves such an input in step with the one that was swept: the response would hold both.
+    """
+    mixed = [
+        group for group in groups if any(holds(record, name) for name in group.unheard for record, _ in group.flights)
+    ]
+    clean = [group for group in groups if group not in mixed]
+    told = {name for group in clean for name in group.inputs}
+    left = [group for group in mixed if told.issuperset(group.inputs)]
+    return [group for group in groups if group not in left], tuple(_left_out(group) for group in left)
+
+
+def _left_out(group: _Group) -> Finding:
+    names = ", ".join(dict.fromkeys(record.source.name for record, _ in group.flights))
+    outputs, moved = ", ".join(group.outputs), " and ".join(group.unheard)
+    return warn(
+        "joined_records",
+        names,
+        f"{outputs} of {names} {'was' if len(group.outputs) == 1 else 'were'} left out: {moved} moves there in step "
+        f"with {' and '.join(group.inputs)}, and no other log that holds {outputs} tells them apart.",
+    )
+
+
+def _of_axis_of(flight: Flight, inputs: Sequence[str]) -> bool:
+    """Whether a maneuver was flown for one of some commands."""
+    return any(name == f"{flight.axis}_command" for name in inputs)
+
+
+def _flown_for(flights: Sequence[Flight], input: str) -> bool:
+    return not is_command(input) or any(_of_axis_of(flight, (input,)) for flight in flights)
+
+
+def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _Prepared:
+    flights, instruments = group.flights, group.instruments
+    channels = (*group.inputs, *group.outputs)
     extra = [n for n in also if n not in channels and all(n in record.channel_names for record, _ in flights)]
-    followers = tuple(dict.fromkeys((*instruments, *_other_commands(flights, inputs), *extra)))
-    require_known(settings.shifts, (*channels, *followers))
+    followers = tuple(dict.fromkeys((*instruments, *_other_commands(flights, group.inputs), *extra)))
     # Without an instrument the quiet time would only add what feedback makes of gusts.
     wider = flights
     if instruments:
@@ -164,14 +270,30 @@ def measure(
     segments, findings = cut(wider, channels=channels, followers=followers, shifts=settings.shifts)
     records = histories(segments)
     band = settings.band_rad_s or default_band(flights, records[0].sample_rate_hz)
-    windows = _windows(records, band, settings, inputs)
-    _PROGRESS.info("frequency responses")
+    windows = _windows(records, band, settings, group.inputs)
+    return _Prepared(group, segments, (*channels, *followers), band, windows, findings)
+
+
+def _common_band(prepared: Sequence[_Prepared]) -> tuple[float, float]:
+    """From the lowest to the highest frequency of any group, as far as the rates of all of them carry."""
+    low = min(one.band_rad_s[0] for one in prepared)
+    high = max(one.band_rad_s[1] for one in prepared)
+    carried = min(one.segments[0].history.sample_rate_hz for one in prepared)
+    return low, min(high, 0.8 * np.pi * carried)
+
+
+def _measured(
+    prepared: _Prepared, omega_rad_s: FloatArray, band_rad_s: tuple[float, float], settings: MeasureSettings
+) -> Measured:
+    """Responses of one group on a grid."""
+    (flights, inputs, outputs, instruments, _), segments, windows = prepared.group, prepared.segments, prepared.windows
+    records = histories(segments)
     agreement = sensor_agreement(flights)
     errors = sensor_errors(agreement, outputs)
-    direct, diagnostics = _respond(records, inputs, outputs, band, windows, settings)
+    direct, diagnostics = _respond(records, inputs, outputs, omega_rad_s, windows, settings)
     joint = None
     if instruments:
-        joint, diagnostics = _respond(records, inputs, outputs, band, windows, settings, instruments)
+        joint, diagnostics = _respond(records, inputs, outputs, omega_rad_s, windows, settings, instruments)
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
@@ -180,17 +302,73 @@ def measure(
         direct=direct if joint else None,
         diagnostics=diagnostics,
         segments=segments,
-        asked_rad_s=band,
+        asked_rad_s=band_rad_s,
         excited_rad_s={name: _excited_to(_of_input(flights, name)) for name in inputs},
         lowest_rad_s={name: windows[name].lowest_rad_s for name in inputs if name in settings.input_windows_s},
         findings=(
-            *findings,
+            *prepared.findings,
             *data_quality(flights, segments, inputs, agreement),
             *(finding for plan in _different(windows) for finding in plan.findings),
             *((no_instrument(inputs),) if unknown else ()),
         ),
     )
     return without_known_filters(measured, flights) if settings.correct_filters else measured
+
+
+def _joined(
+    parts: Sequence[Measured], groups: Sequence[_Group], inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> Measured:
+    """Responses of several groups as one, each pair from the records that hold it."""
+    response = joined_responses([part.response for part in parts], inputs=inputs, outputs=outputs)
+    direct = [part.direct for part in parts if part.direct is not None]
+    told = [(part.response, part.diagnostics) for part in parts]
+    tops = {name: [part.excited_rad_s[name] for part in parts if name in part.excited_rad_s] for name in inputs}
+    lows = {name: [part.lowest_rad_s[name] for part in parts if name in part.lowest_rad_s] for name in inputs}
+    return Measured(
+        response=replace(response, sensor_errors=_largest_errors(parts, outputs)),
+        direct=joined_responses(direct, inputs=inputs, outputs=outputs) if len(direct) == len(parts) else None,
+        diagnostics=joined_diagnostics(told, response),
+        segments=tuple(segment for part in parts for segment in part.segments),
+        asked_rad_s=parts[0].asked_rad_s,
+        excited_rad_s={name: max(own, default=np.inf) for name, own in tops.items()},
+        lowest_rad_s={name: min(own) for name, own in lows.items() if own},
+        unfiltered=tuple(dict.fromkeys(name for part in parts for name in part.unfiltered)),
+        findings=(
+            *_each_once(finding for part in parts for finding in part.findings),
+            *(_unheard(group) for group in groups if group.unheard),
+        ),
+    )
+
+
+def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatArray | None:
+    """How far each output disagrees with other sensors, where it does most."""
+    if all(part.response.sensor_errors is None for part in parts):
+        return None
+    errors = np.zeros((len(outputs), 2))
+    for part in parts:
+        if part.response.sensor_errors is not None:
+            rows = [outputs.index(name) for name in part.response.outputs]
+            errors[rows] = np.maximum(errors[rows], part.response.sensor_errors)
+    return errors
+
+
+def _each_once(findings: Iterable[Finding]) -> list[Finding]:
+    once: list[Finding] = []
+    for finding in findings:
+        if finding not in once:
+            once.append(finding)
+    return once
+
+
+def _unheard(group: _Group) -> Finding:
+    names = ", ".join(dict.fromkeys(record.source.name for record, _ in group.flights))
+    missing, swept = " and ".join(group.unheard), " and ".join(group.inputs)
+    return warn(
+        "joined_records",
+        names,
+        f"{names} tells of {swept} alone: what {missing} did there in step with it is in its responses. Log the "
+        "commands of all axes.",
+    )
 
 
 _COMPOSITIONS: Mapping[CompositionChoice, Composition] = {
@@ -205,21 +383,19 @@ def _respond(
     records: Sequence[TimeHistory],
     inputs: Sequence[str],
     outputs: Sequence[str],
-    band_rad_s: tuple[float, float],
+    omega_rad_s: FloatArray,
     windows: Mapping[str, WindowPlan],
     settings: MeasureSettings,
     instruments: Sequence[str] = (),
 ) -> tuple[FrequencyResponse, Diagnostics]:
     """Responses with the windows that were planned for each input."""
-    longest = max(windows.values(), key=lambda plan: max(plan.lengths_s))
-    omega = _grid(band_rad_s, longest)
     found = {
         plan.lengths_s: diagnosed_response(
             records,
             inputs=inputs,
             outputs=outputs,
             instruments=instruments,
-            omega_rad_s=omega,
+            omega_rad_s=omega_rad_s,
             windows_s=plan.lengths_s,
             overlap=settings.overlap,
             taper=_TAPERS[settings.taper],
@@ -320,7 +496,7 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
     chains: dict[str, tuple[KnownFilter, ...]] = {}
     findings: list[Finding] = []
     for output in measured.response.outputs:
-        sources = {source_of(segment, output) for segment in measured.segments}
+        sources = {source_of(segment, output) for segment in _holding(measured, output)}
         found = [known_filters(record, source) for source in sorted(sources) for record, _ in flights]
         if any(chain != found[0] for chain in found):
             raise UsageError(
@@ -338,6 +514,10 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
     return replace(remarked, response=corrected(measured.response, chains), direct=direct, unfiltered=tuple(chains))
 
 
+def _holding(measured: Measured, name: str) -> list[Segment]:
+    return [segment for segment in measured.segments if name in segment.history.names]
+
+
 def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, float]:
     """Output to the delay in seconds of the known filters in its response, where all logs had the same ones.
 
@@ -352,9 +532,9 @@ def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, fl
     for output in measured.response.outputs:
         if output in measured.unfiltered:
             continue
-        sources = sorted({source_of(segment, output) for segment in measured.segments})
+        sources = sorted({source_of(segment, output) for segment in _holding(measured, output)})
         chains = [known_filters(record, source) for source in sources for record, _ in flights]
-        if chains[0] and all(chain == chains[0] for chain in chains):
+        if chains and chains[0] and all(chain == chains[0] for chain in chains):
             delays[output] = sum(known.delay_s for known in chains[0])
     return delays
 

@@ -20,9 +20,10 @@ from rotorid.pipeline.preparation.coverage import HOVER_M_S
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, is_command
 from rotorid.pipeline.preparation.resolve import require_known
-from rotorid.pipeline.preparation.segments import require_channels
-from rotorid.pipeline.preparation.selection import Selection
+from rotorid.pipeline.preparation.segments import holds, require_channels
+from rotorid.pipeline.preparation.selection import RICH_KINDS, Selection
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.signal.excitations import find_excitations
 from rotorid.signal.kinematics import ingredients
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az")
@@ -48,9 +49,14 @@ class Scoped:
 
 
 def scoped(
-    structure: LinearStructure, selection: Selection, records: Sequence[FlightRecord], settings: IdentifySettings
+    structure: LinearStructure,
+    selection: Selection,
+    records: Sequence[FlightRecord],
+    settings: IdentifySettings,
+    *,
+    joined: bool = False,
 ) -> Scoped:
-    """Cut a structure to the inputs that were excited and the outputs that every record holds.
+    """Cut a structure to the inputs that were excited and the outputs that the records hold.
 
     Outputs are those that were asked for, or those that sensors measure; where the log has all channels at one rate,
     as data for identification have, the estimated ones too.
@@ -65,11 +71,14 @@ def scoped(
         Logs behind them.
     settings
         Choices of the run.
+    joined
+        Whether an output counts that any record holds, as for responses, each of which may come from some of the
+        records; else it must be in all of them.
 
     Raises
     ------
     InsufficientDataError
-        None of the outputs is in every record, or none of them follows the inputs that were excited.
+        None of the outputs is in the records, or none of them follows the inputs that were excited.
     ModelError
         A name was given that the model does not have.
     UsageError
@@ -79,9 +88,14 @@ def scoped(
     axes = {flight.axis for flight in selection.fitted}
     excited = [name for name in structure.inputs if not is_command(name) or axis_of(name) in axes]
     moved = connected(structure.select(inputs=excited))
-    outputs = settings.outputs or _outputs_there(moved, records)
-    for record in records:
-        require_channels(record, outputs)
+    outputs = settings.outputs or (_outputs_of_any if joined else _outputs_there)(moved, records)
+    if joined:
+        for name in outputs:
+            if not any(holds(record, name) for record in records):
+                require_channels(records[0], [name])
+    else:
+        for record in records:
+            require_channels(record, outputs)
     smaller = connected(structure.select(outputs=outputs, inputs=excited))
     lost = [name for name in structure.parameters.names if name not in smaller.parameters.names]
     _require_left(lost, smaller, settings)
@@ -98,13 +112,23 @@ def scoped(
 
 
 def with_channels_of(
-    structure: LinearStructure, records: Sequence[FlightRecord]
+    structure: LinearStructure, records: Sequence[FlightRecord], *, joined: bool = False
 ) -> tuple[Sequence[FlightRecord], tuple[Finding, ...]]:
-    """The logs that hold all inputs of a model and any of its outputs, where some do; a warning for each other one.
+    """The logs that hold what a model needs, where some do; a warning for each other one.
 
-    Where no log holds them, all are kept: what the excited part of the model needs is found out later.
+    Where no log holds it, all are kept: what the excited part of the model needs is found out later.
+
+    Parameters
+    ----------
+    structure, records
+        The model and the logs.
+    joined
+        Whether one input that was excited will do, with any of the outputs, as for responses, each of which may come
+        from some of the logs; else all inputs are needed.
     """
     lacking = {id(record): _lacking(structure, record) for record in records}
+    if joined:
+        lacking |= {id(record): "" for record in records if _tells_of_some(structure, record)}
     kept = [record for record in records if not lacking[id(record)]]
     if not kept or len(kept) == len(records):
         return records, ()
@@ -117,6 +141,47 @@ def with_channels_of(
         for record in records
         if lacking[id(record)]
     )
+
+
+def require_common_axes(structure: LinearStructure, records: Sequence[FlightRecord]) -> None:
+    """Refuse several logs that cannot be joined in one model.
+
+    Raises
+    ------
+    UsageError
+        A channel has other units in one than in another, or none of them holds an input beside an output.
+    """
+    if len(records) < 2:
+        return
+    for name in (*structure.inputs, *structure.outputs):
+        units = {
+            topic.channels[row].unit: record.source.name for record in records for topic, row in record.holding(name)
+        }
+        if len(units) > 1:
+            told = " and ".join(f"{unit} in {log}" for unit, log in units.items())
+            raise UsageError(
+                f"{name} came in {told}",
+                needed="one unit in all logs that are joined",
+                remedy="say its unit with --map",
+            )
+    if not any(
+        any(name in record.channel_names for name in structure.inputs)
+        and any(holds(record, name) for name in structure.outputs)
+        for record in records
+    ):
+        names = ", ".join(record.source.name for record in records)
+        raise UsageError(
+            f"none of {names} holds an input of {structure.name} beside an output of it",
+            needed=f"any of {', '.join(structure.inputs)} with any of {', '.join(structure.outputs)}",
+            remedy="choose the model of their axes, or name the channels with --map",
+        )
+
+
+def _tells_of_some(structure: LinearStructure, record: FlightRecord) -> bool:
+    """Whether some input of a model was excited in a log that holds it beside an output."""
+    commands = [name for name in structure.inputs if is_command(name) and name in record.channel_names]
+    excited = any(one.kind in RICH_KINDS for name in commands for one in find_excitations(record, axis_of(name)))
+    return excited and any(holds(record, name) for name in structure.outputs)
 
 
 def _lacking(structure: LinearStructure, record: FlightRecord) -> str:
@@ -148,6 +213,13 @@ def _outputs_there(structure: LinearStructure, records: Sequence[FlightRecord]) 
         for name in there
         if name in INERTIAL or all(_same_topic(record, name, sensed, fastest) for record in records)
     )
+
+
+def _outputs_of_any(structure: LinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Outputs that any record holds, of estimated ones those as fast as its sensors."""
+    holding = [record for record in records if any(name in record.channel_names for name in structure.outputs)]
+    there = {name for record in holding for name in _outputs_there(structure, [record])}
+    return tuple(name for name in structure.outputs if name in there) or _outputs_there(structure, records)
 
 
 def _same_topic(record: FlightRecord, name: str, sensed: Sequence[str], fastest_hz: float) -> bool:

@@ -64,6 +64,13 @@ def require_channels(record: FlightRecord, channels: Sequence[str]) -> None:
         raise missing_channel(record, name, remedy=remedy)
 
 
+def holds(record: FlightRecord, name: str) -> bool:
+    """Whether a log holds a channel, or all that it can be reconstructed from."""
+    logged = record.channel_names
+    made_of = ingredients(name, logged)
+    return name in logged or (bool(made_of) and all(part in logged for part in made_of))
+
+
 def with_ingredients(record: FlightRecord, channels: Sequence[str]) -> tuple[str, ...]:
     """Channels to take from a log: those that it holds, and what the others are reconstructed from."""
     logged = record.channel_names
@@ -79,15 +86,16 @@ def is_logged(record: FlightRecord, name: str, start_s: float, stop_s: float) ->
 
 
 def with_zeros(history: TimeHistory, names: Sequence[str]) -> TimeHistory:
-    """A history with further channels that were zero all the time: test signals that were not injected."""
+    """A history with further channels that were zero all the time: signals of which nothing is logged."""
     if not names:
         return history
     count = history.values.shape[1]
+    silent = tuple(Channel(name=n, unit=STANDARD_UNITS.get(n, "1"), source="not logged") for n in names)
     return replace(
         history,
         values=np.vstack([history.values, np.zeros((len(names), count))]),
-        channels=(*history.channels, *(Channel(name=n, unit=STANDARD_UNITS[n], source="not injected") for n in names)),
-        processing=(*history.processing, f"{', '.join(names)} zero, since nothing was injected"),
+        channels=(*history.channels, *silent),
+        processing=(*history.processing, f"{', '.join(names)} zero, since nothing of it is logged"),
     )
 
 
@@ -196,7 +204,11 @@ def cut(
         record, maneuver = item
         _PROGRESS.info(f"{record.source.name}: {maneuver.axis} {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s")
         start_s, stop_s = maneuver.start_s - rest_s, maneuver.stop_s + rest_s
-        silent = [name for name in followers if is_injection(name) and not is_logged(record, name, start_s, stop_s)]
+        silent = [
+            name
+            for name in followers
+            if not is_logged(record, name, start_s, stop_s) and (is_injection(name) or name not in record.channel_names)
+        ]
         found = resample(
             record,
             channels=with_ingredients(record, channels),

@@ -83,10 +83,22 @@ def select_maneuvers(
         No record came, or the same one twice.
     """
     each_once(records)
-    found = [Flight(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
+    # Without its command a log tells nothing of an axis that others tell of.
+    told = {axis for axis in axes if any(f"{axis}_command" in record.channel_names for record in records)}
+    found = [
+        Flight(record, m)
+        for record in records
+        for axis in axes
+        if axis not in told or f"{axis}_command" in record.channel_names
+        for m in find_excitations(record, axis)
+    ]
     if settings.segments:
         given = of_axes(settings.segments, axes)
-        fitted = _described_inside(records, given)
+        fitted = [
+            flight
+            for flight in _described_inside(records, given)
+            if flight.axis not in told or f"{flight.axis}_command" in flight.record.channel_names
+        ]
     else:
         fitted = [
             Flight(record, described(record, m) if m.origin == "given" else m)
