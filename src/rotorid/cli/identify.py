@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rotorid.models.structure import LinearStructure
     from rotorid.pipeline.results import IdentifiedModel
     from rotorid.pipeline.several import SeveralModels
-    from rotorid.pipeline.summary import ParameterEstimate
+    from rotorid.pipeline.summary import ParameterEstimate, SearchRuns
 
 
 def identify_command(
@@ -265,16 +265,32 @@ def _fit(document: ResultDocument) -> Iterator[str]:
 
 def _repeated(document: ResultDocument) -> Iterator[str]:
     """Searches and bootstraps."""
+    from rotorid.search.catalog import POPULATIONS
+
     if (search := document.search) is not None:
         minima = "1 minimum" if len(search.minima) == 1 else f"{len(search.minima)} minima"
         yield (
             f"search by {search.name}: {search.evaluations} evaluations and {search.local_searches} local searches, "
             f"{minima}, the lowest at a cost of {search.minima[0].cost:.5g}"
         )
+    if search is not None and search.alone is not None and search.name.partition(":")[0] in POPULATIONS:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in search.alone.parameters.items())
+        yield f"by {search.name} alone, without local searches: {values}, at a cost of {search.alone.cost:.5g}"
+    if search is not None and (runs := search.runs) is not None:
+        yield from _runs(runs)
     if (again := document.bootstrap) is not None:
         left = sum(again.left_out.values())
         without = f", {left} without an answer" if left else ""
         yield f"bootstrap: standard deviations over {again.runs} refits to noise drawn anew{without}"
+
+
+def _runs(runs: SearchRuns) -> Iterator[str]:
+    """The same search from other seeds: mean, standard deviation, least and largest."""
+    left = f", {sum(runs.left_out.values())} without an answer" if runs.left_out else ""
+    for words, table in (("alone", runs.alone), ("with local searches", runs.polished)):
+        yield f"{runs.runs} runs from other seeds{left}, {words}: mean ± standard deviation (least to largest)"
+        for name, one in {"cost": table.cost, **table.parameters}.items():
+            yield f"  {name:<15} {one.mean:.4g} ± {one.std:.2g} ({one.min:.4g} to {one.max:.4g})"
 
 
 def _verified(document: ResultDocument) -> Iterator[str]:

@@ -104,6 +104,7 @@ def motor_parameters(
     lag: bool = True,
     heave_damping: bool = True,
     earliest_s: float = 0.0,
+    delays: bool = True,
 ) -> ParameterSet:
     """Parameters of the motor chain, with what is known held.
 
@@ -123,6 +124,8 @@ def motor_parameters(
 
     earliest_s
         Least delay; below zero where a delay is what is left of a known one, whose stamps may be off.
+    delays
+        Whether the sensors are late by delays of their own.
 
     Raises
     ------
@@ -143,6 +146,8 @@ def motor_parameters(
     # Without a lag a delay to samples of the force moves whole samples or nothing.
     names = [*names, "T_motor"] if lag else [name for name in names if name != "tau_accel"]
     names += ["tau_gyro"] if set(axes) & set(RATES) else []
+    if not delays:
+        names = [name for name in names if name not in ("tau_gyro", "tau_accel")]
     if not heave_damping:
         names = [name for name in names if name != "Z_w"]
     parameters = [_parameter(name, held.get(name), earliest_s) for name in names]

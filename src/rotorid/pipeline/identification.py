@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import described
 from rotorid.models.structure import LinearStructure
@@ -202,6 +202,8 @@ def method_of(
         name = "output_error" if answers_setpoints(structure) else "frequency"
     if name == "frequency":
         return Frequency(model=structure, settings=settings)
+    if name == "accelerations":  # of motors alone, which came before
+        raise UsageError(f"--method accelerations came with {structure.name}", needed=f"it with {MODEL} alone")
     return InTime(model=structure, settings=settings, kind=name)
 
 

@@ -313,7 +313,7 @@ EVALUATIONS = 2000
 _FEWEST_RUNS = 2
 
 
-def require_search(search: str | None, evaluations: int | None, starts: str) -> None:
+def require_search(search: str | None, evaluations: int | None, starts: str, runs: int | None = None) -> None:
     """Refuse searches that there are not, and options that need one.
 
     Parameters
@@ -324,6 +324,8 @@ def require_search(search: str | None, evaluations: int | None, starts: str) -> 
         Its budget, where one was asked for.
     starts
         The design of starts, ``default`` for none.
+    runs
+        How often it is repeated, where that was asked for.
 
     Raises
     ------
@@ -333,7 +335,11 @@ def require_search(search: str | None, evaluations: int | None, starts: str) -> 
     if search is None:
         if evaluations is not None:
             raise UsageError("--evaluations came without a search", needed="--search NAME beside it")
+        if runs is not None:
+            raise UsageError("--runs came without a search", needed="--search NAME beside it, such as genetic:15x50")
         return
+    if runs is not None and runs < _FEWEST_RUNS:
+        raise UsageError(f"{runs} runs of a search came", needed="two or more, and some hundred for a table")
     if starts != "default":
         raise UsageError("--search and --starts came", needed="one of them: a design of starts is a search too")
     if evaluations is not None and evaluations < 1:
@@ -627,7 +633,9 @@ class VerifySettings(MeasureSettings):
 
 WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
 SpeedDamping: TypeAlias = Literal["joint", "two_step"]
-MethodChoice: TypeAlias = Literal["auto", "frequency", "output_error", "prediction_error", "equation_error"]
+MethodChoice: TypeAlias = Literal[
+    "auto", "frequency", "output_error", "prediction_error", "equation_error", "accelerations"
+]
 HoldChoice: TypeAlias = Literal["auto", "zero", "first"]
 
 _STARTS = re.compile(r"default|central|(sobol|random):[1-9]\d*")
@@ -678,6 +686,8 @@ class IdentifySettings(MeasureSettings):
         A global search before the fit, by its name in :func:`rotorid.search.catalog.searches` with its options.
     evaluations
         Its budget; by default 2000.
+    runs
+        How often the search is repeated from other seeds, to tell how far its answers lie apart.
     bootstrap
         Refits to noise drawn anew, beside the stated standard deviations.
     layout, arm_m, curve, rotor_diameter_m
@@ -741,7 +751,7 @@ class IdentifySettings(MeasureSettings):
         Option(
             "--method",
             help="frequency, output_error, prediction_error, equation_error, or auto: output_error for response.* and "
-            "black_box:N, frequency for others.",
+            "black_box:N, frequency for others. Of physical.motors: prediction_error or accelerations.",
         ),
     ] = "auto"
     hold: Annotated[
@@ -767,6 +777,10 @@ class IdentifySettings(MeasureSettings):
     ] = None
     evaluations: Annotated[
         int | None, Option("--evaluations", help="Costs that --search may compute. [default: 2000]")
+    ] = None
+    runs: Annotated[
+        int | None,
+        Option("--runs", help="Repeat --search from so many seeds: mean, spread, extremes."),
     ] = None
     bootstrap: Annotated[
         int | None,
@@ -813,12 +827,13 @@ class IdentifySettings(MeasureSettings):
             raise UsageError(f"pieces of {self.pieces_s:g} s came", needed="a length above 0 s")
         if not _STARTS.fullmatch(self.starts):
             raise UsageError(f"the starts {self.starts!r} came", needed="default, central, sobol:N or random:N")
-        require_search(self.search, self.evaluations, self.starts)
+        require_search(self.search, self.evaluations, self.starts, self.runs)
         require_runs(self.bootstrap)
 
     def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
         asked: dict[str, Setting] = {"correct_filters": True} if self.correct_filters else {}
+        asked |= {"runs": self.runs} if self.runs is not None else {}
         return (
             super().as_json()
             | asked
@@ -850,6 +865,11 @@ ALL = "all"
 MODEL = "physical.motors"
 """Name of the model, which is no linear structure."""
 
+MotorMethod: TypeAlias = Literal["prediction_error", "accelerations"]
+
+FROM_ANGLES = ("phi", "theta", "psi", "down")
+"""Channels that are differentiated twice where gyros or accelerometer are missing, or where they are asked for."""
+
 ChosenCurve: TypeAlias = Union[Literal["auto"], "Curve"]
 """``auto``: linear for demands of thrust, quadratic for speeds, and for outputs all that the flight can tell."""
 
@@ -880,6 +900,12 @@ class MotorChoices:
         A global search for a start, with its options, as ``genetic:15x50``.
     evaluations
         Its budget.
+    runs
+        How often it is repeated from other seeds.
+    method
+        ``prediction_error``, or ``accelerations``: the sum of absolute errors of accelerations.
+    outputs
+        Angles and height in place of gyros and accelerometer, for ``accelerations`` alone.
     seed
         Of what a bootstrap or a search draws.
 
@@ -899,10 +925,26 @@ class MotorChoices:
     bootstrap: int | None = None
     search: str | None = None
     evaluations: int | None = None
+    runs: int | None = None
+    method: MotorMethod = "prediction_error"
+    outputs: tuple[str, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require_search(self.search, self.evaluations, "default")
+        require_search(self.search, self.evaluations, "default", self.runs)
+        if self.method not in get_args(MotorMethod):
+            raise UsageError(f"the method {self.method!r} came with {MODEL}", needed=" or ".join(get_args(MotorMethod)))
+        if self.method == "accelerations" and self.bootstrap is not None:
+            raise UsageError(
+                "--bootstrap came with --method accelerations, which has none",
+                needed="--runs N beside --search NAME, or --method prediction_error",
+            )
+        if self.outputs and (self.method != "accelerations" or not set(self.outputs) <= set(FROM_ANGLES)):
+            raise UsageError(
+                f"--outputs {','.join(self.outputs)} came with {MODEL}",
+                needed=f"--method accelerations and {','.join(FROM_ANGLES)}, or some of them, to be differentiated",
+                remedy="leave --outputs out for gyros and accelerometer",
+            )
         for name, length_m in (("an arm", self.arm_m), ("a rotor diameter", self.rotor_diameter_m)):
             if length_m is not None and not length_m > 0.0:
                 raise UsageError(f"{name} of {length_m:g} m came", needed="a positive length")
@@ -928,12 +970,16 @@ class MotorChoices:
             "voltage": self.voltage,
         }
         # Told only where there is one, as the values do not depend on it.
-        asked = {name: getattr(self, name) for name in ("bootstrap", "search", "evaluations")}
+        asked: dict[str, Setting] = {
+            name: getattr(self, name) for name in ("bootstrap", "search", "evaluations", "runs")
+        }
+        asked["method"] = self.method if self.method != "prediction_error" else None
+        asked["outputs"] = list(self.outputs) or None
         return choices | {name: value for name, value in asked.items() if value is not None}
 
 
 OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
-ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "bootstrap", "search", "evaluations")
+ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs")
 """Choices that ``physical.motors`` alone has, and those that it shares with other models."""
 
 
@@ -961,15 +1007,17 @@ def motor_choices(
     if model != MODEL:
         if any(name in OF_MOTORS for name in given):
             raise UsageError(f"--layout, --arm or --curve came with {model}", needed=f"them with {MODEL} alone")
+        if settings.method == "accelerations":
+            raise UsageError(f"--method accelerations came with {model}", needed=f"it with {MODEL} alone")
         return None
     wrong = [name for name in given if name not in (*OF_MOTORS, *ALSO_OF_MOTORS)]
-    if settings.method not in ("auto", "prediction_error"):
+    if settings.method not in ("auto", *get_args(MotorMethod)):
         wrong.append("method")
     wrong += [name for name, value in (beside or {}).items() if value]
     if wrong:
         raise UsageError(
             f"{', '.join(name.replace('_', ' ') for name in wrong)} came with {MODEL}, which has no such choice",
-            needed="--fix, --layout, --arm, --curve, --segment, --bootstrap, --search, --verify",
+            needed="--fix, --layout, --arm, --curve, --segment, --method, --bootstrap, --search, --runs, --verify",
             remedy="leave it out, or choose another model",
         )
     return MotorChoices(
@@ -979,6 +1027,9 @@ def motor_choices(
         bootstrap=settings.bootstrap,
         search=settings.search,
         evaluations=settings.evaluations,
+        runs=settings.runs,
+        method="accelerations" if settings.method == "accelerations" else "prediction_error",
+        outputs=settings.outputs,
         **{name: getattr(settings, name) for name in OF_MOTORS},
     )
 

@@ -159,7 +159,9 @@ def settings_of(
     """The choices that a model has; for a rate model of a flight without excitation, the flight as its segment."""
     usual = IdentifySettings()
     if model == MODEL:
-        kept = {*OF_MOTORS, *ALSO_OF_MOTORS} - ({"method"} if settings.method != "prediction_error" else set())
+        kept = {*OF_MOTORS, *ALSO_OF_MOTORS}
+        if settings.method != "accelerations":
+            kept -= {"outputs"} if settings.method == "prediction_error" else {"outputs", "method"}
         others = [item.name for item in fields(settings) if item.name not in kept]
         return replace(settings, **{name: getattr(usual, name) for name in others})
     if not isinstance(model, LinearStructure):

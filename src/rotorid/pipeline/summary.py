@@ -14,11 +14,11 @@ from rotorid.models.parameter import Status
 from rotorid.verification.fixed_parameters import Kind
 from rotorid.verification.verification import Scores, Verdict
 
-Objective: TypeAlias = Literal["frequency", "output_error"]
+Objective: TypeAlias = Literal["frequency", "output_error", "accelerations"]
 
-FitWeights: TypeAlias = Literal["cifer", "covariance", "likelihood"]
+FitWeights: TypeAlias = Literal["cifer", "covariance", "likelihood", "absolute"]
 
-MethodName: TypeAlias = Literal["frequency", "output_error", "prediction_error", "equation_error"]
+MethodName: TypeAlias = Literal["frequency", "output_error", "prediction_error", "equation_error", "accelerations"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -422,13 +422,49 @@ class SearchMinimum:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class RunSpread:
+    """A number over the runs of a search from different seeds: mean, standard deviation, least and largest."""
+
+    mean: float
+    std: float
+    min: float
+    max: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunTable:
+    """Where the runs ended: cost and parameters, and what each run said (``draws``, ``costs``), in their order."""
+
+    cost: RunSpread
+    parameters: Mapping[str, RunSpread]
+    costs: tuple[float, ...]
+    draws: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SearchRuns:
+    """The same search of the same data from other seeds: ``alone`` before any local search, ``polished`` after it.
+
+    On one set of data this is the scatter of the search, and says nothing of the errors of the parameters. ``left_out``
+    says why runs do not count, and how many.
+    """
+
+    runs: int
+    seed: int
+    left_out: Mapping[str, int]
+    alone: RunTable
+    polished: RunTable
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class SearchSummary:
     """A global search before the fit.
 
     ``name`` is the search with its options, ``objective`` what it minimized: CIFER's cost, summed over the responses,
-    or the squared output errors, weighed by the size of the outputs. ``evaluations`` of the cost are its own,
-    ``polishing`` those of its ``local_searches``. ``minima`` begin with the one that the fit went on from, then lowest
-    first. ``trace`` is the lowest cost so far after so many evaluations.
+    the squared output errors, weighed by the size of the outputs, or absolute errors of accelerations. ``alone`` is
+    where the search itself ended, before any local search; ``runs`` the same from other seeds, where asked for.
+    ``evaluations`` of the cost are its own, ``polishing`` those of its ``local_searches``. ``minima`` begin with the
+    one that the fit went on from, then lowest first. ``trace`` is the lowest cost so far after so many evaluations.
     """
 
     name: str
@@ -438,6 +474,8 @@ class SearchSummary:
     local_searches: int
     minima: tuple[SearchMinimum, ...]
     trace: tuple[tuple[int, float], ...]
+    alone: Minimum | None = None
+    runs: SearchRuns | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -116,6 +116,71 @@ def _cost_axis(costs: FloatArray) -> dict[str, Any]:
     return {"type": "log", "range": [low - room, high + room], "tickvals": numbers(ticks)}
 
 
+_BINS = 31
+_BARS_PX = 84
+
+
+def run_histogram(
+    alone: Mapping[str, FloatArray], polished: Mapping[str, FloatArray], *, centers: Mapping[str, float]
+) -> Figure:
+    """How often the runs of a search from different seeds ended where, one panel for each parameter.
+
+    Parameters
+    ----------
+    alone, polished
+        Parameter to its value in every run ``(n,)``: before and after the local searches.
+    centers
+        Values that deviations are counted from, in percent of them; a parameter without one, or with zero, is left out.
+
+    Raises
+    ------
+    UsageError
+        No parameter can be drawn.
+
+    Examples
+    --------
+    >>> ends = {"I_xx": np.array([0.02, 0.021, 0.019])}
+    >>> figure = run_histogram(ends, {"I_xx": np.full(3, 0.02)}, centers={"I_xx": 0.02})
+    >>> [trace["name"] for trace in figure["data"]]
+    ['by the search alone', 'with local searches']
+    """
+    drawn = [name for name in alone if centers.get(name, 0.0) != 0.0]
+    if not drawn:
+        raise UsageError("no parameter with a value came", needed="one at least")
+    off = {name: [100.0 * (np.asarray(of[name]) / centers[name] - 1.0) for of in (alone, polished)] for name in drawn}
+    # A run that ended on another side of the box must not squeeze all others into one bar.
+    reach = max(float(np.percentile(np.abs(row), 95.0)) for rows in off.values() for row in rows)
+    edges = np.linspace(-1.0, 1.0, _BINS + 1) * (1.15 * reach or 1.0)
+    panels = [
+        Panel(
+            label=f"{text(name)}, runs",
+            traces=[_bars(edges, row, first=not number, polished=bool(kind)) for kind, row in enumerate(off[name])],
+            height_px=_BARS_PX,
+            axis={"rangemode": "tozero", "nticks": 3},
+        )
+        for number, name in enumerate(drawn)
+    ]
+    x_axis = {"title": {"text": "Deviation from the result [%]"}, "range": [float(edges[0]), float(edges[-1])]}
+    figure = stacked(panels, x_axis=x_axis)
+    figure["layout"]["barmode"] = "overlay"
+    return figure
+
+
+def _bars(edges: FloatArray, values: FloatArray, *, first: bool, polished: bool) -> Trace:
+    counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
+    wide = float(edges[1] - edges[0])
+    return {
+        "type": "bar",
+        "x": numbers(0.5 * (edges[1:] + edges[:-1])),
+        "y": counts.tolist(),
+        "width": (0.35 if polished else 0.95) * wide,
+        "marker": {"color": MODEL if polished else MEASURED},
+        "hovertemplate": "%{x:.3~g} %: %{y} runs",
+        "name": "with local searches" if polished else "by the search alone",
+        "showlegend": first,
+    }
+
+
 def accelerations(time_s: FloatArray, measured: FloatArray, modeled: FloatArray, *, most: int = MOST_POINTS) -> Figure:
     """Measured against modeled accelerations: vertical, roll, pitch, yaw.
 

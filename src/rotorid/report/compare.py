@@ -33,6 +33,7 @@ METHODS = {
     "output_error": "output error",
     "prediction_error": "prediction error",
     "equation_error": "equation error",
+    "accelerations": "accelerations",
 }
 _KINDS = {"each": "on each", "leave_one_out": "leave one out"}
 

@@ -26,10 +26,18 @@ from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.summary import BootstrapSummary, Correlation, DelayBudget, ReductionStep, SearchSummary
+from rotorid.pipeline.summary import (
+    BootstrapSummary,
+    Correlation,
+    DelayBudget,
+    ReductionStep,
+    RunSpread,
+    SearchRuns,
+    SearchSummary,
+)
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import correlation_map
-from rotorid.plot.search import convergence
+from rotorid.plot.search import convergence, run_histogram
 from rotorid.report.frame import MISSING, Picture, milliseconds, percent, render, significant, unit
 from rotorid.report.motors import MotorsShown, motors_shown
 from rotorid.report.parts import (
@@ -71,6 +79,7 @@ from rotorid.report.words import (
     worst_maneuver,
     worst_record,
 )
+from rotorid.search.catalog import POPULATIONS
 from rotorid.search.result import Progress
 
 
@@ -313,8 +322,8 @@ _MOST_ROWS = 12
 _COSTS = {
     "frequency": "CIFER's cost, summed over the responses",
     "output_error": "the sum of squared output errors, outputs weighed by their size",
+    "accelerations": "the mean of the absolute errors of accelerations, each over its own deviations from the mean",
 }
-_POPULATIONS = ("cma", "evolution", "genetic")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -324,6 +333,15 @@ class BasinRow:
     cost: str
     share: str
     values: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunRow:
+    """A number over runs from other seeds: name, then mean, deviation, least, largest alone and after polishing."""
+
+    name: str
+    alone: tuple[str, ...]
+    polished: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -337,6 +355,15 @@ class SearchShown:
     more: int
     population: bool
     picture: Picture | None
+    alone: tuple[str, ...] = ()
+    run_words: str = ""
+    run_rows: tuple[RunRow, ...] = ()
+    run_picture: Picture | None = None
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """Both, as far as there are any."""
+        return tuple(one for one in (self.picture, self.run_picture) if one is not None)
 
 
 def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | None:
@@ -367,8 +394,52 @@ def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | N
         names=names,
         rows=rows,
         more=max(len(minima) - _MOST_ROWS, 0),
-        population=document.name.partition(":")[0] in _POPULATIONS,
+        population=document.name.partition(":")[0] in POPULATIONS,
         picture=_picture(document, key),
+        alone=_alone(document, names),
+        run_words="" if document.runs is None else _run_words(document.name, document.runs),
+        run_rows=() if document.runs is None else _run_rows(document.runs),
+        run_picture=None if document.runs is None else _run_picture(document, document.runs, f"{key}-runs"),
+    )
+
+
+def _alone(document: SearchSummary, names: Sequence[str]) -> tuple[str, ...]:
+    """Cost and parameters where the search ended by itself."""
+    if document.alone is None:
+        return ()
+    values = (significant(document.alone.parameters[name], digits=4) for name in names)
+    return (significant(document.alone.cost, digits=5), *values)
+
+
+def _run_words(name: str, runs: SearchRuns) -> str:
+    left = sum(runs.left_out.values())
+    without = f" {left} had no answer." if left else ""
+    return (
+        f"{name} from {runs.runs} other seeds on the same data: where it ended by itself, and after its local searches."
+        f"{without} This is the scatter of the search, not the error of the values."
+    )
+
+
+def _run_rows(runs: SearchRuns) -> tuple[RunRow, ...]:
+    def told(one: RunSpread) -> tuple[str, ...]:
+        return tuple(significant(number, digits=4) for number in (one.mean, one.std, one.min, one.max))
+
+    alone = {"cost": runs.alone.cost, **runs.alone.parameters}
+    polished = {"cost": runs.polished.cost, **runs.polished.parameters}
+    return tuple(RunRow(name=name, alone=told(one), polished=told(polished[name])) for name, one in alone.items())
+
+
+def _run_picture(document: SearchSummary, runs: SearchRuns, key: str) -> Picture | None:
+    centers = {name: value for name, value in document.minima[0].parameters.items() if value != 0.0}
+    if not centers:
+        return None
+    alone, polished = (
+        {name: np.array(values) for name, values in table.draws.items()} for table in (runs.alone, runs.polished)
+    )
+    return Picture(
+        key=key,
+        description=f"Where {runs.runs} runs of {document.name} ended, a histogram for each parameter",
+        figure=run_histogram(alone, polished, centers=centers),
     )
 
 
@@ -387,6 +458,7 @@ def _minima_words(document: SearchSummary) -> str:
     ways = {
         "frequency": "the first of them",
         "output_error": "all of them, and from the starts of the model",
+        "accelerations": "the first of them",
     }
     return f"Local searches came to rest in {count} places. The fit went on from {ways[document.objective]}."
 
@@ -534,7 +606,7 @@ class Section:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All figures of the section."""
-        single = (self.search.picture if self.search else None, self.poles_picture, self.correlation)
+        single = (*(self.search.pictures if self.search else ()), self.poles_picture, self.correlation)
         return (
             *(self.motors.pictures if self.motors else ()),
             *(self.time.all_pictures if self.time else ()),

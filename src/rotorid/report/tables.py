@@ -272,6 +272,7 @@ def result_tables(document: ResultDocument) -> tuple[Table, ...]:
         _delays(document),
         *_matrices(document),
         _bootstrap(document),
+        _search_runs(document),
         _folds(document),
         *(motor_tables(document.motors) if document.motors else ()),
     )
@@ -589,6 +590,32 @@ def _bootstrap(document: ResultDocument) -> Table | None:
         ),
         symbols=("parameter",),
         errors={"mean": "std"},
+    )
+
+
+def _search_runs(document: ResultDocument) -> Table | None:
+    """A search from other seeds, as the published table of a hundred runs of a genetic algorithm."""
+    if document.search is None or document.search.runs is None:
+        return None
+    runs = document.search.runs
+    kinds = {"alone": runs.alone, "with local searches": runs.polished}
+    rows = [
+        (words, name, one.mean, one.std, one.min, one.max)
+        for words, table in kinds.items()
+        for name, one in {"cost": table.cost, **table.parameters}.items()
+    ]
+    return Table(
+        name="search_runs",
+        caption=f"{document.search.name} from {runs.runs} seeds on the same data: the scatter of the search.",
+        columns=(
+            Column("ended", "Ended"),
+            Column("parameter", "Parameter"),
+            Column("mean", "Mean"),
+            Column("std", "Std"),
+            Column("min", "Least"),
+            Column("max", "Largest"),
+        ),
+        rows=tuple(rows),
     )
 
 

@@ -75,6 +75,10 @@ _SEARCHES: Mapping[str, Callable[[str], Search]] = {
 """What makes each search from the text of its options."""
 
 
+POPULATIONS = ("cma", "evolution", "genetic")
+"""Searches that spend their budget on costs, and end in local searches beyond it."""
+
+
 def searches() -> tuple[str, ...]:
     """Names of all searches, sorted.
 

@@ -237,7 +237,7 @@ class MotorProblem(Problem):
         """What is fitted, for messages."""
         return "motors"
 
-    def with_filters(self, filters: Sequence[Mapping[str, Filter]]) -> MotorProblem:
+    def with_filters(self, filters: Sequence[Mapping[str, Filter]]) -> Self:
         """The same problem with errors taken as of another color."""
         return replace(self, filters=tuple(filters))
 
@@ -285,7 +285,7 @@ class MotorProblem(Problem):
         values, directions = parameters.values, parameters.directions
         left = iter(self.left)
         for place, (record, filters) in enumerate(zip(self.records, self.filters, strict=True)):
-            for axis in self._axes(record, values, filters):
+            for axis in self.predictions(record, values, filters, moved=True):
                 error, slopes = _whitened_axis(axis, directions, filters[axis.name])
                 if self.left:
                     error = _centered(error - next(left), axis.name)
@@ -294,7 +294,7 @@ class MotorProblem(Problem):
     def equations(self, theta: FloatArray) -> list[list[Axis]]:
         """For every record its equations at some parameters."""
         values = self.parameters.unpack(theta).values
-        return [self._axes(record, values, self.axes) for record in self.records]
+        return [self.predictions(record, values, self.axes, moved=True) for record in self.records]
 
     def errors(self, theta: FloatArray) -> list[dict[str, FloatArray]]:
         """For every record the errors of each axis as they are, a constant torque taken out."""
@@ -303,16 +303,32 @@ class MotorProblem(Problem):
             for record in self.equations(theta)
         ]
 
-    def _axes(self, record: MotorRecord, values: Mapping[str, float], wanted: Collection[str]) -> list[Axis]:
+    def predictions(
+        self, record: MotorRecord, values: Mapping[str, float], wanted: Collection[str], *, moved: bool = False
+    ) -> list[Axis]:
+        """Equations of one record at some values; slopes by lag and delay, which take most of the time, if asked for.
+
+        Parameters
+        ----------
+        record
+            One of the records.
+        values
+            All parameters by name.
+        wanted
+            Which equations.
+        moved
+            Whether derivatives by lag and delay are worked out; they are zero otherwise.
+        """
         step = 1.0 / record.sample_rate_hz
         rates = [axis for axis in RATES if axis in wanted]
         found = []
         if "az" in wanted or "weight" in wanted:
-            force = _force_axis(record, values, _derived(record, values, "tau_accel", step), self.parameters.names)
+            late = _derived(record, values, "tau_accel", step, moved=moved)
+            force = _force_axis(record, values, late, self.parameters.names)
             found += [force] if "az" in wanted else []
             found += [_mean(force)] if "weight" in wanted else []
         if rates:
-            late = _derived(record, values, "tau_gyro", step)
+            late = _derived(record, values, "tau_gyro", step, moved=moved)
             found += [self._rate_axis(record, values, late, axis, step) for axis in rates]
         return found
 
@@ -393,16 +409,16 @@ def _combined(values: Mapping[str, float], terms: Mapping[str, Row]) -> Row:
     return total
 
 
-def _derived(record: MotorRecord, values: Mapping[str, float], delay: str, step: float) -> _Late:
-    """Motors with derivatives by lag and delay, where these are parameters at all."""
+def _derived(record: MotorRecord, values: Mapping[str, float], delay: str, step: float, *, moved: bool) -> _Late:
+    """Motors with derivatives by lag and delay, where these are parameters at all and the derivatives are wanted."""
     lag = values.get("T_motor", _NO_LAG_S)
     late = {"T_motor": lag, delay: values.get(delay, 0.0)}
 
-    def at(moved: str | None) -> MotorSpeed:
-        shifted = {name: complex(value, _STEP) if name == moved else value for name, value in late.items()}
+    def at(name: str | None) -> MotorSpeed:
+        shifted = {one: complex(value, _STEP) if one == name else value for one, value in late.items()}
         return motor_speed(record.outputs, lag_s=shifted["T_motor"], delay_s=shifted[delay], step_s=step)
 
-    return _Late(at(None), {name: at(name) for name in late if name in values})
+    return _Late(at(None), {name: at(name) for name in late if name in values and moved})
 
 
 def _force_axis(record: MotorRecord, values: Mapping[str, float], late: _Late, names: Sequence[str]) -> Axis:
@@ -699,7 +715,7 @@ def fit_motors(
             needed=f"a correlation of {LEAST_CORRELATION:g} up to 5 Hz",
             remedy="fly sweeps or doublets on these axes, or leave them out",
         )
-    parameters = _start(problem, found)
+    parameters = started(problem, found)
     if start is not None:
         parameters = parameters.with_values({name: start[name] for name in parameters.free if name in start})
     problem = _slow_problem(problem.with_parameters(parameters), found)
@@ -749,13 +765,14 @@ def searched_motors(problem: MotorProblem) -> MotorProblem:
     problem
         As for :func:`fit_motors`.
     """
-    coarse = replace(problem, records=tuple(_coarser(record) for record in problem.records), filters=(), region=None)
+    coarse = replace(problem, records=tuple(coarser(record) for record in problem.records), filters=(), region=None)
     found = excitations(coarse.records, coarse.levers)
-    slow = _slow_problem(coarse.with_parameters(_start(coarse, found)), found)
-    return slow.within(_reach(slow))
+    slow = _slow_problem(coarse.with_parameters(started(coarse, found)), found)
+    return slow.within(reach(slow))
 
 
-def _coarser(record: MotorRecord) -> MotorRecord:
+def coarser(record: MotorRecord) -> MotorRecord:
+    """A record of some 50 samples in a second: outputs averaged over them, filters in front of the sensors left out."""
     every = max(1, int(record.sample_rate_hz / _SEARCHED_HZ))
     count = record.samples // every
 
@@ -775,15 +792,24 @@ def _coarser(record: MotorRecord) -> MotorRecord:
     )
 
 
-def _reach(problem: MotorProblem) -> StartBox:
-    """Where a vehicle may lie: thrust that carries it, inertia within a factor, lags, damping."""
+def reach(problem: MotorProblem, *, factor: float = _FAR) -> StartBox:
+    """Where a vehicle may lie: thrust that carries it, inertia within a factor, lags, damping.
+
+    Parameters
+    ----------
+    problem
+        With first values.
+    factor
+        How far from these inertia and the only coefficient of thrust may lie.
+    """
     parameters = problem.parameters
     weight = parameters["m"].value * STANDARD_GRAVITY_M_S2
     sides: list[tuple[float, float]] = []
+    several = sum(name in parameters.free for name in ("c_0", "c_1", "c_2"))
     for name in parameters.free:
         value = parameters[name].value
-        low, high = min(value / _FAR, value * _FAR), max(value / _FAR, value * _FAR)
-        if name in ("c_0", "c_1", "c_2"):
+        low, high = min(value / factor, value * factor), max(value / factor, value * factor)
+        if name in ("c_0", "c_1", "c_2") and not (factor < _FAR and several == 1):
             size = weight / max(_summed(problem, int(name[-1])), 1e-9)
             low, high = -size, 2.0 * size
         low, high = _REACH.get(name, (low, high))
@@ -838,7 +864,7 @@ def _whitening(axis: str, error: FloatArray, order: int) -> Filter:
     return _fitting(whitening_taps(error, order) if order else np.ones(1), error)
 
 
-def _start(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) -> ParameterSet:
+def started(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) -> ParameterSet:
     """Thrust that carries the weight, lag of the best correlation, inertia from torque and slow acceleration."""
     parameters = problem.parameters
     free = set(parameters.free)

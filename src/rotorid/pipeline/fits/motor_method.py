@@ -107,10 +107,10 @@ class Motors:
         combinations = unseen_combinations(fitted.parameters, fitted.bounds)
         return Described(
             fit=Fit(
-                method="prediction_error",
+                method=self.settings.method,
                 outputs=fitted.channels,
                 end=FitEnd(
-                    weights="likelihood",
+                    weights="absolute" if self.settings.method == "accelerations" else "likelihood",
                     outcome=solution.outcome.value,
                     evaluations=solution.evaluations,
                     trace=tuple(solution.trace),

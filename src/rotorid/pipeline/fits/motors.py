@@ -25,6 +25,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
+from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
 from rotorid.fitting.motors.fit import (
     LEAST_CORRELATION,
     SLOW_HZ,
@@ -82,6 +83,8 @@ def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
     InsufficientDataError
         The data do not determine all of them.
     """
+    if isinstance(fit.problem, AccelerationErrors):
+        return _acceleration_bounds(fit, fit.problem)
     parts = fit.parts()
     slopes = np.concatenate([part.slopes[:, 0] for part in parts])
     fisher = slopes.T @ slopes
@@ -107,6 +110,23 @@ def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
         inflation=math.exp(0.5 * float(np.mean(ratio))),
     )
     return bounds, colored.ar_order
+
+
+def _acceleration_bounds(fit: MotorFit, problem: AccelerationErrors) -> tuple[Bounds, int]:
+    """The same at the end of a fit of absolute errors."""
+    kept = problem.determined(fit.solution)
+    covariance = problem.covariance(fit.solution.theta, kept)
+    alone = 1.0 / np.sqrt(np.maximum(np.linalg.pinv(covariance, hermitian=True).diagonal(), 1e-300))
+    spread = np.sqrt(covariance.diagonal())
+    bounds = Bounds(
+        names=fit.moving,
+        cramer_rao=2.0 * spread,
+        insensitivity=alone,
+        covariance=covariance,
+        random=covariance,
+        inflation=1.0,
+    )
+    return bounds, 0
 
 
 CHANNELS: Mapping[str, str] = {"p": "p_dot", "q": "q_dot", "r": "r_dot", "az": "az"}
@@ -341,7 +361,12 @@ class FittedMotors(Immutable):
     @cached_property
     def moved(self) -> tuple[Motion, ...]:
         """Every stretch as it was measured and as the motors explain it."""
-        return motions(self.fit.problem, self.fit.solution.theta, self.data.stretches, self.fit.excitations)
+        fitted = self.fit.problem
+        # As flown, whatever clock the fit was on.
+        flown = MotorProblem(
+            records=self.data.records, levers=fitted.levers, parameters=fitted.parameters, axes=fitted.axes
+        )
+        return motions(flown, self.fit.solution.theta, self.data.stretches, self.fit.excitations)
 
 
 def levers_of(data: MotorData) -> FloatArray:
@@ -408,7 +433,9 @@ def _each_alone(fitted: FittedMotors, choices: MotorChoices) -> list[Alone]:
         _PROGRESS.info(f"fitting {name} alone")
         with contextlib.suppress(InsufficientDataError):
             ordered = tuple(axis for axis in AXIS_WORDS if axis in axes)
-            fit, curve, _ = _fitted(part, replace(choices, search=None), problem.levers, ordered)
+            fit, curve, _ = _fitted(
+                part, replace(choices, search=None, evaluations=None, runs=None), problem.levers, ordered
+            )
             alone = _bounded(part, choices, fit, curve)
             if not _useless(alone):
                 stds = dict(zip(alone.bounds.names, alone.bounds.std.tolist(), strict=True))
@@ -432,7 +459,9 @@ def _bounded(data: MotorData, choices: MotorChoices, fit: MotorFit, curve: Curve
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
     scaled = scale_of(choices.known, tuple(axis for axis in fit.problem.axes if axis != "weight")) is not None
     units = _units(parameters, scaled=scaled, arm_known=data.layout.arm_known)
-    both = (replace(one, unit=units.get(one.parameter, one.unit)) for one in inertia_regressions(fit))
+    # Regressions both ways are of whitened errors.
+    regressions = () if choices.method == "accelerations" else inertia_regressions(fit)
+    both = (replace(one, unit=units.get(one.parameter, one.unit)) for one in regressions)
     return FittedMotors(
         data=data,
         fit=fit,
@@ -551,6 +580,8 @@ def _fitted(
 ) -> tuple[MotorFit, Curve, Searched | None]:
     """The fit of some axes, with a motor lag where the data tell one, and the search that it went on from."""
     curve = _curve(choices, data, axes)
+    if choices.method == "accelerations":
+        return _by_accelerations(data, choices, levers, axes, curve)
 
     def posed(*, lag: bool) -> MotorProblem:
         parameters = motor_parameters(
@@ -580,12 +611,56 @@ def _fitted(
     return fit, curve, search
 
 
+def _by_accelerations(
+    data: MotorData, choices: MotorChoices, levers: FloatArray, axes: tuple[str, ...], curve: Curve
+) -> tuple[MotorFit, Curve, Searched | None]:
+    """The fit of absolute errors of accelerations, see :mod:`rotorid.fitting.motors.accelerations`."""
+
+    def posed(*, lag: bool) -> AccelerationErrors:
+        parameters = motor_parameters(
+            curve=curve,
+            known=choices.known,
+            axes=axes,
+            lag=lag,
+            heave_damping=all(record.w.size > 0 for record in data.records),
+            delays=False,
+        )
+        problem = MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *axes))
+        return acceleration_errors(problem)
+
+    def fitted(problem: AccelerationErrors, start: Mapping[str, float]) -> MotorFit:
+        parameters = problem.parameters
+        parameters = parameters.with_values({name: start[name] for name in parameters.free if name in start})
+        return MotorFit(
+            problem=problem,
+            solution=problem.polish(parameters.pack()),
+            excitations=excitations(data.records, levers),
+            rounds=0,
+            settled=True,
+        )
+
+    problem = posed(lag=data.kind != "speed")
+    search = _run_search(problem, choices)
+    start = search.values(search.minima[0]) if search else {}
+    _PROGRESS.info("fitting motors, thrust and inertia to accelerations")
+    fit = fitted(problem, start)
+    if "T_motor" in fit.parameters.free and _lag_unseen(fit):
+        fit = fitted(posed(lag=False), start)
+    return fit, curve, search
+
+
 def _searched(problem: MotorProblem, choices: MotorChoices) -> Searched | None:
     """The search that was asked for, on slow motion."""
+    return None if choices.search is None else _run_search(searched_motors(problem), choices)
+
+
+def _run_search(problem: MotorProblem, choices: MotorChoices) -> Searched | None:
     if choices.search is None:
         return None
-    settings = IdentifySettings(search=choices.search, evaluations=choices.evaluations, seed=choices.seed)
-    return searched(searched_motors(problem), settings)
+    settings = IdentifySettings(
+        search=choices.search, evaluations=choices.evaluations, seed=choices.seed, runs=choices.runs
+    )
+    return searched(problem, settings)
 
 
 def _lag_unseen(fit: MotorFit) -> bool:
@@ -871,11 +946,8 @@ def _ended(identified: FittedMotors) -> Iterator[Finding]:
                 value=value,
             )
     if identified.data.kind != "speed" and "T_motor" not in identified.parameters.names:
-        yield remark(
-            "lag_plus_delay",
-            "T_motor",
-            "The data do not tell a motor lag from none, or from a delay; tau_gyro stands for both.",
-        )
+        both = "; tau_gyro stands for both" if "tau_gyro" in identified.parameters.names else ""
+        yield remark("lag_plus_delay", "T_motor", f"The data do not tell a motor lag from none, or from a delay{both}.")
     if not fit.settled:
         moved = _last_move(identified)
         yield warn(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,10 +16,20 @@ from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.problem import Problem
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings
-from rotorid.pipeline.summary import Minimum, Objective, SearchMinimum, SearchSummary
+from rotorid.pipeline.summary import (
+    Minimum,
+    Objective,
+    RunSpread,
+    RunTable,
+    SearchMinimum,
+    SearchRuns,
+    SearchSummary,
+)
 from rotorid.search.result import Basin, Progress, SearchResult
+from rotorid.search.spread import Repeated, SearchSpread, spread_over_starts
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.resampling import SpreadTable
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -52,17 +62,21 @@ class Searched(Immutable):
         Of the problem: names, and the values of the model before the search.
     result
         What the search found.
+    runs
+        The same from other seeds, where they were asked for.
     """
 
     name: str
     cost: str
     parameters: ParameterSet
     result: SearchResult
+    runs: SearchSpread | None = None
 
     @property
     def objective(self) -> Objective:
         """What was minimized, as results name it."""
-        return "frequency" if self.cost == "frequency" else "output_error"
+        known: dict[str, Objective] = {"frequency": "frequency", "accelerations": "accelerations"}
+        return known.get(self.cost, "output_error")
 
     @property
     def minima(self) -> tuple[Basin, ...]:
@@ -118,18 +132,38 @@ def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
         counted = {"done": at.evaluations, "total": budget} if settings.search else {}
         _PROGRESS.info(f"searching by {name}: {at.evaluations} evaluations, best cost {at.best:.4g}", extra=counted)
 
-    result = search(name).run(
-        problem.shortened(_SEARCHED),
-        budget=budget,
-        seed=settings.seed,
-        progress=say,
-    )
-    return Searched(
-        name=name,
-        cost=problem.method,
-        parameters=problem.parameters,
-        result=result,
-    )
+    shorter, chosen = problem.shortened(_SEARCHED), search(name)
+    result = chosen.run(shorter, budget=budget, seed=settings.seed, progress=say)
+    runs = None
+    if settings.runs is not None:
+        free = problem.parameters.free
+        runs = spread_over_starts(
+            _OfParameters(Repeated(chosen, shorter, budget), len(free)),
+            names=free,
+            units=[problem.parameters[one].unit for one in free],
+            runs=settings.runs,
+            seed=settings.seed,
+            progress=_counted,
+        )
+    return Searched(name=name, cost=problem.method, parameters=problem.parameters, result=result, runs=runs)
+
+
+@dataclass(frozen=True)
+class _OfParameters:
+    """A repeated search without what a problem has beside the parameters, such as initial states."""
+
+    repeated: Callable[[int], SearchResult]
+    count: int
+
+    def __call__(self, seed: int) -> SearchResult:
+        found = self.repeated(seed)
+        return replace(
+            found, theta=found.theta[: self.count], best=replace(found.best, theta=found.best.theta[: self.count])
+        )
+
+
+def _counted(done: int, runs: int) -> None:
+    _PROGRESS.info(f"searching from {runs} seeds: {done} done", extra={"done": done, "total": runs})
 
 
 def wanted_search(settings: IdentifySettings) -> str | None:
@@ -176,7 +210,34 @@ def search_summary(found: Searched | None) -> SearchSummary | None:
             SearchMinimum(cost=basin.cost, share=basin.share, parameters=found.values(basin)) for basin in found.minima
         ),
         trace=tuple((at.evaluations, at.best) for at in result.trace if math.isfinite(at.best)),
+        alone=Minimum(cost=result.cost, parameters=found.values(Basin(result.cost, result.theta, 0.0))),
+        runs=None if found.runs is None else _runs(found.runs),
     )
+
+
+def _runs(found: SearchSpread) -> SearchRuns:
+    return SearchRuns(
+        runs=found.after.runs,
+        seed=found.after.seed,
+        left_out=dict(found.after.left_out),
+        alone=_run_table(found.before, found.costs_before),
+        polished=_run_table(found.after, found.costs_after),
+    )
+
+
+def _run_table(table: SpreadTable, costs: FloatArray) -> RunTable:
+    columns = dict(zip(table.names, table.draws.T, strict=True))
+    return RunTable(
+        cost=_spread(costs),
+        parameters={name: _spread(column) for name, column in columns.items()},
+        costs=tuple(costs.tolist()),
+        draws={name: tuple(column.tolist()) for name, column in columns.items()},
+    )
+
+
+def _spread(values: FloatArray) -> RunSpread:
+    low, high = float(values.min()), float(values.max())
+    return RunSpread(mean=float(values.mean()), std=float(values.std(ddof=1)), min=low, max=high)
 
 
 def searched_minima(found: Searched | None) -> tuple[Minimum, ...]:
