@@ -103,7 +103,9 @@ def _print(document: VerifyDocument, folder: Path) -> None:
         console.print(table)
         console.print("an output in parentheses hardly moved in that maneuver and is not judged")
         worst = max(one.j_rms for one in document.maneuvers)
-        console.print(f"J_rms up to {worst:.2f} (degrees and feet){_guideline(document)}", highlight=False)
+        # Accelerations of motors have none.
+        if worst > 0.0:
+            console.print(f"J_rms up to {worst:.2f} (degrees and feet){_guideline(document)}", highlight=False)
     for sweep in document.frequency:
         for pair, cost in sweep.pairs.items():
             low, high = cost.band_rad_s

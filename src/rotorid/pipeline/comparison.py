@@ -20,7 +20,8 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.pipeline.checking.candidate import motors_refused
+from rotorid.pipeline.checking.candidate import identified_motors
+from rotorid.pipeline.checking.flown_motors import motor_scores, predicted_by
 from rotorid.pipeline.checking.unseen import fitted_logs, has_seen
 from rotorid.pipeline.cross_validation import common_horizon_s, fitted_band, score_flights
 from rotorid.pipeline.preparation.flights import Flight
@@ -145,17 +146,56 @@ def score_on_logs(
     flights: dict[str, list[Flight]] = {}
     for entry in entries:
         flights[entry.label] = []
-        for record in records:
+        for record in () if entry.model.motors is not None else records:
             try:
                 flights[entry.label] += _maneuvers(entry, record, settings)
             except InsufficientDataError as error:
                 findings.append(_not_scored(entry, record, error))
     band_rad_s = fitted_band([entry.model for entry in entries])
+    of_motors, not_scored = _scores_of_motors(entries, records, settings)
+    findings += not_scored
     found, failed = _scores(entries, flights, settings, None, band_rad_s)
     horizon_s = common_horizon_s([one for each in found for group in each.scores.values() for one in group])
     if horizon_s is not None:
         found, failed = _scores(entries, flights, settings, horizon_s, band_rad_s)
+    found = _together(found, of_motors)
     return OnLogs(maneuvers=tuple(found), band_rad_s=band_rad_s, findings=(*findings, *failed))
+
+
+def _scores_of_motors(
+    entries: Sequence[Entry], records: Sequence[FlightRecord], settings: IdentifySettings
+) -> tuple[list[ComparedManeuver], list[Finding]]:
+    """Results of ``physical.motors``: accelerations from the motors of each log, which no other model predicts."""
+    found: dict[tuple[str, float], ComparedManeuver] = {}
+    findings: list[Finding] = []
+    for entry in entries:
+        known = identified_motors(entry.model)
+        for record in records if known is not None else ():
+            _PROGRESS.info(f"{entry.label} on {record.source.name}")
+            try:
+                moved = predicted_by(known, record, settings.segments).moved if known else ()
+            except InsufficientDataError as error:
+                findings.append(_not_scored(entry, record, error))
+                continue
+            for one in moved:
+                maneuver = replace(one.flight.maneuver, start_s=one.flight.record.start_s)
+                place = record.source.sha256, round(maneuver.start_s, 3)
+                here = found.setdefault(
+                    place,
+                    ComparedManeuver(
+                        record=record.source.name,
+                        maneuver=maneuver,
+                        scores={},
+                        seen=tuple(other.label for other in entries if other.has_seen(record, maneuver)),
+                    ),
+                )
+                found[place] = replace(here, scores={**here.scores, entry.label: (motor_scores(one),)})
+    return list(found.values()), findings
+
+
+def _together(others: Sequence[ComparedManeuver], of_motors: Sequence[ComparedManeuver]) -> list[ComparedManeuver]:
+    """Maneuvers of all models, in the order of the flight."""
+    return sorted([*others, *of_motors], key=lambda one: (one.record, one.maneuver.start_s)) if of_motors else [*others]
 
 
 def _maneuvers(entry: Entry, record: FlightRecord, settings: IdentifySettings) -> list[Flight]:
@@ -326,7 +366,7 @@ def compare(
     Raises
     ------
     UsageError
-        Fewer than two models came, or logs came with one of ``physical.motors``.
+        Fewer than two models came.
     InsufficientDataError
         Logs came, and no model could be scored on any of them; the findings say why.
     """
@@ -334,8 +374,6 @@ def compare(
     entries = entries_of(models)
     if not records:
         return _comparison(entries, (), OnLogs(maneuvers=()), settings)
-    if motors := [entry.label for entry in entries if entry.model.motors is not None]:
-        raise motors_refused(motors[0])
     each_once(records)
     scored = score_on_logs(entries, records, settings)
     if not scored.maneuvers:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, refusal, worst_first
+from rotorid.data.findings import Finding, refusal, warn, worst_first
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.checking.candidate import Candidate, candidate_model, read_candidate
 from rotorid.pipeline.checking.checks import maneuver_check
+from rotorid.pipeline.checking.flown_motors import KnownMotors, predicted_by, verification_of
 from rotorid.pipeline.checking.unseen import UnseenLog, check_logs, has_seen, seen_data, unseen_logs
 from rotorid.pipeline.preparation.coverage import covered_by, trim_of
 from rotorid.pipeline.preparation.flights import Flight
@@ -99,6 +100,8 @@ def verify(
     settings, records = as_settings(VerifySettings, settings, options), as_records(records)
     candidate = chosen(model, settings)
     each_once(records)
+    if candidate.motors is not None:
+        return _verify_motors(candidate, candidate.motors, records, settings)
     axes = axes_of(candidate.structure.inputs, candidate.structure.outputs)
     logs = unseen_logs(candidate, records, axes, segments=settings.segments)
     checked = check_logs(candidate, logs, settings, vibration_filter=settings.vibration_filter)
@@ -117,6 +120,51 @@ def verify(
         candidate=candidate,
         found=checked,
         maneuvers=tuple(maneuver_check(check, states, _trim(check, flights)) for check in checked.maneuvers),
+        covered=covered_by(flights),
+        scale=settings.scale,
+        findings=worst_first(findings),
+        provenance=provenance(records, settings, flights=flights),
+    )
+
+
+def _verify_motors(
+    candidate: Candidate, known: KnownMotors, records: Sequence[FlightRecord], settings: VerifySettings
+) -> Verified:
+    """Judge a vehicle of ``physical.motors``: accelerations from motors, see :mod:`.checking.flown_motors`."""
+    given = {"--band": settings.band_rad_s, "--instrument": settings.instruments, "--controller": settings.controllers}
+    if wrong := [name for name, value in given.items() if value]:
+        raise UsageError(
+            f"{', '.join(wrong)} came with a result of {candidate.structure.name}",
+            needed="logs, and --segment where excitations are not found",
+        )
+    checks: list[Verification] = []
+    findings = [finding for record in records for finding in record.findings]
+    flights: list[Flight] = []
+    for record in records:
+        try:
+            found = predicted_by(known, record, settings.segments)
+        except InsufficientDataError as error:
+            name = record.source.name
+            findings += [*error.findings, warn("not_verified", name, f"{name} was not judged: {error}")]
+            continue
+        findings += found.findings
+        seen = [Flight(record, replace(one.flight.maneuver)) for one in found.moved]
+        if candidate.provenance is not None:
+            findings += [seen_data(*item) for item in seen if has_seen(candidate.provenance, *item)]
+        flights += seen
+        checks += [verification_of(one, candidate.structure.inputs) for one in found.moved]
+    if not checks:
+        causes = "; ".join(one.message.rstrip(".") for one in findings if one.kind == "not_verified")
+        raise InsufficientDataError(
+            causes or "no log can judge the model",
+            needed="motors, gyros and accelerometer of the vehicle, and motion on an axis that was identified",
+            remedy="see what rotorid inspect finds, or name an interval with --segment",
+            findings=findings,
+        )
+    return Verified(
+        candidate=candidate,
+        found=Verifications(maneuvers=tuple(checks)),
+        maneuvers=tuple(maneuver_check(check, ()) for check in checks),
         covered=covered_by(flights),
         scale=settings.scale,
         findings=worst_first(findings),

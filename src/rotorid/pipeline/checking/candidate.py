@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -26,6 +26,7 @@ from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.models.toml_source import Source
+from rotorid.pipeline.checking.flown_motors import KnownMotors, known_motors
 from rotorid.pipeline.fits.frequency import FrequencyFit
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.preparation.segments import source_of
@@ -278,6 +279,8 @@ class Candidate(Immutable):
         Controllers that a person gave, to fly the model in closed loop; they go before the gains in a log.
     provenance
         Which data it was fitted to, or ``None`` when that is not known.
+    motors
+        The vehicle, of a result of ``physical.motors``; the structure is then its motion around hover.
     """
 
     structure: LinearStructure
@@ -286,6 +289,7 @@ class Candidate(Immutable):
     sources: Mapping[str, str] | None = None
     controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
     provenance: Provenance | None = None
+    motors: KnownMotors | None = None
 
     @property
     def system(self) -> StateSpace:
@@ -310,22 +314,23 @@ def candidate_of(fitted: FrequencyFit, measured: Measured) -> Candidate:
 
 
 def candidate_model(model: IdentifiedModel) -> Candidate:
-    """An identified model, to be judged on further logs.
-
-    Raises
-    ------
-    UsageError
-        It is one of ``physical.motors``.
-    """
-    if model.motors is not None:
-        raise motors_refused(model.name)
+    """An identified model, to be judged on further logs."""
     return Candidate(
         structure=model.structure,
         parameters=model.structure.parameters,
         band_rad_s=model.band_rad_s,
         sources=model.provenance.sources or None,
         provenance=model.provenance,
+        motors=identified_motors(model),
     )
+
+
+def identified_motors(model: IdentifiedModel) -> KnownMotors | None:
+    """The vehicle of an identified model; ``None`` for one that is not of ``physical.motors``."""
+    if model.motors is None:
+        return None
+    parameters = {name: asdict(one) for name, one in model.parameters.items()}
+    return known_motors({"parameters": parameters, "motors": asdict(model.motors)})
 
 
 def output_sources(measured: Measured) -> dict[str, str]:
@@ -350,8 +355,8 @@ def read_candidate(result: Path) -> Candidate:
     Raises
     ------
     UsageError
-        There is no such model, or several, the result is none of ``identify``, or it is one of ``physical.motors``,
-        whose model does not say how its inputs are had from a log.
+        There is no such model, or several, the result is none of ``identify``, or it is a ``model.toml`` of
+        ``physical.motors`` alone, which does not say how its inputs are had from a log.
     ModelError
         The ``model.toml`` is wrong.
     """
@@ -371,27 +376,16 @@ def read_candidate(result: Path) -> Candidate:
             remedy="name it after the folder",
         )
     structure = from_toml(read_text(model, needed=_RESULT_FILES), where=model.name)
-    if structure.name == MOTORS:
-        raise motors_refused(str(result))
     document = result if result.suffix == ".json" else folder / RESULT
+    if structure.name == MOTORS and not document.exists():
+        raise UsageError(
+            f"{result} is the {MODEL} of {MOTORS} alone, which does not say how motors are had from a log",
+            needed=f"its {RESULT} beside it",
+            remedy="give the folder that identify wrote",
+        )
     if result.suffix != ".toml" or document.exists():
         return _with_result(structure, document, required=result.suffix != ".toml")
     return Candidate(structure=structure, parameters=structure.parameters)
-
-
-def motors_refused(which: str) -> UsageError:
-    """Why a result of ``physical.motors`` is not scored on logs as other models are.
-
-    Parameters
-    ----------
-    which
-        The result.
-    """
-    return UsageError(
-        f"{which} is a result of {MOTORS}, whose inputs are motors that identify makes ready from each log by itself",
-        needed="a result of another model to score on a log",
-        remedy=f"rotorid identify LOGS --model {MOTORS} --verify LOG judges it on unseen flights",
-    )
 
 
 def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:
@@ -416,6 +410,7 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
         band_rad_s=(min(low for low, _ in bands), max(high for _, high in bands)) if bands else None,
         sources=sources,
         provenance=_provenance(table),
+        motors=known_motors(table) if structure.name == MOTORS else None,
     )
 
 

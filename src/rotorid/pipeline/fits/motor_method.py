@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.motors.fit import MotorProblem, excitations
+from rotorid.fitting.motors.fit import MotorProblem
 from rotorid.models.motors import CURVE_TERMS, scale_of
+from rotorid.pipeline.checking.flown_motors import predicted, verification_of
 from rotorid.pipeline.fits.frequency import judge_combinations
 from rotorid.pipeline.fits.methods import Described
 from rotorid.pipeline.fits.motors import (
@@ -22,7 +22,6 @@ from rotorid.pipeline.fits.motors import (
     fit_percents,
     judge_motors,
     levers_of,
-    motions,
     scores,
     simulated_record,
 )
@@ -43,7 +42,6 @@ from rotorid.pipeline.summary import (
 )
 from rotorid.signal.motors import Linearization, linearization_of, logged_outputs, or_none
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
-from rotorid.verification.scores import GOOD_TIC
 from rotorid.verification.verification import Verification
 
 
@@ -88,8 +86,14 @@ class Motors:
                 )
                 findings.append(warn("not_verified", name, message))
                 continue
-            moved, remarks = _predicted(fitted, unseen)
-            checks += [_verification(motion, fitted.structure.inputs) for motion in moved]
+            problem = MotorProblem(
+                records=unseen.records,
+                levers=levers_of(unseen),
+                parameters=fitted.fit.problem.parameters,
+                axes=fitted.fit.problem.axes,
+            )
+            moved, remarks = predicted(problem, fitted.fit.solution.theta, unseen)
+            checks += [verification_of(motion, fitted.structure.inputs) for motion in moved]
             findings += remarks
         return Verifications(maneuvers=tuple(checks), findings=tuple(findings))
 
@@ -154,59 +158,6 @@ def _expected(found: Combination, fitted: FittedMotors) -> bool:
 def _alike(data: MotorData, other: MotorData) -> bool:
     same = data.layout.rotors == other.layout.rotors and np.allclose(data.layout.positions, other.layout.positions)
     return same and np.array_equal(data.layout.spins, other.layout.spins) and data.kind == other.kind
-
-
-class _Predicted(NamedTuple):
-    """Stretches of one unseen log that tell of the model, and remarks on all of them."""
-
-    moved: tuple[Motion, ...]
-    findings: tuple[Finding, ...]
-
-
-def _predicted(fitted: FittedMotors, data: MotorData) -> _Predicted:
-    problem = MotorProblem(
-        records=data.records,
-        levers=levers_of(data),
-        parameters=fitted.fit.problem.parameters,
-        axes=fitted.axes,
-    )
-    found = excitations(data.records, problem.levers)
-    moved = motions(problem, fitted.fit.solution.theta, data.stretches, found)
-    findings = [*data.findings]
-    for motion in moved:
-        where = f"{motion.flight.record.name} at {motion.flight.record.start_s:.1f} s"
-        if not motion.counted:
-            message = f"{where} moves no axis that was identified, and tells nothing of the model."
-            findings.append(warn("not_verified", where, message))
-        findings += [
-            warn(
-                "poor_verification",
-                f"{where}: {name}",
-                f"{name} of {where} is predicted with a Theil coefficient of {score.tic:.2f}.",
-                tic=score.tic,
-                nrmse_fit_percent=score.nrmse_fit_percent,
-            )
-            for name, score in scores(motion).items()
-            if score.tic > GOOD_TIC
-        ]
-    return _Predicted(tuple(motion for motion in moved if motion.counted), tuple(findings))
-
-
-def _verification(moved: Motion, motors: Sequence[str]) -> Verification:
-    """An unseen stretch, of which counts what was excited."""
-    shown, record = simulated_record(moved, tuple(moved.rows)), moved.flight.record
-    return Verification(
-        record=shown.record,
-        maneuver=replace(shown.maneuver, start_s=record.start_s, stop_s=float(record.time_s[-1])),
-        time_s=shown.time_s,
-        inputs=shown.inputs,
-        measured=shown.measured,
-        predicted=shown.simulated,
-        input_names=tuple(motors),
-        output_names=tuple(moved.rows),
-        scores=scores(moved),
-        moved=moved.counted,
-    )
 
 
 def _record_fit(moved: Motion) -> RecordFit:

@@ -310,6 +310,7 @@ def motor_data(
     choices: MotorChoices,
     *,
     reference_v: float | None = None,
+    layout: RotorLayout | None = None,
 ) -> MotorData:
     """Motors, rates and specific force of every log on one clock.
 
@@ -321,6 +322,8 @@ def motor_data(
         As for :func:`rotorid.pipeline.fits.motor_method.Motors`.
     reference_v
         Voltage at which thrust is told; the median of all stretches by default.
+    layout
+        The rotors, where they are known from elsewhere; by default those of the choices, or of the logs.
 
     Raises
     ------
@@ -330,7 +333,7 @@ def motor_data(
         Logs are of different vehicles, or of motors of different kind.
     """
     each_once(records)
-    layout = _layout(records, choices)
+    layout = layout or _layout(records, choices)
     findings: list[Finding] = [*layout.findings]
     flown: list[FlownMotors] = []
     for record in records:
