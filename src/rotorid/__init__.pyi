@@ -32,6 +32,7 @@ from rotorid.pipeline.delays import delay as delay
 from rotorid.pipeline.designs import design as design
 from rotorid.pipeline.identification import identify as identify
 from rotorid.pipeline.inspection import inspect as inspect
+from rotorid.pipeline.joined_models import joined_model as joined_model
 from rotorid.pipeline.responses import response as response
 from rotorid.pipeline.results import IdentifiedModel as IdentifiedModel
 from rotorid.pipeline.review.review import review as review

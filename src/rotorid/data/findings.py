@@ -267,6 +267,9 @@ KINDS: Mapping[str, Kind] = {
     "known_filter": Kind(
         "info", "A known filter", "The filters that a channel has passed, as far as the log says, and their delay."
     ),
+    "joined_models": Kind(
+        "info", "Models joined", "Longitudinal and lateral models stand side by side, with a covariance of two blocks."
+    ),
     "joined_records": Kind(
         "warning",
         "Records joined",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -128,8 +128,24 @@ def export(
     found, chosen = target_named(target), choices or ExportChoices()
     _require_held(found, chosen)
     vehicle = joined(what, chosen, given=given, layout=layout)
+    if found.name in _OF_BOTH_HALVES:
+        vehicle = _with_both_halves(vehicle)
     made: Exported = import_module(f"rotorid.exports.{found.module}").export(vehicle, chosen)
     return made
+
+
+_OF_BOTH_HALVES = ("matlab", "control", "json")
+"""Targets that hold any number of linear models."""
+
+
+def _with_both_halves(vehicle: JoinedVehicle) -> JoinedVehicle:
+    """The vehicle with the model of its whole motion after those of both halves of it."""
+    from rotorid.pipeline.joined_models import joined_halves
+
+    whole = joined_halves(vehicle.models)
+    if whole is None:
+        return vehicle
+    return replace(vehicle, models=(*vehicle.models, whole), findings=(*vehicle.findings, *whole.findings))
 
 
 def _require_held(target: Target, choices: ExportChoices) -> None:

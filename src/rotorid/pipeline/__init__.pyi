@@ -24,6 +24,7 @@ from rotorid.pipeline.joined import JoinedVehicle as JoinedVehicle
 from rotorid.pipeline.joined import VehicleNumber as VehicleNumber
 from rotorid.pipeline.joined import joined_vehicle as joined_vehicle
 from rotorid.pipeline.joined import require as require
+from rotorid.pipeline.joined_models import joined_model as joined_model
 from rotorid.pipeline.own_vehicles import OwnVehicle as OwnVehicle
 from rotorid.pipeline.own_vehicles import own_vehicle as own_vehicle
 from rotorid.pipeline.responses import Responses as Responses

@@ -37,6 +37,7 @@ def write_several(
         Kinds of files for a paper, written into the folder of each model.
     """
     from rotorid.documents.results import RESULTS, results_document
+    from rotorid.pipeline.joined_models import joined_halves
     from rotorid.report.identification import render_report
     from rotorid.report.publication import of_model, write_publication
 
@@ -45,6 +46,9 @@ def write_several(
         write_results(own, model, title=f"{name} of {title}")
         if figures is not None or tables:
             write_publication(own, of_model(model), figures=figures, tables=tables)
+    whole = joined_halves(list(models.identified.values()))
+    if whole is not None:
+        write_results(folder / whole.name, whole, title=f"{whole.name} of {title}")
     text, page = to_json(results_document(models)), render_report(list(models.identified.values()), title=title)
     files: dict[str, Callable[[Path], None]] = {
         "report.html": lambda path: write_atomically(path, page),
