@@ -98,6 +98,9 @@ class FrequencyResponse(Immutable):
     sensor_errors
         How far each output disagrees with the other sensors of its log, as a relative error of its scale and as a
         delay in seconds, shape ``(y, 2)``; ``None`` where nothing disagrees.
+    slope_changes
+        How much more or less than in the mean each input may have done at the time when it moved at each frequency,
+        as a logarithm, shape ``(u, f)``; ``None`` where that is not known.
 
     Examples
     --------
@@ -126,6 +129,7 @@ class FrequencyResponse(Immutable):
     disturbance: Disturbance | None = None
     sample_rate_hz: float | None = None
     sensor_errors: FloatArray | None = None
+    slope_changes: FloatArray | None = None
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)
@@ -153,6 +157,10 @@ class FrequencyResponse(Immutable):
             if np.shape(self.sensor_errors) != (y, 2):
                 raise ValueError(f"sensor_errors: shape {(y, 2)} was needed and {np.shape(self.sensor_errors)} came")
             self._set(sensor_errors=read_only(self.sensor_errors, np.float64, ndim=2))
+        if self.slope_changes is not None:
+            if np.shape(self.slope_changes) != (u, f):
+                raise ValueError(f"slope_changes: shape {(u, f)} was needed and {np.shape(self.slope_changes)} came")
+            self._set(slope_changes=read_only(self.slope_changes, np.float64, ndim=2))
         self._set(
             omega_rad_s=omega,
             **arrays,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError
-from rotorid.models.library import rate_model
+from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.fits.frequency import judge_parameters, require_known_gain
+from rotorid.pipeline.fits.frequency import _pushed_on_by_speed, judge_parameters, require_known_gain
 from rotorid.uncertainty.cramer_rao import Bounds
 
 FOUND = rate_model("rate.roll").parameters
@@ -75,3 +77,15 @@ def test_lag_and_delay_that_trade_have_a_sum_that_is_known_better() -> None:
     assert remark.numbers["sum_s"] == pytest.approx(0.04, rel=1e-12)
     # Perfectly opposed, the deviations of 2.7 and 0.9 ms subtract.
     assert remark.numbers["std_s"] == pytest.approx(1.8e-3, rel=1e-12)
+
+
+@pytest.mark.parametrize(("value", "refused"), [(0.09, True), (0.02, False), (-0.2, False)])
+def test_a_vehicle_that_its_own_speed_pushes_on_is_refused(value: float, *, refused: bool) -> None:
+    model = library_model("axis.roll")
+    fitted = SimpleNamespace(
+        problem=SimpleNamespace(structure=model),
+        parameters=model.parameters.with_values({"Y_v": value}),
+        bounds=SimpleNamespace(names=("L_v", "Y_v"), std=np.array([0.3, 0.01])),
+    )
+    found = list(_pushed_on_by_speed(fitted))  # type: ignore[arg-type]
+    assert [(one.kind, one.where) for one in found] == ([("impossible_physics", "Y_v")] if refused else [])

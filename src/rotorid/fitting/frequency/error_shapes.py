@@ -4,7 +4,8 @@ A structure that leaves something out errs alike at neighboring frequencies: in 
 of :math:`\ln \omega`, taken as a Gaussian process with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`,
 one octave. And no log says where within a sample a value belongs: every input and every output may be late by
 :math:`0.15 \, \Delta t`. A sensor that contradicts the kinematics of its log may be the wrong one of the two: its
-response may be off by all of the scale and all of the delay by which they differ. How large the smooth errors are, the
+response may be off by all of the scale and all of the delay by which they differ. And the slope of thrust changes with
+its mean, for all inputs alike (:mod:`rotorid.pipeline.preparation.thrust_slope`). How large the smooth errors are, the
 residuals of a fit must tell (:mod:`rotorid.uncertainty.model_error`).
 """
 
@@ -53,6 +54,7 @@ def response_error_shapes(
     inputs: Sequence[str],
     sample_rate_hz: float | None,
     sensor_errors: FloatArray | None = None,
+    slope_changes: FloatArray | None = None,
 ) -> ErrorShapes:
     """Shapes for points of frequency responses, whose residuals are magnitudes and then phases.
 
@@ -68,6 +70,8 @@ def response_error_shapes(
         Of the log; without it clocks count as exact.
     sensor_errors
         Relative error of the scale and delay in seconds by which each output disagrees with other sensors, ``(y, 2)``.
+    slope_changes
+        By how much the slope of thrust may have been another one at each point, as a logarithm, shape ``(n,)``.
     """
     count = omega_rad_s.size
     magnitude, phase = scale[:count], scale[count:]
@@ -87,6 +91,9 @@ def response_error_shapes(
         clocks = np.concatenate([np.zeros((count, len(channels))), late[:, None] * np.stack(channels, axis=1)])
     if sensor_errors is not None:
         clocks = np.concatenate([clocks, _contradicted(sensor_errors, magnitude, phase * omega_rad_s, output)], axis=1)
+    if slope_changes is not None:
+        changed = np.concatenate([magnitude * slope_changes, np.zeros(count)])
+        clocks = np.concatenate([clocks, changed[:, None]], axis=1)
     shapes = ErrorShapes(names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), known=clocks)
     return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
 

@@ -606,7 +606,7 @@ class FrequencyProblem(Problem):
 
     def error_shapes(self, theta: FloatArray) -> ErrorShapes:
         """A smooth error of each response, clocks, and an accelerometer that the model has at the center of gravity."""
-        points = self.points
+        points, changes = self.points, self.data.slope_changes
         shapes = response_error_shapes(
             points.omega_rad_s[points.frequency],
             points.output,
@@ -616,6 +616,7 @@ class FrequencyProblem(Problem):
             inputs=self.data.inputs,
             sample_rate_hz=self.data.sample_rate_hz,
             sensor_errors=self.data.sensor_errors,
+            slope_changes=None if changes is None else changes[points.input, points.frequency],
         )
         if self.structure.constants.get(_PLACE) != 0.0:
             return shapes

@@ -723,6 +723,7 @@ def _held_at_zero(coupling: UnseenCoupling) -> Finding:
 
 
 WORST_PAIR_COST = 150.0
+_PUSHED_SIGMAS = 3.0
 LONGEST_SPIN_UP_S = 1.0
 """Angular momentum of a rotor over twice its torque is 0.05 to 0.3 s; a second is none."""
 
@@ -812,6 +813,7 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
         message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {rate_hz:.3g} Hz."
         reasons.append(refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=rate_hz))
     reasons += _endless_spin_up(fitted)
+    reasons += _pushed_on_by_speed(fitted)
     mean_cost = float(np.mean(fitted.costs[problem.used.any(axis=-1)]))
     if mean_cost > ACCEPTABLE_COST:
         message = f"The average cost is {mean_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
@@ -833,6 +835,25 @@ def _endless_spin_up(fitted: FrequencyFit) -> Iterator[Finding]:
             "damping and a lag of the motors explain this response alike: take rate.yaw, or a hover model.",
             lead_s=lead_s,
         )
+
+
+def _pushed_on_by_speed(fitted: FrequencyFit) -> Iterator[Finding]:
+    """Air slows a hovering vehicle: a force along its speed is what another axis did to this one."""
+    if not fitted.problem.structure.name.startswith(("axis.", "hover.")):
+        return
+    deviations = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
+    for name in _STEPS:
+        value, std = fitted.parameters.values.get(name, 0.0), deviations.get(name, math.inf)
+        if value > _PUSHED_SIGMAS * std:
+            yield refusal(
+                "impossible_physics",
+                name,
+                f"{name} is {value:.2g} ± {std:.1g} 1/s: no air pushes a hovering vehicle along its own speed. What "
+                "turns with it, or a speed that was not measured, has no place in this model: take a hover model, or "
+                "hold the value with --fix.",
+                value=value,
+                std=std,
+            )
 
 
 def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:

@@ -23,6 +23,7 @@ from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreem
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import choose_instruments, is_command, is_free, no_instrument, open_loop
 from rotorid.pipeline.preparation.segments import cut, histories, holds, require_known, source_of, with_surroundings
+from rotorid.pipeline.preparation.thrust_slope import with_slope_changes
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
@@ -298,7 +299,7 @@ def _measured(
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
     measured = Measured(
-        response=replace(joint or direct, sensor_errors=errors),
+        response=with_slope_changes(replace(joint or direct, sensor_errors=errors), flights, records),
         direct=direct if joint else None,
         diagnostics=diagnostics,
         segments=segments,

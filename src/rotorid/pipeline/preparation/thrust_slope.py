@@ -1,0 +1,171 @@
+r"""How the slope of thrust changes while a sweep runs through its frequencies.
+
+Where thrust grows with the square of what is commanded, its slope grows with the mean command. The mean is not
+constant: rotors that swing lift more in the mean, a tilted vehicle asks for more, one that is late in slowing down for
+less. So low and high frequencies of one sweep are measured with slopes that differ by some percent, which no residual
+shows where a lag can follow. By how much is known up to a factor from zero to one,
+
+.. math:: \Delta \ln|H(\omega)| = \gamma \, \ln \frac{\bar c(\omega)}{\bar c}, \qquad \gamma = \min(2 (n - 1), 1),
+    \qquad n = \frac{|a_z / c| \, \bar c}{g}
+
+with the mean command :math:`\bar c(\omega)` at the times when the input moved at a frequency. The elasticity n is one
+of thrust in proportion to the command and two of a square; in hover thrust is the weight, so that the response of heave
+to thrust tells it, at the frequencies where it is largest. A curve of second order through zero has
+:math:`\gamma = 2 (n - 1)/n`; with an offset it is more or less, so that the larger one counts. Where a log holds no
+excitation of thrust, a factor of 0.6 stands for all from zero to one (its root mean square).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.record import FlightRecord, TimeHistory
+from rotorid.data.response import FrequencyResponse
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import is_command
+from rotorid.signal.clock import resample
+from rotorid.signal.excitations import find_excitations
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+_THRUST, _HEAVE = "thrust_command", "az"
+_PERIODS, _SHORTEST_S, _FREQUENCIES = 3.0, 1.0, 24
+_UNKNOWN = 0.6
+_LEAST_COMMAND = 0.05
+"""A mean command below this is no share of full thrust."""
+
+_COHERENT = 0.8
+_BAND_RAD_S = 2.0, 12.0
+_WINDOW_S, _LEAST_WINDOWS = 6.0, 2.0
+
+
+def with_slope_changes(
+    response: FrequencyResponse, flights: Sequence[Flight], records: Sequence[TimeHistory]
+) -> FrequencyResponse:
+    """A response that knows how the slope of thrust changed over its frequencies.
+
+    Parameters
+    ----------
+    response
+        Measured responses.
+    flights
+        Logs and maneuvers behind them.
+    records
+        Their data. Without ``thrust_command`` nothing is known, and the response stays as it is.
+    """
+    if not all(_THRUST in record.names for record in records):
+        return response
+    level = float(np.average([record[_THRUST].mean() for record in records], weights=[r.duration_s for r in records]))
+    if level < _LEAST_COMMAND:
+        return response
+    factor = curvature([record for record, _ in flights])
+    changes = [
+        factor * mean_command_changes(records, name, response.omega_rad_s, level=level)
+        if is_command(name)
+        else np.zeros(response.omega_rad_s.size)
+        for name in response.inputs
+    ]
+    return replace(response, slope_changes=np.array(changes))
+
+
+def mean_command_changes(
+    records: Sequence[TimeHistory], input: str, omega_rad_s: FloatArray, *, level: float
+) -> FloatArray:
+    """Logarithm of the mean thrust command over its level, at the times when an input moves at each frequency.
+
+    A window of three periods slides over each record: its mean of the command counts as much as the power of the input
+    at the frequency.
+
+    Parameters
+    ----------
+    records
+        With the input and ``thrust_command``.
+    input
+        Channel that was excited.
+    omega_rad_s
+        Frequencies, shape ``(f,)``.
+    level
+        Mean of the command over all records.
+
+    Examples
+    --------
+    A chirp from 2 to 20 rad/s while the mean command falls by a tenth:
+
+    >>> from rotorid.data.record import Channel
+    >>> time_s = np.arange(0.0, 60.0, 0.02)
+    >>> chirp = np.sin(2.0 * time_s + 0.15 * time_s**2)
+    >>> channels = Channel(name="roll_command", unit="1"), Channel(name="thrust_command", unit="1")
+    >>> record = TimeHistory(values=[chirp, 0.5 - 0.05 * time_s / 60.0], channels=channels, sample_rate_hz=50.0,
+    ...                      start_s=0.0)
+    >>> mean_command_changes([record], "roll_command", np.array([3.0, 18.0]), level=0.475).round(2)
+    array([ 0.05, -0.03])
+    """
+    from scipy.signal import fftconvolve
+
+    low, high = float(omega_rad_s[0]), float(omega_rad_s[-1])
+    grid = np.geomspace(low, high, _FREQUENCIES) if high > low else np.array([low])
+    power, weighted = np.zeros(grid.size), np.zeros(grid.size)
+    for record in records:
+        rate_hz, command = record.sample_rate_hz, record[_THRUST]
+        time_s, moved = np.arange(command.size) / rate_hz, record[input] - record[input].mean()
+        for place, omega in enumerate(grid.tolist()):
+            length = max(_PERIODS * 2.0 * np.pi / omega, _SHORTEST_S)
+            window = np.hanning(min(int(length * rate_hz), command.size) + 2)[1:-1]
+            mean = fftconvolve(command, window, "same") / fftconvolve(np.ones(command.size), window, "same")
+            swing = np.abs(fftconvolve(moved * np.exp(-1j * omega * time_s), window, "same")) ** 2 / window.sum() ** 2
+            change = np.log(np.maximum(mean / level, _LEAST_COMMAND))
+            power[place] += swing.sum() / rate_hz
+            weighted[place] += (swing * change).sum() / rate_hz
+    changes = np.divide(weighted, power, out=np.zeros(grid.size), where=power > 0.0)
+    return np.asarray(np.interp(np.log(omega_rad_s), np.log(grid), changes))
+
+
+def curvature(records: Sequence[FlightRecord]) -> float:
+    """Factor from a change of the mean command to that of the slope of thrust, from zero to one.
+
+    Parameters
+    ----------
+    records
+        Logs; those that hold an excitation of thrust tell it, and the largest factor counts. 0.6 where none does.
+    """
+    known = {id(record): record for record in records}
+    elasticities = [found for record in known.values() if (found := _elasticity(record)) is not None]
+    if not elasticities:
+        return _UNKNOWN
+    steepest = max(*elasticities, 1.0)
+    return min(2.0 * (steepest - 1.0), 1.0)
+
+
+def _elasticity(record: FlightRecord) -> float | None:
+    """Relative change of thrust over that of the command, by the heave that a log's longest excitation shows."""
+    if not {_THRUST, _HEAVE} <= set(record.channel_names):
+        return None
+    maneuvers = [one for one in find_excitations(record, "thrust") if one.duration_s > _LEAST_WINDOWS * _WINDOW_S]
+    if not maneuvers:
+        return None
+    longest = max(maneuvers, key=lambda one: one.duration_s)
+    flown = resample(record, channels=(_THRUST, _HEAVE), start_s=longest.start_s, stop_s=longest.stop_s)
+    found = [_of_history(history) for history in flown.histories]
+    return max((one for one in found if one is not None), default=None)
+
+
+def _of_history(history: TimeHistory) -> float | None:
+    from scipy.signal import csd, welch
+
+    length = int(_WINDOW_S * history.sample_rate_hz)
+    command, heave, level = history[_THRUST], history[_HEAVE], float(history[_THRUST].mean())
+    if command.size < _LEAST_WINDOWS * length or level < _LEAST_COMMAND:
+        return None
+    rate_hz = history.sample_rate_hz
+    hz, moved = welch(command, fs=rate_hz, nperseg=length)
+    _, answered = welch(heave, fs=rate_hz, nperseg=length)
+    _, together = csd(command, heave, fs=rate_hz, nperseg=length)
+    coherence = np.abs(together) ** 2 / np.maximum(moved * answered, 1e-300)
+    low, high = np.array(_BAND_RAD_S) / (2.0 * np.pi)
+    seen = (hz >= low) & (hz <= high) & (coherence >= _COHERENT)
+    if not seen.any():
+        return None
+    return float(np.max(np.abs(together[seen]) / moved[seen])) * level / STANDARD_GRAVITY_M_S2
