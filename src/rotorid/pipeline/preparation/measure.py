@@ -326,7 +326,9 @@ def _joined(
     tops = {name: [part.excited_rad_s[name] for part in parts if name in part.excited_rad_s] for name in inputs}
     lows = {name: [part.lowest_rad_s[name] for part in parts if name in part.lowest_rad_s] for name in inputs}
     return Measured(
-        response=replace(response, sensor_errors=_largest_errors(parts, outputs)),
+        response=replace(
+            response, sensor_errors=_largest_errors(parts, outputs), slope_changes=_largest_changes(parts, response)
+        ),
         direct=joined_responses(direct, inputs=inputs, outputs=outputs) if len(direct) == len(parts) else None,
         diagnostics=joined_diagnostics(told, response),
         segments=tuple(segment for part in parts for segment in part.segments),
@@ -351,6 +353,19 @@ def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatA
             rows = [outputs.index(name) for name in part.response.outputs]
             errors[rows] = np.maximum(errors[rows], part.response.sensor_errors)
     return errors
+
+
+def _largest_changes(parts: Sequence[Measured], joined: FrequencyResponse) -> FloatArray | None:
+    """How the slope of thrust changed over the frequencies of each input, in the group where it did most."""
+    if all(part.response.slope_changes is None for part in parts):
+        return None
+    changes = np.zeros((len(joined.inputs), joined.omega_rad_s.size))
+    for part in parts:
+        if part.response.slope_changes is not None:
+            for name, own in zip(part.response.inputs, part.response.slope_changes, strict=True):
+                row, told = joined.inputs.index(name), np.interp(joined.omega_rad_s, part.response.omega_rad_s, own)
+                changes[row] = told if np.ptp(told) > np.ptp(changes[row]) else changes[row]
+    return changes
 
 
 def _each_once(findings: Iterable[Finding]) -> list[Finding]:
