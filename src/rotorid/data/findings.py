@@ -214,6 +214,11 @@ KINDS: Mapping[str, Kind] = {
     ),
     "delay_or_lag": Kind("info", "Delay or lag", "A delay that a model of another order would take for a lag."),
     "delays_disagree": Kind("warning", "Delays disagree", "Estimates of one delay lie apart."),
+    "differentiated": Kind(
+        "warning",
+        "Derivatives in place of sensors",
+        "Rates or specific force are derivatives of angles or height, which raises noise; the numbers say by how much.",
+    ),
     "different_outputs": Kind("warning", "Different outputs", "Models of different outputs, which do not compare."),
     "disturbed_verification": Kind(
         "warning", "A flight that cannot judge the model", "An unseen flight that was too disturbed to judge the model."

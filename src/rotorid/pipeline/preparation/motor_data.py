@@ -19,6 +19,7 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRec
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import LEAST_SAMPLES
 from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
+from rotorid.pipeline.preparation.differentiated import from_angles
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import while_flying
 from rotorid.pipeline.preparation.segments import built
@@ -182,6 +183,8 @@ def _filtered(record: FlightRecord, part: TimeHistory) -> Iterator[Finding]:
         return
     for name in ("p", "az"):
         source = part.channels[part.names.index(name)].source
+        if not source:  # a derivative, which no sensor filtered
+            continue
         for finding in filter_findings(record, source):
             if finding.kind == "known_filter":
                 message = f"{finding.message} The model passes it too."
@@ -333,8 +336,13 @@ def motor_data(
         Logs are of different vehicles, or of motors of different kind.
     """
     each_once(records)
+    differentiated: list[Finding] = []
+    if choices.method == "accelerations":
+        made = [from_angles(record, choices.outputs) for record in records]
+        records = [record for record, _ in made]
+        differentiated += [finding for _, told in made for finding in told]
     layout = layout or _layout(records, choices)
-    findings: list[Finding] = [*layout.findings]
+    findings: list[Finding] = [*layout.findings, *differentiated]
     flown: list[FlownMotors] = []
     for record in records:
         _PROGRESS.info(f"{record.source.name}: motors")
