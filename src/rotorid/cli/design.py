@@ -14,7 +14,7 @@ from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress, tell
 from rotorid.cli.options import Output
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
-from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape
+from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Shape
@@ -66,7 +66,13 @@ def design_command(
         vehicle=named.entry,
         changes=named.changes,
         kinds=tuple(_shape(kind, named.entry) for kind in kinds),
-        plan=PlanChoices(wind=air.wind, **plan),
+        plan=plan_choices(
+            named.entry,
+            inputs=design.get("inputs", ()),
+            models=design.get("models", ()),
+            wind=air.wind,
+            **plan,
+        ),
         gains={} if gains is None else read(gains).parameters,
         gains_source="" if gains is None else gains.name,
         **design,

@@ -10,6 +10,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Logs, Map, Output
+from rotorid.errors import UsageError
 from rotorid.pipeline.settings import ResponseSettings
 
 if TYPE_CHECKING:
@@ -18,9 +19,18 @@ if TYPE_CHECKING:
 
 def response_command(
     logs: Logs,
-    inputs: Annotated[str, typer.Option("--inputs", help="CHANNEL,... that drive, such as roll_command.")],
-    outputs: Annotated[str, typer.Option("--outputs", help="CHANNEL,... that answer, such as p,ay.")],
     *,
+    inputs: Annotated[
+        str | None,
+        typer.Option(
+            "--inputs",
+            help="CHANNEL,... that drive, such as roll_command. [default: the set-points in which excitations stand]",
+        ),
+    ] = None,
+    outputs: Annotated[
+        str | None,
+        typer.Option("--outputs", help="CHANNEL,... that answer, such as p,ay. [default: what answers the set-points]"),
+    ] = None,
     settings: ResponseSettings,
     map: Map = None,
     output: Output,
@@ -32,7 +42,15 @@ def response_command(
     from rotorid.report.files import write_responses
     from rotorid.report.publication import of_responses
 
-    channels = {"inputs": _channels(inputs, "--inputs"), "outputs": _channels(outputs, "--outputs")}
+    if (inputs is None) is not (outputs is None):
+        raise UsageError(
+            f"{'--outputs' if inputs is None else '--inputs'} came alone",
+            needed="--inputs and --outputs, or neither for the set-points in which excitations stand",
+        )
+    channels = {
+        "inputs": () if inputs is None else _channels(inputs, "--inputs"),
+        "outputs": () if outputs is None else _channels(outputs, "--outputs"),
+    }
     title = f"Responses from {', '.join(log.name for log in logs)}"
     carry_out(
         logs,
@@ -53,8 +71,6 @@ def response_command(
 
 
 def _channels(text: str, option: str) -> tuple[str, ...]:
-    from rotorid.errors import UsageError
-
     names = tuple(part.strip() for part in text.split(","))
     if not all(names) or len(set(names)) < len(names):
         raise UsageError(

@@ -13,12 +13,11 @@ from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress
 from rotorid.cli.options import Output
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
-from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices
+from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices, plan_choices
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan
     from rotorid.documents.design import SimulationDocument
-    from rotorid.simulation.multirotor_flight import Aircraft
 
 _NO_PLAN = "none"
 EVERYDAY = "everyday"
@@ -41,7 +40,7 @@ def simulate_command(
         typer.Option(
             "--plan",
             help="plan.json of rotorid design, everyday for ordinary flying by stick, or none for a hover. [default: a "
-            "sweep and two doublets on every axis]",
+            "sweep and two doublets on every axis; of a vehicle behind set-points random binary signals on all]",
         ),
     ] = None,
     flight: Annotated[dict[str, Any], SimulateChoices],
@@ -67,9 +66,8 @@ def simulate_command(
         choices = SimulateChoices(vehicle=named.entry, wind=air.wind, **{**flight, "changes": named.changes})
         if not output.quiet:
             say_taken(named)
-        craft = choices.aircraft
         with progress(quiet=output.quiet):
-            choices = replace(choices, plan=_plan(plan, craft, choices))
+            choices = replace(choices, plan=_plan(plan, choices))
             with making(target) as made:
                 document = write_simulation(made.place, choices, command=command_line())
     if output.json:
@@ -107,11 +105,14 @@ def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> No
         )
 
 
-def _plan(given: str | None, craft: Aircraft, flight: SimulateChoices) -> FlightPlan | None:
-    """The plan that the user named, ordinary sticks, none, or a sweep and two doublets of each axis."""
+def _plan(given: str | None, flight: SimulateChoices) -> FlightPlan | None:
+    """The plan that the user named, ordinary sticks, none, or test inputs and two doublets of each axis."""
     from rotorid.documents.design import read_plan
     from rotorid.pipeline.designs import plan_for, sweep_of
     from rotorid.pipeline.simulation import EVERYDAY_S, everyday_plan
+    from rotorid.simulation.multirotor_flight import changed
+
+    craft = flight.aircraft
 
     if given == _NO_PLAN:
         return None
@@ -119,6 +120,9 @@ def _plan(given: str | None, craft: Aircraft, flight: SimulateChoices) -> Flight
         return everyday_plan(craft, duration_s=flight.duration_s or EVERYDAY_S, level=flight.stick, seed=flight.seed)
     if given is not None:
         return read_plan(Path(given))
+    if flight.entry.interface is not None:
+        wishes = plan_choices(flight.entry, shape="random_binary", doublets=True, wind=flight.wind, seed=flight.seed)
+        return plan_for(changed(flight.entry.aircraft, flight.changes), wishes).plan
     # A pilot flies what PX4 cannot be told: sticks are its instrument.
     entry: Entry | None = "stick" if craft.autopilot.kind == "px4" else None
     choices = PlanChoices(shape=sweep_of(craft), doublets=True, entry=entry, wind=flight.wind, seed=flight.seed)

@@ -9,6 +9,7 @@ from rotorid.excitation.multisines import relative_peak_factor as relative_peak_
 from rotorid.excitation.plan import planned as planned
 from rotorid.excitation.plan import sequence as sequence
 from rotorid.excitation.plan import together as together
+from rotorid.excitation.plan import uncorrelated_binaries as uncorrelated_binaries
 from rotorid.excitation.sweep import logarithmic_sweep as logarithmic_sweep
 from rotorid.excitation.sweep import pilot_sweep as pilot_sweep
 from rotorid.excitation.switching import balanced_three_two_one_one as balanced_three_two_one_one

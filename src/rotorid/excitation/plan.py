@@ -26,6 +26,11 @@ from rotorid.typing import Axis, FloatArray
 Layout: TypeAlias = Literal["halved", "interleaved"]
 """Ways in which axes share the harmonics of a period."""
 
+_WHOLE = 1e-9
+_DRAWS = 32
+_SEEDS_APART = 1009
+"""Draws of one axis are so far apart, and those of another begin beside them."""
+
 _LAYOUTS = MappingProxyType({"halved": halved, "interleaved": interleaved})
 
 
@@ -83,7 +88,8 @@ def planned(
         ``pilot_sweep``: ``slow_cycles`` (0), ``fade_s`` (1), ``noise_fraction`` (0).
         ``logarithmic_sweep``: ``constant_s`` (0), ``fade_in_s`` (1), ``fade_out_s`` (1).
         ``multisine``: ``periods`` (1), ``first_harmonic`` (2), ``harmonic_step`` (1), ``power_exponent`` (0).
-        ``random_binary``: ``passes`` (10). ``three_two_one_one``: ``balanced`` (0 or 1).
+        ``random_binary``: ``passes`` (10), ``clock_hz`` (0: the sample rate), the rate of the turns at which it may
+        switch. ``three_two_one_one``: ``balanced`` (0 or 1).
 
     Raises
     ------
@@ -204,6 +210,108 @@ def together(
     )
 
 
+def uncorrelated_binaries(
+    amplitudes: Mapping[Axis, float],
+    *,
+    start_s: float,
+    band_rad_s: tuple[float, float],
+    duration_s: float,
+    sample_rate_hz: float,
+    clock_hz: float = 0.0,
+    entries: Mapping[Axis, Entry] | None = None,
+    reach_s: float = 2.0,
+    seed: int = 0,
+) -> tuple[PlannedInput, ...]:
+    r"""Random binary signals on several axes at the same time that have hardly anything to do with each other.
+
+    Independent signals are uncorrelated on average, and one pair of them by about one over the root of the number of
+    its switches. Of the signals after the first, that one of 32 draws is flown whose largest correlation
+
+    .. math:: \rho_{ab}(k) = \frac{1}{N A_a A_b} \sum_n a_n b_{n+k}, \qquad |k| \le \text{reach}
+
+    with those before it is the least, over all delays within which the vehicle answers. It stands in the settings of
+    the input as ``correlation``. What remains of it is shared by the estimates of both axes, for responses side by side
+    are fitted together.
+
+    Parameters
+    ----------
+    amplitudes
+        Axes and the height of both levels of each.
+    start_s
+        When they begin.
+    band_rad_s
+        Lowest and highest frequency of all.
+    duration_s
+        Of all.
+    sample_rate_hz
+        Rate of the samples.
+    clock_hz
+        Rate of the turns at which they may switch; zero for the sample rate.
+    entries
+        Where each is added; ``command`` by default.
+    reach_s
+        Longest delay at which a correlation counts.
+    seed
+        Of the draws.
+
+    Returns
+    -------
+    tuple
+        One input per axis, in their order.
+
+    Raises
+    ------
+    UsageError
+        The band does not go with the duration or the rate.
+
+    References
+    ----------
+    Ljung, *System Identification: Theory for the User*, 2nd edition, section 13.3, on binary inputs and on inputs of
+    several channels.
+
+    Examples
+    --------
+    >>> roll, pitch = uncorrelated_binaries({"roll": 0.1, "pitch": 0.1}, start_s=3.0, band_rad_s=(1.5, 8.5),
+    ...                                     duration_s=60.0, sample_rate_hz=100.0, clock_hz=20.0)
+    >>> pitch.settings["correlation"] < 0.1, roll.values.size
+    (True, 6000)
+    """
+    chosen: list[PlannedInput] = []
+    for place, (axis, amplitude) in enumerate(amplitudes.items()):
+        draws = [
+            planned(
+                axis,
+                "random_binary",
+                start_s=start_s,
+                amplitude=amplitude,
+                duration_s=duration_s,
+                sample_rate_hz=sample_rate_hz,
+                band_rad_s=band_rad_s,
+                entry=(entries or {}).get(axis, "command"),
+                seed=seed + place + _SEEDS_APART * number,
+                clock_hz=clock_hz,
+            )
+            for number in range(_DRAWS if chosen else 1)
+        ]
+        reach = round(reach_s * sample_rate_hz)
+        shared = [max((_correlation(one, other, reach) for other in chosen), default=0.0) for one in draws]
+        best = int(np.argmin(shared))
+        settings = {**draws[best].settings, "correlation": round(shared[best], 6)}
+        chosen.append(replace(draws[best], settings=settings if place else draws[best].settings))
+    return tuple(chosen)
+
+
+def _correlation(one: PlannedInput, other: PlannedInput, reach: int) -> float:
+    """Largest correlation of two inputs of one length at delays up to ``reach`` samples either way."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    count = one.values.size
+    length = int(next_fast_len(2 * count, real=True))
+    products = irfft(rfft(one.values, length) * rfft(other.values, length).conj(), length)
+    near = np.concatenate([products[: reach + 1], products[length - reach :]])
+    return float(np.abs(near).max() / (count * abs(one.amplitude * other.amplitude)))
+
+
 def sequence(name: str, parts: Sequence[PlannedInput | Sequence[PlannedInput]], *, trim_s: float = 3.0) -> FlightPlan:
     """A plan that flies one part after the other, with rests before, between and after them.
 
@@ -278,15 +386,23 @@ def _multisine(wish: _Wish) -> FloatArray:
 
 
 def _random_binary(wish: _Wish) -> FloatArray:
-    return random_binary(
+    clock_hz = wish.settings["clock_hz"] or wish.sample_rate_hz
+    turn = wish.sample_rate_hz / clock_hz
+    if not (turn >= 1.0 and abs(turn - round(turn)) < _WHOLE):
+        raise UsageError(
+            f"clock_hz={clock_hz:g} came for samples at {wish.sample_rate_hz:g} Hz",
+            needed="turns of a whole number of samples",
+        )
+    values = random_binary(
         amplitude=wish.amplitude,
         band_rad_s=wish.band_rad_s,
         duration_s=wish.duration_s,
-        sample_rate_hz=wish.sample_rate_hz,
+        sample_rate_hz=clock_hz,
         passes=_whole(wish, "passes", least=0),
         rng=_generator(wish),
         trim_s=0.0,
     )
+    return np.repeat(values, round(turn))
 
 
 def _doublet(wish: _Wish) -> FloatArray:
@@ -329,7 +445,7 @@ _FORMS: Mapping[Shape, _Form] = MappingProxyType(
             defaults={"periods": 1.0, "first_harmonic": 2.0, "harmonic_step": 1.0, "power_exponent": 0.0},
             random=True,
         ),
-        "random_binary": _Form(make=_random_binary, defaults={"passes": 10.0}, random=True),
+        "random_binary": _Form(make=_random_binary, defaults={"passes": 10.0, "clock_hz": 0.0}, random=True),
         "doublet": _Form(make=_doublet, banded=False),
         "two_one_one": _Form(make=_two_one_one, banded=False),
         "three_two_one_one": _Form(make=_three_two_one_one, defaults={"balanced": 0.0}, banded=False),

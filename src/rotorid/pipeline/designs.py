@@ -21,9 +21,10 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.excitation.plan import planned, sequence, together
+from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
 from rotorid.io.documents import MOST_JSON_BYTES, parse_json, read_text
 from rotorid.io.registry import format_of, log_rate_hz
+from rotorid.models.library import RESPONSE_MODELS
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.pipeline.flight_settings import DOUBLET_S, DesignChoices, PlanChoices
@@ -36,6 +37,14 @@ from rotorid.planning.duration import Shortest, shortest
 from rotorid.planning.expected import FitChoices
 from rotorid.planning.loop import LoopModel, Responds
 from rotorid.planning.prediction import Prediction, predict
+from rotorid.planning.responses import (
+    SETPOINTS,
+    answers_setpoints,
+    predict_responses,
+    setpoint_loop,
+    setpoint_of,
+    with_known,
+)
 from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -272,7 +281,7 @@ def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Pla
     if choices.doublets and choices.shape not in STEPS:
         for axis in choices.axes:
             _PROGRESS.info(f"looking for the largest doublet of {axis}")
-            largest = _largest(aircraft, choices, axis, "doublet", DOUBLET_S)
+            largest = _largest(aircraft, choices, axis, "doublet", _doublet_s(choices))
             found[f"doublet of {axis}"] = largest
             doublets[axis] = _rounded(_MARGIN * largest.value)
     plan = plan_with(aircraft, choices, sizes, doublets=doublets, name=name)
@@ -309,7 +318,12 @@ def _largest(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape,
         return FlightPlan(name=f"{shape} of {axis}", inputs=(_scaled(unit, amplitude),), trim_s=2.0)
 
     return largest_amplitude(
-        aircraft, alone, choices.limits, largest=_LARGEST[unit.entry], wind=choices.wind, seed=choices.seed
+        aircraft,
+        alone,
+        choices.limits,
+        largest=_LARGEST[unit.entry] if choices.interface is None else choices.interface.largest[axis] / _MARGIN,
+        wind=choices.wind,
+        seed=choices.seed,
     )
 
 
@@ -323,7 +337,9 @@ def plan_with(
 ) -> FlightPlan:
     """A plan with given amplitudes by axis, those of its doublets apart."""
     parts: list[PlannedInput | Sequence[PlannedInput]] = []
-    if choices.shape == "multisine":
+    if choices.shape == "random_binary" and choices.together and len(choices.axes) > 1:
+        parts += [_binaries(aircraft, choices, sizes, repeat=repeat) for repeat in range(choices.repeats)]
+    elif choices.shape == "multisine":
         # Periods in a row are one input: their joints are smooth, and only the first holds a transient.
         parts.append(
             together(
@@ -345,7 +361,7 @@ def plan_with(
         ]
     if choices.doublets:
         parts += [
-            _input(aircraft, choices, axis, "doublet", DOUBLET_S, (doublets or sizes)[axis], repeat=repeat)
+            _input(aircraft, choices, axis, "doublet", _doublet_s(choices), (doublets or sizes)[axis], repeat=repeat)
             for axis in choices.axes
             for repeat in range(2)
         ]
@@ -353,11 +369,49 @@ def plan_with(
     return sequence(title, parts, trim_s=_REST_S)
 
 
+def _binaries(
+    aircraft: Aircraft, choices: PlanChoices, sizes: Mapping[str, float], *, repeat: int
+) -> tuple[PlannedInput, ...]:
+    """Random binary signals of all axes at the same time."""
+    return uncorrelated_binaries(
+        {axis: sizes[axis] for axis in choices.axes},
+        start_s=0.0,
+        band_rad_s=choices.band_rad_s,
+        duration_s=choices.length_s,
+        sample_rate_hz=_rate_hz(aircraft, choices),
+        clock_hz=0.0 if choices.interface is None else choices.interface.rate_hz,
+        entries={axis: _entry(aircraft, choices, axis, choices.shape) for axis in choices.axes},
+        seed=choices.seed + len(AXES) * repeat,
+    )
+
+
+def _entry(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape) -> Entry:
+    """Where a test input of an axis is added."""
+    if choices.entry is not None:
+        return choices.entry
+    if choices.interface is not None:
+        return choices.interface.entries[axis]
+    return by_hand(aircraft, axis) if shape in STEPS else default_entry(aircraft, axis)
+
+
+def _rate_hz(aircraft: Aircraft, choices: PlanChoices) -> float:
+    """Rate of the samples: what is sent and held has to switch between two turns of the loop."""
+    return _SAMPLE_RATE_HZ if choices.interface is None else aircraft.autopilot.rate_hz
+
+
+def _doublet_s(choices: PlanChoices) -> float:
+    """Length of a doublet, a whole number of what is sent one after the other."""
+    return DOUBLET_S if choices.interface is None else _SENT_DOUBLET_S
+
+
 def _common_entry(aircraft: Aircraft, choices: PlanChoices) -> Entry:
     """Where inputs of several axes at the same time are added."""
     if choices.entry is not None:
         return choices.entry
-    entries = {default_entry(aircraft, axis) for axis in choices.axes}
+    if choices.interface is not None:
+        entries = {choices.interface.entries[axis] for axis in choices.axes}
+    else:
+        entries = {default_entry(aircraft, axis) for axis in choices.axes}
     if len(entries) > 1:
         raise UsageError(
             f"a {choices.shape} of {', '.join(choices.axes)} came, and {aircraft.name} takes {' and '.join(entries)}",
@@ -387,15 +441,17 @@ def _input(
             "fade_out_s": min(2.0, 0.05 * duration_s),
         }
         duration_s += constant_s
+    if shape == "random_binary" and choices.interface is not None:
+        settings = {"clock_hz": choices.interface.rate_hz}
     one = planned(
         axis,
         shape,
         start_s=0.0,
         amplitude=-amplitude if shape in STEPS and repeat % 2 else amplitude,
         duration_s=duration_s,
-        sample_rate_hz=_SAMPLE_RATE_HZ,
+        sample_rate_hz=_rate_hz(aircraft, choices),
         band_rad_s=None if shape in STEPS else choices.band_rad_s,
-        entry=choices.entry or (by_hand(aircraft, axis) if shape in STEPS else default_entry(aircraft, axis)),
+        entry=_entry(aircraft, choices, axis, shape),
         seed=choices.seed + AXES.index(axis) + len(AXES) * repeat,
         **settings,
     )
@@ -414,6 +470,9 @@ def _rounded(amplitude: float) -> float:
     place = 10.0 ** (math.floor(math.log10(amplitude)) - 1)
     return round(math.floor(amplitude / place + 1e-9) * place, 9)
 
+
+_SENT_DOUBLET_S = 1.2
+"""Of a vehicle behind set-points, whose rate of climb answers in a third of a second."""
 
 _LONGEST_FLIGHT_S = 300.0
 _SHORTEST_S = 15.0
@@ -482,11 +541,13 @@ def design(choices: DesignChoices) -> tuple[Designed, ...]:
     """
     craft = choices.aircraft
     rate_hz = craft.autopilot.rate_hz
-    logged_hz = log_rate_hz(format_of(craft.autopilot.kind), rate_hz)
+    interface = choices.entry.interface
+    logged_hz = log_rate_hz(format_of(craft.autopilot.kind), rate_hz) if interface is None else interface.rate_hz
     loop = aircraft_loop(craft, wind=choices.plan.wind, log_rate_hz=logged_hz)
-    if choices.prior is not None:
-        loop = with_prior(loop, choices.prior)
     models = [_model(choices, name) for name in choices.model_names]
+    _require_reachable(choices, models)
+    if choices.prior is not None and not answers_setpoints(choices.prior.structure):
+        loop = with_prior(loop, choices.prior)
     _require_wanted(choices, models)
     return tuple(_designed(choices, craft, loop, models, kind) for kind in choices.kinds)
 
@@ -542,11 +603,23 @@ def tested(plan: FlightPlan, kind: Shape) -> FlightPlan:
     return replace(plan, inputs=tuple(one for one in plan.inputs if one.shape == kind))
 
 
+def _outside(choices: DesignChoices, loop: LoopModel, model: LinearStructure) -> LoopModel:
+    """A loop as the set-points of a response model show it."""
+    outside = setpoint_loop(loop, model.inputs, held=choices.entry.interface is not None)
+    prior = choices.prior
+    return outside if prior is None else with_known(outside, prior.structure, prior.values)
+
+
 def _told(choices: DesignChoices, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan) -> Told:
     try:
-        prediction = predict(
-            model, expected_values(model, craft, choices.prior), loop, plan, choices=_fit(choices, model)
-        )
+        if answers_setpoints(model):
+            prediction = predict_responses(
+                model, _believed(choices, model), _outside(choices, loop, model), plan, choices=choices.fit
+            )
+        else:
+            prediction = predict(
+                model, expected_values(model, craft, choices.prior), loop, plan, choices=_fit(choices, model)
+            )
     except InsufficientDataError as error:
         return Told(model=model.name, prediction=None, refused=str(error))
     return Told(model=model.name, prediction=prediction)
@@ -573,17 +646,61 @@ def _shortest(
         wanted = _wanted(choices, model)
         if wanted and kind not in STEPS:
             _PROGRESS.info(f"the shortest {kind.replace('_', ' ')} for {model.name}")
+            answers = answers_setpoints(model)
             found[model.name] = shortest(
                 model,
-                expected_values(model, craft, choices.prior),
-                loop,
+                _believed(choices, model) if answers else expected_values(model, craft, choices.prior),
+                _outside(choices, loop, model) if answers else loop,
                 lasting,
                 wanted,
                 shortest_s=_SHORTEST_S,
                 longest_s=_LONGEST_FLIGHT_S,
-                choices=_fit(choices, model),
+                choices=choices.fit if answers else _fit(choices, model),
+                foretell=predict_responses if answers else predict,
             )
     return found
+
+
+def _believed(choices: DesignChoices, model: LinearStructure) -> dict[str, float]:
+    """Values of a response model that a previous result has; others follow from the loop."""
+    known = choices.prior.values if choices.prior is not None else {}
+    return {name: known[name] for name in model.parameters.free if name in known}
+
+
+def _require_reachable(choices: DesignChoices, models: Sequence[LinearStructure]) -> None:
+    """Refuse models whose inputs the vehicle does not take, or the plan does not move.
+
+    Raises
+    ------
+    UsageError
+        It names the first, and those that there are.
+    """
+    interface = choices.entry.interface
+    inside: tuple[Entry, ...] = ("attitude_setpoint", "rate_setpoint")
+    places = [(axis, entry) for axis in AXES for entry in inside]
+    if interface is not None:
+        places = list(interface.entries.items())
+    taken = [name for place in places if (name := setpoint_of(*place)) is not None]
+    moved = [setpoint_of(axis, _setpoint_entry(choices, axis)) for axis in choices.plan.axes]
+    for model in models:
+        if interface is None and not any(name in SETPOINTS for name in model.inputs):
+            continue
+        wrong = [name for name in model.inputs if name not in taken or name not in moved]
+        if wrong:
+            why = "the plan does not move" if wrong[0] in taken else f"{choices.entry.name} does not take"
+            raise UsageError(
+                f"{model.name} came with the input {wrong[0]}, which {why}",
+                needed=f"of {', '.join(taken)} those of the axes that are excited",
+                remedy="name them with --inputs and --outputs, and their axes with --axis",
+            )
+
+
+def _setpoint_entry(choices: DesignChoices, axis: Axis) -> Entry:
+    """Where a set-point of an axis enters."""
+    plan, interface = choices.plan, choices.entry.interface
+    if plan.entry is not None:
+        return plan.entry
+    return "attitude_setpoint" if interface is None else interface.entries[axis]
 
 
 def _fit(choices: DesignChoices, model: LinearStructure) -> FitChoices:
@@ -599,7 +716,15 @@ def _wanted(choices: DesignChoices, model: LinearStructure) -> dict[str, float]:
 def _model(choices: DesignChoices, name: str) -> LinearStructure:
     if choices.prior is not None and name == choices.prior.structure.name:
         return choices.prior.structure
+    if name in RESPONSE_MODELS:
+        return named_model(name, inputs=choices.inputs, outputs=choices.outputs, logged=_setpoint_channels(choices))
     return named_model(name)
+
+
+def _setpoint_channels(choices: DesignChoices) -> tuple[str, ...]:
+    """Set-points of the excited axes and what answers them, as a log will hold them."""
+    names = [setpoint_of(axis, _setpoint_entry(choices, axis)) for axis in choices.plan.axes]
+    return tuple(channel for name in names if name is not None for channel in (name, SETPOINTS[name].response))
 
 
 def _require_wanted(choices: DesignChoices, models: Sequence[LinearStructure]) -> None:

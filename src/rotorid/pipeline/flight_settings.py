@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias, get_args
 
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
-from rotorid.pipeline.settings import Option, parse_band, require_seed
+from rotorid.pipeline.settings import Option, parse_band, parse_names, require_seed
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rotorid.simulation.multirotor_flight import Aircraft
     from rotorid.simulation.wind import Wind
     from rotorid.typing import Axis
-    from rotorid.vehicles.catalog import Vehicle, VehicleEntry
+    from rotorid.vehicles.catalog import Interface, Vehicle, VehicleEntry
 
 _MOST_RUNS = 10_000
 _MOST_REPEATS = 20
@@ -33,6 +33,9 @@ _SWEEP_UNITS = 200
 """Default lengths: one of a step, how many there are of it, and what does not step as if it had so many."""
 
 DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
+
+BEHIND_SETPOINTS = "response.second_order_delay"
+"""What is identified of a vehicle behind set-points unless another model is named."""
 
 
 _SHAPES = {
@@ -219,7 +222,8 @@ class PlanChoices(Immutable):
     shape
         Form of the test input.
     axes
-        Excited one after the other; a multisine excites them at the same time.
+        Excited one after the other; a multisine excites them at the same time, and so do random binary signals that
+        fly ``together``.
     band_rad_s
         Lowest and highest frequency, where the shape has a band.
     duration_s
@@ -234,6 +238,10 @@ class PlanChoices(Immutable):
         What the flight may reach.
     doublets
         Whether doublets that no model will be fitted to follow, to verify it.
+    together
+        Whether random binary signals excite all axes at the same time.
+    interface
+        Of a vehicle that is reached by its set-points alone.
     wind
         The wind that the amplitudes allow for.
     seed
@@ -243,10 +251,20 @@ class PlanChoices(Immutable):
     shape: "Shape" = "pilot_sweep"
     axes: Annotated[
         "tuple[Axis, ...]",
-        Option("--axis", help="roll, pitch, yaw, thrust, several by commas, or all.", parse=parse_axes, default="roll"),
+        Option(
+            "--axis",
+            help="roll, pitch, yaw, thrust, several by commas, or all. [default: those of --inputs; all that a vehicle "
+            "behind set-points takes; else roll]",
+            parse=parse_axes,
+        ),
     ] = ("roll", "pitch", "yaw", "thrust")
     band_rad_s: Annotated[
-        tuple[float, float], Option("--band", help="LO:HI in rad/s.", parse=parse_band, default="0.6:50")
+        tuple[float, float],
+        Option(
+            "--band",
+            help="LO:HI in rad/s. [default: 0.6:50; of a vehicle behind set-points what it follows]",
+            parse=parse_band,
+        ),
     ] = (0.6, 50.0)
     duration_s: Annotated[
         float | None,
@@ -285,6 +303,15 @@ class PlanChoices(Immutable):
     doublets: Annotated[
         bool, Option("--doublets", help="Two doublets of each axis at the end, to verify the model on.")
     ] = False
+    together: Annotated[
+        bool,
+        Option(
+            "--together",
+            help="Random binary signals on all axes at the same time, uncorrelated; always so for set-points that are "
+            "identified together.",
+        ),
+    ] = False
+    interface: "Interface | None" = None
     wind: "Wind" = field(default_factory=_calm)
     seed: Seed = 0
 
@@ -301,6 +328,7 @@ class PlanChoices(Immutable):
                 f"the axes {', '.join(self.axes) or 'none'} with {self.repeats} repeats came",
                 needed=f"some of {', '.join(AXES)}, each once, and 1 to {_MOST_REPEATS} repeats",
             )
+        self._require_taken()
         if not 0.0 < self.length_s <= _LONGEST_PLAN_S:
             raise UsageError(
                 f"a duration of {self.length_s:g} s came", needed=f"above 0 and up to {_LONGEST_PLAN_S:g} s"
@@ -313,12 +341,79 @@ class PlanChoices(Immutable):
                 )
         self._set(axes=tuple(self.axes), amplitudes=self.amplitudes)
 
+    def _require_taken(self) -> None:
+        """Refuse test inputs at a place that a vehicle behind its set-points does not have."""
+        if self.interface is None:
+            return
+        taken = self.interface.entries
+        missing = [axis for axis in self.axes if axis not in taken]
+        missing += [axis for axis in self.axes if axis in taken and self.entry not in (None, taken[axis])]
+        if missing:
+            where = f" at the {self.entry}" if self.entry is not None else ""
+            raise UsageError(
+                f"a test input of {missing[0]}{where} came for a vehicle that is reached by its set-points alone",
+                needed=f"{', '.join(f'{axis} at the {entry}' for axis, entry in taken.items())}",
+            )
+
     @property
     def length_s(self) -> float:
         """Duration of each test input."""
         if self.duration_s is not None:
             return self.duration_s
         return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
+
+
+def plan_choices(
+    vehicle: "VehicleEntry", *, inputs: Sequence[str] = (), models: Sequence[str] = (), **wishes: object
+) -> PlanChoices:
+    """Choices of a plan for a vehicle, what was not asked for as the vehicle and the inputs of a model ask for it.
+
+    Parameters
+    ----------
+    vehicle
+        What flies.
+    inputs
+        Set-points whose responses will be identified.
+    models
+        What will be identified.
+    **wishes
+        Fields of :class:`PlanChoices` that were given.
+
+    Raises
+    ------
+    UsageError
+        An input is no set-point, or is excited elsewhere than was asked for.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles import VEHICLES
+    >>> plan_choices(VEHICLES["bebop"], shape="random_binary").axes
+    ('roll', 'pitch', 'thrust')
+    >>> plan_choices(VEHICLES["x500"], inputs=["q_setpoint"]).entry
+    'rate_setpoint'
+    """
+    from rotorid.models.library import RESPONSE_MODELS
+    from rotorid.planning.responses import SETPOINTS
+
+    if wrong := [name for name in inputs if name not in SETPOINTS]:
+        raise UsageError(f"the input {wrong[0]} came", needed=f"set-points, of {', '.join(SETPOINTS)}")
+    answers = [SETPOINTS[name] for name in inputs]
+    given = {name: value for name, value in wishes.items() if value is not None}
+    interface = vehicle.interface
+    if interface is not None:
+        given.setdefault("band_rad_s", interface.band_rad_s)
+    elif inputs or any(name in RESPONSE_MODELS for name in models):
+        entries = list(dict.fromkeys(one.entry for one in answers)) or ["attitude_setpoint"]
+        if len(entries) > 1:
+            raise UsageError(
+                f"the inputs {', '.join(inputs)} came", needed="set-points at one place of the cascade for one plan"
+            )
+        given.setdefault("entry", entries[0])
+    usual = tuple(interface.entries) if interface is not None else ("roll",)
+    given.setdefault("axes", tuple(dict.fromkeys(one.axis for one in answers)) or usual)
+    if interface is not None or any(name in RESPONSE_MODELS for name in models):
+        given["together"] = True
+    return PlanChoices(interface=interface, **given)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -334,7 +429,10 @@ class DesignChoices(Immutable):
     plan
         What all plans share: axes, band, duration, limits, wind.
     models
-        Names of models whose parameters are to be known; by default the rate model of every axis.
+        Names of models whose parameters are to be known; by default the rate model of every axis, and of a vehicle
+        behind set-points a response of second order with delay to each.
+    inputs, outputs
+        Set-points of response models and what answers them, in one order; by default those of the axes.
     reach
         Parameter to the largest standard deviation wanted, in percent: the shortest duration is looked for.
     changes
@@ -356,10 +454,19 @@ class DesignChoices(Immutable):
         tuple[str, ...],
         Option(
             "--model",
-            help="What will be identified. [default: the rate model of each axis] Repeatable.",
+            help="What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
+            "set-points response.second_order_delay] Repeatable.",
             parse=tuple,
             repeats=True,
         ),
+    ] = ()
+    inputs: Annotated[
+        tuple[str, ...],
+        Option("--inputs", help="SETPOINT,... of response.*: those that are excited.", parse=parse_names),
+    ] = ()
+    outputs: Annotated[
+        tuple[str, ...],
+        Option("--outputs", help="CHANNEL,... of response.*, one for each of --inputs.", parse=parse_names),
     ] = ()
     reach: Annotated[
         Mapping[str, float],
@@ -391,6 +498,7 @@ class DesignChoices(Immutable):
         self._set(
             kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes, gains=self.gains
         )
+        self._set(inputs=tuple(self.inputs), outputs=tuple(self.outputs))
 
     @property
     def entry(self) -> "VehicleEntry":
@@ -408,7 +516,8 @@ class DesignChoices(Immutable):
         craft = changed(self.entry.aircraft, self.changes)
         if self.gains_source:
             craft = with_gains(craft, self.gains, source=self.gains_source)
-        return piloted(craft)
+        # What is sent to a vehicle behind set-points is the test input alone, and nobody leans against drift.
+        return craft if self.entry.interface is not None else piloted(craft)
 
     @property
     def model_names(self) -> tuple[str, ...]:
@@ -420,6 +529,8 @@ class DesignChoices(Immutable):
             return self.models
         if self.prior is not None:
             return (self.prior.structure.name,)
+        if self.entry.interface is not None:
+            return (BEHIND_SETPOINTS,)
         return tuple(
             name for name in RATE_AXES if named_model(name).inputs[0].removesuffix("_command") in self.plan.axes
         )
@@ -509,7 +620,9 @@ class SimulateChoices(Immutable):
         """What flies, before anything is drawn."""
         from rotorid.simulation.multirotor_flight import changed, piloted
 
-        return piloted(changed(self.entry.aircraft, self.changes))
+        craft = changed(self.entry.aircraft, self.changes)
+        sent = self.plan is not None and any(one.entry == "attitude_setpoint" for one in self.plan.inputs)
+        return craft if self.entry.interface is not None and sent else piloted(craft)
 
     @property
     def log_format(self) -> "LogFormat":

@@ -29,7 +29,15 @@ from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_comman
 from rotorid.pipeline.preparation.inverse import without_inverse_controller
 from rotorid.pipeline.preparation.loops import ATTITUDE, AxisLoop, axis_loop, beyond_band
 from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure, without_known_filters
-from rotorid.pipeline.preparation.selection import RICH_KINDS, described, each_once, of_axes, whole_flights
+from rotorid.pipeline.preparation.selection import (
+    RICH_KINDS,
+    described,
+    each_once,
+    excited_pairs,
+    of_axes,
+    whole_flights,
+    whole_record,
+)
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Records, Segment
 from rotorid.pipeline.settings import ResponseSettings, as_names, as_records, as_settings
@@ -135,7 +143,7 @@ def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight
 
 def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> Chosen:
     candidates, findings = [], []
-    for record, maneuver in whole_flights(records, axes):
+    for record, maneuver in _every_flight(records, axes, inputs):
         free = all(is_free([Flight(record, maneuver)], name) for name in inputs)
         trap = "" if free else " Where gusts and not the pilot move the vehicle, such a response shows the controller."
         start_s, stop_s = maneuver.start_s, maneuver.stop_s
@@ -151,6 +159,13 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
             )
         )
     return Chosen(candidates=tuple(candidates), findings=tuple(findings))
+
+
+def _every_flight(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> list[Flight]:
+    """Flights from take-off to landing; of set-points also records in which nothing tells these."""
+    if all(name.endswith("_setpoint") for name in inputs):
+        return [whole_record(record, axes) for record in records]
+    return whole_flights(records, axes)
 
 
 def _plain(flown: Flight) -> Candidate:
@@ -380,8 +395,8 @@ class Responses(Immutable):
 def response(
     records: Records,
     *,
-    inputs: str | Sequence[str],
-    outputs: str | Sequence[str],
+    inputs: str | Sequence[str] = (),
+    outputs: str | Sequence[str] = (),
     settings: ResponseSettings | None = None,
     **options: Any,
 ) -> Responses:
@@ -396,7 +411,8 @@ def response(
     records
         Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
     inputs, outputs
-        Channels, or one. What a log lacks and can be reconstructed (``u_dot``, ``p_dot``, body velocities) is.
+        Channels, or one. What a log lacks and can be reconstructed (``u_dot``, ``p_dot``, body velocities) is. Without
+        any, the set-points in which excitations stand, and what answers them.
     settings
         Choices; everything has a default.
     **options
@@ -423,6 +439,9 @@ def response(
     """
     settings, records = as_settings(ResponseSettings, settings, options), as_records(records)
     inputs, outputs = as_names(inputs), as_names(outputs)
+    if not inputs and not outputs:
+        pairs = excited_pairs(records)
+        inputs, outputs = tuple(u for u, _ in pairs), tuple(y for _, y in pairs)
     _require_channels(records, inputs, outputs, settings)
     chosen = choose(records, inputs, outputs, settings)
     measured = measure(
@@ -498,7 +517,7 @@ def refused_response(
     settings: ResponseSettings,
 ) -> Refused:
     """Why data show no response: findings alone, and no number."""
-    where = f"{', '.join(outputs)} over {', '.join(inputs)}"
+    where = f"{', '.join(outputs)} over {', '.join(inputs)}" if inputs else "set-points"
     return refused(
         error,
         records,

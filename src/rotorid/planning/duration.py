@@ -86,6 +86,7 @@ def shortest(
     shortest_s: float = 20.0,
     longest_s: float = 600.0,
     choices: FitChoices | None = None,
+    foretell: Callable[..., Prediction] = predict,
 ) -> Shortest:
     """Find the shortest flight after which every wanted parameter is known well enough.
 
@@ -104,6 +105,9 @@ def shortest(
         Parameter to the largest standard deviation, in percent of its value.
     shortest_s, longest_s
         The durations to look between.
+    foretell
+        What says how well a plan will know the parameters, such as
+        :func:`rotorid.planning.responses.predict_responses`.
 
     Raises
     ------
@@ -129,7 +133,7 @@ def shortest(
 
     def attempt(duration_s: float) -> Attempt:
         try:
-            prediction = predict(structure, values, loop, plan_of_duration(duration_s), choices=choices)
+            prediction = foretell(structure, values, loop, plan_of_duration(duration_s), choices=choices)
         except InsufficientDataError:
             return Attempt(duration_s, math.inf, "", None)
         known = {parameter.name: parameter.percent for parameter in prediction.parameters}

@@ -278,7 +278,7 @@ def excited_channels(loop: LoopModel, planned: Planned, omega_rad_s: FloatArray,
         The loop does not say how the test inputs get to the commands.
     """
     responses = loop.at(omega_rad_s)
-    columns = [loop.inputs.index(f"{axis}_command") for axis in planned.axes]
+    columns = [loop.inputs.index(loop.input_of(axis)) for axis in planned.axes]
     entered = np.stack(
         [loop.excitation(omega_rad_s, entry)[:, u] for entry, u in zip(planned.entries, columns, strict=True)], axis=1
     )

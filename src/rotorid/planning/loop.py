@@ -37,7 +37,7 @@ from rotorid.simulation.hover_flight import (
     HoverVehicle,
     SensorNoise,
 )
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import Axis, ComplexArray, FloatArray
 
 
 class Responds(Protocol):
@@ -154,6 +154,10 @@ class LoopModel(Immutable):
         others an identification finds the band in the signals.
     alone
         Whether the log holds these, and what answers them, only while they are flown, as ArduPilot's fast samples are.
+    axes
+        Axis of each input; by default the one that its command is named after.
+    held
+        Whether inputs are sent at the samples of the log, and stand until the next one.
     """
 
     name: str
@@ -167,15 +171,21 @@ class LoopModel(Immutable):
     loop_rate_hz: float | None = None
     declared: tuple[Entry, ...] = ("command",)
     alone: bool = False
+    axes: tuple[Axis, ...] = ()
+    held: bool = False
 
     def __post_init__(self) -> None:
         self._set(inputs=tuple(self.inputs), outputs=tuple(self.outputs), noises=tuple(self.noises))
-        self._set(entries=self.entries, declared=tuple(self.declared))
+        self._set(entries=self.entries, declared=tuple(self.declared), axes=tuple(self.axes))
         if not self.log_rate_hz > 0.0 or (self.loop_rate_hz is not None and self.loop_rate_hz < self.log_rate_hz):
             raise UsageError(
                 f"a log at {self.log_rate_hz:g} Hz of a loop at {self.loop_rate_hz} Hz came",
                 needed="a positive rate of the log, at most that of the loop",
             )
+
+    def input_of(self, axis: Axis) -> str:
+        """The input that moves an axis."""
+        return self.inputs[self.axes.index(axis)] if self.axes else f"{axis}_command"
 
     def at(self, omega_rad_s: FloatArray) -> LoopResponses:
         """The loop at some frequencies above zero, shape ``(f,)``; noises that only the log sees are left out."""
@@ -231,7 +241,7 @@ class LoopModel(Immutable):
 
     @property
     def _images(self) -> list[float]:
-        if self.loop_rate_hz is None:
+        if self.loop_rate_hz is None or all(noise.logged_only for noise in self.noises):
             return [0.0]
         count = int(np.ceil(self.loop_rate_hz / self.log_rate_hz))
         return [2.0 * np.pi * self.log_rate_hz * number for number in range(-count, count + 1)]

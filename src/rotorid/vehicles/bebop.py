@@ -41,7 +41,7 @@ from rotorid.models.state_space import StateSpace
 from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
 from rotorid.simulation.multirotor import Multirotor, Rotors, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft
-from rotorid.typing import FloatArray, IntArray
+from rotorid.typing import Axis, FloatArray, IntArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 PAIRS: tuple[tuple[str, str], ...] = (
@@ -53,6 +53,12 @@ PAIRS: tuple[tuple[str, str], ...] = (
 
 SAMPLE_S = 0.05
 """Interval of the commands and of the motion capture."""
+
+BAND_RAD_S = (1.5, 8.5)
+"""What its test inputs excite: up to 0.35 over the shortest rise time; below, attitudes carry it out of the room."""
+
+LARGEST: Mapping[Axis, float] = MappingProxyType({"roll": 0.1047, "pitch": 0.1047, "thrust": 0.5})
+"""Set-points of the published records: 6° and 0.5 m/s."""
 
 SIMULATED_SAMPLE_S = 0.0504
 """Mean interval of the stamps with the pauses before the maneuvers, with which the printed fits come out."""
@@ -286,6 +292,8 @@ def interface(
 ) -> SimulatedFlight:
     """What a flight looks like from outside: set-points and answers at 20 Hz, and nothing from inside.
 
+    A set-point is what was sent at a stamp and held until the next one: the value in the middle between the two.
+
     Parameters
     ----------
     flight
@@ -309,9 +317,12 @@ def interface(
     (40, [0.0, 0.05, 0.1], False)
     """
     picked = _picked(flight, rng, jitter_s)
-    columns = {name: values[picked] for name, values in flight.columns.items() if name in _OUTSIDE}
+    sent = _sent(flight, picked)
+    columns = {
+        name: values[sent if name in _ASKED else picked] for name, values in flight.columns.items() if name in _OUTSIDE
+    }
     stick = flight.columns.get("thrust_stick", np.zeros(flight.samples))
-    columns["velocity_down_setpoint"] = 0.0 - stick[picked]
+    columns["velocity_down_setpoint"] = 0.0 - stick[sent]
     return replace(
         flight,
         sample_rate_hz=1.0 / SAMPLE_S,
@@ -323,9 +334,17 @@ def interface(
     )
 
 
+_ASKED = frozenset(setpoint for setpoint, _ in PAIRS)
 _OUTSIDE = frozenset(name for pair in PAIRS for name in pair) | {
     *("psi", "velocity_north", "velocity_east", "north", "east", "down")
 }
+
+
+def _sent(flight: SimulatedFlight, picked: IntArray) -> IntArray:
+    """Turns of the control loop in the middle of the time for which what was sent at a stamp is held."""
+    stride = SAMPLE_S * flight.sample_rate_hz
+    middle = (np.rint(picked / stride) + 0.5) * stride
+    return np.clip(np.rint(middle), 0, flight.samples - 1).astype(np.int64)
 
 
 def _picked(flight: SimulatedFlight, rng: np.random.Generator | None, jitter_s: float) -> IntArray:

@@ -10,10 +10,11 @@ from typing import TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.flight_plan import SimulatedFlight
+from rotorid.data.flight_plan import Entry, SimulatedFlight
 from rotorid.errors import ModelError
 from rotorid.models.parameter import no_such
 from rotorid.simulation.multirotor_flight import Aircraft
+from rotorid.typing import Axis
 from rotorid.vehicles import ardupilot as ardupilot_quad
 from rotorid.vehicles import bebop as bebop_flight
 from rotorid.vehicles import crazyflie, gazebo
@@ -23,6 +24,31 @@ from rotorid.vehicles import s500 as s500_flight
 
 _RIG = "rig"
 _RIG_SOURCE = "Frequency-domain identification of a quadrotor with composite windows and K-means clustering"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interface(Immutable):
+    """What a vehicle takes from outside where nothing inside can be reached: set-points, sent at a rate of their own.
+
+    Parameters
+    ----------
+    entries
+        The axes that have a set-point, and where it enters; ``stick`` on the axis of thrust is a speed of climb.
+    rate_hz
+        How often they are sent, and the vehicle is seen.
+    band_rad_s
+        What test inputs excite unless another band is asked for.
+    largest
+        By axis, what is asked of the vehicle at most unless an amplitude is given: as far as it answers in proportion.
+    """
+
+    entries: Mapping[Axis, Entry]
+    rate_hz: float
+    band_rad_s: tuple[float, float]
+    largest: Mapping[Axis, float]
+
+    def __post_init__(self) -> None:
+        self._set(entries=self.entries, largest=self.largest)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,6 +67,8 @@ class VehicleEntry(Immutable):
         What makes it; ``None`` for one that does not fly freely.
     shown
         What its log shows of a flight, with a generator for the jitter of its stamps; ``None`` for everything.
+    interface
+        Of a vehicle that is reached by its set-points alone.
     """
 
     name: str
@@ -48,6 +76,7 @@ class VehicleEntry(Immutable):
     source: str
     make: Callable[[], Aircraft] | None = None
     shown: Callable[[SimulatedFlight, np.random.Generator], SimulatedFlight] | None = None
+    interface: Interface | None = None
 
     @property
     def aircraft(self) -> Aircraft:
@@ -80,6 +109,12 @@ _ENTRIES: tuple[VehicleEntry, ...] = (
         source=bebop_flight.SOURCE,
         make=bebop_flight.aircraft,
         shown=lambda flight, rng: bebop_flight.interface(flight, rng=rng),
+        interface=Interface(
+            entries={"roll": "attitude_setpoint", "pitch": "attitude_setpoint", "thrust": "stick"},
+            rate_hz=1.0 / bebop_flight.SAMPLE_S,
+            band_rad_s=bebop_flight.BAND_RAD_S,
+            largest=bebop_flight.LARGEST,
+        ),
     ),
     VehicleEntry(
         name="crazyflie",

@@ -23,7 +23,7 @@ from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_costs, point
 from rotorid.fitting.time.output_error import Fitted as Simulated
 from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.parameter import ParameterSet
-from rotorid.models.structure import LinearStructure
+from rotorid.models.structure import LinearStructure, connected
 from rotorid.pipeline.checking.candidate import UNFILTERED, Candidate, candidate_of
 from rotorid.pipeline.checking.maneuvers import excited_outputs, predict_maneuvers, remarks_on, usual_motion
 from rotorid.pipeline.fits.frequency import FrequencyFit, fitted_band
@@ -32,7 +32,14 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command
 from rotorid.pipeline.preparation.inverse import pose_screened
 from rotorid.pipeline.preparation.measure import Measured, default_band, measure
-from rotorid.pipeline.preparation.segments import TimeRecords, holds, require_channels, source_of, time_records
+from rotorid.pipeline.preparation.segments import (
+    TimeRecords,
+    holds,
+    require_channels,
+    source_of,
+    time_records,
+    with_surroundings,
+)
 from rotorid.pipeline.preparation.selection import (
     RICH_KINDS,
     Selection,
@@ -621,6 +628,7 @@ def verify_fitted_in_time(
         )
         return verify_unseen(candidate, selection, verify, settings)
     parts = [_simulated(fitted, records, selection, record, settings) for record in verify]
+    parts += [_simulated_short(fitted, records, flight, settings) for flight in selection.unseen]
     if not parts:
         return Verifications(findings=(nothing_unseen([one.record for one in records.segments]),))
     return Verifications(
@@ -646,25 +654,60 @@ def _simulated(
         seen += [seen_data(*item) for item in flights if selection.fits(*item)]
         if not new:
             return [], seen
-        # The hold is that of the fit.
-        unseen = time_records(structure, new, replace(plain, hold=records.hold), every_input=False)
-        problem = TimeProblem(
-            structure=structure,
-            parameters=structure.parameters,
-            records=unseen.data,
-            hold=records.hold,
-            unknowns=fitted.problem.unknowns,
-            noise=fitted.problem.noise,
-        )
-        predicted = problem.predicted(structure.parameters.pack())
-        shifts = estimated_shifts(problem, predicted)
+        checks = _checks(fitted, structure, records, new, plain)
     except (InsufficientDataError, ModelError) as error:
         return [], [*seen, _record_not_verified(record, error.came)]
-    checks = [
-        _check(fitted, segment, one, shift)
+    return checks, [*seen, *(finding for check in checks for finding in remarks_on(check))]
+
+
+_REST_S = 1.5
+"""Of quiet time around a doublet: the answer to its end belongs to it."""
+
+
+def _simulated_short(
+    fitted: TimeFit, records: TimeRecords, flight: Flight, settings: IdentifySettings
+) -> tuple[list[Verification], list[Finding]]:
+    """A doublet or multistep of a fitted log, by the responses to the set-points that it moves."""
+    moved = [
+        name
+        for name in fitted.structure.inputs
+        if any(samples.values.size and float(np.ptp(samples.values)) > 0.0 for samples in flight.samples(name))
+    ]
+    if not moved:
+        return [], []
+    structure = connected(fitted.structure.select(inputs=moved))
+    try:
+        wider = with_surroundings([flight], _REST_S, (*structure.inputs, *structure.outputs))
+        checks = _checks(fitted, structure, records, wider, replace(settings, segments=()))
+    except (InsufficientDataError, ModelError) as error:
+        return [], [_record_not_verified(flight.record, error.came)]
+    return checks, [finding for check in checks for finding in remarks_on(check)]
+
+
+def _checks(
+    fitted: TimeFit,
+    structure: LinearStructure,
+    records: TimeRecords,
+    flights: Sequence[Flight],
+    settings: IdentifySettings,
+) -> list[Verification]:
+    """Flights by a part of the fitted model, with the hold of the fit."""
+    unseen = time_records(structure, flights, replace(settings, hold=records.hold), every_input=False)
+    rows = [fitted.structure.outputs.index(name) for name in structure.outputs]
+    problem = TimeProblem(
+        structure=structure,
+        parameters=structure.parameters,
+        records=unseen.data,
+        hold=records.hold,
+        unknowns=fitted.problem.unknowns,
+        noise=fitted.problem.noise[np.ix_(rows, rows)],
+    )
+    predicted = problem.predicted(structure.parameters.pack())
+    shifts = estimated_shifts(problem, predicted)
+    return [
+        replace(_check(structure, segment, one, shift), biases=np.zeros(len(fitted.structure.states)))
         for segment, one, shift in zip(unseen.segments, predicted, shifts, strict=True)
     ]
-    return checks, [*seen, *(finding for check in checks for finding in remarks_on(check))]
 
 
 def estimated_shifts(problem: TimeProblem, predicted: Sequence[Simulated]) -> list[FloatArray]:
@@ -695,8 +738,7 @@ def estimated_shifts(problem: TimeProblem, predicted: Sequence[Simulated]) -> li
     return shifts
 
 
-def _check(fitted: TimeFit, segment: Segment, one: Simulated, shift: FloatArray) -> Verification:
-    structure = fitted.structure
+def _check(structure: LinearStructure, segment: Segment, one: Simulated, shift: FloatArray) -> Verification:
     measured, predicted = one.record.outputs, one.predicted
     trim = measured.mean(axis=1, keepdims=True)
     return Verification(

@@ -89,7 +89,7 @@ def named_model(
     decoupled
         Whether a black box is one for each input and its output, side by side.
     logged
-        Channels of the logs, in which a response model without given channels finds its pairs.
+        Channels of the logs, in which a response model or a black box without given channels finds its pairs.
 
     Raises
     ------
@@ -113,6 +113,10 @@ def named_model(
         _require_channels(name, inputs, outputs)
         return transfer_function(numerator=int(match[1]), denominator=int(match[2]), inputs=inputs, outputs=outputs)
     if match := _BLACK_BOX.fullmatch(name):
+        if not inputs and logged:
+            # From the set-points of the logs, each to its own answer.
+            pairs = _pairs_of(name, inputs, outputs, logged)
+            inputs, outputs, decoupled = tuple(u for u, _ in pairs), tuple(y for _, y in pairs), True
         _require_channels(name, inputs, outputs)
         order, delays = int(match[1]), match[2] is not None
         if decoupled:
@@ -133,10 +137,12 @@ def finds_its_channels(model: str | Path | LinearStructure, inputs: Sequence[str
 
     Examples
     --------
-    >>> finds_its_channels("response.first_order"), finds_its_channels("rate.roll")
-    (True, False)
+    >>> finds_its_channels("response.first_order"), finds_its_channels("black_box:2"), finds_its_channels("rate.roll")
+    (True, True, False)
     """
-    return not inputs and not isinstance(model, LinearStructure) and str(model) in RESPONSE_MODELS
+    if inputs or isinstance(model, LinearStructure):
+        return False
+    return str(model) in RESPONSE_MODELS or _BLACK_BOX.fullmatch(str(model)) is not None
 
 
 def answers_setpoints(structure: LinearStructure) -> bool:

@@ -21,7 +21,7 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
-from rotorid.models.structure import LinearStructure
+from rotorid.models.structure import LinearStructure, connected
 from rotorid.pipeline.preparation.flights import Flight, overlap
 from rotorid.pipeline.preparation.instruments import flights_by_thrust, is_injection, while_flying
 from rotorid.pipeline.preparation.resolve import black_box_order
@@ -504,12 +504,30 @@ def _require_motion(structure: LinearStructure, data: Sequence[TimeData], *, eve
         return
     names = ", ".join(dict.fromkeys(one.name for one in data))
     came = f"{' and '.join(still)} {'does' if len(still) == 1 else 'do'} not move in {names}"
+    remedy = "fly an excitation, or choose another part of the log with --segment"
+    if pairs := _moving_pairs(structure, moves):
+        inputs, outputs = (",".join(side) for side in zip(*pairs, strict=True))
+        remedy = (
+            f"identify what moves with --inputs {inputs} --outputs {outputs}, or choose another part with --segment"
+        )
     raise InsufficientDataError(
         came,
         needed="inputs that move",
-        remedy="fly an excitation, or choose another part of the log with --segment",
+        remedy=remedy,
         findings=[refusal("no_excitation", name, f"{name} does not move in {names}.") for name in still],
     )
+
+
+def _moving_pairs(structure: LinearStructure, moves: Sequence[bool]) -> list[tuple[str, str]]:
+    """Set-points that move, each with what answers it alone; none where responses are coupled or not to set-points."""
+    pairs = []
+    for name, moved in zip(structure.inputs, moves, strict=True):
+        answers = connected(structure.select(inputs=[name])).outputs
+        if not name.endswith("_setpoint") or len(answers) != 1:
+            return []
+        if moved:
+            pairs.append((name, answers[0]))
+    return pairs
 
 
 def _hold(held: Sequence[bool], segments: Sequence[Segment]) -> Hold:

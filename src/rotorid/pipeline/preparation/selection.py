@@ -7,7 +7,7 @@ Which channels and which stretches of a log tell a delay.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -241,8 +241,9 @@ def select_records(
     """The stretches to fit.
 
     For commands of the mixer those that the frequency domain fits too. For set-points the segments that were given,
-    the excitations that stand in a single set-point itself, or whole records: to a response in time any motion of
-    its inputs is an excitation.
+    the excitations that stand in the set-points themselves, if every one has some, or whole records: to a response in
+    time any motion of its inputs is an excitation. Doublets and multisteps beside longer excitations of several
+    set-points are kept unseen.
 
     Raises
     ------
@@ -262,11 +263,10 @@ def select_records(
     each_once(records)
     if settings.segments:
         return TimeSelection(Selection(fitted=_given_records(records, settings.segments), unseen=()))
-    single = structure.inputs[0] if len(structure.inputs) == 1 else ""
-    found = [Flight(record, m) for record in records for m in _seen_in(record, single)]
-    if found:
-        return TimeSelection(Selection(fitted=tuple(found), unseen=()))
-    whole = [_whole_record(record, axes) for record in records]
+    selected = _of_setpoints(structure.inputs, records)
+    if selected is not None:
+        return TimeSelection(selected)
+    whole = [whole_record(record, axes) for record in records]
     return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(*item) for item in whole))
 
 
@@ -291,13 +291,58 @@ def _given_records(records: Sequence[FlightRecord], segments: Sequence[Maneuver]
     return flights
 
 
+def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Selection | None:
+    """Excitations that stand in the set-points themselves; ``None`` where one of several shows none in any record."""
+    if len(inputs) == 1:
+        found = [Flight(record, m) for record in records for m in _seen_in(record, inputs[0])]
+        return Selection(fitted=tuple(found), unseen=()) if found else None
+    every = {name: [Flight(record, m) for record in records for m in _seen_in(record, name)] for name in inputs}
+    rich = {name: [one for one in flights if _is_rich(one.maneuver)] for name, flights in every.items()}
+    if not all(rich.values()):
+        return None
+    fitted = tuple(_joined([one for flights in rich.values() for one in flights], records))
+    short = (
+        one
+        for flights in every.values()
+        for one in flights
+        if one.maneuver.kind in ("doublet", "multistep") and not any(one.overlaps(other) for other in fitted)
+    )
+    return Selection(fitted=fitted, unseen=wholly_flown(sorted(short, key=lambda one: one.maneuver.start_s)))
+
+
+def _joined(flights: Sequence[Flight], records: Sequence[FlightRecord]) -> Iterator[Flight]:
+    """Maneuvers of each record in the order of time, those that touch each other as one."""
+    for record in records:
+        own = sorted((m for r, m in flights if r is record), key=lambda m: m.start_s)
+        kept: list[Maneuver] = []
+        for maneuver in own:
+            if kept and maneuver.start_s <= kept[-1].stop_s:
+                kept[-1] = replace(kept[-1], stop_s=max(kept[-1].stop_s, maneuver.stop_s))
+            else:
+                kept.append(maneuver)
+        yield from (Flight(record, maneuver) for maneuver in kept)
+
+
 def _seen_in(record: FlightRecord, input: str) -> list[Maneuver]:
     """Excitations that were seen in an input itself, each interval once."""
     found = [m for axis in AXES for m in find_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
     return sorted({(m.start_s, m.stop_s): m for m in found}.values(), key=lambda m: m.start_s)
 
 
-def _whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
+def _shown_in(record: FlightRecord, input: str) -> list[Maneuver]:
+    """The same with what fills its whole log, and is no excitation that stands out of it."""
+    likely = [m for axis in AXES for m in candidate_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
+    return [*_seen_in(record, input), *likely]
+
+
+def whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
+    """The longest flight of a record, or all of it where nothing in it tells take-off and landing.
+
+    Raises
+    ------
+    InsufficientDataError
+        It never flew.
+    """
     try:
         start_s, stop_s = airborne(record).longest
     except InsufficientDataError as error:
@@ -346,6 +391,30 @@ def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...
         remedy="name a pair with --input and --output, or the channels with --map",
         findings=[refusal("missing_channel", "set-points", message)],
     )
+
+
+def excited_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
+    """Every set-point in which excitations stand, with its response.
+
+    Raises
+    ------
+    UsageError
+        None has any.
+    """
+    setpoints = [(name, name.removesuffix(_SETPOINT)) for name in STANDARD_UNITS if name.endswith(_SETPOINT)]
+    logged = [pair for pair in setpoints if all(set(pair) <= set(record.channel_names) for record in records)]
+    found = tuple(
+        (name, answer)
+        for name, answer in logged
+        if any(_is_rich(maneuver) for record in records for maneuver in _shown_in(record, name))
+    )
+    if not found:
+        names = ", ".join(record.source.name for record in records)
+        raise UsageError(
+            f"no inputs and outputs came, and no set-point of {names} holds an excitation",
+            needed="--inputs and --outputs with their names, such as roll_command and p",
+        )
+    return found
 
 
 def chosen_maneuvers(
