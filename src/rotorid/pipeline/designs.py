@@ -677,7 +677,7 @@ def _require_reachable(choices: DesignChoices, models: Sequence[LinearStructure]
     """
     interface = choices.entry.interface
     inside: tuple[Entry, ...] = ("attitude_setpoint", "rate_setpoint")
-    places = [(axis, entry) for axis in AXES for entry in inside]
+    places: list[tuple[Axis, Entry]] = [(axis, entry) for axis in AXES for entry in inside]  # type: ignore[misc]
     if interface is not None:
         places = list(interface.entries.items())
     taken = [name for place in places if (name := setpoint_of(*place)) is not None]
