@@ -9,6 +9,8 @@ from rotorid.models.controller import SteppedController as SteppedController
 from rotorid.models.equations import structure_from_equations as structure_from_equations
 from rotorid.models.expression import Expression as Expression
 from rotorid.models.expression import parse_expression as parse_expression
+from rotorid.models.hover_layouts import physical_hover as physical_hover
+from rotorid.models.hover_layouts import plain_mixer as plain_mixer
 from rotorid.models.library import library_model as library_model
 from rotorid.models.library import library_text as library_text
 from rotorid.models.library import model_names as model_names

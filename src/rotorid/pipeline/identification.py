@@ -16,10 +16,19 @@ from rotorid.models.autopilots.settings import described
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motor_method import Motors
+from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
 from rotorid.pipeline.preparation.resolve import answers_setpoints, resolve_model
 from rotorid.pipeline.provenance import provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
-from rotorid.pipeline.settings import MODEL, IdentifySettings, MotorChoices, as_records, as_settings, motor_choices
+from rotorid.pipeline.settings import (
+    HOVER,
+    MODEL,
+    IdentifySettings,
+    MotorChoices,
+    as_records,
+    as_settings,
+    motor_choices,
+)
 from rotorid.pipeline.summary import ControllerSettings, ParameterEstimate, UnseenCombination
 
 DataT = TypeVar("DataT", bound=Prepared)
@@ -196,7 +205,10 @@ def method_of(
     choices = motor_choices(model.name if isinstance(model, LinearStructure) else str(model), settings)
     if choices is not None:
         return Motors(choices)
-    structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    if str(model) == HOVER:
+        structure = hover_of_vehicle(records, settings)
+    else:
+        structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
     name = settings.method
     if name == "auto":
         name = "output_error" if answers_setpoints(structure) else "frequency"

@@ -691,7 +691,8 @@ class IdentifySettings(MeasureSettings):
     bootstrap
         Refits to noise drawn anew, beside the stated standard deviations.
     layout, arm_m, curve, rotor_diameter_m
-        Of ``physical.motors`` alone, as in :class:`MotorChoices`.
+        Of ``physical.motors``, as in :class:`MotorChoices`; all but ``curve`` of ``physical.hover`` too, which has its
+        arm and the diameter of its propellers from them.
     """
 
     fix: Annotated[
@@ -790,12 +791,12 @@ class IdentifySettings(MeasureSettings):
         str | None,
         Option(
             "--layout",
-            help="Of physical.motors: quad.x, hexa.plus, ... or FILE.toml of rotors. [default: as the log says]",
+            help="Of physical.*: quad.x, hexa.plus, ... or FILE.toml of rotors. [default: as the log says]",
         ),
     ] = None
     arm_m: Annotated[
         float | None,
-        Option("--arm", help="Of physical.motors: meters from the center of gravity to the farthest rotor."),
+        Option("--arm", help="Of physical.*: meters from the center of gravity to the farthest rotor."),
     ] = None
     curve: Annotated[
         "ChosenCurve",
@@ -803,7 +804,10 @@ class IdentifySettings(MeasureSettings):
     ] = "auto"
     rotor_diameter_m: Annotated[
         float | None,
-        Option("--rotor-diameter", help="Of physical.motors, meters: judges rotors whose speed was measured."),
+        Option(
+            "--rotor-diameter",
+            help="Of physical.*, meters: judges rotors of measured speed, or is their D.",
+        ),
     ] = None
 
     def __post_init__(self) -> None:
@@ -978,6 +982,11 @@ class MotorChoices:
         return choices | {name: value for name, value in asked.items() if value is not None}
 
 
+HOVER = "physical.hover"
+"""Name of the model of hover in physical parameters, which takes its rotors as ``physical.motors`` does."""
+
+OF_HOVER = ("layout", "arm_m", "rotor_diameter_m")
+
 OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
 ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs")
 """Choices that ``physical.motors`` alone has, and those that it shares with other models."""
@@ -1005,8 +1014,12 @@ def motor_choices(
     usual = IdentifySettings()
     given = [item.name for item in fields(settings) if getattr(settings, item.name) != getattr(usual, item.name)]
     if model != MODEL:
-        if any(name in OF_MOTORS for name in given):
-            raise UsageError(f"--layout, --arm or --curve came with {model}", needed=f"them with {MODEL} alone")
+        allowed = OF_HOVER if model == HOVER else ()
+        if any(name in OF_MOTORS and name not in allowed for name in given):
+            raise UsageError(
+                f"--layout, --arm or --curve came with {model}",
+                needed=f"them with {MODEL} alone, and all but --curve with {HOVER}",
+            )
         if settings.method == "accelerations":
             raise UsageError(f"--method accelerations came with {model}", needed=f"it with {MODEL} alone")
         return None

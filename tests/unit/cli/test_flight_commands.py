@@ -191,6 +191,32 @@ def test_the_rig_as_a_new_user_would(tmp_path: Path) -> None:
     assert max(found["verification"]["frequency"].values()) < 20.0
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ((), "does not describe its rotors; needed: --layout"),
+        (("--layout", "quad.x"), "physical.hover came without m, D, l, rho, k_n, which no flight tells"),
+        (("--layout", "quad.x", "--fix", "m=1", "--arm", "0.2"), "came without D, rho, k_n"),
+        (("--layout", "quad.x", "--arm", "-0.2", "--rotor-diameter", "0.2", "--fix", "m=1", "--fix", "rho=1.2",
+          "--fix", "k_n=100"), "l = -0.2 came; needed: a positive arm"),
+        (("--layout", "quad.x", "--arm", "0.2", "--fix", "l=0.2"), "l came with --arm and with --fix"),
+        (("--layout", "x8", "--arm", "0.2", "--rotor-diameter", "0.2", "--fix", "m=1", "--fix", "rho=1.2",
+          "--fix", "k_n=100"), "above one another"),
+        (("--layout", "quad.x", "--curve", "linear"), "all but --curve with physical.hover"),
+    ],
+)  # fmt: skip
+def test_geometry_that_no_flight_tells_is_asked_for(given: tuple[str, ...], words: str, tmp_path: Path) -> None:
+    log = tmp_path / "flight.csv"
+    time_s = np.arange(0.0, 2.0, 0.01)
+    rows = [f"{t:.2f},{np.sin(t):.4f},{np.cos(t):.4f}" for t in time_s]
+    log.write_text("\n".join(["time [s],q [rad/s],pitch_command [1]", *rows]))
+    ran = rotorid("identify", log, "--model", "physical.hover", *given, "--out", tmp_path / "out")
+    assert ran.code == 2
+    assert words in ran.err
+    assert len(ran.err.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_bebop_shows_its_interface_alone(tmp_path: Path) -> None:
     ran = rotorid("simulate", "bebop", "--plan", "none", "--duration", "10", "--out", tmp_path, "--json")
     record = read(tmp_path / json.loads(ran.out)["logs"][0]["file"])

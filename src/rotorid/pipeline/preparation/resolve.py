@@ -24,8 +24,8 @@ from rotorid.models.library import (
 from rotorid.models.parameter import ParameterSet, no_such
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
+from rotorid.pipeline.settings import HOVER, IdentifySettings
 from rotorid.pipeline.settings import MODEL as MOTORS
-from rotorid.pipeline.settings import IdentifySettings
 
 _TRANSFER = re.compile(r"transfer:(\d+)/(\d+)")
 _BLACK_BOX = re.compile(r"black_box:(\d+)(\+delay)?")
@@ -133,16 +133,16 @@ def named_model(
 
 
 def finds_its_channels(model: str | Path | LinearStructure, inputs: Sequence[str] = ()) -> bool:
-    """Whether a model takes its channels from the logs, so that it is known only when they are read.
+    """Whether a model takes its channels or its rotors from the logs, so that it is known only when they are read.
 
     Examples
     --------
-    >>> finds_its_channels("response.first_order"), finds_its_channels("black_box:2"), finds_its_channels("rate.roll")
-    (True, True, False)
+    >>> [finds_its_channels(name) for name in ("response.first_order", "black_box:2", "physical.hover", "rate.roll")]
+    [True, True, True, False]
     """
     if inputs or isinstance(model, LinearStructure):
         return False
-    return str(model) in RESPONSE_MODELS or _BLACK_BOX.fullmatch(str(model)) is not None
+    return str(model) in (*RESPONSE_MODELS, HOVER) or _BLACK_BOX.fullmatch(str(model)) is not None
 
 
 def answers_setpoints(structure: LinearStructure) -> bool:

@@ -98,7 +98,7 @@ def scoped(
             require_channels(record, outputs)
     smaller = connected(structure.select(outputs=outputs, inputs=excited))
     lost = [name for name in structure.parameters.names if name not in smaller.parameters.names]
-    _require_left(lost, smaller, settings)
+    _require_left(lost, smaller, structure, settings)
     gone = [name for name in lost if name not in moved.parameters.names]
     passed = [name for name in moved.outputs if name not in smaller.outputs]
     return Scoped(
@@ -234,10 +234,19 @@ def _rate_hz(record: FlightRecord, name: str) -> float:
     return max((topic.sample_rate_hz for topic, _ in record.holding(name)), default=0.0)
 
 
-def _require_left(lost: Sequence[str], left: LinearStructure, settings: IdentifySettings) -> None:
+def _holds(structure: LinearStructure, name: str, value: float) -> bool:
+    one = structure.parameters[name]
+    return one.status == "fixed" and one.value == value
+
+
+def _require_left(
+    lost: Sequence[str], left: LinearStructure, whole: LinearStructure, settings: IdentifySettings
+) -> None:
     """Refuse what was said about parameters that stand nowhere any more."""
     sources = {source for text in settings.ties.values() for source in Expression.parse(text).names}
-    given = [name for name in lost if name in {*settings.fix, *settings.ties, *settings.free, *sources}]
+    # What the model holds at that very value anyway, as the geometry of physical.hover, is no misunderstanding.
+    fixed = {name for name, value in settings.fix.items() if not _holds(whole, name, value)}
+    given = [name for name in lost if name in {*fixed, *settings.ties, *settings.free, *sources}]
     if given:
         raise UsageError(
             f"{', '.join(given)} came with --fix, --tie or --free, and no response of {', '.join(left.outputs)} to "

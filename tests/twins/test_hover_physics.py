@@ -1,0 +1,93 @@
+"""``physical.hover`` on a flight of the Hummingbird, whose forces are those of the model: physics within intervals."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from rotorid.data.flight_plan import SimulatedFlight
+from rotorid.io.registry import write_log
+from rotorid.pipeline.designs import plan_for
+from rotorid.pipeline.flight_settings import PlanChoices
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.simulation import simulate
+from rotorid.vehicles import aircraft, hummingbird
+
+STEPS = hummingbird.STEPS
+TRUTH = {
+    **hummingbird.PHYSICS,
+    "k_n": STEPS * hummingbird.PHYSICS["k_n"],
+    "J_r": hummingbird.YAW["N_spin"] * hummingbird.PHYSICS["I_zz"] / (8.0 * math.pi * hummingbird.PHYSICS["k_n"]),
+}
+AXES = ("roll", "pitch", "yaw", "thrust")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Thrust is swept gently: it goes with the square of the speed, and a large sweep moves its own mean."""
+    craft = aircraft("hummingbird")
+    choices = PlanChoices(
+        shape="logarithmic_sweep", axes=AXES, amplitudes={"thrust": 0.06}, band_rad_s=(0.6, 50.0), duration_s=60.0
+    )
+    flight: SimulatedFlight = simulate(craft, plan_for(craft, choices).plan, seed=3)
+    path = tmp_path_factory.mktemp("hummingbird") / "flight.csv"
+    write_log(path, flight, format="csv")
+    return path
+
+
+def identified(log: Path, **known: float) -> IdentifiedModel:
+    fix = {name: TRUTH[name] for name in ("m", "rho", "k_n")} | known
+    return identify(
+        log,
+        "physical.hover",
+        layout="quad.plus",
+        arm_m=TRUTH["l"],
+        rotor_diameter_m=TRUTH["D"],
+        fix=fix,
+        constants={"z_imu": hummingbird.PITCH["z_imu"]},
+    )
+
+
+@pytest.fixture(scope="module")
+def model(log: Path) -> IdentifiedModel:
+    return identified(log)
+
+
+# Found with -0.129 ± 0.0045 for -0.115. The damping of roll and pitch, from which it comes, trades against the lag of
+# the motors that all axes share (25.0 ± 0.6 ms for 23.7), while the delays of roll and pitch, half a millisecond in
+# truth, stand at zero. Pitch alone with a lag of its own has its damping within one deviation.
+DAMPING = pytest.mark.xfail(raises=AssertionError, strict=True, reason="damping trades against the shared motor lag")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["I_xx", "I_yy", "I_zz", "c_T", "c_H", "c_P", "J_r", "z", pytest.param("dc_T_dJ", marks=DAMPING)]
+)
+def test_physics_of_the_hummingbird_lie_within_their_intervals(model: IdentifiedModel, name: str) -> None:
+    one = model.parameters[name]
+    assert one.lower is not None
+    assert one.upper is not None
+    assert one.lower <= TRUTH[name] <= one.upper
+
+
+@pytest.mark.slow
+def test_no_parameter_of_the_hummingbird_is_far_off(model: IdentifiedModel) -> None:
+    for name in ("I_xx", "I_yy", "I_zz", "c_T", "c_H", "c_P", "J_r", "z", "dc_T_dJ"):
+        one = model.parameters[name]
+        assert one.std is not None
+        assert abs(one.value - TRUTH[name]) <= min(4.0 * one.std, 0.15 * abs(TRUTH[name])), name
+
+
+@pytest.mark.slow
+def test_a_known_inertia_gives_the_rotors_with_their_own_errors(log: Path, model: IdentifiedModel) -> None:
+    known = identified(log, I_zz=TRUTH["I_zz"])
+    for name in ("c_P", "J_r"):
+        one = known.parameters[name]
+        before = model.parameters[name].std
+        assert one.std is not None
+        assert before is not None
+        assert abs(one.value - TRUTH[name]) <= 3.0 * one.std, name
+        assert one.std < before, name
