@@ -102,6 +102,7 @@ def test_a_last_line_that_was_cut_is_left_out(tmp_path: Path, flight: Flight) ->
     [
         ("loopIteration, time (us), gyroADC[0]\n", "holds no flight"),
         ("loopIteration, time (us), rssi\n1, 2, 3\n", "no column of time, gyro or motors"),
+        ("loopIteration, time (us), motor[0], motor[1]\n0, 0, 200, 300\n", "have no unit without the settings"),
         ("loopIteration, time (us), gyroADC[0]\n1, 2, three\n1, 2, 3\n", "none of numbers"),
         ('"Product","Blackbox flight data recorder by Nicholas Sherlock"\n"a","b"\n', "settings and no table"),
     ],

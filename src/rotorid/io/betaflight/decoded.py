@@ -103,6 +103,13 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
         size=0,
     )
     kept = [at for at, place in enumerate(wanted, start=1) if settings or not _needs_settings(held[place])]
+    if not kept:
+        raise LogError(
+            f"{source.name} holds motors, accelerometer or voltage alone, which have no unit without the settings of "
+            "the flight controller",
+            needed="gyros, or the settings",
+            remedy=f"give the .BBL, or decode it with --save-headers and keep {beside.name} beside it",
+        )
     raw = np.stack([_raw(values[at], held[wanted[at - 1]], header) for at in kept], axis=1)
     flight = Flight(
         number=1,
