@@ -372,6 +372,11 @@ KINDS: Mapping[str, Kind] = {
         "A parameter stands at its bound",
         "A parameter ended on a bound of its range, so that its value says no more than that.",
     ),
+    "payload_step": Kind(
+        "warning",
+        "Thrust over mass differs between logs",
+        "Logs of one fit carry different masses for the same thrust: payload, rotors or battery changed.",
+    ),
     "poor_fit": Kind("warning", "The model misses the measurement", "The model misses what was measured."),
     "poor_verification": Kind(
         "warning", "The model misses the unseen flight", "The model misses what was flown unseen."
@@ -414,6 +419,11 @@ KINDS: Mapping[str, Kind] = {
     "unused_choice": Kind("warning", "Unused choice", "A choice that nothing used."),
     "vibration_filtered": Kind(
         "info", "Vibration was filtered out", "Vibration was filtered out of measured and predicted outputs alike."
+    ),
+    "voltage_exponent": Kind(
+        "info",
+        "Thrust over voltage",
+        "The power by which thrust follows the voltage of the battery, beside the square that the model takes.",
     ),
 }
 """Every kind of finding, by the word that scripts rely on."""

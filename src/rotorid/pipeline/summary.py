@@ -191,6 +191,26 @@ class Straightening:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class LogThrust:
+    """Thrust over mass of one log over that of the fit: alike unless payload, rotors or battery changed."""
+
+    record: str
+    ratio: float
+    std: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VoltageExponent:
+    """The power by which thrust follows the voltage of the battery, from within each log."""
+
+    exponent: float
+    std: float
+    reference_v: float
+    lowest_v: float
+    highest_v: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class MotorPhysics:
     """Motors, rotors and thrust of a fit of ``physical.motors``.
 
@@ -200,7 +220,8 @@ class MotorPhysics:
     of the flights (``thrust_hover``), its slope there, thrust at full output and that over weight; ``flown_outputs`` is
     the range of the outputs but for one percent at each end, beyond which thrust is extrapolated. ``scale`` names what
     fixed the scale of mass, thrust and inertia, or is ``null``: then all three are per kilogram. ``straightening`` is
-    what the autopilot does with demands, where its log says so.
+    what the autopilot does with demands, where its log says so. ``logs`` tells thrust over mass of each log where there
+    are several, and ``voltage`` the power by which thrust follows the battery, where it sagged enough.
     """
 
     layout: str
@@ -220,6 +241,8 @@ class MotorPhysics:
     derived: Mapping[str, Derived] = field(default_factory=dict)
     both_ways: tuple[InertiaEstimate, ...] = ()
     excitation: tuple[ExcitedFlight, ...] = ()
+    logs: tuple[LogThrust, ...] = ()
+    voltage: VoltageExponent | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

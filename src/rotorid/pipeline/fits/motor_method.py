@@ -209,6 +209,8 @@ def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
         scale=scale_of(known, fitted.axes),
         straightening=_straightening(data.flights),
         derived=dict(fitted.derived),
+        logs=fitted.logs,
+        voltage=fitted.voltage,
         both_ways=tuple(
             InertiaEstimate(
                 axis=inertia.axis,

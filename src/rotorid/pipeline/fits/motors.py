@@ -55,12 +55,13 @@ from rotorid.models.toml import from_toml
 from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
 from rotorid.pipeline.fits.frequency import judge_parameters
 from rotorid.pipeline.fits.motor_errors import CURVE_SHARE, gusts_between, motor_model_error, with_model_errors
+from rotorid.pipeline.fits.motor_loads import judge_loads, thrust_of_logs, voltage_exponent
 from rotorid.pipeline.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, searched
 from rotorid.pipeline.preparation.motor_data import MotorData, MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.settings import IdentifySettings, MotorChoices
-from rotorid.pipeline.summary import Derived
+from rotorid.pipeline.summary import Derived, LogThrust, VoltageExponent
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -361,12 +362,26 @@ class FittedMotors(Immutable):
     @cached_property
     def moved(self) -> tuple[Motion, ...]:
         """Every stretch as it was measured and as the motors explain it."""
+        return motions(self.flown, self.fit.solution.theta, self.data.stretches, self.fit.excitations)
+
+    @cached_property
+    def flown(self) -> MotorProblem:
+        """The problem on the records as flown, whatever clock the fit was on."""
         fitted = self.fit.problem
-        # As flown, whatever clock the fit was on.
-        flown = MotorProblem(
+        return MotorProblem(
             records=self.data.records, levers=fitted.levers, parameters=fitted.parameters, axes=fitted.axes
         )
-        return motions(flown, self.fit.solution.theta, self.data.stretches, self.fit.excitations)
+
+    @cached_property
+    def logs(self) -> tuple[LogThrust, ...]:
+        """Thrust over mass of each log, where there are several."""
+        found = thrust_of_logs(self.flown, self.fit.solution.theta)
+        return found if len(found) > 1 else ()
+
+    @cached_property
+    def voltage(self) -> VoltageExponent | None:
+        """The power by which thrust follows the battery, where that can be told."""
+        return voltage_exponent(self.flown, self.fit.solution.theta, self.data.reference_v)
 
 
 def levers_of(data: MotorData) -> FloatArray:
@@ -764,6 +779,7 @@ def judge_motors(
         *_unexcited(identified),
         *_turned_around(identified),
         *_assumed(identified),
+        *judge_loads(identified.logs, identified.voltage),
         *_doubted(identified, choices),
         *_unused(identified, choices),
         *_scale(identified, choices),
