@@ -62,7 +62,7 @@ def plain_mixer(layout: RotorLayout) -> FloatArray:
     Examples
     --------
     >>> from rotorid.models import library_layout
-    >>> plain_mixer(library_layout("quad.plus")).tolist()[0]
+    >>> plain_mixer(library_layout("quad.plus")).round(9).tolist()[0]
     [-1.0, 0.0, 1.0, 1.0]
     """
     return np.asarray(ardupilot_mixer(layout) * np.array([2.0, 2.0, 2.0, 1.0]))

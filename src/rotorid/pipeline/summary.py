@@ -480,6 +480,32 @@ class SearchRuns:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Cluster:
+    """A candidate of ``kmeans`` at one iteration: its cost over all points, its parameters, how many points it owns."""
+
+    cost: float | None
+    points: int
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ClusterIteration:
+    """Candidates after so many evaluations, and the number of the one that owns each point of the data, from zero."""
+
+    evaluations: int
+    clusters: tuple[Cluster, ...]
+    owners: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SharedPoint:
+    """A point of a measured response that the candidates share."""
+
+    response: str
+    omega_rad_s: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class SearchSummary:
     """A global search before the fit.
 
@@ -487,7 +513,9 @@ class SearchSummary:
     the squared output errors, weighed by the size of the outputs, or absolute errors of accelerations. ``alone`` is
     where the search itself ended, before any local search; ``runs`` the same from other seeds, where asked for.
     ``evaluations`` of the cost are its own, ``polishing`` those of its ``local_searches``. ``minima`` begin with the
-    one that the fit went on from, then lowest first. ``trace`` is the lowest cost so far after so many evaluations.
+    one that the fit went on from, then lowest first. ``trace`` is the lowest cost so far after so many evaluations. Of
+    ``kmeans`` alone, ``iterations`` say how its first candidates shared the points of the data, and ``points`` which
+    these are where they are those of responses.
     """
 
     name: str
@@ -499,6 +527,8 @@ class SearchSummary:
     trace: tuple[tuple[int, float], ...]
     alone: Minimum | None = None
     runs: SearchRuns | None = None
+    iterations: tuple[ClusterIteration, ...] = ()
+    points: tuple[SharedPoint, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

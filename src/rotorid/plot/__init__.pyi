@@ -31,6 +31,7 @@ from rotorid.plot.paper import log_png as log_png
 from rotorid.plot.paper import matplotlib_or_remedy as matplotlib_or_remedy
 from rotorid.plot.paper import overview_png as overview_png
 from rotorid.plot.search import accelerations as accelerations
+from rotorid.plot.search import clusters as clusters
 from rotorid.plot.search import convergence as convergence
 from rotorid.plot.search import run_histogram as run_histogram
 from rotorid.plot.time import ahead as ahead

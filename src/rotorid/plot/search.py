@@ -24,10 +24,11 @@ from rotorid.plot.figure import (
 )
 from rotorid.plot.time import TIME_AXIS, line
 from rotorid.search.result import Progress
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray, IntArray
 
 _DEGREES = 180.0 / np.pi
 _MOST_MARKERS = 150
+_BESIDE = 0.1
 _FEW_DECADES = 3.0
 _FINE_TICKS, _COARSE_TICKS, _DECADES = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0), (1.0, 2.0, 5.0), (1.0,)
 
@@ -69,6 +70,82 @@ def convergence(traces: Mapping[str, Sequence[Progress]], *, levels: Mapping[str
     costs = np.array([y for trace in drawn for y in trace["y"]])
     panel = Panel(label="Lowest cost so far", traces=drawn, height_px=300, axis=_cost_axis(costs))
     return stacked([panel], x_axis={"title": {"text": "Evaluations of the cost"}})
+
+
+def clusters(
+    costs: FloatArray, owners: IntArray, *, places: FloatArray, place: str = "", logarithmic: bool = True
+) -> Figure:
+    """Candidates of a K-means search over its iterations: which points of the data each owns, and what each costs.
+
+    Parameters
+    ----------
+    costs
+        Of each candidate over all points, shape ``(iterations, k)``; no number where it has none.
+    owners
+        Number of the candidate that owns each point, shape ``(iterations, n)``.
+    places
+        Where each point lies on the vertical axis, such as its frequency, shape ``(n,)``.
+    place
+        What that is.
+    logarithmic
+        Whether that axis is.
+
+    Raises
+    ------
+    UsageError
+        The shapes do not belong together.
+
+    Examples
+    --------
+    >>> figure = clusters(np.array([[9.0, 7.0], [3.0, 4.0]]), np.array([[0, 1, 1], [0, 0, 1]]), places=np.ones(3))
+    >>> [trace["name"] for trace in figure["data"]]
+    ['candidate 1', 'candidate 2', 'candidate 1', 'candidate 2']
+    """
+    if costs.ndim != 2 or owners.shape != (len(costs), places.size) or not owners.size:
+        raise UsageError(
+            f"costs of shape {costs.shape}, owners of {owners.shape} and {places.size} places came",
+            needed="as many iterations of costs and owners, an owner for each place",
+        )
+    numbered = range(costs.shape[1])
+    owned = [_owned(owners == one, places, one) for one in numbered]
+    fallen = [_of_candidate(costs[:, one], one) for one in numbered]
+    axis = {"type": "log"} if logarithmic else {}
+    panels = [
+        Panel(label=f"Points of each candidate, {place}" if place else "Points of each candidate", traces=owned,
+              height_px=300, axis=axis),
+        Panel(label="Cost of each candidate over all points", traces=fallen, height_px=180,
+              axis=_cost_axis(costs[np.isfinite(costs)])),
+    ]  # fmt: skip
+    return stacked(panels, x_axis={"title": {"text": "Iteration"}, "dtick": 1})
+
+
+def _owned(mine: BoolArray, places: FloatArray, number: int) -> Trace:
+    """Points of one candidate, a little beside those of the next so that responses of one frequency do not hide."""
+    iteration, point = np.nonzero(mine)
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": numbers(np.asarray(iteration + (1.0 + _BESIDE * number), dtype=np.float64)),
+        "y": numbers(places[point]),
+        "marker": {"size": 5, "color": SERIES[number % len(SERIES)]},
+        "hovertemplate": "%{y:.4~g}",
+        "name": f"candidate {number + 1}",
+        "showlegend": True,
+    }
+
+
+def _of_candidate(costs: FloatArray, number: int) -> Trace:
+    return {
+        "type": "scatter",
+        "mode": "lines+markers",
+        "x": numbers(np.arange(1.0, costs.size + 1.0)),
+        "y": numbers(costs),
+        "line": {"color": SERIES[number % len(SERIES)], "width": 1.8, "dash": DASHES[number % len(DASHES)]},
+        "marker": {"size": 5},
+        "hovertemplate": "iteration %{x:d}<br>%{y:.5~g}",
+        "name": f"candidate {number + 1}",
+        "showlegend": False,
+    }
 
 
 def _fall(name: str, trace: Sequence[Progress], number: int) -> Trace:

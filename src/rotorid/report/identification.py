@@ -37,7 +37,7 @@ from rotorid.pipeline.summary import (
 )
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import correlation_map
-from rotorid.plot.search import convergence, run_histogram
+from rotorid.plot.search import clusters, convergence, run_histogram
 from rotorid.report.frame import MISSING, Picture, milliseconds, percent, render, significant, unit
 from rotorid.report.motors import MotorsShown, motors_shown
 from rotorid.report.parts import (
@@ -359,11 +359,12 @@ class SearchShown:
     run_words: str = ""
     run_rows: tuple[RunRow, ...] = ()
     run_picture: Picture | None = None
+    cluster_picture: Picture | None = None
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
-        """Both, as far as there are any."""
-        return tuple(one for one in (self.picture, self.run_picture) if one is not None)
+        """All, as far as there are any."""
+        return tuple(one for one in (self.picture, self.cluster_picture, self.run_picture) if one is not None)
 
 
 def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | None:
@@ -396,6 +397,7 @@ def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | N
         more=max(len(minima) - _MOST_ROWS, 0),
         population=document.name.partition(":")[0] in POPULATIONS,
         picture=_picture(document, key),
+        cluster_picture=_cluster_picture(document, f"{key}-clusters"),
         alone=_alone(document, names),
         run_words="" if document.runs is None else _run_words(document.name, document.runs),
         run_rows=() if document.runs is None else _run_rows(document.runs),
@@ -461,6 +463,28 @@ def _minima_words(document: SearchSummary) -> str:
         "accelerations": "the first of them",
     }
     return f"Local searches came to rest in {count} places. The fit went on from {ways[document.objective]}."
+
+
+def _cluster_picture(document: SearchSummary, key: str) -> Picture | None:
+    """Who owned which point at each iteration; nothing of a search that does not share the points."""
+    steps = document.iterations
+    if not steps:
+        return None
+    owners = np.array([step.owners for step in steps])
+    of_responses = len(document.points) == owners.shape[1]
+    places = np.array([point.omega_rad_s for point in document.points]) if of_responses else np.arange(owners.shape[1])
+    costs = [[np.nan if one.cost is None else one.cost for one in step.clusters] for step in steps]
+    return Picture(
+        key=key,
+        description=f"Points that each candidate of {document.name} owns, and its cost, over the iterations",
+        figure=clusters(
+            np.array(costs, dtype=np.float64),
+            owners,
+            places=places.astype(np.float64),
+            place="frequency [rad/s]" if of_responses else "number of the point",
+            logarithmic=of_responses,
+        ),
+    )
 
 
 def _picture(document: SearchSummary, key: str) -> Picture | None:

@@ -13,6 +13,7 @@ from rotorid.search.population import Genetic as Genetic
 from rotorid.search.population import end_of_population as end_of_population
 from rotorid.search.result import Basin as Basin
 from rotorid.search.result import Evaluations as Evaluations
+from rotorid.search.result import Exchange as Exchange
 from rotorid.search.result import Progress as Progress
 from rotorid.search.result import SearchResult as SearchResult
 from rotorid.search.spread import SearchSpread as SearchSpread

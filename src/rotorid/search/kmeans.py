@@ -12,7 +12,7 @@ from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Problem
 from rotorid.search.multistart import most_starts
-from rotorid.search.result import Evaluations, Report, SearchResult, end, require_budget, whole_number
+from rotorid.search.result import Evaluations, Exchange, Report, SearchResult, end, require_budget, whole_number
 from rotorid.search.starts import sobol
 from rotorid.typing import FloatArray, IntArray
 
@@ -112,9 +112,11 @@ class KMeans:
         require_budget(budget, 1)
         evaluations = Evaluations(problem, executor=executor, progress=progress)
         found: list[Solution] = []
+        exchanges: list[Exchange] = []
         lowest = np.inf
         for starts in self._rounds(problem, budget, seed):
-            thetas = self._settled(evaluations, starts, budget, lowest)
+            thetas, shared = self._settled(evaluations, starts, budget, lowest)
+            exchanges = exchanges or shared
             for solution in evaluations.polished(thetas):
                 found.append(solution)
                 lowest = min(lowest, solution.cost)
@@ -123,7 +125,7 @@ class KMeans:
                     break
             if evaluations.spent >= budget or self._accepts(lowest):
                 break
-        return end(self.name, seed, evaluations, found)
+        return end(self.name, seed, evaluations, found, exchanges)
 
     def _accepts(self, cost: float) -> bool:
         return self.acceptable is not None and cost <= self.acceptable
@@ -134,13 +136,22 @@ class KMeans:
         points = sobol(problem.search_box, count, rng=np.random.default_rng(seed))
         return iter(points.reshape(-1, self.candidates, points.shape[1]))
 
-    def _settled(self, evaluations: Evaluations, thetas: FloatArray, budget: int, lowest: float) -> FloatArray:
-        """The candidates after they have exchanged points until none moves, or the budget is spent; the best first."""
+    def _settled(
+        self, evaluations: Evaluations, thetas: FloatArray, budget: int, lowest: float
+    ) -> tuple[FloatArray, list[Exchange]]:
+        """The candidates after they have exchanged points until none moves, or the budget is spent; the best first.
+
+        With them who owned which point at each iteration.
+        """
+        shared: list[Exchange] = []
         distances = evaluations.point_costs(thetas)
         evaluations.mark(min(lowest, evaluations.best))
         owner: IntArray | None = None
         for _ in range(_MOST_EXCHANGES):
             nearest = np.argmin(distances, axis=0)
+            shared.append(
+                Exchange(evaluations=evaluations.spent, thetas=thetas, costs=distances.sum(axis=1), owners=nearest)
+            )
             at_rest = owner is not None and np.array_equal(nearest, owner)
             if at_rest or self._accepts(evaluations.best) or evaluations.spent + _DEAREST * len(thetas) > budget:
                 break
@@ -150,7 +161,7 @@ class KMeans:
             thetas = np.array([one.theta for one in evaluations.polished_points(thetas, weights)])
             distances = evaluations.point_costs(thetas)
             evaluations.mark(min(lowest, evaluations.best))
-        return thetas[np.argsort(distances.sum(axis=1), kind="stable")]
+        return thetas[np.argsort(distances.sum(axis=1), kind="stable")], shared
 
 
 def kmeans_from_text(options: str) -> KMeans:

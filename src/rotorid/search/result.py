@@ -57,6 +57,35 @@ class Basin(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Exchange(Immutable):
+    """Candidates that share the points of the data among them, at one iteration.
+
+    Parameters
+    ----------
+    evaluations
+        Costs and residuals that had been computed.
+    thetas
+        The candidates, shape ``(k, p)``.
+    costs
+        Of each over all points, shape ``(k,)``.
+    owners
+        Number of the candidate whose response is nearest to each point, shape ``(n,)``.
+    """
+
+    evaluations: int
+    thetas: FloatArray
+    costs: FloatArray
+    owners: IntArray
+
+    def __post_init__(self) -> None:
+        self._set(
+            thetas=read_only(self.thetas, np.float64, ndim=2),
+            costs=read_only(self.costs, np.float64, ndim=1),
+            owners=read_only(self.owners, np.int64, ndim=1),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SearchResult(Immutable):
     """End of a global search.
 
@@ -81,6 +110,9 @@ class SearchResult(Immutable):
         Residuals with Jacobians that the local searches took.
     local_searches
         How many there were, with those that came to no rest.
+    exchanges
+        Of the first candidates that shared the points of the data, until no point changed hands; empty for searches
+        that do not share them.
     """
 
     search: str
@@ -93,10 +125,12 @@ class SearchResult(Immutable):
     evaluations: int
     polishing: int
     local_searches: int
+    exchanges: tuple[Exchange, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(
             theta=read_only(self.theta, np.float64, ndim=1),
+            exchanges=tuple(self.exchanges),
             basins=tuple(Basin(c, read_only(theta, np.float64, ndim=1), share) for c, theta, share in self.basins),
             trace=tuple(Progress(*one) for one in self.trace),
         )
@@ -330,7 +364,13 @@ def _distance(many: FloatArray, one: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(((many - one[:, None]) ** 2).sum(axis=0) / one.size))
 
 
-def end(search: str, seed: int, evaluations: Evaluations, found: Sequence[Solution]) -> SearchResult:
+def end(
+    search: str,
+    seed: int,
+    evaluations: Evaluations,
+    found: Sequence[Solution],
+    exchanges: Sequence[Exchange] = (),
+) -> SearchResult:
     """The result of a search that ended in these local searches.
 
     Raises
@@ -350,6 +390,7 @@ def end(search: str, seed: int, evaluations: Evaluations, found: Sequence[Soluti
         evaluations=evaluations.count,
         polishing=evaluations.polishing,
         local_searches=len(found),
+        exchanges=tuple(exchanges),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.plot.search import ACCELERATIONS, accelerations, convergence
+from rotorid.plot.search import ACCELERATIONS, accelerations, clusters, convergence
 from rotorid.search.result import Progress
 
 TRACE = (Progress(15, np.inf), Progress(30, 2.0), Progress(45, 0.5))
@@ -59,3 +59,16 @@ def test_each_panel_has_what_was_measured_and_what_is_modeled() -> None:
 def test_shapes_must_agree() -> None:
     with pytest.raises(UsageError, match="shape"):
         accelerations(np.zeros(5), np.zeros((4, 5)), np.zeros((3, 5)))
+
+
+def test_points_go_to_the_candidate_that_owns_them() -> None:
+    costs = np.array([[9.0, np.inf, 7.0], [3.0, 5.0, 6.0]])
+    owners, places = np.array([[0, 2, 2, 0], [0, 1, 2, 0]]), np.array([1.0, 2.0, 4.0, 8.0])
+    figure = drawn(clusters(np.where(np.isfinite(costs), costs, np.nan), owners, places=places, place="frequency"))
+    for number in range(3):
+        trace = figure["data"][number]
+        assert trace["name"] == f"candidate {number + 1}"
+        assert trace["y"] == [places[point] for row in owners for point in np.flatnonzero(row == number)]
+    assert figure["data"][4]["y"] == [None, 5.0]
+    with pytest.raises(UsageError, match="owner"):
+        clusters(costs, owners, places=places[:3])

@@ -12,11 +12,14 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.errors import UsageError
+from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.problem import Problem
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings
 from rotorid.pipeline.summary import (
+    Cluster,
+    ClusterIteration,
     Minimum,
     Objective,
     RunSpread,
@@ -24,8 +27,9 @@ from rotorid.pipeline.summary import (
     SearchMinimum,
     SearchRuns,
     SearchSummary,
+    SharedPoint,
 )
-from rotorid.search.result import Basin, Progress, SearchResult
+from rotorid.search.result import Basin, Exchange, Progress, SearchResult
 from rotorid.search.spread import Repeated, SearchSpread, spread_over_starts
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -64,6 +68,8 @@ class Searched(Immutable):
         What the search found.
     runs
         The same from other seeds, where they were asked for.
+    points
+        Of the responses, where candidates shared them.
     """
 
     name: str
@@ -71,6 +77,7 @@ class Searched(Immutable):
     parameters: ParameterSet
     result: SearchResult
     runs: SearchSpread | None = None
+    points: tuple[SharedPoint, ...] = ()
 
     @property
     def objective(self) -> Objective:
@@ -145,7 +152,14 @@ def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
             seed=settings.seed,
             progress=_counted,
         )
-    return Searched(name=name, cost=problem.method, parameters=problem.parameters, result=result, runs=runs)
+    return Searched(
+        name=name,
+        cost=problem.method,
+        parameters=problem.parameters,
+        result=result,
+        runs=runs,
+        points=_shared_points(shorter) if result.exchanges else (),
+    )
 
 
 @dataclass(frozen=True)
@@ -212,6 +226,35 @@ def search_summary(found: Searched | None) -> SearchSummary | None:
         trace=tuple((at.evaluations, at.best) for at in result.trace if math.isfinite(at.best)),
         alone=Minimum(cost=result.cost, parameters=found.values(Basin(result.cost, result.theta, 0.0))),
         runs=None if found.runs is None else _runs(found.runs),
+        iterations=tuple(_iteration(found, exchange) for exchange in result.exchanges),
+        points=found.points,
+    )
+
+
+def _iteration(found: Searched, exchange: Exchange) -> ClusterIteration:
+    free = found.parameters.free
+    return ClusterIteration(
+        evaluations=exchange.evaluations,
+        clusters=tuple(
+            Cluster(
+                cost=float(cost) if math.isfinite(cost) else None,
+                points=int(np.count_nonzero(exchange.owners == number)),
+                parameters=dict(zip(free, map(float, theta[: len(free)]), strict=True)),
+            )
+            for number, (theta, cost) in enumerate(zip(exchange.thetas, exchange.costs, strict=True))
+        ),
+        owners=tuple(map(int, exchange.owners)),
+    )
+
+
+def _shared_points(problem: Problem) -> tuple[SharedPoint, ...]:
+    """The points of measured responses, in the order of the problem's; none of a problem in time."""
+    if not isinstance(problem, FrequencyProblem):
+        return ()
+    data, points = problem.data, problem.points
+    return tuple(
+        SharedPoint(response=f"{data.outputs[y]}/{data.inputs[u]}", omega_rad_s=float(omega))
+        for y, u, omega in zip(points.output, points.input, points.omega_rad_s[points.frequency], strict=True)
     )
 
 
