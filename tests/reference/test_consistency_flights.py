@@ -6,11 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rotorid
 from rotorid.data.record import AXES, FlightRecord, Maneuver
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.consistency import ChannelSkew, Consistency, check_consistency, stretches
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import cut
@@ -92,3 +93,42 @@ def test_a_segment_that_reaches_beyond_the_flight_is_cut(px4: FlightRecord) -> N
     (segment,), findings = cut([Flight(px4, given)], channels=("roll_command", "p"))
     assert 13.0 < segment.maneuver.start_s < 16.0
     assert [f.severity for f in findings if f.kind == "airborne"] == ["warning"]
+
+
+SCALE, BIAS_RAD_S, TURN_RAD = 0.02, 0.05, np.radians(2.0)
+
+
+def with_sensor_errors(record: FlightRecord) -> FlightRecord:
+    """A log whose gyros show 2 % too much, 0.05 rad/s beside, and are turned by 2 degrees about z."""
+    cosine, sine = np.cos(TURN_RAD), np.sin(TURN_RAD)
+    matrix = (1.0 + SCALE) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    topics = []
+    for topic in record.topics:
+        names = [channel.name for channel in topic.channels]
+        values = topic.values.copy()
+        if {"p", "q", "r"} <= set(names):
+            rows = [names.index(name) for name in "pqr"]
+            values[rows] = matrix @ values[rows] + BIAS_RAD_S
+        topics.append(replace(topic, values=values))
+    return replace(record, topics=tuple(topics))
+
+
+def test_planted_sensor_errors_come_back_and_derivatives_with_them(px4: FlightRecord) -> None:
+    clean = rotorid.identify(px4, "rate.roll")
+    corrected = rotorid.identify(with_sensor_errors(px4), "rate.roll", correct_sensors=True)
+    found = {finding.where: finding.numbers for finding in corrected.findings if finding.kind == "sensor_corrected"}
+    truth = {"scale of p": SCALE, "bias of p": BIAS_RAD_S, "p in q": -np.sin(TURN_RAD), "q in p": np.sin(TURN_RAD)}
+    for name, value in truth.items():
+        assert abs(found[name]["value"] - value) < 2.0 * found[name]["std"], name
+    gain, was = corrected.parameters["L_roll"], clean.parameters["L_roll"]
+    # Two percent would be 2.3 of these.
+    assert gain.value == pytest.approx(was.value, abs=0.3)
+    assert gain.std is not None
+    assert was.std is not None
+    assert gain.std >= 0.99 * was.std
+    assert corrected.provenance.settings["correct_sensors"] is True
+
+
+def test_sensors_are_not_corrected_for_a_fit_in_time(px4: FlightRecord) -> None:
+    with pytest.raises(UsageError, match="--correct-sensors came for a fit in time"):
+        rotorid.identify(px4, "rate.roll", method="output_error", correct_sensors=True)

@@ -398,6 +398,12 @@ KINDS: Mapping[str, Kind] = {
         "warning", "A segment was cut", "A part of a segment lies outside of the log or in a gap, and was cut."
     ),
     "sensor_clipping": Kind("warning", "A sensor clipped", "A sensor stood at the end of its range."),
+    "sensor_corrected": Kind(
+        "info", "Sensor corrected", "An error of a sensor, told by the kinematics, was taken out."
+    ),
+    "sensor_not_corrected": Kind(
+        "info", "Sensor not corrected", "Errors of sensors that the flight does not excite enough to tell them."
+    ),
     "several_flights": Kind("info", "Several flights in one log", "The log holds several flights."),
     "several_vehicles": Kind("warning", "Several vehicles in one log", "The log holds several vehicles."),
     "singular_mixer": Kind("warning", "Singular mixer", "The mixer of these rotors cannot move all axes."),

@@ -38,6 +38,7 @@ from rotorid.pipeline.preparation.selection import (
     whole_flights,
     whole_record,
 )
+from rotorid.pipeline.preparation.sensors import corrected_record, sensor_correction, with_sensor_errors
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Records, Segment
 from rotorid.pipeline.settings import ResponseSettings, as_names, as_records, as_settings
@@ -444,6 +445,12 @@ def response(
         inputs, outputs = tuple(u for u, _ in pairs), tuple(y for _, y in pairs)
     _require_channels(records, inputs, outputs, settings)
     chosen = choose(records, inputs, outputs, settings)
+    sensors = None
+    if settings.correct_sensors:
+        sensors = sensor_correction(chosen.flown)
+        corrected = {id(record): corrected_record(record, sensors.correction) for record in records}
+        candidates = tuple(replace(item, record=corrected[id(item.record)]) for item in chosen.candidates)
+        chosen = replace(chosen, candidates=candidates, findings=(*chosen.findings, *sensors.findings))
     measured = measure(
         chosen.flown,
         inputs=inputs,
@@ -451,6 +458,8 @@ def response(
         settings=replace(settings, correct_filters=False),
         also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
     )
+    if sensors is not None:
+        measured = replace(measured, response=with_sensor_errors(measured.response, sensors.correction))
     # Loops and controllers are those that flew, filters and all.
     flown = measured
     if settings.correct_filters:

@@ -571,15 +571,26 @@ class ResponseSettings(MeasureSettings):
         As in :class:`MeasureSettings`.
     correct_filters
         Take known filters of the autopilot off the outputs, so that a response is that of the vehicle alone.
+    correct_sensors
+        Estimate scale, bias, misalignment and place of rate gyros and accelerometer by the kinematics, and take them
+        out before anything is measured.
     """
 
     correct_filters: Annotated[
         bool, Option("--correct-filters", help="Take known filters of the autopilot off the outputs.")
     ] = False
+    correct_sensors: Annotated[
+        bool,
+        Option(
+            "--correct-sensors",
+            help="Take scale, bias, misalignment and place of the sensors out, as attitude and velocity tell them.",
+        ),
+    ] = False
 
     def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
-        return super().as_json() | {"correct_filters": self.correct_filters}
+        asked: dict[str, Setting] = {"correct_sensors": True} if self.correct_sensors else {}
+        return super().as_json() | {"correct_filters": self.correct_filters} | asked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -588,8 +599,10 @@ class VerifySettings(MeasureSettings):
 
     Parameters
     ----------
-    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+    band_rad_s, windows_s, input_windows_s, composition, taper, overlap
         As in :class:`MeasureSettings`; a band given here replaces that of the fit.
+    coherence, estimate, instruments, segments, shifts, seed, correct_filters
+        As in :class:`MeasureSettings`.
     scale
         Diameter of a full-scale rotor over the size of the vehicle, for the guideline of J_rms.
     vibration_filter
@@ -647,7 +660,9 @@ class IdentifySettings(MeasureSettings):
 
     Parameters
     ----------
-    band_rad_s, windows_s, coherence, estimate, instruments, segments, shifts, seed
+    band_rad_s, windows_s, input_windows_s, composition, taper, overlap
+        As in :class:`MeasureSettings`.
+    coherence, estimate, instruments, segments, shifts, seed
         As in :class:`MeasureSettings`.
     fix
         Parameters held at given values.
@@ -655,6 +670,9 @@ class IdentifySettings(MeasureSettings):
         Parameters that follow others: name to an expression such as ``-L_p``.
     correct_filters
         Take known filters of the autopilot off the outputs, so that the model is that of the vehicle alone.
+    correct_sensors
+        Estimate scale, bias, misalignment and place of rate gyros and accelerometer by the kinematics, and take them
+        out before anything is measured.
     free
         Parameters to free again that the model holds.
     constants
@@ -709,6 +727,13 @@ class IdentifySettings(MeasureSettings):
     ] = field(default_factory=dict)
     correct_filters: Annotated[
         bool, Option("--correct-filters", help="Take known filters of the autopilot off the outputs, out of the model.")
+    ] = False
+    correct_sensors: Annotated[
+        bool,
+        Option(
+            "--correct-sensors",
+            help="Take scale, bias, misalignment and place of the sensors out, as attitude and velocity tell them.",
+        ),
     ] = False
     free: Annotated[
         tuple[str, ...],
@@ -836,7 +861,9 @@ class IdentifySettings(MeasureSettings):
 
     def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""
-        asked: dict[str, Setting] = {"correct_filters": True} if self.correct_filters else {}
+        asked: dict[str, Setting] = {
+            name: True for name in ("correct_filters", "correct_sensors") if getattr(self, name)
+        }
         asked |= {"runs": self.runs} if self.runs is not None else {}
         return (
             super().as_json()

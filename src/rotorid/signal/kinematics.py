@@ -29,6 +29,15 @@ EARTH_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down")
 
 _OF_BODY_VELOCITY = (*EARTH_VELOCITIES, *ATTITUDE)
 _OF_ACCELERATION = (*ACCELERATIONS, *RATES, "phi", "theta")
+_OF_ONE_PLANE = {
+    "u_dot": ("ax", "q", "theta", "u", "w"),
+    "v_dot": ("ay", "p", "phi", "v"),
+    "w_dot": ("az", "q", "theta", "u", "w"),
+}
+"""What gives an acceleration in a file of one plane, where the channels of the other hardly move and count as zero."""
+
+_OF_PLANES = (*RATES, *VELOCITIES, "phi", "theta")
+_AT_REST = "not logged, taken as zero"
 
 
 def derivative(values: FloatArray, sample_rate_hz: float) -> FloatArray:
@@ -128,6 +137,9 @@ def ingredients(name: str, logged: Iterable[str]) -> tuple[str, ...]:
     if name in [f"{rate}_dot" for rate in RATES]:
         return (name.removesuffix("_dot"),)
     if name in [f"{velocity}_dot" for velocity in VELOCITIES]:
+        plane = _OF_ONE_PLANE[name]
+        if set(plane) <= set(logged) and not set(_OF_ACCELERATION) <= set(logged):
+            return plane
         velocities = VELOCITIES if set(VELOCITIES) <= set(logged) else _OF_BODY_VELOCITY
         return tuple(dict.fromkeys((*_OF_ACCELERATION, *velocities)))
     return ()
@@ -147,7 +159,8 @@ def reconstruct(history: TimeHistory) -> TimeHistory:
     zero-phase derivatives
     (cubic spline; right within 0.6 % up to a third of the Nyquist frequency). Derivatives raise noise with frequency:
     filter all channels alike first. Specific force is that of the sensor's place; off the center of gravity the angular
-    accelerations leak in. A mean acceleration that was flown, a long climb, goes with the trim.
+    accelerations leak in. A mean acceleration that was flown, a long climb, goes with the trim. In a file of one plane
+    (``ax az q theta u w`` or ``ay p phi v``) what moves in the other counts as zero.
 
     Parameters
     ----------
@@ -187,6 +200,7 @@ def reconstruct(history: TimeHistory) -> TimeHistory:
         accelerations = force + gravity_in_body(history) - transport(history)
         for name, row, sensor in zip(VELOCITIES, accelerations, ACCELERATIONS, strict=True):
             made[f"{name}_dot"] = row - row.mean(), f"{sensor}, attitude, rates and velocities; trim removed"
+    made |= _accelerations_of_one_plane(history, made)
     made = {name: value for name, value in made.items() if name not in history.names}
     history = _with(history, made) if made else history
     if history is given:
@@ -195,6 +209,32 @@ def reconstruct(history: TimeHistory) -> TimeHistory:
             needed="rates, velocities with all angles, or specific force with rates, body velocities, phi and theta",
         )
     return history
+
+
+def _accelerations_of_one_plane(
+    history: TimeHistory, made: Mapping[str, tuple[FloatArray, str]]
+) -> dict[str, tuple[FloatArray, str]]:
+    """Accelerations along the body from the channels of one plane alone."""
+    found = {}
+    for name, plane in _OF_ONE_PLANE.items():
+        if name in made or not has_channels(history, plane):
+            continue
+        none = np.zeros(history.values.shape[1])
+        there = {other: history[other] if other in history.names else none for other in _OF_PLANES}
+        phi, theta = there["phi"], there["theta"]
+        gravity = {
+            "u_dot": -np.sin(theta),
+            "v_dot": np.cos(theta) * np.sin(phi),
+            "w_dot": np.cos(theta) * np.cos(phi),
+        }
+        turning = {
+            "u_dot": there["q"] * there["w"] - there["r"] * there["v"],
+            "v_dot": there["r"] * there["u"] - there["p"] * there["w"],
+            "w_dot": there["p"] * there["v"] - there["q"] * there["u"],
+        }
+        row = history[plane[0]] + STANDARD_GRAVITY_M_S2 * gravity[name] - turning[name]
+        found[name] = row - row.mean(), f"{', '.join(plane)}, the other plane taken as at rest; trim removed"
+    return found
 
 
 def _with_body_velocities(history: TimeHistory) -> TimeHistory:
@@ -392,6 +432,42 @@ def _all_expected(history: TimeHistory, channels: Collection[str]) -> Mapping[st
     rates = _expected_rates(history) if set(wanted) & set(RATES) else {}
     forces = _expected_forces(history) if set(wanted) & set(ACCELERATIONS) else {}
     return {name: values for name, values in (rates | forces).items() if name in wanted}
+
+
+def expected_motion(history: TimeHistory, channels: Collection[str]) -> dict[str, FloatArray]:
+    """What sensors would show at the center of gravity without errors, as far as the other channels say.
+
+    Of a file of one plane the channels of the other count as zero: rates, velocities and angles that hardly move there.
+
+    Parameters
+    ----------
+    history
+        Angles for rates; velocities, rates and angles for specific force.
+    channels
+        Rates or specific forces.
+    """
+    rates = _expected_rates(history) if set(channels) & set(RATES) else {}
+    forces = _expected_forces(_with_plane(history)) if set(channels) & set(ACCELERATIONS) else {}
+    return {name: one.values for name, one in (rates | forces).items() if name in channels and name in history.names}
+
+
+_PLANES = (("u", "w", "q", "theta"), ("v", "p", "phi"))
+
+
+def _with_plane(history: TimeHistory) -> TimeHistory:
+    """A history of one plane with zeros for the channels of the other."""
+    if has_channels(history, _OF_PLANES) or has_channels(history, (*EARTH_VELOCITIES, *ATTITUDE)):
+        return history
+    if not any(has_channels(history, plane) for plane in _PLANES):
+        return history
+    missing = [name for name in _OF_PLANES if name not in history.names]
+    channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name], source=_AT_REST) for name in missing)
+    return replace(
+        history,
+        values=np.vstack([history.values, np.zeros((len(missing), history.values.shape[1]))]),
+        channels=(*history.channels, *channels),
+        processing=(*history.processing, f"{', '.join(missing)} taken as zero"),
+    )
 
 
 def _expected_rates(history: TimeHistory) -> dict[str, _Expected]:

@@ -245,3 +245,27 @@ def test_the_history_is_not_changed() -> None:
     reconstruct(given)
     kinematic_consistency(given)
     np.testing.assert_array_equal(given.values, before)
+
+
+@pytest.mark.parametrize(
+    ("seed", "name", "plane"),
+    [
+        (3, "u_dot", ("ax", "q", "theta", "u", "w")),
+        (5, "w_dot", ("az", "q", "theta", "u", "w")),
+        (4, "v_dot", ("ay", "p", "phi", "v")),
+    ],
+)
+def test_accelerations_of_one_plane_follow_from_its_channels(seed: int, name: str, plane: tuple[str, ...]) -> None:
+    moved = flight()
+    f, t, u, v, w = (moved[channel] for channel in ("phi", "theta", "u", "v", "w"))
+    slope = {channel: Tones(row, 1.0).slope for row, channel in enumerate(("u", "v", "w"), start=3)}
+    # In one plane the angles and speeds of the other rest.
+    q, p = Tones(1, 0.2).slope, Tones(0, 0.2).slope
+    rest = {"q": q, "p": p, "phi": f, "theta": t, "u": u, "v": v, "w": w}
+    rest |= {"ax": slope["u"] + q * w + G * np.sin(t), "az": slope["w"] - q * u - G * np.cos(t)}
+    rest["ay"] = slope["v"] - G * np.sin(f)
+    assert ingredients(name, plane) == plane
+    made = reconstruct(history({channel: rest[channel] for channel in plane}))
+    expected = Tones(seed, 1.0).slope
+    np.testing.assert_allclose(made[name], expected - expected.mean(), atol=1e-12)
+    assert "the other plane taken as at rest" in made.channels[made.names.index(name)].source

@@ -64,6 +64,7 @@ from rotorid.pipeline.preparation.resolve import answers_setpoints, black_box_or
 from rotorid.pipeline.preparation.scope import require_common_axes, scoped, trimmed, with_channels_of
 from rotorid.pipeline.preparation.segments import TimeRecords, source_of, time_records
 from rotorid.pipeline.preparation.selection import Selection, select_records
+from rotorid.pipeline.preparation.sensors import corrected_record, sensor_correction, with_sensor_errors
 from rotorid.pipeline.provenance import Choices
 from rotorid.pipeline.results import FittedData, Verifications, no_response
 from rotorid.pipeline.settings import IdentifySettings
@@ -81,6 +82,7 @@ from rotorid.pipeline.summary import (
     finite,
 )
 from rotorid.reduction.guided import Step
+from rotorid.signal.sensor_correction import SensorCorrection
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.uncertainty.propagation import Pole, pole_confidence
@@ -270,6 +272,8 @@ class ResponseData(NamedTuple):
         Choices of the run, with what a first step held.
     findings
         Remarks on the way.
+    sensors
+        Errors of sensors that were taken out.
     """
 
     selection: Selection
@@ -277,6 +281,7 @@ class ResponseData(NamedTuple):
     screened: Screened
     settings: IdentifySettings
     findings: tuple[Finding, ...]
+    sensors: SensorCorrection | None = None
 
     @property
     def flights(self) -> tuple[Flight, ...]:
@@ -301,6 +306,11 @@ class Frequency(_Linear[ResponseData]):
         """Measure the responses and leave out what shows the controller instead of the vehicle."""
         settings = self.settings
         _refuse_choices_of_time(settings)
+        sensors = None
+        if settings.correct_sensors:
+            flown = choose(self.model, records, settings, in_time=False).selection.fitted
+            sensors = sensor_correction(flown)
+            records = [corrected_record(record, sensors.correction) for record in records]
         structure, selection, findings = choose(self.model, records, settings, in_time=False)
         flights = selection.fitted
         if settings.speed_damping == "two_step":
@@ -308,10 +318,18 @@ class Frequency(_Linear[ResponseData]):
             settings = replace(settings, fix={**first.fix, **settings.fix})
             findings += first.findings
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        if sensors is not None:
+            measured = replace(measured, response=with_sensor_errors(measured.response, sensors.correction))
+            findings += sensors.findings
         _PROGRESS.info(f"fitting {structure.name}")
         screened = pose_screened(structure, measured, settings, flights)
         return ResponseData(
-            selection, measured, screened, settings, (*findings, *measured.findings, *screened.findings)
+            selection,
+            measured,
+            screened,
+            settings,
+            (*findings, *measured.findings, *screened.findings),
+            sensors.correction if sensors else None,
         )
 
     def fit(self, data: ResponseData) -> FrequencyFit:
@@ -322,6 +340,8 @@ class Frequency(_Linear[ResponseData]):
 
     def verify(self, data: ResponseData, fitted: FrequencyFit, records: Sequence[FlightRecord]) -> Verifications:
         """Predict unseen maneuvers; where there are none, hold one out of a second fit."""
+        if data.sensors is not None:
+            records = [corrected_record(record, data.sensors) for record in records]
         return verify_fitted(fitted, data.measured, data.selection, records, data.settings)
 
     def describe(self, data: ResponseData, fitted: FrequencyFit) -> Described:
@@ -430,11 +450,11 @@ class InTime(_Linear[TimeDomainData]):
     def prepare(self, records: Sequence[FlightRecord]) -> TimeDomainData:
         """Take the maneuvers out of the logs as they were sampled, and fit their responses for a start."""
         require_bootstrap(self.settings, self.kind)
-        if self.settings.correct_filters:
-            raise UsageError(
-                "--correct-filters came for a fit in time",
-                needed="--method frequency: filters are taken off responses",
-            )
+        for name, asked in (("filters", self.settings.correct_filters), ("sensors", self.settings.correct_sensors)):
+            if asked:
+                raise UsageError(
+                    f"--correct-{name} came for a fit in time", needed="--method frequency, which corrects responses"
+                )
         if self.kind == "equation_error":
             needed = "another method: regression has one minimum and needs no search"
             refuse_search(self.settings, "equation error", needed)
