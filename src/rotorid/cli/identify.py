@@ -41,7 +41,8 @@ def identify_command(
         list[Path] | None, typer.Option("--verify", help="A log kept unseen, to judge the model on. Repeatable.")
     ] = None,
     inputs: Annotated[
-        str | None, typer.Option("--inputs", help="CHANNEL,... of response.*, transfer:m/n and black_box:N.")
+        str | None,
+        typer.Option("--inputs", help="CHANNEL,... of response.*, transfer:m/n and black_box:N or auto."),
     ] = None,
     decoupled: Annotated[
         bool, typer.Option("--decoupled", help="A black box for each input and its output, side by side.")
@@ -63,6 +64,7 @@ def identify_command(
     from rotorid.documents.result import refused_document, result_document
     from rotorid.pipeline.cross_validation import cross_validated, parse_kind
     from rotorid.pipeline.identification import identify, refused
+    from rotorid.pipeline.preparation.resolve import AUTO
     from rotorid.report.files import write_results
     from rotorid.report.publication import of_model
 
@@ -77,6 +79,11 @@ def identify_command(
         _identify_several(logs, models, verify=verify or (), settings=settings, map=map, output=output, paper=paper)
         return
     (model_name,) = models
+    if kind and model_name.startswith(AUTO):
+        raise UsageError(
+            f"--cross-validate came with {model_name}, which cross-validates orders by itself",
+            needed="black_box:N with the order that was found, to cross-validate that",
+        )
     motors = motor_choices(model_name, settings, beside={"cross validate": cross_validate, "inputs": inputs})
     wanted = model_name if motors else _wanted(model_name, settings, inputs=inputs, decoupled=decoupled)
     name = wanted if isinstance(wanted, str) else wanted.name
@@ -193,7 +200,7 @@ def _print_model(document: ResultDocument) -> None:
         print_findings([finding for finding in document.findings if finding.severity == "error"])
         return
     console.print(_table(document))
-    for line in (*_motors(document), *_fit(document), *_repeated(document), *_verified(document)):
+    for line in (*_motors(document), *_fit(document), *_repeated(document), *_orders(document), *_verified(document)):
         console.print(line)
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
@@ -261,6 +268,25 @@ def _fit(document: ResultDocument) -> Iterator[str]:
     if document.fit_percent:
         fits = ", ".join(f"{name} {percent:.1f} %" for name, percent in document.fit_percent.items())
         yield f"{document.method.replace('_', ' ')}, {document.hold}-order hold; explained: {fits}"
+
+
+def _orders(document: ResultDocument) -> Iterator[str]:
+    """The orders of black boxes that were compared."""
+    from rotorid.report.time import order_words
+
+    if (choice := document.orders) is None:
+        return
+    yield "order  parameters  fit of what was fitted  of what was not seen  behind the best       MDL"
+    for one in choice.rows:
+        if one.refused:
+            yield f"{one.order:5d}  {one.refused}"
+            continue
+        yield (
+            f"{one.order:5d}{one.parameters:12d}{one.fitted_percent or 0.0:22.1f} %"
+            f"{one.unseen_percent or 0.0:13.1f} ± {one.unseen_std or 0.0:3.1f} %"
+            f"{one.behind_percent or 0.0:9.2f} ± {one.behind_std or 0.0:4.2f}{one.bic or 0.0:10.0f}"
+        )
+    yield order_words(choice)
 
 
 def _repeated(document: ResultDocument) -> Iterator[str]:

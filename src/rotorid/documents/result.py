@@ -40,6 +40,7 @@ from rotorid.pipeline.summary import (
     MethodName,
     Minimum,
     MotorPhysics,
+    OrderChoice,
     ParameterEstimate,
     PoleEstimate,
     Range,
@@ -101,6 +102,7 @@ class ResultDocument(Document):
     equations: list[EquationFit] = Field(default_factory=list)
     frequency_fit: dict[str, Compared] | None = None
     reduction: list[ReductionStep] = Field(default_factory=list)
+    orders: OrderChoice | None = None
     correlation: Correlation | None = None
     constants: dict[str, float] = Field(default_factory=dict)
     matrices: MatricesDocument | None = None
@@ -142,6 +144,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         equations=list(fit.equations),
         frequency_fit=_plain(fit.frequency_fit),
         reduction=list(fit.reduction),
+        orders=fit.orders,
         correlation=Correlation(names=model.bounds.names, matrix=_rows(model.bounds.correlation)),
         constants=dict(structure.constants),
         matrices=matrices_document(model.system),
@@ -307,6 +310,7 @@ def identified_model(
             equations=tuple(document.equations),
             frequency_fit=document.frequency_fit,
             reduction=tuple(document.reduction),
+            orders=document.orders,
         ),
         data=_data(document, structure, arrays),
         verification=document.verification,

@@ -582,6 +582,42 @@ class Information:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class OrderRow:
+    """A black box of one order: ``unseen_percent`` is its mean score on records that were held out in their turn.
+
+    ``unseen_std`` is the standard error of that mean, ``behind_percent`` how far it lies behind the best order and
+    ``behind_std`` the standard error of this difference, record by record. ``color`` is the largest autocorrelation of
+    its residuals up to 20 samples. Numbers are ``null`` where there is no such model, and ``refused`` says why.
+    """
+
+    order: int
+    parameters: int
+    fitted_percent: float | None
+    unseen_percent: float | None
+    unseen_std: float | None
+    behind_percent: float | None
+    behind_std: float | None
+    aic: float | None
+    bic: float | None
+    color: float | None
+    refused: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OrderChoice:
+    """How the order of a black box was chosen: the smallest one within one standard error of the ``best``.
+
+    ``held_out`` names what was left out in its turn. White residuals would have a ``color`` within ``chance``.
+    """
+
+    order: int
+    best: int
+    rows: tuple[OrderRow, ...]
+    held_out: tuple[str, ...]
+    chance: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Residuals:
     """Residuals of a fit in time.
 
@@ -645,6 +681,8 @@ class Fit:
         Parameters as the frequency domain has them, beside a fit in time; ``None`` where there is none.
     reduction
         How the model was reduced, step by step.
+    orders
+        How the order of a black box was chosen, where it was.
     """
 
     method: MethodName
@@ -665,6 +703,7 @@ class Fit:
     equations: tuple[EquationFit, ...] = ()
     frequency_fit: Mapping[str, Compared] | None = None
     reduction: tuple[ReductionStep, ...] = ()
+    orders: OrderChoice | None = None
 
 
 def finite(value: float) -> float | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary
+from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary, OrderChoice
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import residual_memory, simulated
 from rotorid.report.frame import MISSING, Picture, significant, unit, with_error
@@ -66,6 +66,30 @@ class MinimumRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class OrderLine:
+    """A black box of one order, as words."""
+
+    order: int
+    parameters: int
+    fitted: str
+    unseen: str
+    behind: str
+    aic: str
+    bic: str
+    color: str
+    refused: str
+    chosen: bool
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OrderTable:
+    """The orders that were compared, and what was made of it."""
+
+    lines: tuple[OrderLine, ...]
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class TimeFits:
     """What a page shows of a fit in time."""
 
@@ -80,6 +104,7 @@ class TimeFits:
     free: tuple[str, ...]
     noise: str
     information: str
+    orders: OrderTable | None = None
 
     @property
     def all_pictures(self) -> tuple[Picture, ...]:
@@ -116,6 +141,7 @@ def time_fits(shown: Shown, *, key: str) -> TimeFits | None:
         free=free,
         noise=_noise(document),
         information=_information(document),
+        orders=_orders(document),
     )
 
 
@@ -214,6 +240,44 @@ def _noise(document: ResultDocument) -> str:
         for name, value in (document.noise or {}).items()
     ]
     return f"Standard deviation of the output errors: {', '.join(parts)}." if parts else ""
+
+
+def _orders(document: ResultDocument) -> OrderTable | None:
+    choice = document.orders
+    if choice is None:
+        return None
+
+    def plain(value: float | None, digits: int) -> str:
+        return "" if value is None else f"{value:.{digits}f}"
+
+    lines = tuple(
+        OrderLine(
+            order=one.order,
+            parameters=one.parameters,
+            fitted=plain(one.fitted_percent, 1),
+            unseen=f"{plain(one.unseen_percent, 1)} ± {plain(one.unseen_std, 1)}" if not one.refused else "",
+            behind=f"{plain(one.behind_percent, 2)} ± {plain(one.behind_std, 2)}" if not one.refused else "",
+            aic=plain(one.aic, 0),
+            bic=plain(one.bic, 0),
+            color=plain(one.color, 2),
+            refused=one.refused,
+            chosen=one.order == choice.order,
+        )
+        for one in choice.rows
+    )
+    return OrderTable(lines=lines, words=order_words(choice))
+
+
+def order_words(choice: OrderChoice) -> str:
+    """What was made of a comparison of orders, in a sentence."""
+    if choice.best == choice.order:
+        return (
+            f"Order {choice.order} is proposed: no order does better on what it has not seen, and no smaller so well."
+        )
+    return (
+        f"Order {choice.order} is proposed: order {choice.best} does best on what it has not seen, but by no more than "
+        "the standard error of the difference, and no smaller order does as well."
+    )
 
 
 def _information(document: ResultDocument) -> str:

@@ -182,7 +182,7 @@ def compare_orders(
     plan: StartPlan | None = None,
     progress: Callable[[int], None] = lambda _: None,
 ) -> OrderComparison:
-    """Fit black boxes of rising order, score each on what it has not seen, and propose one.
+    r"""Fit black boxes of rising order, score each on what it has not seen, and propose one.
 
     Orders are tried from one up; after two in a row that lie behind the best by more than their standard error no
     higher one is. Starts of every order come from subspaces and drawn poles on all records; a fold begins where all
@@ -212,8 +212,9 @@ def compare_orders(
 
     Notes
     -----
-    The initial state and shifts of a record that is scored are estimated there, as nothing else can tell them: one
-    number more for every order, which on records of a hundred samples favors higher orders by some tenths of a percent.
+    The initial state and shifts of a record that is scored are estimated there, as nothing else can tell them, and take
+    from its errors what k numbers of N take from noise: errors are enlarged by :math:`\sqrt{N / (N - k)}`, or higher
+    orders would seem the better. Of errors with a memory they take more than that.
     With a handful of records a standard error is itself known to a half.
 
     References
@@ -353,7 +354,11 @@ def _unseen(whole: BlackBoxFit, parts: Sequence[TimeData], posed: _Posed) -> Flo
     if not np.isfinite(means).all():
         causes = "; ".join(dict.fromkeys(fold.cause for fold in found.folds if fold.cause))
         raise InsufficientDataError(causes or "a part that was not seen has no score")
-    return means
+    size = np.array([one.samples * len(posed.outputs) for one in parts], dtype=np.float64)
+    states = len(whole.structure.states) if "initial_state" in posed.unknowns else 0
+    shifts = len(posed.outputs) if "output_shift" in posed.unknowns else 0
+    # What is estimated on the part itself takes its share of the noise.
+    return np.asarray(100.0 - (100.0 - means) * np.sqrt(size / (size - states - shifts)))
 
 
 def _falls(scores: Sequence[OrderScore]) -> bool:

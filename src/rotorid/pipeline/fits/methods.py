@@ -33,6 +33,7 @@ from rotorid.pipeline.fits.frequency import (
     fit_sound,
     judge_combinations,
 )
+from rotorid.pipeline.fits.orders import chosen_order
 from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.pipeline.fits.time import (
     FrequencySide,
@@ -60,7 +61,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.inverse import Screened, pose_screened
 from rotorid.pipeline.preparation.measure import Measured, filter_delays, measure
-from rotorid.pipeline.preparation.resolve import answers_setpoints, black_box_order
+from rotorid.pipeline.preparation.resolve import AUTO, answers_setpoints, black_box_order
 from rotorid.pipeline.preparation.scope import require_common_axes, scoped, trimmed, with_channels_of
 from rotorid.pipeline.preparation.segments import TimeRecords, source_of, time_records
 from rotorid.pipeline.preparation.selection import Selection, select_records
@@ -77,6 +78,7 @@ from rotorid.pipeline.summary import (
     FitWeights,
     Minimum,
     MotorPhysics,
+    OrderChoice,
     Range,
     ReductionStep,
     finite,
@@ -410,6 +412,8 @@ class TimeDomainData(NamedTuple):
         Choices of the run.
     findings
         Remarks on the way.
+    orders
+        How the order of a black box was chosen, where it was.
     """
 
     structure: LinearStructure
@@ -418,6 +422,7 @@ class TimeDomainData(NamedTuple):
     frequency: FrequencySide
     settings: IdentifySettings
     findings: tuple[Finding, ...]
+    orders: OrderChoice | None = None
 
     @property
     def flights(self) -> tuple[Flight, ...]:
@@ -479,7 +484,10 @@ class InTime(_Linear[TimeDomainData]):
         # A fit in time states random errors alone: of a contradiction only the refusal counts here.
         sensor_errors(agreement, structure.outputs)
         quality = data_quality(selection.fitted, data.segments, structure.inputs, agreement)
-        return TimeDomainData(structure, selection, data, side, settings, (*findings, *remarks, *quality))
+        orders = None
+        if structure.name == AUTO:
+            structure, orders = chosen_order(structure, data, settings)
+        return TimeDomainData(structure, selection, data, side, settings, (*findings, *remarks, *quality), orders)
 
     def fit(self, data: TimeDomainData) -> TimeFit:
         """Fit, bound with the color of the residuals, and simulate the records."""
@@ -529,6 +537,7 @@ class InTime(_Linear[TimeDomainData]):
                 equations=equation_fits(fitted),
                 frequency_fit=others,
                 reduction=reduction_steps(side.fitted.steps if side.fitted else ()),
+                orders=data.orders,
             ),
             data=self._data(data, fitted),
             combinations=() if black_box else unseen_combinations(fitted.parameters, bounds),

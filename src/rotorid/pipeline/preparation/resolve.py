@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rotorid.data.findings import refusal
@@ -28,7 +29,9 @@ from rotorid.pipeline.settings import HOVER, IdentifySettings
 from rotorid.pipeline.settings import MODEL as MOTORS
 
 _TRANSFER = re.compile(r"transfer:(\d+)/(\d+)")
-_BLACK_BOX = re.compile(r"black_box:(\d+)(\+delay)?")
+_BLACK_BOX = re.compile(r"black_box:(\d+|auto)(\+delay)?")
+AUTO = "black_box:auto"
+"""A black box whose order the records choose; until then it is one of first order."""
 
 
 def resolve_model(
@@ -118,10 +121,12 @@ def named_model(
             pairs = _pairs_of(name, inputs, outputs, logged)
             inputs, outputs, decoupled = tuple(u for u, _ in pairs), tuple(y for _, y in pairs), True
         _require_channels(name, inputs, outputs)
-        order, delays = int(match[1]), match[2] is not None
+        order, delays = 1 if match[1] == "auto" else int(match[1]), match[2] is not None
         if decoupled:
-            return black_box_pairs(order, _paired(name, inputs, outputs), delays=delays)
-        return black_box(order, inputs, outputs, delays=delays)
+            box = black_box_pairs(order, _paired(name, inputs, outputs), delays=delays)
+        else:
+            box = black_box(order, inputs, outputs, delays=delays)
+        return replace(box, name=AUTO) if match[1] == "auto" else box
     if name in RESPONSE_MODELS:
         return response_model(name, _pairs_of(name, inputs, outputs, logged))
     if name not in (*RATE_AXES, *model_names()):
@@ -151,7 +156,7 @@ def answers_setpoints(structure: LinearStructure) -> bool:
 
 
 def black_box_order(structure: LinearStructure) -> int | None:
-    """Order of a black box, ``None`` for any other structure.
+    """Order of a black box, one where it is still to be chosen; ``None`` for any other structure.
 
     Examples
     --------
@@ -159,7 +164,9 @@ def black_box_order(structure: LinearStructure) -> int | None:
     3
     """
     match = _BLACK_BOX.fullmatch(structure.name)
-    return int(match[1]) if match else None
+    if match is None:
+        return None
+    return 1 if match[1] == "auto" else int(match[1])
 
 
 def _require_channels(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
@@ -229,7 +236,7 @@ def _unknown(model: str) -> ModelError:
     near = near or difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
     return ModelError(
         f"there is no model {model!r}",
-        needed=f"one of {', '.join(names)}, transfer:m/n, black_box:N, or a .toml file",
+        needed=f"one of {', '.join(names)}, transfer:m/n, black_box:N, black_box:auto, or a .toml file",
         remedy=f"did you mean {near[0]}?" if near else "",
     )
 

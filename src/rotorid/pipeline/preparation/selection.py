@@ -293,11 +293,12 @@ def _given_records(records: Sequence[FlightRecord], segments: Sequence[Maneuver]
 
 def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Selection | None:
     """Excitations that stand in the set-points themselves; ``None`` where one of several shows none in any record."""
-    if len(inputs) == 1:
-        found = [Flight(record, m) for record in records for m in _seen_in(record, inputs[0])]
-        return Selection(fitted=tuple(found), unseen=()) if found else None
     every = {name: [Flight(record, m) for record in records for m in _seen_in(record, name)] for name in inputs}
     rich = {name: [one for one in flights if _is_rich(one.maneuver)] for name, flights in every.items()}
+    if len(inputs) == 1 and not rich[inputs[0]]:
+        # Of a single set-point even steps are better than whole records.
+        short_ones = tuple(every[inputs[0]])
+        return Selection(fitted=short_ones, unseen=()) if short_ones else None
     if not all(rich.values()):
         return None
     fitted = tuple(_joined([one for flights in rich.values() for one in flights], records))
