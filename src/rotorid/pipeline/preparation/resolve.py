@@ -236,7 +236,7 @@ def _unknown(model: str) -> ModelError:
     near = near or difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
     return ModelError(
         f"there is no model {model!r}",
-        needed=f"one of {', '.join(names)}, transfer:m/n, black_box:N, black_box:auto, or a .toml file",
+        needed=f"one of {', '.join(names)}, transfer:m/n, black_box:N, or a .toml file",
         remedy=f"did you mean {near[0]}?" if near else "",
     )
 
