@@ -16,8 +16,10 @@ from rotorid.simulation.linear_loop import LinearLoop as LinearLoop
 from rotorid.simulation.linear_loop import as_record as as_record
 from rotorid.simulation.linear_loop import excitation_of as excitation_of
 from rotorid.simulation.linear_loop import fly_linear as fly_linear
+from rotorid.simulation.linearization import Trim as Trim
 from rotorid.simulation.linearization import hover_derivatives_of as hover_derivatives_of
 from rotorid.simulation.linearization import linearize as linearize
+from rotorid.simulation.linearization import trimmed as trimmed
 from rotorid.simulation.multirotor import PERFECT as PERFECT
 from rotorid.simulation.multirotor import STATES as STATES
 from rotorid.simulation.multirotor import Battery as Battery

@@ -1,4 +1,4 @@
-r"""The linear model of a nonlinear multirotor at hover, and that of the autopilot around it.
+r"""The linear model of a nonlinear multirotor at hover or in level flight, and that of the autopilot around it.
 
 The slopes of the vehicle are exact, each by a complex step and none by finite differences. Around level hover in calm
 air, at the rated voltage, with everything as a difference from it,
@@ -19,6 +19,9 @@ What is no slope at hover, and what is taken in its place:
   what a slow sine sees on average, rising late by the one and falling by the other. A fast one sees a lag that is
   shorter, by the share :math:`(1 - 8/\pi^2) e^2` with the half difference over the mean :math:`e`.
 - Quadratic drag has the slope zero.
+
+In steady level flight the same slopes are taken around the trim of :func:`trimmed`, where side forces are smooth along
+the flight and quadratic drag has a slope.
 
 Left out: the sag of the battery under load, limits of commands and motors.
 
@@ -45,8 +48,10 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
+from rotorid.data.base import Immutable, read_only
 from rotorid.data.flight_plan import Entry
 from rotorid.data.record import AXES
+from rotorid.errors import ModelError
 from rotorid.models.state_space import StateSpace
 from rotorid.models.thrust_curve import ExpoCurve
 from rotorid.simulation.autopilot import Autopilot
@@ -66,6 +71,10 @@ FORCES_AND_MOMENTS = ("X", "Y", "Z", "L", "M", "N")
 _ASIDE = 1e-30
 """How far next to hover a slope is taken: a share of nothing but of motions, which are zero there."""
 _STEP = 1e-60
+_MOST_TURNS = 30
+_BALANCE = 1e-11
+"""Largest acceleration left in a trim, m/s² and rad/s²."""
+_MOST_TILT_RAD = math.radians(60.0)
 
 
 def hover_states(vehicle: Multirotor) -> tuple[str, ...]:
@@ -73,8 +82,107 @@ def hover_states(vehicle: Multirotor) -> tuple[str, ...]:
     return MOTION + tuple(f"motor_speed_{number + 1}" for number in range(vehicle.rotors.layout.rotors))
 
 
-def linearize(vehicle: Multirotor, autopilot: Autopilot, *, accelerometer_m: Place = (0.0, 0.0, 0.0)) -> StateSpace:
-    r"""The vehicle around hover, from commands to what is measured.
+@dataclass(frozen=True)
+class Trim(Immutable):
+    """Steady level flight to the north in calm air, with a heading of zero.
+
+    Parameters
+    ----------
+    airspeed_m_s
+        Along the horizon; the same as from the north in a head wind at standstill.
+    velocity_m_s
+        u, v, w in body axes.
+    angles_rad
+        phi, theta, psi.
+    shares
+        Speeds of the rotors, of the largest.
+    """
+
+    airspeed_m_s: float
+    velocity_m_s: FloatArray
+    angles_rad: FloatArray
+    shares: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("velocity_m_s", "angles_rad", "shares"):
+            self._set(**{name: read_only(getattr(self, name), np.float64, ndim=1)})
+
+
+def trimmed(vehicle: Multirotor, airspeed_m_s: float) -> Trim:
+    r"""Attitude and rotor speeds of steady level flight at an airspeed.
+
+    Solves :math:`\dot u = \dot v = \dot w = \dot p = \dot q = \dot r = 0` at zero rates for roll, pitch and the speeds
+    of the rotors, by Newton's method with exact slopes. With more than four rotors the solution next to the speeds of
+    hover is taken, which need not be the one that an autopilot's mixer makes.
+
+    Parameters
+    ----------
+    vehicle
+        What flies.
+    airspeed_m_s
+        Forward, or backward if negative; zero gives hover.
+
+    Raises
+    ------
+    ModelError
+        No such flight within the speeds of the rotors and 60 degrees of tilt.
+
+    Examples
+    --------
+    >>> from rotorid.models.rotors import library_layout
+    >>> from rotorid.simulation.multirotor import Rotors
+    >>> layout = library_layout("quad.x").scaled(0.25)
+    >>> rotors = Rotors(layout=layout, thrust=(0, 0, 9.0), torque_per_thrust_m=0.02)
+    >>> drag = np.diag([-0.3, -0.3, 0.0, 0.0, 0.0, 0.0])
+    >>> vehicle = Multirotor(
+    ...     name="demo", mass_kg=1.2, inertia_kg_m2=(0.012, 0.012, 0.02), rotors=rotors, aerodynamics=drag
+    ... )
+    >>> [round(float(angle), 4) + 0.0 for angle in trimmed(vehicle, 4.0).angles_rad]
+    [0.0, -0.1016, 0.0]
+    """
+    shares = vehicle.hover_shares
+    still = Trim(float(airspeed_m_s), np.zeros(3), np.zeros(3), shares)
+    if airspeed_m_s == 0.0:
+        return still
+    body = vehicle.body()
+    unknown = np.concatenate([np.zeros(2), shares])
+    along = np.array([float(airspeed_m_s), 0.0, 0.0])
+
+    def point_at(values: AnyArray) -> ComplexArray:
+        angles = np.array([values[0], values[1], 0.0], dtype=np.complex128)
+        speeds = values[2:].astype(np.complex128)
+        return np.concatenate([_to_earth(angles).T @ along, np.zeros(3), angles, speeds, speeds])
+
+    for _ in range(_MOST_TURNS if math.isfinite(airspeed_m_s) else 0):
+        left = _rates(point_at(unknown), body).real[:6]
+        if np.abs(left).max() < _BALANCE:
+            break
+        steps = np.eye(unknown.size) * (1j * _STEP)
+        slopes = np.stack([_rates(point_at(unknown + step), body).imag[:6] / _STEP for step in steps], axis=1)
+        unknown = unknown - np.linalg.lstsq(slopes, left, rcond=None)[0]
+        if np.abs(unknown[:2]).max() > _MOST_TILT_RAD or unknown[2:].min() < 0.0 or unknown[2:].max() > 1.0:
+            raise _no_trim(vehicle, airspeed_m_s)
+    else:
+        raise _no_trim(vehicle, airspeed_m_s)
+    point = point_at(unknown).real
+    return Trim(float(airspeed_m_s), point[:3], point[6:9], unknown[2:])
+
+
+def _no_trim(vehicle: Multirotor, airspeed_m_s: float) -> ModelError:
+    return ModelError(
+        f"{vehicle.name} finds no level flight at {airspeed_m_s:g} m/s within its rotors and 60 degrees of tilt",
+        needed="a smaller airspeed",
+    )
+
+
+def linearize(
+    vehicle: Multirotor,
+    autopilot: Autopilot,
+    *,
+    accelerometer_m: Place = (0.0, 0.0, 0.0),
+    airspeed_m_s: float = 0.0,
+) -> StateSpace:
+    r"""The vehicle around hover or steady level flight, from commands to what is measured.
 
     Inputs are the commands of roll, pitch, yaw and thrust; outputs ``p q r phi theta psi u v w ax ay az``; states those
     of :func:`hover_states`. A rotor without lag is an algebraic state. The inputs are late by the delays of the
@@ -89,11 +197,14 @@ def linearize(vehicle: Multirotor, autopilot: Autopilot, *, accelerometer_m: Pla
         Its mixer, linearization, delays and rate are used; its gains are not.
     accelerometer_m
         Where the accelerometer sits, from the center of gravity.
+    airspeed_m_s
+        Of the level flight around which it is linear (:func:`trimmed`). States are differences from that trim; the
+        terms of :math:`\omega \times v`, as :math:`-w_0 q` in :math:`\dot u`, are part of ``F``.
 
     Raises
     ------
     ModelError
-        The rotors cannot carry the vehicle.
+        The rotors cannot carry the vehicle, or not at this airspeed.
 
     Examples
     --------
@@ -109,11 +220,12 @@ def linearize(vehicle: Multirotor, autopilot: Autopilot, *, accelerometer_m: Pla
     (-9.80665, (13, 4))
     """
     body = vehicle.body()
-    slopes = _slopes(vehicle, body)
+    trim = trimmed(vehicle, airspeed_m_s)
+    slopes = _slopes(trim, body)
     count, rotors = len(MOTION), vehicle.rotors.layout.rotors
     size = count + rotors
     states, outputs = slopes[:, :size], slopes[:, size:]
-    allotted = rotor_slopes(vehicle, autopilot)
+    allotted = _allotted(vehicle, autopilot, trim.shares)
     M, H0, H1 = np.eye(size), np.zeros((len(OUTPUTS), size)), np.zeros((len(OUTPUTS), size))
     if body.has_lag:
         F, G, felt = states[:size], outputs[:size] @ allotted, states[size:]
@@ -146,9 +258,14 @@ def linearize(vehicle: Multirotor, autopilot: Autopilot, *, accelerometer_m: Pla
 
 def rotor_slopes(vehicle: Multirotor, autopilot: Autopilot) -> FloatArray:
     """Steady change of each rotor's speed, a share of the largest, per unit of each command, shape ``(rotors, 4)``."""
+    return _allotted(vehicle, autopilot, vehicle.hover_shares)
+
+
+def _allotted(vehicle: Multirotor, autopilot: Autopilot, shares: FloatArray) -> FloatArray:
+    """:func:`rotor_slopes` at other speeds of the rotors."""
     line = autopilot.linearization
     curve = ExpoCurve(expo=line.expo, low=line.low, high=line.high)
-    return np.asarray(autopilot.mixer_for(vehicle) / curve.slope(vehicle.hover_shares)[:, None])
+    return np.asarray(autopilot.mixer_for(vehicle) / curve.slope(shares)[:, None])
 
 
 def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot) -> dict[str, float]:
@@ -189,17 +306,16 @@ def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot) -> dict[str,
     }
 
 
-def _slopes(vehicle: Multirotor, body: Body) -> FloatArray:
+def _slopes(trim: Trim, body: Body) -> FloatArray:
     """Slopes of the rates of all states and of the specific force, by states and by outputs to the motors.
 
     Shape ``(9 + rotors + 3, 9 + 2 rotors)``.
     """
     lag_s = 0.5 * (body.lag_up + body.lag_down)
     body = body._replace(lag_up=lag_s, lag_down=lag_s)
-    shares = vehicle.hover_shares
-    hover = np.concatenate([np.zeros(len(MOTION)), shares, shares])
-    steps = np.eye(hover.size) * (_ASIDE + 1j * _STEP)
-    return np.stack([_rates(hover + step, body).imag / _STEP for step in steps], axis=1)
+    point = np.concatenate([trim.velocity_m_s, np.zeros(3), trim.angles_rad, trim.shares, trim.shares])
+    steps = np.eye(point.size) * (_ASIDE + 1j * _STEP)
+    return np.stack([_rates(point + step, body).imag / _STEP for step in steps], axis=1)
 
 
 def _rates(point: ComplexArray, body: Body) -> ComplexArray:
