@@ -15,6 +15,7 @@ NAMES = {
         *("fit", "reduction", "correlation", "constants", "delays", "covered"),
         *("method", "hold", "pieces_s", "records", "noise", "log_likelihood", "information", "residuals", "minima"),
         *("frequency_fit", "cross_validation", "equations", "search", "bootstrap", "motors", "controller"),
+        "orders",
     },
     "ParameterEstimate": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"}
     | {"std_random", "std_model", "lower", "upper"},
@@ -38,6 +39,8 @@ NAMES = {
         "trace",
         "alone",
         "runs",
+        "iterations",
+        "points",
     },
     "SearchRuns": {"runs", "seed", "left_out", "alone", "polished"},
     "RunTable": {"cost", "parameters", "costs", "draws"},

@@ -28,6 +28,7 @@ _TURNING = ("phi", "theta", "psi", "psi_setpoint")
 _COVERED_S = 0.25
 _ENOUGH = 0.5
 _SHORTEST_PART_S = 1.0
+_SPARSE = 10
 _SAME_STAMP_S = 1e-9
 
 
@@ -366,7 +367,8 @@ def _sample(
     )
     time_s, rows = time_s[inside], [row[inside] for row in rows]
     factor = round(1.0 / (even_step_s(time_s) * rate_hz)) if time_s.size > 1 else 1
-    if factor < 2:
+    # Samples that lie together in a corner of a long clock have no common rate with it.
+    if factor < 2 or clock_s.size * factor > _SPARSE * time_s.size:
         return _spline(time_s, rows, clock_s)
     return _thinned(time_s, rows, clock_s, rate_hz, factor)
 

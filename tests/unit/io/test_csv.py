@@ -81,6 +81,7 @@ def test_a_mapping_takes_any_header_and_ignores_the_rest(tmp_path: Path) -> None
         ("time [s],note\n0,1\n", "has the columns time"),
         ("stamp,q\n0,1\n", "first column is 'stamp'"),
         ("time [s],q,q\n0,1,1\n", "two columns 'q'"),
+        ("time [s],q,q [rad/s]\n0,1,1\n", "two columns for q"),
         (b"time [s],q\n0,\xff\n", "no text in UTF-8"),
         (b"time [s],q\xff\n0,1\n", "no text in UTF-8"),
     ],

@@ -243,3 +243,11 @@ def test_a_jump_of_the_clock_splits_the_data() -> None:
     )
     assert [history.values.shape[1] for history in made.histories] == [2500, 2500]
     assert kinds(made)["gap"]["longest_s"] == pytest.approx(2e5, rel=1e-4)
+
+
+def test_a_burst_on_a_long_clock_costs_no_more_than_its_samples() -> None:
+    burst, slow = topic("burst", np.arange(64) * 1e-6, p=np.zeros(64)), np.array([0.0, 1e5, 2e5])
+    conditioned = resample(
+        record(burst, topic("slow", slow, q=np.zeros(3))), channels=["p", "q"], start_s=0.0, stop_s=2e5
+    )
+    assert sum(history.values.shape[1] for history in conditioned.histories) <= 3

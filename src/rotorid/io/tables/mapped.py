@@ -391,6 +391,12 @@ def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[F
     for cell, (name, unit) in zip(header[1:], names[1:], strict=True):
         if name in STANDARD_UNITS:
             _check_unit(name, unit, cell, file)
+            if twin := next((one.samples.source for one in channels if one.name == name), None):
+                raise LogError(
+                    f"{file} has two columns for {name}, {twin!r} and {cell!r}",
+                    needed="each channel once",
+                    remedy="rename or delete one of them",
+                )
             channels.append(MappedChannel(name=name, samples=Series(source=cell, unit=unit)))
         else:
             findings.append(_unknown(cell, name))
