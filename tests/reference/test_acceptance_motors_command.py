@@ -170,3 +170,52 @@ def test_iris_thrust(iris: ResultDocument) -> None:
 )
 def test_iris_inertia_of_yaw(iris: ResultDocument) -> None:
     assert value(iris, "I_zz") == pytest.approx(0.055225, rel=INERTIA)
+
+
+def by_accelerations(unpacked: Callable[[str], Path], search: str | None = None) -> ResultDocument:
+    log = read(unpacked("px4_sitl/verify.ulg.xz"))
+    chosen = MotorChoices(known={"m": 1.0}, arm_m=0.2 * 2.0**0.5, method="accelerations", search=search)
+    return result_document(identify_motors([log], chosen))
+
+
+INERTIA_XX_YY = 0.025
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="3.3 % low, at a stated random error of 2.5 and 2.0 %")
+def test_px4_doublets_by_absolute_errors_and_local_search_are_within_three_percent(
+    unpacked: Callable[[str], Path],
+) -> None:
+    found = by_accelerations(unpacked)
+    for name in ("I_xx", "I_yy"):
+        assert value(found, name) == pytest.approx(INERTIA_XX_YY, rel=0.03)
+
+
+@pytest.mark.slow
+def test_px4_doublets_by_absolute_errors_have_a_bound(unpacked: Callable[[str], Path]) -> None:
+    found = by_accelerations(unpacked)
+    for name in ("I_xx", "I_yy"):
+        assert value(found, name) == pytest.approx(INERTIA_XX_YY, rel=0.05)
+    assert found.motors is not None
+    assert found.motors.derived["thrust_slope"].value == pytest.approx(5.0, rel=THRUST)
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(
+    strict=True, raises=AssertionError, reason="the published 15 x 50 alone: damping and inertia trade, 11 and 8 % low"
+)
+def test_px4_doublets_by_the_genetic_algorithm_alone_are_within_ten_percent(unpacked: Callable[[str], Path]) -> None:
+    found = by_accelerations(unpacked, "genetic:15x50")
+    assert found.search is not None
+    assert found.search.alone is not None
+    for name in ("I_xx", "I_yy"):
+        assert found.search.alone.parameters[name] == pytest.approx(INERTIA_XX_YY, rel=0.1)
+
+
+@pytest.mark.slow
+def test_px4_doublets_by_the_genetic_algorithm_alone_have_a_bound(unpacked: Callable[[str], Path]) -> None:
+    found = by_accelerations(unpacked, "genetic:15x50")
+    assert found.search is not None
+    assert found.search.alone is not None
+    for name in ("I_xx", "I_yy"):
+        assert found.search.alone.parameters[name] == pytest.approx(INERTIA_XX_YY, rel=0.4)

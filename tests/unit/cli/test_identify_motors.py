@@ -74,26 +74,21 @@ def test_command_line_and_pipeline_mean_the_same_model() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "result.json", "model.toml"])
-def test_verify_sends_its_results_to_identify(
-    name: str, identified: tuple[Path, Ran], log: Path, tmp_path: Path
-) -> None:
-    ran = rotorid("verify", identified[0] / name, log, "--out", tmp_path / "out")
-    assert ran.code == 2
-    said = " ".join(ran.err.split())
-    assert "is a result of physical.motors" in said
-    assert "rotorid identify LOGS --model physical.motors --verify LOG" in said
-    assert not (tmp_path / "out").exists()
+def test_verify_takes_its_results(name: str, identified: tuple[Path, Ran], log: Path, tmp_path: Path) -> None:
+    ran = rotorid("verify", identified[0] / name, log, "--out", tmp_path / "out", "--json")
+    assert ran.code == 0
+    (check,) = json.loads(ran.out)["maneuvers"]
+    assert set(check["moved"]) == {"az", "p_dot", "q_dot", "r_dot"}
+    assert "seen_data" in {finding["kind"] for finding in json.loads(ran.out)["findings"]}
 
 
-def test_compare_shows_its_results_and_scores_them_on_no_log(
-    identified: tuple[Path, Ran], log: Path, tmp_path: Path
-) -> None:
+def test_compare_scores_its_results_on_a_log(identified: tuple[Path, Ran], log: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(identified[0], other)
-    ran = rotorid("compare", identified[0], other, "--out", tmp_path / "beside", "--json")
+    ran = rotorid("compare", identified[0], other, "--log", log, "--out", tmp_path / "beside", "--json")
     assert ran.code == 0
-    assert {one["model"] for one in json.loads(ran.out)["models"]} == {"physical.motors"}
-    refused = rotorid("compare", identified[0], other, "--log", log, "--out", tmp_path / "out")
-    assert refused.code == 2
-    assert "is a result of physical.motors" in " ".join(refused.err.split())
-    assert not (tmp_path / "out").exists()
+    document = json.loads(ran.out)
+    assert {one["model"] for one in document["models"]} == {"physical.motors"}
+    (scored,) = document["maneuvers"]
+    first, second = (one["mean_percent"] for one in scored["models"].values())
+    assert first == second > 50.0
