@@ -54,7 +54,11 @@ def test_a_reader_that_has_read_enough_is_no_error(log: Path) -> None:
 def test_an_interrupt_is_said_and_leaves_nothing_half_written(tmp_path: Path) -> None:
     out = tmp_path / "demo"
     running = subprocess.Popen([*COMMAND, "demo", "--out", out], stderr=subprocess.PIPE, text=True)
-    time.sleep(3.0)
+    # Under load the program itself may take longer to start than any sleep.
+    until = time.monotonic() + 60.0
+    while not any(tmp_path.iterdir()) and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(0.5)
     running.send_signal(signal.SIGINT)
     _, said = running.communicate(timeout=60.0)
     assert running.returncode == 130

@@ -10,7 +10,7 @@ from tests.unit.planning.plans import STRUCTURE, TRUTH, roll_loop, sweeps
 
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import UsageError
-from rotorid.planning.duration import shortest
+from rotorid.planning.duration import Shortest, shortest
 from rotorid.planning.expected import FitChoices
 from rotorid.planning.prediction import predict
 
@@ -53,7 +53,7 @@ def test_what_no_duration_reaches_is_named() -> None:
     assert "0.001 % are wanted" in found.words
 
 
-def test_where_a_structure_does_not_fit_a_shorter_flight_may_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_a_structure_does_not_fit_a_shorter_flight_may_do() -> None:
     """Bounds that are inflated beyond 70 s: 60 s are enough, and the longest flight is not."""
 
     def inflated(*arguments: object, choices: FitChoices | None = None) -> SimpleNamespace:
@@ -64,11 +64,14 @@ def test_where_a_structure_does_not_fit_a_shorter_flight_may_do(monkeypatch: pyt
         parameter = SimpleNamespace(name="L_roll", percent=percent)
         return SimpleNamespace(parameters=(parameter,), inflation=3.0 if duration_s > 70.0 else 1.0)
 
-    monkeypatch.setattr("rotorid.planning.duration.predict", inflated)
-    found = shortest(STRUCTURE, TRUTH, LOOP, plan_of, {"L_roll": 1.0}, shortest_s=20.0, longest_s=240.0)
+    def within(percent: float) -> Shortest:
+        span = {"shortest_s": 20.0, "longest_s": 240.0}
+        return shortest(STRUCTURE, TRUTH, LOOP, plan_of, {"L_roll": percent}, **span, foretell=inflated)  # type: ignore[arg-type]
+
+    found = within(1.0)
     assert found.duration_s == pytest.approx(40.0, rel=0.021)
     assert [one.duration_s for one in found.tried][-3:] == [60.0, 120.0, 240.0]
-    never = shortest(STRUCTURE, TRUTH, LOOP, plan_of, {"L_roll": 0.5}, shortest_s=20.0, longest_s=240.0)
+    never = within(0.5)
     assert never.duration_s is None
     # 60 s come to 0.82 %, the longest flight to 1.2 %.
     assert never.words.startswith("60 s bring L_roll to 0.82 %")
