@@ -178,7 +178,7 @@ def _bar(cell: Axes, trace: Trace, x: Any, y: FloatArray, label: str | None) -> 
         cell.barh(list(trace["y"]), _numbers(trace["x"]), left=base, color=color, label=label)
         return
     half = _numbers(trace["error_y"]["array"]) if "array" in trace.get("error_y", {}) else None
-    cell.bar(x, y, yerr=half, color=color, label=label, ecolor=SECONDARY)
+    cell.bar(x, y, width=trace.get("width", 0.8), yerr=half, color=color, label=label, ecolor=SECONDARY)
 
 
 def _show(cell: Axes, image: Mapping[str, Any]) -> None:

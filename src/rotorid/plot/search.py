@@ -195,6 +195,8 @@ def _cost_axis(costs: FloatArray) -> dict[str, Any]:
 
 _BINS = 31
 _BARS_PX = 84
+_WIDEST = 2.0
+"""The axis reaches so many times as far as the runs of the usual parameter do."""
 
 
 def run_histogram(
@@ -225,8 +227,10 @@ def run_histogram(
     if not drawn:
         raise UsageError("no parameter with a value came", needed="one at least")
     off = {name: [100.0 * (np.asarray(of[name]) / centers[name] - 1.0) for of in (alone, polished)] for name in drawn}
-    # A run that ended on another side of the box must not squeeze all others into one bar.
-    reach = max(float(np.percentile(np.abs(row), 95.0)) for rows in off.values() for row in rows)
+    # A run that ended on another side of the box must not squeeze all others into one bar, nor a parameter that is
+    # hardly known those that are: what lies beyond is counted in the outermost bars.
+    reaches = [max(float(np.percentile(np.abs(row), 95.0)) for row in rows) for rows in off.values()]
+    reach = min(max(reaches), _WIDEST * float(np.median(reaches)))
     edges = np.linspace(-1.0, 1.0, _BINS + 1) * (1.15 * reach or 1.0)
     panels = [
         Panel(
@@ -237,7 +241,10 @@ def run_histogram(
         )
         for number, name in enumerate(drawn)
     ]
-    x_axis = {"title": {"text": "Deviation from the result [%]"}, "range": [float(edges[0]), float(edges[-1])]}
+    x_axis = {
+        "title": {"text": "Deviation from the result [%]; the outermost bars hold what lies beyond"},
+        "range": [float(edges[0]), float(edges[-1])],
+    }
     figure = stacked(panels, x_axis=x_axis)
     figure["layout"]["barmode"] = "overlay"
     return figure

@@ -155,6 +155,7 @@ def measure(
     UsageError
         A shift is of a channel that takes no part, or longer than a maneuver.
     """
+    flights = [Flight(*flown) for flown in flights]
     groups, left = _accounted(_groups(flights, inputs, outputs, settings))
     prepared = [_prepare(group, settings, also) for group in groups]
     require_known(settings.shifts, [name for one in prepared for name in one.channels])
