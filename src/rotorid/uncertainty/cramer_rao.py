@@ -225,6 +225,10 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
     length = np.sqrt(fisher.diagonal())
     inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / fisher.diagonal()
     corrected, white = colored.corrected[:count, :count], colored.white[:count, :count]
+    # Numbers that cancel leave variances of zero or less: nothing is known of these parameters.
+    known = (corrected.diagonal() > 0.0) & (white.diagonal() > 0.0) & (inverse[:count] > 0.0)
+    if not known.all():
+        raise _not_determined([name for name, seen in zip(names, known.tolist(), strict=True) if not seen])
     ratio = np.log(corrected.diagonal() / white.diagonal())
     return Bounds(
         names=names,
