@@ -377,7 +377,7 @@ def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
             for one in document.models
         ),
     )
-    values = [(Column(f"{label}", label), Column(f"{label}_std", f"{label} std", _two)) for label in labels]
+    values = [(Column(label, label), Column(f"{label}_std", f"{label} std", _two)) for label in labels]
     shared = Table(
         name="parameters",
         caption="Parameters of all models with one standard deviation.",
@@ -386,13 +386,7 @@ def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
             (
                 name,
                 one.unit,
-                *(
-                    entry
-                    for label in labels
-                    for entry in (
-                        (one.values[label].value, one.values[label].std) if label in one.values else (None,) * 2
-                    )
-                ),
+                *(entry for label in labels for entry in _with_std(one.values.get(label))),
             )
             for name, one in document.parameters.items()
         ),
@@ -404,7 +398,7 @@ def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
         caption="Fit of every model on every maneuver in percent; frozen parameters.",
         columns=(
             *(Column(name, name.capitalize()) for name in ("record", "axis", "kind")),
-            *(Column(x, x) for x in labels),
+            *(Column(label, label) for label in labels),
         ),
         rows=tuple(
             (

@@ -34,6 +34,9 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 _THRUST, _HEAVE = "thrust_command", "az"
 _PERIODS, _SHORTEST_S, _FREQUENCIES = 3.0, 1.0, 24
 _UNKNOWN = 0.6
+_LONG, _IN_PERIOD = 30_000, 12.0
+"""Samples of a record up to which all count, and so many of a period at least beyond that."""
+
 _LEAST_COMMAND = 0.05
 """A mean command below this is no share of full thrust."""
 
@@ -109,9 +112,9 @@ def mean_command_changes(
     grid = np.geomspace(low, high, _FREQUENCIES) if high > low else np.array([low])
     power, weighted = np.zeros(grid.size), np.zeros(grid.size)
     for record in records:
-        rate_hz, command = record.sample_rate_hz, record[_THRUST]
-        time_s, moved = np.arange(command.size) / rate_hz, record[input] - record[input].mean()
         for place, omega in enumerate(grid.tolist()):
+            rate_hz, command, moved = _coarser(record, input, omega)
+            time_s = np.arange(command.size) / rate_hz
             length = max(_PERIODS * 2.0 * np.pi / omega, _SHORTEST_S)
             window = np.hanning(min(int(length * rate_hz), command.size) + 2)[1:-1]
             mean = fftconvolve(command, window, "same") / fftconvolve(np.ones(command.size), window, "same")
@@ -121,6 +124,18 @@ def mean_command_changes(
             weighted[place] += (swing * change).sum() / rate_hz
     changes = np.divide(weighted, power, out=np.zeros(grid.size), where=power > 0.0)
     return np.asarray(np.interp(np.log(omega_rad_s), np.log(grid), changes))
+
+
+def _coarser(record: TimeHistory, input: str, omega_rad_s: float) -> tuple[float, FloatArray, FloatArray]:
+    """Rate, command and motion; of a long record means over samples, as far as a period keeps enough of them."""
+    command, moved = record[_THRUST], record[input] - record[input].mean()
+    in_period = 2.0 * np.pi / omega_rad_s * record.sample_rate_hz
+    every = max(min(int(in_period / _IN_PERIOD), command.size // _LONG), 1)
+    if every == 1:
+        return record.sample_rate_hz, command, moved
+    kept = command.size // every * every
+    blocks = (row[:kept].reshape(-1, every).mean(axis=1) for row in (command, moved))
+    return (record.sample_rate_hz / every, *blocks)
 
 
 def curvature(records: Sequence[FlightRecord]) -> float:
