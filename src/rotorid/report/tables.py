@@ -348,7 +348,12 @@ def response_tables(document: ResponseDocument) -> tuple[Table, ...]:
 def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
     """Tables of a comparison: models, shared parameters side by side, scores of each maneuver."""
     labels = [one.label for one in document.models]
-    models = Table(
+    found = (_compared_models(document), _compared_parameters(document, labels), _compared_maneuvers(document, labels))
+    return tuple(table for table in found if table.rows)
+
+
+def _compared_models(document: CompareDocument) -> Table:
+    return Table(
         name="models",
         caption="Models side by side; fits in percent, AIC and BIC on the data of each.",
         columns=(
@@ -377,8 +382,11 @@ def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
             for one in document.models
         ),
     )
+
+
+def _compared_parameters(document: CompareDocument, labels: Sequence[str]) -> Table:
     values = [(Column(label, label), Column(f"{label}_std", f"{label} std", _two)) for label in labels]
-    shared = Table(
+    return Table(
         name="parameters",
         caption="Parameters of all models with one standard deviation.",
         columns=(Column("parameter", "Parameter"), Column("unit", "Unit"), *(each for both in values for each in both)),
@@ -393,7 +401,10 @@ def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
         symbols=("parameter",),
         errors={label: f"{label}_std" for label in labels},
     )
-    flown = Table(
+
+
+def _compared_maneuvers(document: CompareDocument, labels: Sequence[str]) -> Table:
+    return Table(
         name="maneuvers",
         caption="Fit of every model on every maneuver in percent; frozen parameters.",
         columns=(
@@ -410,7 +421,6 @@ def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
             for one in document.maneuvers
         ),
     )
-    return tuple(table for table in (models, shared, flown) if table.rows)
 
 
 def _with_std(one: ComparedValueDocument | None) -> tuple[Entry, Entry]:
