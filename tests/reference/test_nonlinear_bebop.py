@@ -64,8 +64,8 @@ def data(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> TimeD
 def drags(folder: Path, kind: str, name: str) -> FloatArray:
     """One drag coefficient from each steady part of a step, as the paper does it."""
     pattern, output, speed = {
-        "k_Dx": ("20Hz_62*", "u_heading", "velocity_north"),
-        "k_Dy": ("20Hz_0_62*", "v_heading", "velocity_east"),
+        "k_Dx": ("20Hz_62*", "velocity_forward", "velocity_north"),
+        "k_Dy": ("20Hz_0_62*", "velocity_right", "velocity_east"),
     }[name]
     model = nonlinear_model(f"drag.{kind}").select([output])
     found = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from rotorid.data.record import FlightRecord
     from rotorid.documents.result import ResultDocument
+    from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.models.structure import LinearStructure
     from rotorid.pipeline.results import IdentifiedModel
     from rotorid.pipeline.several import SeveralModels
@@ -62,9 +64,10 @@ def identify_command(
 ) -> None:
     """Identify a model from flight logs: responses, bounds, verification, report."""
     from rotorid.documents.result import refused_document, result_document
+    from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.pipeline.cross_validation import cross_validated, parse_kind
     from rotorid.pipeline.identification import identify, refused
-    from rotorid.pipeline.preparation.resolve import AUTO
+    from rotorid.pipeline.preparation.resolve import AUTO, nonlinear_of
     from rotorid.report.files import write_results
     from rotorid.report.publication import of_model
 
@@ -84,14 +87,19 @@ def identify_command(
             f"--cross-validate came with {model_name}, which cross-validates orders by itself",
             needed="black_box:N with the order that was found, to cross-validate that",
         )
+    nonlinear = nonlinear_of(model_name)
+    if nonlinear is not None:
+        _require_nonlinear(nonlinear, settings, kind=cross_validate, inputs=inputs, decoupled=decoupled)
     motors = motor_choices(model_name, settings, beside={"cross validate": cross_validate, "inputs": inputs})
-    wanted = model_name if motors else _wanted(model_name, settings, inputs=inputs, decoupled=decoupled)
+    wanted: str | LinearStructure | NonlinearStructure = nonlinear or (
+        model_name if motors else _wanted(model_name, settings, inputs=inputs, decoupled=decoupled)
+    )
     name = wanted if isinstance(wanted, str) else wanted.name
 
     def compute(records: Sequence[FlightRecord]) -> IdentifiedModel:
         unseen = list(read_logs(verify or (), map))
         result = identify(records, wanted, settings=settings, verify=unseen)
-        if kind is None:
+        if kind is None or isinstance(wanted, NonlinearStructure):
             return result
         # Folds are scored, and need no spread.
         return cross_validated(result, records, wanted, kind=kind, settings=replace(settings, bootstrap=None))
@@ -111,6 +119,26 @@ def identify_command(
         paper=paper,
         publication=of_model,
     )
+
+
+def _require_nonlinear(
+    structure: NonlinearStructure,
+    settings: IdentifySettings,
+    *,
+    kind: str | None,
+    inputs: str | None,
+    decoupled: bool,
+) -> None:
+    """Refuse options that a nonlinear model does not have, before any log is read for it."""
+    from rotorid.pipeline.fits.nonlinear_method import require_choices
+
+    beside = {"--cross-validate": kind, "--inputs": inputs, "--decoupled": decoupled}
+    if wrong := [name for name, given in beside.items() if given]:
+        raise UsageError(
+            f"{' and '.join(wrong)} came with {structure.name}, which is nonlinear",
+            needed="its own channels; --verify judges it on further logs, and each log is fitted alone besides",
+        )
+    require_choices(structure, settings)
 
 
 def _identify_several(
@@ -268,6 +296,17 @@ def _fit(document: ResultDocument) -> Iterator[str]:
     if document.fit_percent:
         fits = ", ".join(f"{name} {percent:.1f} %" for name, percent in document.fit_percent.items())
         yield f"{document.method.replace('_', ' ')}, {document.hold}-order hold; explained: {fits}"
+    yield from _alone(document)
+
+
+def _alone(document: ResultDocument) -> Iterator[str]:
+    """What each record alone says of the parameters of a nonlinear model, and their spread."""
+    for name in dict.fromkeys(name for one in document.records for name in one.parameters):
+        said = [one.parameters[name] for one in document.records if name in one.parameters]
+        if len(said) > 1:
+            each = ", ".join(f"{one.value:.3g} ± {one.std:.1g}" for one in said)
+            mean, spread = fmean(one.value for one in said), stdev(one.value for one in said)
+            yield f"{name} of {len(said)} records alone: mean {mean:.3g}, spread {spread:.2g} ({each})"
 
 
 def _orders(document: ResultDocument) -> Iterator[str]:

@@ -13,6 +13,7 @@ from rotorid.cli.options import Json
 from rotorid.pipeline.settings import MODEL, parse_names
 
 if TYPE_CHECKING:
+    from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.models.structure import LinearStructure
 
 SCHEMA = "rotorid.models/1"
@@ -35,7 +36,7 @@ class _Listed(NamedTuple):
 
     name: str
     about: str
-    structure: LinearStructure | None = None
+    structure: LinearStructure | NonlinearStructure | None = None
 
     def as_json(self) -> dict[str, object]:
         structure = self.structure
@@ -79,13 +80,27 @@ def models_command(
 
 
 def _library() -> list[_Listed]:
-    from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_model, library_text, model_names, rate_model
+    from rotorid.models.library import (
+        RATE_AXES,
+        RESPONSE_MODELS,
+        library_model,
+        library_text,
+        model_names,
+        nonlinear_library_text,
+        nonlinear_model,
+        nonlinear_model_names,
+        rate_model,
+    )
 
     return [
         *(_Listed(name, _ABOUT_RATE, rate_model(name)) for name in RATE_AXES),
         *(_Listed(name, _first_sentence(library_text(name)), library_model(name)) for name in model_names()),
         *(_Listed(name, _about_response(name)) for name in RESPONSE_MODELS),
         _Listed(MODEL, _ABOUT_MOTORS),
+        *(
+            _Listed(name, _first_sentence(nonlinear_library_text(name)), nonlinear_model(name))
+            for name in nonlinear_model_names()
+        ),
         _Listed(TRANSFER, _ABOUT_TRANSFER),
         _Listed(BLACK_BOX, _ABOUT_BLACK_BOX),
     ]
@@ -104,10 +119,20 @@ def _first_sentence(text: str) -> str:
     return sentence + dot.strip()
 
 
-def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[str, str, LinearStructure]:
+def _text(
+    name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> tuple[str, str, LinearStructure | NonlinearStructure]:
     """A model as TOML text, what it is, and its structure."""
     from rotorid.errors import UsageError
-    from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_text, model_names
+    from rotorid.models.library import (
+        RATE_AXES,
+        RESPONSE_MODELS,
+        library_text,
+        model_names,
+        nonlinear_library_text,
+        nonlinear_model,
+        nonlinear_model_names,
+    )
     from rotorid.models.toml import from_toml, to_toml
     from rotorid.pipeline.preparation.resolve import named_model
 
@@ -126,6 +151,9 @@ def _text(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple
     if name in model_names():
         text = library_text(name)
         return text, _first_sentence(text), from_toml(text, where=f"the model {name}")
+    if name in nonlinear_model_names():
+        text = nonlinear_library_text(name)
+        return text, _first_sentence(text), nonlinear_model(name)
     structure = named_model(name, inputs=inputs, outputs=outputs)
     about = _ABOUT_RATE if name in RATE_AXES else _ABOUT_TRANSFER
     if name in RESPONSE_MODELS:

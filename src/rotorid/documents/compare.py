@@ -14,7 +14,7 @@ from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.result import MODEL, RESULT, model_of, read_result, read_text
 from rotorid.errors import UsageError
 from rotorid.models.parameter import Status
-from rotorid.models.toml import from_toml
+from rotorid.models.toml import structure_from_toml
 from rotorid.pipeline.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, scored_outputs
 from rotorid.pipeline.cross_validation import signal_scores
 from rotorid.pipeline.summary import DelayBudget, ParameterEstimate, PoleEstimate, SignalScore, finite
@@ -260,7 +260,7 @@ def _read(file: Path, label: str) -> Entry:
     text = read_text(file)
     document = read_result(file, text)
     model = file.parent / MODEL
-    structure = from_toml(read_text(model), where=str(model)) if model.exists() else None
+    structure = structure_from_toml(read_text(model), where=str(model)) if model.exists() else None
     if structure is not None and structure.name != document.model:
         raise UsageError(f"{model} holds {structure.name} and {file} {document.model}", needed="files of one result")
     return Entry(

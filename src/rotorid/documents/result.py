@@ -17,11 +17,10 @@ from rotorid.errors import UsageError
 from rotorid.io import documents
 from rotorid.io.files import write_atomically, write_npz
 from rotorid.io.tables.npz import read_arrays
-from rotorid.models.expression import Expression
-from rotorid.models.parameter import ParameterSet
+from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.state_space import StateSpace
-from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
+from rotorid.models.structure import LinearStructure, silent_structure
+from rotorid.models.toml import structure_from_toml
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance
 from rotorid.pipeline.results import FittedData, IdentifiedModel, Refused, SimulatedRecord, no_response
 from rotorid.pipeline.summary import (
@@ -232,7 +231,7 @@ def load(path: str | Path) -> IdentifiedModel:
     """
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
     document = read_result(file, read_text(file))
-    structure = from_toml(read_text(file.parent / MODEL), where=MODEL)
+    structure = structure_from_toml(read_text(file.parent / MODEL), where=MODEL)
     if structure.name != document.model:
         raise UsageError(f"{MODEL} holds {structure.name} and {file} {document.model}", needed="files of one result")
     responses = file.parent / RESPONSES
@@ -243,7 +242,7 @@ def load(path: str | Path) -> IdentifiedModel:
 def model_of(
     file: Path,
     document: ResultDocument,
-    structure: LinearStructure | None,
+    structure: LinearStructure | NonlinearStructure | None,
     arrays: Mapping[str, np.ndarray] | None = None,
 ) -> IdentifiedModel:
     """The model behind the files of a result, as :func:`identified_model` makes it.
@@ -272,7 +271,9 @@ def model_of(
 
 
 def identified_model(
-    document: ResultDocument, structure: LinearStructure | None, arrays: Mapping[str, np.ndarray] | None = None
+    document: ResultDocument,
+    structure: LinearStructure | NonlinearStructure | None,
+    arrays: Mapping[str, np.ndarray] | None = None,
 ) -> IdentifiedModel:
     """The model behind a document.
 
@@ -285,7 +286,12 @@ def identified_model(
     arrays
         Its ``responses.npz``, where that is known.
     """
-    structure = structure or _nameless(document)
+    nonlinear = structure if isinstance(structure, NonlinearStructure) else None
+    if isinstance(structure, NonlinearStructure):
+        structure = linear_of(structure)
+    structure = structure or silent_structure(
+        document.model, inputs=document.inputs, states=document.states, outputs=document.outputs
+    )
     end = document.fit or FitEnd(weights="cifer", outcome="", evaluations=0, trace=(), inflation=1.0)
     return IdentifiedModel(
         structure=structure,
@@ -319,33 +325,11 @@ def identified_model(
         covered=document.covered,
         combinations=tuple(document.identifiability),
         motors=document.motors,
+        nonlinear=nonlinear,
         controller=document.controller,
         cross_validation=document.cross_validation,
         findings=tuple(Finding(**finding.model_dump()) for finding in document.findings),
         provenance=_provenance(document.provenance),
-    )
-
-
-def _nameless(document: ResultDocument) -> LinearStructure:
-    """A structure of the right names that says nothing."""
-
-    def zeros(rows: int, columns: int) -> tuple[tuple[Expression, ...], ...]:
-        return ((Expression.parse("0"),) * columns,) * rows
-
-    x, u, y = len(document.states), len(document.inputs), len(document.outputs)
-    return LinearStructure(
-        name=document.model,
-        inputs=tuple(document.inputs),
-        states=tuple(document.states),
-        outputs=tuple(document.outputs),
-        M=tuple(tuple(Expression.parse(str(int(i == j))) for j in range(x)) for i in range(x)),
-        F=zeros(x, x),
-        G=zeros(x, u),
-        H0=zeros(y, x),
-        H1=zeros(y, x),
-        input_delays=(Expression.parse("0"),) * u,
-        output_delays=(Expression.parse("0"),) * y,
-        parameters=ParameterSet(()),
     )
 
 

@@ -21,8 +21,11 @@ from rotorid.models.compiled import Entries, Tape, tape
 from rotorid.models.equations import Symbols, check_delayed
 from rotorid.models.expression import Expression, is_symbol, parse_expression
 from rotorid.models.parameter import Parameter, ParameterSet, no_such
-from rotorid.models.structure import LinearStructure, Row
+from rotorid.models.structure import LinearStructure, Row, silent_structure
 from rotorid.typing import FloatArray, IntArray
+
+_REST = 1e-9
+"""Rate of a state, in its units, below which it rests."""
 
 
 class Program(NamedTuple):
@@ -252,6 +255,73 @@ class NonlinearStructure(Immutable):
         slots = whole.results[len(expressions) :]
         table = [(row, place, slot) for (row, place, _), slot in zip(found, slots.tolist(), strict=True)]
         return Program(whole, len(expressions), np.array(table, dtype=np.int64).reshape(-1, 3))
+
+
+def about_rest(structure: NonlinearStructure) -> LinearStructure:
+    r"""The linear structure of small motion about rest, with the same parameters.
+
+    .. math:: \dot x = \frac{\partial f}{\partial x} x + \frac{\partial f}{\partial u} u(t - \tau), \qquad
+        y = \frac{\partial g}{\partial x} x
+
+    at zero states and inputs; the derivatives are those of the equations, exact. Parameters that act on larger motion
+    only, such as a drag that is quadratic in the speed, do not stand in it.
+
+    Raises
+    ------
+    ModelError
+        Zero states do not rest, the equations have no derivative there, or an output follows an input at once.
+
+    Examples
+    --------
+    >>> from rotorid.models.library import nonlinear_model
+    >>> hover = about_rest(nonlinear_model("flight.first_order"))
+    >>> hover.matrices(hover.parameters.values).F[3].tolist()[:8]
+    [0.0, 0.0, 0.0, -0.25, -0.0, 0.0, 0.0, -9.80665]
+    """
+    zero = dict.fromkeys((*structure.states, *structure.inputs), 0.0)
+    values = {**structure.constants, **structure.parameters.values}
+    moving = (*structure.equations, *structure.output_equations)
+    if any(abs(one.substitute(zero).evaluate(values)) > _REST for one in moving):
+        raise ModelError(f"{structure.name} does not rest at zero", needed="equations that are zero there")
+
+    def slopes(rows: Row, names: Sequence[str]) -> tuple[Row, ...]:
+        return tuple(tuple(row.derivative(name).substitute(zero) for name in names) for row in rows)
+
+    through = [one for row in slopes(structure.output_equations, structure.inputs) for one in row if not one.is_zero]
+    if any(one.evaluate(values) != 0.0 for one in through):
+        raise ModelError(f"an output of {structure.name} follows an input at once", needed="outputs of states")
+    F, G = (slopes(structure.equations, names) for names in (structure.states, structure.inputs))
+    H0 = slopes(structure.output_equations, structure.states)
+    order = range(len(structure.states))
+    entries = [entry for rows in (F, G, H0, (structure.input_delays,)) for row in rows for entry in row]
+    used = frozenset().union(*(entry.names for entry in entries))
+    return LinearStructure(
+        name=structure.name,
+        inputs=structure.inputs,
+        states=structure.states,
+        outputs=structure.outputs,
+        M=tuple(tuple(Expression.constant(float(i == j)) for j in order) for i in order),
+        F=F,
+        G=G,
+        H0=H0,
+        H1=tuple((Expression(),) * len(structure.states) for _ in structure.outputs),
+        input_delays=structure.input_delays,
+        output_delays=(Expression(),) * len(structure.outputs),
+        parameters=structure.parameters.only(name for name in structure.parameters.names if name in used),
+        constants=structure.constants,
+        source=structure.source,
+    )
+
+
+def linear_of(structure: NonlinearStructure) -> LinearStructure:
+    """Small motion about rest as :func:`about_rest` has it; its names alone where there is no such motion."""
+    try:
+        found = about_rest(structure)
+        found.matrices(found.parameters.values)
+    except ModelError:
+        names = {kind: getattr(structure, kind) for kind in ("inputs", "states", "outputs")}
+        return silent_structure(structure.name, **names)
+    return found
 
 
 def nonlinear_structure(

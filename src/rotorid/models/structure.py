@@ -568,3 +568,34 @@ def _block(rows: Rows, kept_rows: BoolArray, kept_columns: BoolArray) -> Rows:
 
 def _kept(items: tuple[_T, ...], kept: BoolArray) -> tuple[_T, ...]:
     return tuple(item for item, stays in zip(items, kept, strict=True) if stays)
+
+
+def silent_structure(
+    name: str, *, inputs: Sequence[str], states: Sequence[str], outputs: Sequence[str]
+) -> LinearStructure:
+    """A structure of names that says nothing: all responses are zero.
+
+    Examples
+    --------
+    >>> silent_structure("none", inputs=["u"], states=["x"], outputs=["y"]).parameters.names
+    ()
+    """
+
+    def zeros(rows: int, columns: int) -> Rows:
+        return ((Expression(),) * columns,) * rows
+
+    x, u, y = len(states), len(inputs), len(outputs)
+    return LinearStructure(
+        name=name,
+        inputs=tuple(inputs),
+        states=tuple(states),
+        outputs=tuple(outputs),
+        M=tuple(tuple(Expression.constant(float(i == j)) for j in range(x)) for i in range(x)),
+        F=zeros(x, x),
+        G=zeros(x, u),
+        H0=zeros(y, x),
+        H1=zeros(y, x),
+        input_delays=(Expression(),) * u,
+        output_delays=(Expression(),) * y,
+        parameters=ParameterSet(()),
+    )

@@ -234,6 +234,53 @@ def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[s
     return "\n".join(lines if len(parameters) else [*lines, "", "[parameters]"]) + "\n"
 
 
+def nonlinear_to_toml(structure: NonlinearStructure, std: Mapping[str, float]) -> str:
+    """A nonlinear structure with its values, as text that :func:`nonlinear_from_toml` reads back.
+
+    Parameters
+    ----------
+    structure
+        Derivatives on right sides were put in, so that the text may be longer than the one it was read from.
+    std
+        Standard deviations of the parameters that have one; for people, ignored when read back.
+    """
+    rates = zip(structure.states, structure.equations, strict=True)
+    seen = zip(structure.outputs, structure.output_equations, strict=True)
+    delays = zip(structure.inputs, structure.input_delays, strict=True)
+    tables: dict[str, list[str]] = {
+        "delays": [f"{_key(name)} = {_entry(delay)}" for name, delay in delays if not delay.is_zero],
+        "starts": [f"{_key(name)} = {_entry(start)}" for name, start in structure.starts.items()],
+        "constants": [f"{_key(name)} = {_number(value)}" for name, value in structure.constants.items()],
+    }
+    lines = [
+        f'schema = "{SCHEMA}"',
+        'kind = "nonlinear"',
+        f"name = {_quoted(structure.name)}",
+        *([f"source = {_quoted(structure.source)}"] if structure.source else []),
+        f"inputs = {_list(structure.inputs)}",
+        f"states = {_list(structure.states)}",
+        *_listed("equations", (f"{state}' = {rate}" for state, rate in rates)),
+        *_listed("outputs", (name if name == str(one) else f"{name} = {one}" for name, one in seen)),
+    ]
+    for name, entries in tables.items():
+        lines += ["", f"[{name}]", *entries] if entries else []
+    for parameter in structure.parameters:
+        lines += ["", *_parameter_lines(parameter, std)]
+    return "\n".join(lines if len(structure.parameters) else [*lines, "", "[parameters]"]) + "\n"
+
+
+def structure_from_toml(text: str, *, where: str = "the model") -> LinearStructure | NonlinearStructure:
+    """Read a structure of either kind: nonlinear where the text says ``kind = "nonlinear"``.
+
+    Raises
+    ------
+    ModelError
+        As :func:`from_toml` and :func:`nonlinear_from_toml` do.
+    """
+    nonlinear = "kind" in _table(Source(text=text, where=where))
+    return nonlinear_from_toml(text, where=where) if nonlinear else from_toml(text, where=where)
+
+
 def _table(source: Source) -> Mapping[str, Any]:
     try:
         table = parse_toml(source.text, any_integer=True)

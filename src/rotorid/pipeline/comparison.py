@@ -22,6 +22,7 @@ from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.pipeline.checking.candidate import identified_motors
 from rotorid.pipeline.checking.flown_motors import motor_scores, predicted_by
+from rotorid.pipeline.checking.flown_nonlinear import verified_through, whole_flights
 from rotorid.pipeline.checking.unseen import fitted_logs, has_seen
 from rotorid.pipeline.cross_validation import common_horizon_s, fitted_band, score_flights
 from rotorid.pipeline.preparation.flights import Flight
@@ -31,7 +32,8 @@ from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
 from rotorid.pipeline.settings import IdentifySettings, as_records, as_settings
 from rotorid.signal.excitations import find_excitations
-from rotorid.verification.fixed_parameters import FixedParameterScores, fit_percent
+from rotorid.verification.fixed_parameters import FixedParameterScores, OutputScore, fit_percent
+from rotorid.verification.verification import Verification
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -146,20 +148,73 @@ def score_on_logs(
     flights: dict[str, list[Flight]] = {}
     for entry in entries:
         flights[entry.label] = []
-        for record in () if entry.model.motors is not None else records:
+        for record in () if _has_own_scores(entry) else records:
             try:
                 flights[entry.label] += _maneuvers(entry, record, settings)
             except InsufficientDataError as error:
                 findings.append(_not_scored(entry, record, error))
     band_rad_s = fitted_band([entry.model for entry in entries])
     of_motors, not_scored = _scores_of_motors(entries, records, settings)
-    findings += not_scored
+    of_flights, not_flown = _scores_of_flights(entries, records, settings)
+    findings += [*not_scored, *not_flown]
     found, failed = _scores(entries, flights, settings, None, band_rad_s)
     horizon_s = common_horizon_s([one for each in found for group in each.scores.values() for one in group])
     if horizon_s is not None:
         found, failed = _scores(entries, flights, settings, horizon_s, band_rad_s)
-    found = _together(found, of_motors)
+    found = _together(found, [*of_motors, *of_flights])
     return OnLogs(maneuvers=tuple(found), band_rad_s=band_rad_s, findings=(*findings, *failed))
+
+
+def _has_own_scores(entry: Entry) -> bool:
+    """Whether a model is scored in its own way: motors by accelerations, large motion over whole flights."""
+    return entry.model.motors is not None or entry.model.nonlinear is not None
+
+
+def _scores_of_flights(
+    entries: Sequence[Entry], records: Sequence[FlightRecord], settings: IdentifySettings
+) -> tuple[list[ComparedManeuver], list[Finding]]:
+    """Nonlinear models: whole flights, or given intervals, simulated from their start on."""
+    found: dict[tuple[str, float], ComparedManeuver] = {}
+    findings: list[Finding] = []
+    for entry in entries:
+        equations = entry.model.nonlinear
+        for record in records if equations is not None else ():
+            _PROGRESS.info(f"{entry.label} on {record.source.name}")
+            try:
+                assert equations is not None
+                flights = whole_flights([record], settings.segments)
+                checks, _ = verified_through(equations, equations.parameters, flights)
+            except InsufficientDataError as error:
+                findings.append(_not_scored(entry, record, error))
+                continue
+            for one in checks:
+                here = found.setdefault(
+                    (record.source.sha256, round(one.maneuver.start_s, 3)),
+                    ComparedManeuver(
+                        record=record.source.name,
+                        maneuver=one.maneuver,
+                        scores={},
+                        seen=tuple(other.label for other in entries if other.has_seen(record, one.maneuver)),
+                    ),
+                )
+                place = record.source.sha256, round(one.maneuver.start_s, 3)
+                found[place] = replace(here, scores={**here.scores, entry.label: (_flight_scores(one),)})
+    return list(found.values()), findings
+
+
+def _flight_scores(check: Verification) -> FixedParameterScores:
+    """A simulated flight as a comparison has it."""
+    return FixedParameterScores(
+        record=check.record,
+        horizon_s=math.inf,
+        scores={
+            name: OutputScore(nrmse_fit_percent=one.nrmse_fit_percent, tic=one.tic, rms=one.rms)
+            for name, one in check.scores.items()
+        },
+        time_s=check.time_s - check.time_s[0],
+        measured=check.measured,
+        predicted=check.predicted,
+    )
 
 
 def _scores_of_motors(
@@ -193,9 +248,21 @@ def _scores_of_motors(
     return list(found.values()), findings
 
 
-def _together(others: Sequence[ComparedManeuver], of_motors: Sequence[ComparedManeuver]) -> list[ComparedManeuver]:
-    """Maneuvers of all models, in the order of the flight."""
-    return sorted([*others, *of_motors], key=lambda one: (one.record, one.maneuver.start_s)) if of_motors else [*others]
+_SAME_INTERVAL_S = 0.1
+
+
+def _together(others: Sequence[ComparedManeuver], more: Sequence[ComparedManeuver]) -> list[ComparedManeuver]:
+    """Maneuvers of all models, in the order of the flight; one interval that several models were scored on is one."""
+    found = [*others]
+    for one in more:
+        for place, other in enumerate(found):
+            apart_s = [one.maneuver.start_s - other.maneuver.start_s, one.maneuver.stop_s - other.maneuver.stop_s]
+            if one.record == other.record and max(map(abs, apart_s)) < _SAME_INTERVAL_S:
+                found[place] = replace(other, scores={**other.scores, **one.scores})
+                break
+        else:
+            found.append(one)
+    return sorted(found, key=lambda one: (one.record, one.maneuver.start_s)) if more else found
 
 
 def _maneuvers(entry: Entry, record: FlightRecord, settings: IdentifySettings) -> list[Flight]:

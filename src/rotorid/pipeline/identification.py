@@ -13,11 +13,13 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import described
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motor_method import Motors
+from rotorid.pipeline.fits.nonlinear_method import Nonlinear
 from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
-from rotorid.pipeline.preparation.resolve import answers_setpoints, resolve_model
+from rotorid.pipeline.preparation.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
 from rotorid.pipeline.provenance import provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
 from rotorid.pipeline.settings import (
@@ -37,7 +39,7 @@ FittedT = TypeVar("FittedT", bound=Fitted)
 
 def identify(
     records: Records,
-    model: str | Path | LinearStructure,
+    model: Model,
     *,
     settings: IdentifySettings | None = None,
     verify: Records = (),
@@ -56,7 +58,8 @@ def identify(
         Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
     model
         A name of the library such as ``hover.longitudinal``, ``rate.roll`` or ``physical.motors``, a response model
-        such as ``response.second_order``, which finds its channels in the logs, a TOML file, or a structure.
+        such as ``response.second_order``, which finds its channels in the logs, one such as ``drag.linear``,
+        a TOML file, or a structure.
     settings
         Choices; everything has a default.
     verify
@@ -116,6 +119,7 @@ def identify_by(
             UnseenCombination(words=found.words(), vector=dict(found.vector)) for found in told.combinations
         ),
         motors=told.motors,
+        nonlinear=told.nonlinear,
         controller=controller_settings(records),
         findings=worst_first(
             [
@@ -190,9 +194,7 @@ def identify_motors(records: Records, choices: MotorChoices | None = None, *, ve
     return identify_by(method, as_records(records), verify=as_records(verify))
 
 
-def method_of(
-    model: str | Path | LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings
-) -> Method[Any, Any]:
+def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
     """How a model is fitted: as the settings say, else as its kind asks for.
 
     Parameters
@@ -202,9 +204,11 @@ def method_of(
     records
         Logs in which a response model finds its channels.
     """
-    choices = motor_choices(model.name if isinstance(model, LinearStructure) else str(model), settings)
+    choices = motor_choices(str(model) if isinstance(model, str | Path) else model.name, settings)
     if choices is not None:
         return Motors(choices)
+    if (equations := nonlinear_of(model)) is not None:
+        return Nonlinear(model=equations, settings=settings)
     if str(model) == HOVER:
         structure = hover_of_vehicle(records, settings)
     else:
@@ -228,17 +232,17 @@ def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
 def refused(
     error: InsufficientDataError,
     records: Sequence[FlightRecord],
-    model: str | Path | LinearStructure,
+    model: Model,
     *,
     settings: IdentifySettings,
 ) -> Refused:
     """What to say of data that cannot support a model."""
-    structure = None
+    structure: LinearStructure | NonlinearStructure | None = nonlinear_of(model)
     # Motors are no linear structure, and their channels stand in the log.
-    if model != MODEL:
+    if structure is None and model != MODEL:
         with contextlib.suppress(InsufficientDataError):
             structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
-    name = structure.name if structure else str(model)
+    name = structure.name if structure is not None else str(model)
     reasons = error.findings or (refusal("not_identifiable", name, str(error)),)
     return Refused(
         name=name,

@@ -17,10 +17,11 @@ from rotorid.data.findings import Finding, Findings
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import to_toml
+from rotorid.models.toml import nonlinear_to_toml, to_toml
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.summary import (
     Checks,
@@ -216,6 +217,9 @@ class IdentifiedModel(Immutable):
         Parameters that the data cannot tell apart.
     motors
         Rotors and thrust, of ``physical.motors``.
+    nonlinear
+        The equations with their identified values, of a nonlinear model; ``structure`` is then its small motion about
+        rest.
     controller
         What the first log says of the controller that flew.
     cross_validation
@@ -248,6 +252,7 @@ class IdentifiedModel(Immutable):
     covered: Mapping[str, Range] = field(default_factory=dict)
     combinations: tuple[UnseenCombination, ...] = ()
     motors: MotorPhysics | None = None
+    nonlinear: NonlinearStructure | None = None
     controller: ControllerSettings | None = None
     cross_validation: CrossValidationSummary | None = None
     findings: tuple[Finding, ...] = ()
@@ -314,7 +319,8 @@ class IdentifiedModel(Immutable):
         Parameters
         ----------
         u
-            Inputs as differences from trim, shape ``(u, samples)``, or ``(samples,)`` for one.
+            Inputs as differences from trim, shape ``(u, samples)``, or ``(samples,)`` for one; those of a nonlinear
+            model as they are.
         sample_rate_hz
             Rate of inputs and outputs.
         x0
@@ -329,14 +335,26 @@ class IdentifiedModel(Immutable):
         """
         from rotorid.simulation.linear import simulate_linear
 
-        inputs = np.atleast_2d(np.asarray(u, dtype=np.float64))
-        return simulate_linear(
-            self.system, inputs, sample_rate_hz=sample_rate_hz, x0=x0, hold=hold or self.fit.hold or "zero"
-        )
+        inputs, held = np.atleast_2d(np.asarray(u, dtype=np.float64)), hold or self.fit.hold or "zero"
+        if self.nonlinear is not None:
+            from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
+
+            equations = self.nonlinear
+            return simulate_nonlinear(
+                equations,
+                equations.parameters.values,
+                inputs,
+                sample_rate_hz=sample_rate_hz,
+                x0=x0,
+                scheme=Scheme(hold=held),
+            )
+        return simulate_linear(self.system, inputs, sample_rate_hz=sample_rate_hz, x0=x0, hold=held)
 
     def to_toml(self) -> str:
         """The structure with the identified values and their standard deviations, as ``model.toml`` holds it."""
         std = dict(zip(self.bounds.names, map(float, self.bounds.std), strict=True))
+        if self.nonlinear is not None:
+            return nonlinear_to_toml(self.nonlinear, std)
         own = self.structure.parameters
         return to_toml(self.structure, own, {name: value for name, value in std.items() if name in own.names})
 
@@ -512,7 +530,7 @@ class Refused(Immutable):
     """
 
     name: str
-    structure: LinearStructure | None
+    structure: LinearStructure | NonlinearStructure | None
     findings: tuple[Finding, ...]
     provenance: Provenance
 
@@ -597,7 +615,7 @@ def _root(covariance: FloatArray | None, index: int) -> float | None:
     return None if covariance is None else float(np.sqrt(covariance[index, index]))
 
 
-def no_response(structure: LinearStructure) -> FrequencyResponse:
+def no_response(structure: LinearStructure | NonlinearStructure) -> FrequencyResponse:
     """A response that could be measured at no frequency."""
     shape = (len(structure.outputs), len(structure.inputs), 0)
     return FrequencyResponse(

@@ -404,7 +404,10 @@ class FitEnd:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordFit:
-    """A stretch of a record that was fitted in time: share of each output's motion that the model explains."""
+    """A stretch of a record that was fitted in time: share of each output's motion that the model explains.
+
+    ``parameters`` is what a nonlinear model fitted to this stretch alone says, where several were fitted together.
+    """
 
     record: str
     start_s: float
@@ -413,6 +416,7 @@ class RecordFit:
     sample_rate_hz: float
     pieces: int = 1
     fit_percent: Mapping[str, float]
+    parameters: Mapping[str, Derived] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

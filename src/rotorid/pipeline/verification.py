@@ -11,9 +11,11 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, warn, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.pipeline.checking.candidate import Candidate, candidate_model, read_candidate
 from rotorid.pipeline.checking.checks import maneuver_check
 from rotorid.pipeline.checking.flown_motors import KnownMotors, predicted_by, verification_of
+from rotorid.pipeline.checking.flown_nonlinear import verified_through, whole_flights
 from rotorid.pipeline.checking.unseen import UnseenLog, check_logs, has_seen, seen_data, unseen_logs
 from rotorid.pipeline.preparation.coverage import covered_by, trim_of
 from rotorid.pipeline.preparation.flights import Flight
@@ -102,6 +104,8 @@ def verify(
     each_once(records)
     if candidate.motors is not None:
         return _verify_motors(candidate, candidate.motors, records, settings)
+    if candidate.nonlinear is not None:
+        return _verify_nonlinear(candidate, candidate.nonlinear, records, settings)
     axes = axes_of(candidate.structure.inputs, candidate.structure.outputs)
     logs = unseen_logs(candidate, records, axes, segments=settings.segments)
     checked = check_logs(candidate, logs, settings, vibration_filter=settings.vibration_filter)
@@ -131,12 +135,7 @@ def _verify_motors(
     candidate: Candidate, known: KnownMotors, records: Sequence[FlightRecord], settings: VerifySettings
 ) -> Verified:
     """Judge a vehicle of ``physical.motors``: accelerations from motors, see :mod:`.checking.flown_motors`."""
-    given = {"--band": settings.band_rad_s, "--instrument": settings.instruments, "--controller": settings.controllers}
-    if wrong := [name for name, value in given.items() if value]:
-        raise UsageError(
-            f"{', '.join(wrong)} came with a result of {candidate.structure.name}",
-            needed="logs, and --segment where excitations are not found",
-        )
+    _refuse_of_responses(candidate, settings)
     checks: list[Verification] = []
     findings = [finding for record in records for finding in record.findings]
     flights: list[Flight] = []
@@ -170,6 +169,56 @@ def _verify_motors(
         findings=worst_first(findings),
         provenance=provenance(records, settings, flights=flights),
     )
+
+
+def _verify_nonlinear(
+    candidate: Candidate, equations: NonlinearStructure, records: Sequence[FlightRecord], settings: VerifySettings
+) -> Verified:
+    """Judge a nonlinear model: whole flights, or given intervals of them, simulated from their start on."""
+    _refuse_of_responses(candidate, settings)
+    checks: list[Verification] = []
+    findings = [finding for record in records for finding in record.findings]
+    judged: list[Flight] = []
+    for record in records:
+        try:
+            flights = whole_flights([record], settings.segments)
+            found, told = verified_through(equations, equations.parameters, flights)
+        except InsufficientDataError as error:
+            name = record.source.name
+            findings += [*error.findings, warn("not_verified", name, f"{name} was not judged: {error}")]
+            continue
+        if candidate.provenance is not None:
+            findings += [seen_data(*item) for item in flights if has_seen(candidate.provenance, *item)]
+        judged += flights
+        checks += found
+        findings += told
+    if not checks:
+        causes = "; ".join(one.message.rstrip(".") for one in findings if one.kind == "not_verified")
+        raise InsufficientDataError(
+            causes or "no log can judge the model",
+            needed=f"a flight with {' or '.join(equations.outputs)}",
+            remedy="see what rotorid inspect finds, or name an interval with --segment",
+            findings=findings,
+        )
+    return Verified(
+        candidate=candidate,
+        found=Verifications(maneuvers=tuple(checks)),
+        maneuvers=tuple(maneuver_check(check, ()) for check in checks),
+        covered=covered_by(judged),
+        scale=settings.scale,
+        findings=worst_first(findings),
+        provenance=provenance(records, settings, flights=judged),
+    )
+
+
+def _refuse_of_responses(candidate: Candidate, settings: VerifySettings) -> None:
+    """Refuse options of models that are judged by responses and short maneuvers."""
+    given = {"--band": settings.band_rad_s, "--instrument": settings.instruments, "--controller": settings.controllers}
+    if wrong := [name for name, value in given.items() if value]:
+        raise UsageError(
+            f"{', '.join(wrong)} came with a result of {candidate.structure.name}",
+            needed="logs, and --segment where excitations are not found",
+        )
 
 
 def _seen(candidate: Candidate, logs: Sequence[UnseenLog]) -> list[Finding]:

@@ -29,6 +29,8 @@ EARTH_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down")
 
 _OF_BODY_VELOCITY = (*EARTH_VELOCITIES, *ATTITUDE)
 _OF_ACCELERATION = (*ACCELERATIONS, *RATES, "phi", "theta")
+_OF_HEADING = ("velocity_forward", "velocity_right")
+_POSITION_OF = {"velocity_north": "north", "velocity_east": "east", "velocity_down": "down"}
 _OF_ONE_PLANE = {
     "u_dot": ("ax", "q", "theta", "u", "w"),
     "v_dot": ("ay", "p", "phi", "v"),
@@ -134,6 +136,13 @@ def ingredients(name: str, logged: Iterable[str]) -> tuple[str, ...]:
     """
     if name in VELOCITIES:
         return _OF_BODY_VELOCITY
+    if name in _POSITION_OF:
+        return (_POSITION_OF[name],)
+    if name in _OF_HEADING:
+        horizontal = EARTH_VELOCITIES[:2]
+        positions = tuple(_POSITION_OF[one] for one in horizontal)
+        differentiated = not set(horizontal) <= set(logged) and set(positions) <= set(logged)
+        return (*(positions if differentiated else horizontal), "psi")
     if name in [f"{rate}_dot" for rate in RATES]:
         return (name.removesuffix("_dot"),)
     if name in [f"{velocity}_dot" for velocity in VELOCITIES]:
@@ -146,7 +155,7 @@ def ingredients(name: str, logged: Iterable[str]) -> tuple[str, ...]:
 
 
 def reconstruct(history: TimeHistory) -> TimeHistory:
-    r"""Add body velocities and accelerations that follow from what was measured, where their ingredients are there.
+    r"""Add velocities and accelerations that follow from what was measured, where their ingredients are there.
 
     .. math::
 
@@ -165,13 +174,14 @@ def reconstruct(history: TimeHistory) -> TimeHistory:
     Parameters
     ----------
     history
-        Rates for ``p_dot q_dot r_dot``; velocities over the earth and all three angles for ``u v w``; specific force,
-        rates, body velocities, ``phi`` and ``theta`` for ``u_dot v_dot w_dot``.
+        Rates for ``p_dot q_dot r_dot``; positions for the velocities over the earth; these and the heading for
+        ``velocity_forward velocity_right``, these and all three angles for ``u v w``; specific force, rates, body
+        velocities, ``phi`` and ``theta`` for ``u_dot v_dot w_dot``.
 
     Returns
     -------
     TimeHistory
-        With up to nine more channels whose ``source`` begins with "reconstructed from". Channels of these names that
+        With further channels, whose ``source`` begins with "reconstructed from". Channels of these names that
         are already there stay as they are.
 
     Raises
@@ -190,6 +200,8 @@ def reconstruct(history: TimeHistory) -> TimeHistory:
     ('q_dot', 'rad/s^2', 'reconstructed from q')
     """
     given = history
+    history = _with_velocities_of_positions(history)
+    history = _with_heading_velocities(history)
     history = _with_body_velocities(history)
     made: dict[str, tuple[FloatArray, str]] = {}
     for name in RATES:
@@ -235,6 +247,27 @@ def _accelerations_of_one_plane(
         row = history[plane[0]] + STANDARD_GRAVITY_M_S2 * gravity[name] - turning[name]
         found[name] = row - row.mean(), f"{', '.join(plane)}, the other plane taken as at rest; trim removed"
     return found
+
+
+def _with_velocities_of_positions(history: TimeHistory) -> TimeHistory:
+    """Velocities over the earth as derivatives of positions, as far as they are not there."""
+    made = {
+        velocity: (derivative(history[position], history.sample_rate_hz), position)
+        for velocity, position in _POSITION_OF.items()
+        if velocity not in history.names and position in history.names
+    }
+    return _with(history, made) if made else history
+
+
+def _with_heading_velocities(history: TimeHistory) -> TimeHistory:
+    """Horizontal velocities turned by the heading, as far as they are not there."""
+    missing = [name for name in _OF_HEADING if name not in history.names]
+    if not missing or not has_channels(history, (*EARTH_VELOCITIES[:2], "psi")):
+        return history
+    cosine, sine = np.cos(history["psi"]), np.sin(history["psi"])
+    north, east = history["velocity_north"], history["velocity_east"]
+    rows = {"velocity_forward": cosine * north + sine * east, "velocity_right": cosine * east - sine * north}
+    return _with(history, {name: (rows[name], "velocity_north, velocity_east and psi") for name in missing})
 
 
 def _with_body_velocities(history: TimeHistory) -> TimeHistory:

@@ -338,7 +338,7 @@ def fit_nonlinear(
 
     >>> from rotorid.fitting.time.output_error import TimeData
     >>> from rotorid.models.library import nonlinear_model
-    >>> drag = nonlinear_model("drag.quadratic").select(["u_heading"])
+    >>> drag = nonlinear_model("drag.quadratic").select(["velocity_forward"])
     >>> time_s = np.arange(50) / 20.0
     >>> slowing = TimeData(name="slowing", inputs=np.zeros((2, 50)), outputs=2.0 / (1.0 + 0.6 * time_s)[None],
     ...                    sample_rate_hz=20.0)

@@ -617,7 +617,7 @@ def _covariance(problem: TimeProblem, theta: FloatArray, *, correlated: bool) ->
     return np.diag(covariance.diagonal() + least) if not correlated else covariance + np.diag(least)
 
 
-def log_likelihood(problem: TimeProblem) -> float:
+def log_likelihood(problem: OutputErrorProblem) -> float:
     r"""Of output errors, were they white and Gaussian.
 
     .. math:: \ln L = -\tfrac12 N \left( n_y (1 + \ln 2\pi) + \ln\det R \right)

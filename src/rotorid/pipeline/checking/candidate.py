@@ -21,10 +21,11 @@ from rotorid.errors import ModelError, UsageError
 from rotorid.io.documents import MOST_JSON_BYTES, DocumentError, parse_json, parse_toml, read_text
 from rotorid.models.autopilots.reading import rate_controller
 from rotorid.models.controller import FILTERS, Driven, RateController
+from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
+from rotorid.models.toml import structure_from_toml
 from rotorid.models.toml_source import Source
 from rotorid.pipeline.checking.flown_motors import KnownMotors, known_motors
 from rotorid.pipeline.fits.frequency import FrequencyFit
@@ -281,6 +282,8 @@ class Candidate(Immutable):
         Which data it was fitted to, or ``None`` when that is not known.
     motors
         The vehicle, of a result of ``physical.motors``; the structure is then its motion around hover.
+    nonlinear
+        The equations with their values, of a nonlinear model; the structure is then its small motion about rest.
     """
 
     structure: LinearStructure
@@ -290,6 +293,7 @@ class Candidate(Immutable):
     controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
     provenance: Provenance | None = None
     motors: KnownMotors | None = None
+    nonlinear: NonlinearStructure | None = None
 
     @property
     def system(self) -> StateSpace:
@@ -322,6 +326,7 @@ def candidate_model(model: IdentifiedModel) -> Candidate:
         sources=model.provenance.sources or None,
         provenance=model.provenance,
         motors=identified_motors(model),
+        nonlinear=model.nonlinear,
     )
 
 
@@ -375,7 +380,9 @@ def read_candidate(result: Path) -> Candidate:
             needed=f"one of its folders: {held}",
             remedy="name it after the folder",
         )
-    structure = from_toml(read_text(model, needed=_RESULT_FILES), where=model.name)
+    read = structure_from_toml(read_text(model, needed=_RESULT_FILES), where=model.name)
+    nonlinear = read if isinstance(read, NonlinearStructure) else None
+    structure = linear_of(read) if isinstance(read, NonlinearStructure) else read
     document = result if result.suffix == ".json" else folder / RESULT
     if structure.name == MOTORS and not document.exists():
         raise UsageError(
@@ -384,8 +391,9 @@ def read_candidate(result: Path) -> Candidate:
             remedy="give the folder that identify wrote",
         )
     if result.suffix != ".toml" or document.exists():
-        return _with_result(structure, document, required=result.suffix != ".toml")
-    return Candidate(structure=structure, parameters=structure.parameters)
+        found = _with_result(structure, document, required=result.suffix != ".toml")
+        return replace(found, nonlinear=nonlinear)
+    return Candidate(structure=structure, parameters=structure.parameters, nonlinear=nonlinear)
 
 
 def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:

@@ -19,6 +19,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.checking.candidate import output_sources
@@ -148,7 +149,7 @@ class Described(NamedTuple):
         Parameters that the data cannot tell apart.
     poles
         With their uncertainty.
-    delays, covered, motors
+    delays, covered, motors, nonlinear
         As in :class:`rotorid.pipeline.results.IdentifiedModel`.
     """
 
@@ -159,6 +160,7 @@ class Described(NamedTuple):
     delays: Mapping[str, DelayBudget] = {}
     covered: Mapping[str, Range] = {}
     motors: MotorPhysics | None = None
+    nonlinear: NonlinearStructure | None = None
 
 
 DataT = TypeVar("DataT", bound=Prepared)

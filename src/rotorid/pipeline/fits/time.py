@@ -42,6 +42,7 @@ from rotorid.fitting.time.output_error import (
     log_likelihood,
     own_starts,
 )
+from rotorid.models.expression import Expression
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.bootstrapping import Bootstrap
@@ -161,13 +162,18 @@ class TimeFit(Immutable):
     @property
     def fit_percent(self) -> dict[str, float]:
         """Output to the share of its motion about the mean of each record that the model explains, all together."""
-        percents = {}
-        for row, name in enumerate(self.structure.outputs):
-            pairs = [(record.measured[row], record.simulated[row]) for record in self.simulated]
-            missed = sum(float(np.sum((measured - simulated) ** 2)) for measured, simulated in pairs)
-            moved = sum(float(np.sum((measured - measured.mean()) ** 2)) for measured, _ in pairs)
-            percents[name] = 100.0 * (1.0 - math.sqrt(missed / moved)) if moved > 0.0 else 0.0
-        return percents
+        return explained_percents(self.structure.outputs, self.simulated)
+
+
+def explained_percents(outputs: Sequence[str], simulated: Sequence[SimulatedRecord]) -> dict[str, float]:
+    """Output to the share of its motion about the mean of each record that a simulation explains, all together."""
+    percents = {}
+    for row, name in enumerate(outputs):
+        pairs = [(record.measured[row], record.simulated[row]) for record in simulated]
+        missed = sum(float(np.sum((measured - simulated) ** 2)) for measured, simulated in pairs)
+        moved = sum(float(np.sum((measured - measured.mean()) ** 2)) for measured, _ in pairs)
+        percents[name] = 100.0 * (1.0 - math.sqrt(missed / moved)) if moved > 0.0 else 0.0
+    return percents
 
 
 class _Ended(NamedTuple):
@@ -504,11 +510,15 @@ def record_fits(
 
 
 def information(fitted: TimeFit) -> Information:
-    r"""Criteria of Akaike and Schwarz, :math:`2 k - 2 \ln L` and :math:`k \ln N - 2 \ln L`, for white residuals."""
+    """Criteria of Akaike and Schwarz of a fit in time, see :func:`information_of`."""
     outputs = len(fitted.problem.structure.outputs)
     numbers = len(fitted.parameters.free) + fitted.unknowns + fitted.noise_numbers + outputs * (outputs + 1) // 2
-    count = fitted.problem.samples * outputs
-    twice = -2.0 * fitted.log_likelihood
+    return information_of(fitted.log_likelihood, numbers, fitted.problem.samples * outputs)
+
+
+def information_of(log_likelihood: float, numbers: int, count: int) -> Information:
+    r"""Criteria of Akaike and Schwarz, :math:`2 k - 2 \ln L` and :math:`k \ln N - 2 \ln L`, for white residuals."""
+    twice = -2.0 * log_likelihood
     return Information(aic=2.0 * numbers + twice, bic=numbers * math.log(count) + twice, numbers=numbers)
 
 
@@ -517,16 +527,23 @@ _LAGS = 60
 
 def residuals(fitted: TimeFit, records: TimeRecords) -> Residuals:
     """Color of the residuals."""
-    sizes = [record.time_s.size for record in fitted.simulated]
+    return residual_colors(fitted.simulated, fitted.structure.outputs, fitted.bounds, records.data[0].sample_rate_hz)
+
+
+def residual_colors(
+    simulated: Sequence[SimulatedRecord], outputs: Sequence[str], bounds: Bounds, sample_rate_hz: float
+) -> Residuals:
+    """Color of what a simulation has left of its outputs."""
+    sizes = [record.time_s.size for record in simulated]
     lags = min(_LAGS, min(sizes) - 1)
     return Residuals(
-        memory=fitted.memory,
-        inflation=fitted.bounds.inflation,
-        step_s=1.0 / records.data[0].sample_rate_hz,
+        memory=bounds.ar_order,
+        inflation=bounds.inflation,
+        step_s=1.0 / sample_rate_hz,
         chance=2.0 / math.sqrt(sum(sizes)),
         autocorrelation={
-            name: _autocorrelation([one.measured[row] - one.simulated[row] for one in fitted.simulated], lags)
-            for row, name in enumerate(fitted.structure.outputs)
+            name: _autocorrelation([one.measured[row] - one.simulated[row] for one in simulated], lags)
+            for row, name in enumerate(outputs)
         },
     )
 
@@ -653,9 +670,11 @@ def judge_time_fit(fitted: TimeFit, records: TimeRecords, fit_percent: Mapping[s
     return (
         *fitted.findings,
         *_pieces(fitted),
-        *_poor(fit_percent, fitted),
-        *_colored(fitted, records),
-        *_solver(fitted),
+        *judge_explained(fit_percent, simulated=fitted.method == "output_error"),
+        *judge_colors(fitted.problem.structure.name, fitted.bounds, 1.0 / records.data[0].sample_rate_hz),
+        *judge_solver(
+            fitted.problem.structure.name, fitted.solution, fitted.parameters, fitted.problem.structure.input_delays
+        ),
         *(() if black_box else judge_parameters(fitted.parameters, fitted.bounds)),
     )
 
@@ -685,8 +704,8 @@ def _pieces(fitted: TimeFit) -> list[Finding]:
     ]
 
 
-def _poor(fit_percent: Mapping[str, float], fitted: TimeFit) -> list[Finding]:
-    simulated = fitted.method == "output_error"
+def judge_explained(fit_percent: Mapping[str, float], *, simulated: bool = True) -> list[Finding]:
+    """A remark on each output that a simulation explains badly; a warning where the simulation was what was fitted."""
     why = (
         "Dynamics are missing, or other things than the inputs move it."
         if simulated
@@ -705,37 +724,39 @@ def _poor(fit_percent: Mapping[str, float], fitted: TimeFit) -> list[Finding]:
     ]
 
 
-def _colored(fitted: TimeFit, records: TimeRecords) -> list[Finding]:
-    factor = fitted.bounds.inflation
+def judge_colors(name: str, bounds: Bounds, step_s: float) -> list[Finding]:
+    """A remark on residuals that are not white."""
+    factor, memory = bounds.inflation, bounds.ar_order
     if factor < _COLORED:
         return []
-    memory_s = fitted.memory / records.data[0].sample_rate_hz
     color = (
-        f"Residuals remember their past over some {fitted.memory} samples ({memory_s:.2g} s), as in every real flight."
-        if fitted.memory
+        f"Residuals remember their past over some {memory} samples ({memory * step_s:.2g} s), as in every real flight."
+        if memory
         else "Errors of the equations are not white, as in every real flight."
     )
     return [
         remark(
             "colored_residuals",
-            fitted.problem.structure.name,
+            name,
             f"{color} Standard deviations count that: they are {factor:.2g} times as large as for white residuals.",
             factor=factor,
-            memory=float(fitted.memory),
+            memory=float(memory),
         )
     ]
 
 
-def _solver(fitted: TimeFit) -> list[Finding]:
-    solution, structure = fitted.solution, fitted.problem.structure
-    delays = {str(entry) for entry in structure.input_delays}
+def judge_solver(
+    name: str, solution: Solution, parameters: ParameterSet, input_delays: Sequence[Expression]
+) -> list[Finding]:
+    """Parameters that ended on a bound, and a search that did not come to rest."""
+    delays = {str(entry) for entry in input_delays}
     findings = [
-        _at_bound(name, late=name in delays and fitted.parameters[name].value == 0.0)
-        for name, at_bound in zip(fitted.parameters.free, solution.at_bound, strict=False)
+        _at_bound(one, late=one in delays and parameters[one].value == 0.0)
+        for one, at_bound in zip(parameters.free, solution.at_bound, strict=False)
         if at_bound
     ]
     if solution.outcome is not Outcome.CONVERGED and left_to_gain(solution) > _SETTLED:
-        findings.append(warn("not_converged", structure.name, solution.outcome.value))
+        findings.append(warn("not_converged", name, solution.outcome.value))
     return findings
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeAlias
 
 from rotorid.data.findings import refusal
 from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError
@@ -17,14 +18,17 @@ from rotorid.models.library import (
     RESPONSE_MODELS,
     library_model,
     model_names,
+    nonlinear_model,
+    nonlinear_model_names,
     rate_model,
     response_model,
     response_pairs,
     transfer_function,
 )
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet, no_such
 from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
+from rotorid.models.toml import from_toml, structure_from_toml
 from rotorid.pipeline.settings import HOVER, IdentifySettings
 from rotorid.pipeline.settings import MODEL as MOTORS
 
@@ -34,8 +38,40 @@ AUTO = "black_box:auto"
 """A black box whose order the records choose; until then it is one of first order."""
 
 
+Model: TypeAlias = str | Path | LinearStructure | NonlinearStructure
+"""A model as people name it: of the library, a TOML file, or a structure."""
+
+
+def nonlinear_of(model: Model) -> NonlinearStructure | None:
+    """The nonlinear structure behind a name, a TOML file or a structure; ``None`` where it is none.
+
+    Raises
+    ------
+    ModelError
+        The file is wrong.
+    UsageError
+        There is no such file.
+
+    Examples
+    --------
+    >>> nonlinear_of("drag.linear").parameters.names, nonlinear_of("rate.roll")
+    (('k_Dx', 'k_Dy'), None)
+    """
+    if isinstance(model, NonlinearStructure):
+        return model
+    if isinstance(model, LinearStructure):
+        return None
+    if str(model) in nonlinear_model_names():
+        return nonlinear_model(str(model))
+    path = Path(model)
+    if path.suffix != ".toml":
+        return None
+    found = structure_from_toml(read_text(path, needed="a model.toml, as identify writes it"), where=path.name)
+    return found if isinstance(found, NonlinearStructure) else None
+
+
 def resolve_model(
-    model: str | Path | LinearStructure,
+    model: Model,
     *,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
@@ -63,6 +99,13 @@ def resolve_model(
     """
     if isinstance(model, LinearStructure):
         return model
+    if (nonlinear := nonlinear_of(model)) is not None:
+        raise UsageError(
+            f"{nonlinear.name} came, which is nonlinear",
+            needed="a linear structure",
+            remedy="rotorid identify takes it by --model",
+        )
+    assert not isinstance(model, NonlinearStructure)
     path = Path(model)
     if path.suffix != ".toml":
         return named_model(str(model), inputs=inputs, outputs=outputs, decoupled=decoupled, logged=logged)
@@ -137,7 +180,7 @@ def named_model(
     return structure
 
 
-def finds_its_channels(model: str | Path | LinearStructure, inputs: Sequence[str] = ()) -> bool:
+def finds_its_channels(model: Model, inputs: Sequence[str] = ()) -> bool:
     """Whether a model takes its channels or its rotors from the logs, so that it is known only when they are read.
 
     Examples
@@ -145,7 +188,7 @@ def finds_its_channels(model: str | Path | LinearStructure, inputs: Sequence[str
     >>> [finds_its_channels(name) for name in ("response.first_order", "black_box:2", "physical.hover", "rate.roll")]
     [True, True, True, False]
     """
-    if inputs or isinstance(model, LinearStructure):
+    if inputs or isinstance(model, LinearStructure | NonlinearStructure):
         return False
     return str(model) in (*RESPONSE_MODELS, HOVER) or _BLACK_BOX.fullmatch(str(model)) is not None
 
@@ -231,7 +274,7 @@ def _unknown(model: str) -> ModelError:
             needed="a linear structure",
             remedy=f"rotorid identify LOG --model {MOTORS}, in Python rotorid.pipeline.identify_motors",
         )
-    names = (*RATE_AXES, *model_names(), MOTORS, *RESPONSE_MODELS)
+    names = (*RATE_AXES, *model_names(), MOTORS, *RESPONSE_MODELS, *nonlinear_model_names())
     near = [f"rate.{_AXES[model.lower()]}"] if model.lower() in _AXES else []
     near = near or difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
     return ModelError(
@@ -282,7 +325,7 @@ def require_known(structure: LinearStructure, settings: IdentifySettings) -> Non
         ) from None
 
 
-def chosen_parameters(structure: LinearStructure, settings: IdentifySettings) -> ParameterSet:
+def chosen_parameters(structure: LinearStructure | NonlinearStructure, settings: IdentifySettings) -> ParameterSet:
     """Parameters of a structure as the user wants them: freed, held or tied.
 
     Raises

@@ -450,6 +450,55 @@ def time_records(
     return TimeRecords(segments, data, hold, findings)
 
 
+def absolute_records(
+    flights: Sequence[Flight],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    settings: IdentifySettings,
+) -> TimeRecords:
+    """The same for a model that counts from no trim: inputs and outputs as they are, each record at its own rate.
+
+    Parameters
+    ----------
+    flights, settings
+        As for :func:`time_records`.
+    inputs, outputs
+        Channels of the model. An input that no log holds counts as zero, with a finding.
+
+    Raises
+    ------
+    InsufficientDataError
+        An output is missing, or gaps leave nothing.
+    UsageError
+        No hold is right for all records.
+    """
+    held = [name for name in inputs if any(holds(record, name) for record, _ in flights)]
+    absent = [name for name in inputs if name not in held]
+    channels = (*held, *outputs)
+    for record, _ in flights:
+        require_channels(record, channels)
+    even = [Flight(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flights]
+    parts = [_Cut([item], *cut([item], channels=channels, shifts=settings.shifts)) for item in even]
+    segments = tuple(replace(one, history=with_zeros(one.history, absent)) for part in parts for one in part.segments)
+    data = tuple(
+        TimeData(
+            name=one.record,
+            inputs=np.stack([one.history[name] for name in inputs]),
+            outputs=np.stack([one.history[name] for name in outputs]),
+            sample_rate_hz=one.history.sample_rate_hz,
+        )
+        for one in segments
+    )
+    lacking = [
+        remark("missing_channel", name, f"No log holds {name}; it was taken as zero all the time.") for name in absent
+    ]
+    findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels), *lacking)
+    sent = [one for part in parts for one in part.held(held)]
+    hold = _hold(sent, segments) if settings.hold == "auto" else settings.hold
+    return TimeRecords(segments, data, hold, findings)
+
+
 class _Cut(NamedTuple):
     """Maneuvers of one rate, with the records that they were cut out of."""
 
