@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rotorid.cli.command import command_line
-from rotorid.cli.console import print_findings, progress
-from rotorid.cli.options import Output
+from rotorid.cli.command import carry_out, command_line
+from rotorid.cli.console import default_folder, print_findings, progress
+from rotorid.cli.options import ForPaper, Map, Output
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
+from rotorid.errors import UsageError
 from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices, plan_choices
+from rotorid.pipeline.settings import FlySettings, parse_segments
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan
     from rotorid.documents.design import SimulationDocument
+    from rotorid.documents.flown import FlownDocument
+    from rotorid.pipeline.results import IdentifiedModel
 
 _NO_PLAN = "none"
 EVERYDAY = "everyday"
@@ -29,7 +33,7 @@ def simulate_command(
     vehicle: Annotated[
         list[str],
         typer.Argument(
-            metavar="VEHICLE...",
+            metavar="VEHICLE...|RESULT...",
             help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or results of identify.",
         ),
     ],
@@ -43,11 +47,41 @@ def simulate_command(
             "sweep and two doublets on every axis; of a vehicle behind set-points random binary signals on all]",
         ),
     ] = None,
+    log: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--log",
+            help="Fly results of identify through the inputs of this log, beside what was measured there. Repeatable.",
+        ),
+    ] = None,
+    map: Map = None,
+    segment: Annotated[
+        list[str] | None,
+        typer.Option("--segment", help="AXIS:START:STOP of --log to fly, in log seconds. Repeatable."),
+    ] = None,
+    pieces: Annotated[
+        float | None,
+        typer.Option("--pieces", help="With --log: seconds after which a simulation begins anew. [default: by model]"),
+    ] = None,
     flight: Annotated[dict[str, Any], SimulateChoices],
     air: Air,
     output: Output,
+    paper: ForPaper,
 ) -> None:
-    """Fly a vehicle in simulation, and write its log as its autopilot would have."""
+    """Fly a vehicle in simulation, and write its log as its autopilot would have; or a model through a log."""
+    if log:
+        _refuse_of_logs(plan, like, air, flight)
+        settings = FlySettings(segments=parse_segments(segment or []), pieces_s=pieces, seed=flight["seed"])
+        _fly_log(vehicle, log, map=map, settings=settings, output=output, paper=paper)
+        return
+    given = {"--map": map, "--segment": segment, "--pieces": pieces}
+    if wrong := [name for name, value in given.items() if value]:
+        raise UsageError(f"{', '.join(wrong)} came without --log", needed="the log that a model is flown through")
+    if plan not in (None, _NO_PLAN, EVERYDAY) and like is None and (models := _fliers(vehicle)):
+        _fly_plan(models, Path(plan or ""), vehicle, seed=flight["seed"], output=output, paper=paper)
+        return
+    if paper.figures or paper.tables:
+        raise UsageError("--figures or --tables came for a simulated log", needed="them with --log, or with identify")
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind, to_json, write_rig_simulation, write_simulation
@@ -76,19 +110,26 @@ def simulate_command(
         _print(document, made.folder)
 
 
-def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> None:
-    """The rig has one experiment of its own.
+def _refuse_of_logs(plan: str | None, like: str | None, air: Air, flight: dict[str, Any]) -> None:
+    """A log says what the inputs are: no plan, no air, no numbers of a vehicle.
 
     Raises
     ------
     UsageError
-        An option of flights was given.
+        An option of simulated flights was given.
     """
-    from rotorid.errors import UsageError
+    asked = {"--plan": plan is not None, "--like": like is not None, **_of_flights(air, flight)}
+    if given := [name for name, value in asked.items() if value]:
+        raise UsageError(
+            f"{', '.join(given)} came with --log",
+            needed="no more than --map, --segment, --pieces, --seed: a model flies through what the log holds",
+        )
 
+
+def _of_flights(air: Air, flight: dict[str, Any]) -> dict[str, bool]:
+    """Options of simulated flights, and whether they were given."""
     usual = SimulateChoices(vehicle=RIG)
-    asked = {
-        "--plan": plan is not None,
+    return {
         "--duration": flight["duration_s"] is not None,
         "--wind": air.mean_m_s != Air().mean_m_s,
         "--turbulence": air.turbulence_m_s != Air().turbulence_m_s,
@@ -98,6 +139,122 @@ def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> No
         "--format": flight["format"] is not None,
         "--stick": flight["stick"] != usual.stick,
     }
+
+
+def _models(results: list[str]) -> list[IdentifiedModel]:
+    """Results that identify wrote.
+
+    Raises
+    ------
+    UsageError
+        One is none.
+    """
+    from rotorid.documents.result import load
+
+    if wrong := [one for one in results if not Path(one).exists()]:
+        raise UsageError(f"{wrong[0]} came with --log", needed="results of identify, each a folder or its result.json")
+    return [load(one) for one in results]
+
+
+def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
+    """Results that fly plans by themselves, since set-points are their inputs; none where these are vehicles."""
+    from rotorid.documents.result import load
+    from rotorid.pipeline.flown_models import flies_plans
+
+    folders = [Path(one) for one in vehicle]
+    if not all((one / "result.json").is_file() if one.is_dir() else one.name == "result.json" for one in folders):
+        return []
+    models = [load(one) for one in folders]
+    drags = [one for one in models if one.nonlinear is not None and not flies_plans(one)]
+    others = [one for one in models if one not in drags]
+    return models if others and all(map(flies_plans, others)) else []
+
+
+def _fly_log(
+    results: list[str], logs: list[Path], *, map: Path | None, settings: FlySettings, output: Output, paper: ForPaper
+) -> None:
+    """Fly an identified model through logs, and write what it did beside what was measured."""
+    from rotorid.documents.flown import FLOWN, flown_document, refused_flown_document
+    from rotorid.pipeline.flown_models import fly_log, one_model, refused_flight
+    from rotorid.report.files import write_flown
+    from rotorid.report.publication import of_flown
+
+    models = _models(results)
+    name = one_model(models)[0].name
+    title = f"{name} through {', '.join(log.name for log in logs)}"
+    carry_out(
+        logs,
+        mapping=map,
+        output=output,
+        folder=default_folder(logs, f"flown-{name}"),
+        file=FLOWN,
+        compute=lambda records: fly_log(models, records, settings=settings),
+        write=lambda folder, flown: write_flown(folder, flown, title=title),
+        refused=lambda error, records: refused_flown_document(refused_flight(error, records, name, settings)),
+        document=flown_document,
+        show=_print_flown,
+        paper=paper,
+        publication=of_flown,
+    )
+
+
+def _fly_plan(
+    models: list[IdentifiedModel], plan: Path, results: list[str], *, seed: int, output: Output, paper: ForPaper
+) -> None:
+    """Fly an identified model through a plan, and write what it did."""
+    from rotorid.documents.design import read_plan
+    from rotorid.documents.flown import FLOWN, flown_document
+    from rotorid.pipeline.flown_models import fly_plan
+    from rotorid.report.files import write_flown
+    from rotorid.report.publication import of_flown
+
+    wanted = read_plan(plan)
+    carry_out(
+        [],
+        output=output,
+        folder=Path("rotorid-out") / f"flown-{Path(results[0]).resolve().name}",
+        file=FLOWN,
+        compute=lambda _: fly_plan(models, wanted, settings=FlySettings(seed=seed)),
+        write=lambda folder, flown: write_flown(folder, flown, title=f"{flown.model.name} through {wanted.name}"),
+        refused=lambda error, _: error,
+        document=flown_document,
+        show=_print_flown,
+        paper=paper,
+        publication=of_flown,
+    )
+
+
+def _print_flown(document: FlownDocument, folder: Path) -> None:
+    """How each output was followed, findings, where the files are."""
+    from rich.table import Table
+
+    from rotorid.cli.console import output_console
+
+    console = output_console()
+    table = Table(title=f"{document.model} flown", title_justify="left", box=None, pad_edge=False)
+    for name in ("flight", "seconds", "pieces", "output", "fit %", "TIC"):
+        table.add_column(name, justify="left" if name in ("flight", "output") else "right")
+    for one in document.flights:
+        flight = f"{one.record} from {one.start_s:.1f} s", f"{one.stop_s - one.start_s:.1f}", str(one.pieces)
+        for output, scores in one.scores.items():
+            table.add_row(*flight, output, f"{scores.nrmse_fit_percent:.0f}", f"{scores.tic:.2f}")
+        if not one.scores:
+            table.add_row(*flight, "", "", "")
+    console.print(table)
+    print_findings(document.findings)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+    console.print(f"signals: {folder / 'flown.npz'}", soft_wrap=True, markup=False)
+
+
+def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> None:
+    """The rig has one experiment of its own.
+
+    Raises
+    ------
+    UsageError
+        An option of flights was given.
+    """
+    asked = {"--plan": plan is not None, **_of_flights(air, flight)}
     if given := [name for name, value in asked.items() if value]:
         raise UsageError(
             f"{', '.join(given)} came for the rig, which does not fly",

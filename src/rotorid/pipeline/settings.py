@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rotorid.typing import Axis
     from rotorid.verification.sampled import LowPass
 
-Settings = TypeVar("Settings", bound="MeasureSettings")
+Settings = TypeVar("Settings", bound="MeasureSettings | FlySettings")
 Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
 """A choice as a provenance holds it."""
 
@@ -650,6 +650,49 @@ MethodChoice: TypeAlias = Literal[
     "auto", "frequency", "output_error", "prediction_error", "equation_error", "accelerations"
 ]
 HoldChoice: TypeAlias = Literal["auto", "zero", "first"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlySettings(Immutable):
+    """Choices of one run of :func:`rotorid.pipeline.flown_models.fly_log`.
+
+    Parameters
+    ----------
+    segments
+        Intervals to fly in place of the longest flight of each log.
+    pieces_s
+        Seconds after which a simulation begins anew; by default whole flights where the model allows it.
+    hold
+        What inputs do between their samples, as in :class:`IdentifySettings`.
+    seed
+        Of the draws for the bands.
+
+    Raises
+    ------
+    UsageError
+        A number is out of range.
+    """
+
+    segments: "tuple[Maneuver, ...]" = ()
+    pieces_s: float | None = None
+    hold: HoldChoice = "auto"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_seed(self.seed)
+        if self.pieces_s is not None and not 0.0 < self.pieces_s < math.inf:
+            raise UsageError(f"pieces of {self.pieces_s:g} s came", needed="a finite length above zero")
+        self._set(segments=tuple(self.segments))
+
+    def as_json(self) -> dict[str, Setting]:
+        """The choices for the provenance of a result."""
+        return {
+            "segments": [f"{m.axis}:{float(m.start_s)!r}:{float(m.stop_s)!r}" for m in self.segments],
+            "pieces_s": self.pieces_s,
+            "hold": self.hold,
+            "seed": self.seed,
+        }
+
 
 _STARTS = re.compile(r"default|central|(sobol|random):[1-9]\d*")
 

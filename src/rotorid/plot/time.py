@@ -26,6 +26,7 @@ from rotorid.plot.figure import (
     stacked,
     stamps,
     text,
+    translucent,
 )
 from rotorid.typing import FloatArray
 from rotorid.verification.closed_loop import ClosedLoop
@@ -130,6 +131,60 @@ def simulated(
         for row, name in enumerate(input_names)
     ]
     return stacked(panels, x_axis=TIME_AXIS)
+
+
+def flown(
+    time_s: FloatArray,
+    inputs: FloatArray,
+    measured: FloatArray,
+    model: FloatArray,
+    band: tuple[FloatArray, FloatArray],
+    *,
+    input_names: Sequence[str],
+    output_names: Sequence[str],
+    held: bool = False,
+) -> Figure:
+    """Outputs of a flight, measured where they were, beside those of a model with its band; the inputs below.
+
+    Parameters
+    ----------
+    time_s
+        Shape ``(samples,)``.
+    inputs, measured, model
+        Shapes ``(u, samples)`` and twice ``(y, samples)``, SI units; rows of ``measured`` that are no numbers are left
+        out.
+    band
+        Lower and upper edge, shapes ``(y, samples)``.
+    input_names, output_names
+        Names of the rows.
+    held
+        Whether inputs are drawn as steps.
+    """
+    panels = []
+    for row, name in enumerate(output_names):
+        edges = [
+            line(time_s, edge[row], name, words="band of the parameters, 95 %", color=MODEL, width=0.0) for edge in band
+        ]
+        shade: Trace = {"hoverinfo": "skip", "fillcolor": translucent(MODEL, _FLOWN_OPACITY)}
+        filled: Trace = {**edges[1], **shade, "fill": "tonexty", "showlegend": row == 0}
+        traces = [{**edges[0], "hoverinfo": "skip"}, filled]
+        if np.isfinite(measured[row]).all():
+            words = "measured"
+            traces.append(line(time_s, measured[row], name, words=words, color=MEASURED, legend=row == 0))
+        traces.append(line(time_s, model[row], name, words="model", color=MODEL, legend=row == 0, dash="5 3"))
+        panels.append(Panel(label=quantity(name).label, traces=traces, height_px=150))
+    panels += [
+        Panel(
+            label=quantity(name).label,
+            traces=(_driven(line(time_s, inputs[row], name, words="input", color=INPUT, legend=row == 0), held),),
+            height_px=85,
+        )
+        for row, name in enumerate(input_names)
+    ]
+    return stacked(panels, x_axis=TIME_AXIS)
+
+
+_FLOWN_OPACITY = 0.22
 
 
 def _driven(trace: Trace, held: bool) -> Trace:

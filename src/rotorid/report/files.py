@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rotorid.documents.design import DesignDocument, SimulationDocument
     from rotorid.pipeline.designs import Designed
     from rotorid.pipeline.flight_settings import DesignChoices, SimulateChoices
+    from rotorid.pipeline.flown_models import FlownModel
     from rotorid.pipeline.responses import Responses
     from rotorid.pipeline.results import IdentifiedModel
     from rotorid.plans.facts import Autopilot, FlightFacts
@@ -142,6 +143,7 @@ _KINDS: Mapping[str, ResultKind] = {
     "response.json": ResultKind(mains=("response.json",), schema="rotorid.response/", files=_BESIDE),
     "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_BESIDE),
     "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_BESIDE),
+    "flown.json": ResultKind(mains=("flown.json",), schema="rotorid.flown/", files=("flown.npz", *_BESIDE)),
     "delay.json": ResultKind(mains=("delay.json",), schema="rotorid.delay/", files=("figures/*", "tables/*")),
     "design.json": ResultKind(
         mains=("design.json",), schema="rotorid.design/", files=("design.html",), listed=_of_plans
@@ -399,6 +401,37 @@ def write_simulation(
         files["plan.json"] = lambda path: write_atomically(path, text)
     write_together(folder, {**files, "simulation.json": conclude})
     return documents[0]
+
+
+def write_flown(folder: Path, flown: FlownModel, *, title: str) -> None:
+    """Write ``flown.json``, ``flown.npz`` and ``report.html`` of a model that flew.
+
+    Parameters
+    ----------
+    folder
+        Where they go.
+    flown
+        What flew.
+    title
+        Heading of the page.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written.
+    """
+    from rotorid.documents.flown import FLOWN, SIGNALS, flown_arrays, flown_document
+    from rotorid.report.flown import render_flown
+
+    text, page = to_json(flown_document(flown)), render_flown(flown, title=title)
+    write_together(
+        folder,
+        {
+            SIGNALS: lambda path: write_npz(path, flown_arrays(flown)),
+            FLOWN: lambda path: write_atomically(path, text),
+            "report.html": lambda path: write_atomically(path, page),
+        },
+    )
 
 
 def write_rig_simulation(folder: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:

@@ -22,6 +22,7 @@ from rotorid.report.tables import (
 
 if TYPE_CHECKING:
     from rotorid.pipeline.comparison import Comparison
+    from rotorid.pipeline.flown_models import FlownModel
     from rotorid.pipeline.responses import Responses
     from rotorid.pipeline.results import IdentifiedModel
     from rotorid.pipeline.verification import Verified
@@ -86,6 +87,15 @@ def of_verification(verified: Verified) -> Publication:
     return Publication(
         pictures=_named(pictures_of(verified.found)), tables=verification_tables(verify_document(verified))
     )
+
+
+def of_flown(flown: FlownModel) -> Publication:
+    """Of a model flown through logs: positions, velocities and attitude, and their scores."""
+    from rotorid.documents.flown import flown_document
+    from rotorid.report.flown import flown_table, pictures_of
+
+    table = flown_table(flown_document(flown))
+    return Publication(pictures=_named(pictures_of(flown)), tables=(table,) if table.rows else ())
 
 
 def of_comparison(compared: Comparison) -> Publication:

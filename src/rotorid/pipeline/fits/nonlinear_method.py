@@ -106,10 +106,12 @@ class NonlinearData(NamedTuple):
 
     Parameters
     ----------
+    whole
+        The model with all outputs that need no further parameters, such as positions beside velocities.
     structure
         Of the outputs that are fitted.
     parameters
-        All of the model, as the user wants them; those that nothing moves are held.
+        Of both, as the user wants them; those that nothing moves are held.
     flights
         What was flown.
     records
@@ -118,6 +120,7 @@ class NonlinearData(NamedTuple):
         Remarks on the way.
     """
 
+    whole: NonlinearStructure
     structure: NonlinearStructure
     parameters: ParameterSet
     flights: tuple[Flight, ...]
@@ -142,7 +145,9 @@ class FittedNonlinear(Immutable):
     Parameters
     ----------
     model
-        The structure, with its identified values.
+        The whole structure, with its identified values.
+    outputs
+        Those that were fitted.
     fit
         End of the search; of several pieces where they were asked for.
     bounds
@@ -158,6 +163,7 @@ class FittedNonlinear(Immutable):
     """
 
     model: NonlinearStructure
+    outputs: tuple[str, ...]
     fit: NonlinearFit
     bounds: Bounds
     simulated: tuple[SimulatedRecord, ...]
@@ -178,7 +184,7 @@ class FittedNonlinear(Immutable):
     @cached_property
     def fit_percent(self) -> dict[str, float]:
         """Output to the share of its motion that the model explains, over all records."""
-        return explained_percents(self.model.outputs, self.simulated)
+        return explained_percents(self.outputs, self.simulated)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +220,10 @@ class Nonlinear:
             )
         # Neither motor lag nor delay of a small multirotor is asked of drag and flight.
         told = [finding for finding in flown.findings if "needed_hz" not in finding.numbers]
-        return NonlinearData(structure, parameters, flights, flown, (*told, *left, *held))
+        known = set(structure.parameters.names)
+        more = [name for name in model.outputs if set(model.select([name]).parameters.names) <= known]
+        whole = model.select([name for name in model.outputs if name in more or name in outputs])
+        return NonlinearData(whole, structure, parameters, flights, flown, (*told, *left, *held))
 
     def fit(self, data: NonlinearData) -> FittedNonlinear:
         """Fit all records together, bound the parameters, and fit each record alone."""
@@ -236,7 +245,8 @@ class Nonlinear:
         alone = self._alone(data, fit)
         scattered = disagreements(alone)
         fitted = FittedNonlinear(
-            model=replace(structure, parameters=fit.estimate.parameters),
+            model=replace(data.whole, parameters=fit.estimate.parameters),
+            outputs=structure.outputs,
             fit=fit,
             bounds=widened(bounds, scattered),
             simulated=_simulated(fit, records),
@@ -299,16 +309,16 @@ class Nonlinear:
         structure, solution = fitted.structure, fitted.fit.solution
         response, problem = no_response(structure), fitted.fit.problem
         noise = np.sqrt(problem.noise.diagonal())
-        outputs = len(fitted.model.outputs)
+        outputs = len(fitted.outputs)
         numbers = len(fitted.bounds.names) + problem.most_unknowns + outputs * (outputs + 1) // 2
         likelihood = log_likelihood(problem)
         alone = {one.record: one for one in fitted.alone}
-        fits = record_fits(fitted.simulated, data.records, fitted.model.outputs)
+        fits = record_fits(fitted.simulated, data.records, fitted.outputs)
         linear = fitted.structure.parameters
         return Described(
             fit=Fit(
                 method="output_error",
-                outputs=fitted.model.outputs,
+                outputs=fitted.outputs,
                 end=FitEnd(
                     weights="likelihood",
                     outcome=solution.outcome.value,
@@ -323,11 +333,11 @@ class Nonlinear:
                     replace(one, parameters=_estimates(alone.get(f"{one.record} at {one.start_s:.1f} s"), fitted.model))
                     for one in fits
                 ),
-                noise=dict(zip(fitted.model.outputs, map(float, noise), strict=True)),
+                noise=dict(zip(fitted.outputs, map(float, noise), strict=True)),
                 log_likelihood=likelihood,
                 information=information_of(likelihood, numbers, problem.samples * outputs),
                 residuals=residual_colors(
-                    fitted.simulated, fitted.model.outputs, fitted.bounds, data.records.data[0].sample_rate_hz
+                    fitted.simulated, fitted.outputs, fitted.bounds, data.records.data[0].sample_rate_hz
                 ),
                 minima=searched_minima(fitted.search),
                 search=search_summary(fitted.search),

@@ -270,11 +270,11 @@ def _simulating(
         return _black_box(structure, order, records, settings, unknowns_of(structure))
     length_s = settings.pieces_s
     if length_s is None:
-        length_s = _piece_s(structure, parameters, records.data)
+        length_s = piece_s(structure, parameters, records.data)
     search = None
     for _ in range(_ROUNDS):
         fitted_s = length_s
-        problem = _posed(structure, parameters, records, fitted_s)
+        problem = posed_in_pieces(structure, parameters, records, fitted_s)
         search = search or searched(problem, settings)
         starts = [parameters.pack()] if seeded else []
         # The own starts of a large model lead nowhere that its responses have not shown.
@@ -283,7 +283,7 @@ def _simulating(
         starts += [one.theta for one in search.minima] if search else []
         fit = fit_output_error(problem, starts=starts)
         parameters, seeded = fit.parameters, True
-        needed = _piece_s(structure, parameters, records.data)
+        needed = piece_s(structure, parameters, records.data)
         if settings.pieces_s is not None or _about_as_long(fitted_s, needed):
             break
         length_s = needed
@@ -296,9 +296,10 @@ def _about_as_long(length_s: float | None, needed_s: float | None) -> bool:
     return needed_s / _ALIKE < length_s < _ALIKE * needed_s
 
 
-def _posed(
+def posed_in_pieces(
     structure: LinearStructure, parameters: ParameterSet, records: TimeRecords, length_s: float | None
 ) -> TimeProblem:
+    """Records, or pieces of about one length of them, simulated by a structure."""
     data = records.data if length_s is None else tuple(p for one in records.data for p in one.pieces(length_s))
     return TimeProblem(
         structure=structure, parameters=parameters, records=data, hold=records.hold, unknowns=unknowns_of(structure)
@@ -333,8 +334,8 @@ def _predicting(
     # A noise on its bound has no effect any more, and none on what is known of the model.
     kept = ((theta > low) & (theta < high)) | (np.arange(theta.size) < len(parameters.free))
     parts = [part._replace(slopes=part.slopes[:, :, kept]) for part in problem.parts(theta)]
-    length_s = settings.pieces_s or _piece_s(structure, fit.parameters, records.data)
-    shown = _posed(structure, fit.parameters, records, length_s).with_noise(fit.noise_covariance)
+    length_s = settings.pieces_s or piece_s(structure, fit.parameters, records.data)
+    shown = posed_in_pieces(structure, fit.parameters, records, length_s).with_noise(fit.noise_covariance)
     noise_numbers = int(kept.sum()) - len(parameters.free)
     return _Ended(shown, fit.solution, parts, fit.log_likelihood, length_s, noise_numbers=noise_numbers, search=search)
 
@@ -356,8 +357,8 @@ def _by_equations(
     domain = InTime() if band_rad_s is None else InBand(band_rad_s=band_rad_s)
     fit = fit_equation_error(structure, parameters, records.data, domain=domain, hold=records.hold)
     found = _without(fit.parameters, fit.left)
-    length_s = settings.pieces_s or _piece_s(structure, found, records.data)
-    problem = _posed(structure, found, records, length_s)
+    length_s = settings.pieces_s or piece_s(structure, found, records.data)
+    problem = posed_in_pieces(structure, found, records, length_s)
     errors = np.hstack([one.record.outputs - one.predicted for one in problem.predicted(found.pack())])
     noise = errors @ errors.T / errors.shape[1] + _LEAST_NOISE * problem.noise
     problem = problem.with_noise(noise)
@@ -424,7 +425,7 @@ def unknowns_of(structure: LinearStructure) -> tuple[InitialCondition, ...]:
     return ("initial_state", "output_shift")
 
 
-def _piece_s(structure: LinearStructure, parameters: ParameterSet, data: Sequence[TimeData]) -> float | None:
+def piece_s(structure: LinearStructure, parameters: ParameterSet, data: Sequence[TimeData]) -> float | None:
     """Length of pieces in which the fastest growing mode stays small; ``None`` where whole records do."""
     growth_1_s = growth(structure, parameters)
     longest_s = max(record.duration_s for record in data)

@@ -1,0 +1,91 @@
+"""``flown.json``, schema ``rotorid.flown/1``: an identified model flown through logs or a plan, as a document."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.pipeline.flown_models import FlownModel
+from rotorid.pipeline.results import Refused
+from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.verification.verification import Scores
+
+FLOWN, SIGNALS = "flown.json", "flown.npz"
+
+
+class FlownFlightDocument(Document):
+    """One flight: where it lies in its log, how often the simulation began anew, and how each output was followed.
+
+    ``signals`` is the prefix of its arrays in ``flown.npz``: ``time_s``, ``inputs``, ``measured``, ``simulated``,
+    ``lower`` and ``upper``, with rows in the order of ``inputs`` and ``outputs``.
+    """
+
+    record: str
+    start_s: float
+    stop_s: float
+    samples: int
+    sample_rate_hz: float
+    pieces: int
+    inputs: list[str]
+    outputs: list[str]
+    scores: dict[str, Scores] = Field(default_factory=dict)
+    signals: str
+
+
+class FlownDocument(Document):
+    """``flown.json``: what a model does with the inputs of logs, beside what was measured, or with those of a plan."""
+
+    schema_name: Annotated[Literal["rotorid.flown/1"], Field(alias="schema")] = "rotorid.flown/1"
+    model: str
+    parameters: dict[str, ParameterEstimate] = Field(default_factory=dict)
+    flights: list[FlownFlightDocument] = Field(default_factory=list)
+    findings: list[FindingDocument] = Field(default_factory=list)
+    provenance: ProvenanceDocument
+
+
+def flown_document(flown: FlownModel) -> FlownDocument:
+    """A flown model as ``flown.json`` holds it."""
+    return FlownDocument(
+        model=flown.model.name,
+        parameters=dict(flown.model.parameters),
+        flights=[
+            FlownFlightDocument(
+                record=one.record,
+                start_s=one.maneuver.start_s,
+                stop_s=one.maneuver.stop_s,
+                samples=one.time_s.size,
+                sample_rate_hz=one.sample_rate_hz,
+                pieces=len(one.starts),
+                inputs=list(one.input_names),
+                outputs=list(one.output_names),
+                scores=dict(one.scores),
+                signals=f"flight_{number + 1}",
+            )
+            for number, one in enumerate(flown.stretches)
+        ],
+        findings=[FindingDocument.model_validate(finding) for finding in flown.findings],
+        provenance=ProvenanceDocument.model_validate(flown.provenance),
+    )
+
+
+def refused_flown_document(refused: Refused) -> FlownDocument:
+    """The document of logs that a model cannot fly through: its findings say why."""
+    return FlownDocument(
+        model=refused.name,
+        findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
+        provenance=ProvenanceDocument.model_validate(refused.provenance),
+    )
+
+
+def flown_arrays(flown: FlownModel) -> Mapping[str, np.ndarray]:
+    """All signals, as ``flown.npz`` holds them."""
+    kinds = ("time_s", "inputs", "measured", "simulated", "lower", "upper")
+    return {
+        f"flight_{number + 1}/{kind}": np.asarray(getattr(one, kind))
+        for number, one in enumerate(flown.stretches)
+        for kind in kinds
+    }

@@ -1,0 +1,168 @@
+"""The page of ``simulate RESULT --log``: what a model does with the inputs of a flight, beside what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from rotorid.documents.flown import FlownDocument, flown_document
+from rotorid.pipeline.flown_models import FlownModel, FlownStretch
+from rotorid.plot.figure import quantity
+from rotorid.plot.time import flown as drawn
+from rotorid.report.frame import Picture, render, significant
+from rotorid.report.parts import finding_rows
+from rotorid.report.tables import Column, Table
+from rotorid.report.words import Verdict, prediction_verdict
+
+_POSITIONS = ("north", "east", "down")
+_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down", "velocity_forward", "velocity_right", "u", "v", "w")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlownScore:
+    """How one output was followed, as a row."""
+
+    output: str
+    tic: str
+    fit: str
+    rms: str
+    verdict: Verdict | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlownFlight:
+    """One flight on the page."""
+
+    name: str
+    interval: str
+    pieces: int
+    scores: tuple[FlownScore, ...]
+    pictures: tuple[Picture, ...]
+
+
+def render_flown(flown: FlownModel, *, title: str) -> str:
+    """The report as one HTML document, which holds everything it shows and lets no text of a log act.
+
+    Parameters
+    ----------
+    flown
+        What flew.
+    title
+        Heading of the page.
+    """
+    document = flown_document(flown)
+    flights = [_flight(one, number) for number, one in enumerate(flown.stretches)]
+    return render(
+        "flown.html",
+        title=title,
+        document=document,
+        sentences=flown_sentences(document),
+        flights=flights,
+        remarks=finding_rows(document.findings),
+        pictures=[picture for one in flights for picture in one.pictures],
+    )
+
+
+def pictures_of(flown: FlownModel) -> list[Picture]:
+    """All pictures of the page."""
+    return [picture for number, one in enumerate(flown.stretches) for picture in _flight(one, number).pictures]
+
+
+def flown_sentences(document: FlownDocument) -> tuple[str, ...]:
+    """What was found, in sentences."""
+    sentences = []
+    for one in document.flights:
+        if not one.scores:
+            words = f"{document.model} flew {one.record} for {significant(one.stop_s - one.start_s)} s."
+            sentences.append(f"{words} Nothing was measured to hold against it.")
+            continue
+        best = ", ".join(
+            f"{quantity(name).words} {significant(scores.nrmse_fit_percent, digits=2)} %"
+            for name, scores in one.scores.items()
+        )
+        how = "from its first sample on" if one.pieces == 1 else f"in {one.pieces} pieces"
+        sentences.append(
+            f"Flown through {significant(one.stop_s - one.start_s)} s of {one.record} {how}, {document.model} follows "
+            f"the motion by: {best}."
+        )
+    return tuple(sentences)
+
+
+def flown_table(document: FlownDocument) -> Table:
+    """Scores of each flight and output."""
+    rows = [
+        (one.record, one.start_s, one.stop_s, name, scores.nrmse_fit_percent, scores.tic, scores.rms)
+        for one in document.flights
+        for name, scores in one.scores.items()
+    ]
+    return Table(
+        name="flown",
+        caption="How the model follows each output when it is flown through the inputs of the log; 100 % is perfect.",
+        columns=(
+            Column("record", "Record"),
+            Column("start_s", "From [s]"),
+            Column("stop_s", "To [s]"),
+            Column("output", "Output"),
+            Column("fit_percent", "Fit [%]"),
+            Column("tic", "TIC"),
+            Column("rms", "RMS of the error"),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _flight(one: FlownStretch, number: int) -> FlownFlight:
+    return FlownFlight(
+        name=one.record,
+        interval=f"{one.maneuver.start_s:.1f} to {one.maneuver.stop_s:.1f} s",
+        pieces=len(one.starts),
+        scores=tuple(_scores(one)),
+        pictures=tuple(_pictures(one, number)),
+    )
+
+
+def _scores(one: FlownStretch) -> Sequence[FlownScore]:
+    return [
+        FlownScore(
+            output=quantity(name).words,
+            tic=significant(scores.tic, digits=2),
+            fit=significant(scores.nrmse_fit_percent),
+            rms=f"{significant(quantity(name).factor * scores.rms)} {quantity(name).unit}",
+            verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent),
+        )
+        for name, scores in one.scores.items()
+    ]
+
+
+def _kind(name: str) -> str:
+    if name in _POSITIONS:
+        return "positions"
+    return "velocities" if name in _VELOCITIES else "attitude and rates"
+
+
+def _pictures(one: FlownStretch, number: int) -> Sequence[Picture]:
+    """A picture of each kind of output: positions, velocities, attitude; the inputs stand below the last."""
+    ordered = sorted(one.output_names, key=lambda name: ("positions", "velocities").count(_kind(name)) == 0)
+    groups = [(kind, list(names)) for kind, names in groupby(ordered, key=_kind)]
+    found = []
+    for place, (kind, names) in enumerate(groups):
+        rows = [one.output_names.index(name) for name in names]
+        last = place == len(groups) - 1
+        found.append(
+            Picture(
+                key=f"flown-{number}-{kind.partition(' ')[0]}",
+                description=f"{kind.capitalize()} over time in {one.record}, measured and of the model with its band",
+                figure=drawn(
+                    one.time_s,
+                    one.inputs,
+                    one.measured[rows],
+                    one.simulated[rows],
+                    (one.lower[rows], one.upper[rows]),
+                    input_names=one.input_names if last else (),
+                    output_names=names,
+                    held=one.held,
+                ),
+            )
+        )
+    return found
