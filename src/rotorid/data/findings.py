@@ -148,6 +148,7 @@ KINDS: Mapping[str, Kind] = {
         "Reaches beyond the flight",
         "A maneuver reaches beyond the flight; as a warning, a part of it lay on the ground and was cut.",
     ),
+    "assumed_axis": Kind("info", "An axis was assumed", "What no result says of an axis of a flight was assumed."),
     "assumed_curve": Kind(
         "warning", "Assumed curve", "The curve of thrust over motor output was assumed, not identified."
     ),
@@ -231,6 +232,9 @@ KINDS: Mapping[str, Kind] = {
     "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
     "flat_bandwidth": Kind(
         "info", "A bandwidth that says little", "A response lies flat near −3 dB, so that its bandwidth says little."
+    ),
+    "flown_in_pieces": Kind(
+        "info", "Flown in pieces", "A simulation begins anew after some seconds, since errors would add up beyond use."
     ),
     "gap": Kind("warning", "A gap in the data", "Samples are missing."),
     "held_out": Kind(

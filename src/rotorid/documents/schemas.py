@@ -10,6 +10,7 @@ from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
 from rotorid.documents.export import ExportDocument, ModelsDocument
+from rotorid.documents.flown import FlownDocument
 from rotorid.documents.inspection import InspectDocument, InspectionsDocument
 from rotorid.documents.response import ResponseDocument
 from rotorid.documents.result import ResultDocument
@@ -34,6 +35,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.reviews-1": ReviewsDocument,
     "rotorid.export-1": ExportDocument,
     "rotorid.models-1": ModelsDocument,
+    "rotorid.flown-1": FlownDocument,
     "rotorid.vehicle-1": VehicleFile,
 }
 

@@ -26,6 +26,7 @@ from rotorid.models.motors import check_motor_constants as check_motor_constants
 from rotorid.models.motors import motor_parameters as motor_parameters
 from rotorid.models.motors import yaw_range as yaw_range
 from rotorid.models.nonlinear import NonlinearStructure as NonlinearStructure
+from rotorid.models.nonlinear import about_rest as about_rest
 from rotorid.models.nonlinear import flight_structure as flight_structure
 from rotorid.models.nonlinear import nonlinear_structure as nonlinear_structure
 from rotorid.models.parameter import Parameter as Parameter
@@ -61,4 +62,5 @@ from rotorid.models.thrust_curve import ardupilot_curve as ardupilot_curve
 from rotorid.models.thrust_curve import px4_curve as px4_curve
 from rotorid.models.toml import from_toml as from_toml
 from rotorid.models.toml import nonlinear_from_toml as nonlinear_from_toml
+from rotorid.models.toml import nonlinear_to_toml as nonlinear_to_toml
 from rotorid.models.toml import to_toml as to_toml

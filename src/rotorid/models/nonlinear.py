@@ -222,6 +222,22 @@ class NonlinearStructure(Immutable):
             [self.starts[state].evaluate(values) if state in self.starts else np.nan for state in self.states]
         )
 
+    def reached(self, names: Iterable[str]) -> frozenset[str]:
+        """States that some inputs or states move, directly or through others.
+
+        Examples
+        --------
+        >>> from rotorid.models.library import nonlinear_model
+        >>> sorted(nonlinear_model("flight.first_order").reached(["r_setpoint"]))[-2:]
+        ['velocity_east', 'velocity_north']
+        """
+        rates = dict(zip(self.states, self.equations, strict=True))
+        given = frozenset(names)
+        found: frozenset[str] = frozenset()
+        while new := frozenset(state for state, rate in rates.items() if rate.names & (found | given)) - found:
+            found |= new
+        return found
+
     @cached_property
     def _delays(self) -> Entries:
         return Entries(self.input_delays, self.parameters.names, self.constants)

@@ -17,6 +17,10 @@ from rotorid.pipeline.designs import read_prior as read_prior
 from rotorid.pipeline.flight_settings import DesignChoices as DesignChoices
 from rotorid.pipeline.flight_settings import PlanChoices as PlanChoices
 from rotorid.pipeline.flight_settings import SimulateChoices as SimulateChoices
+from rotorid.pipeline.flown_models import FlownModel as FlownModel
+from rotorid.pipeline.flown_models import FlownStretch as FlownStretch
+from rotorid.pipeline.flown_models import fly_log as fly_log
+from rotorid.pipeline.flown_models import fly_plan as fly_plan
 from rotorid.pipeline.identification import identify as identify
 from rotorid.pipeline.identification import identify_motors as identify_motors
 from rotorid.pipeline.inspection import inspect as inspect
@@ -31,6 +35,7 @@ from rotorid.pipeline.responses import Responses as Responses
 from rotorid.pipeline.responses import response as response
 from rotorid.pipeline.results import IdentifiedModel as IdentifiedModel
 from rotorid.pipeline.results import Segment as Segment
+from rotorid.pipeline.settings import FlySettings as FlySettings
 from rotorid.pipeline.settings import IdentifySettings as IdentifySettings
 from rotorid.pipeline.settings import MeasureSettings as MeasureSettings
 from rotorid.pipeline.settings import MotorChoices as MotorChoices

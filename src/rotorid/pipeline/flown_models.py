@@ -62,6 +62,8 @@ _BAND = (2.5, 97.5)
 _MOTORS_PIECE_S = 2.0
 _PLAN_RATE_HZ = 100.0
 _YAW_LAG_S = 0.2
+_START_ROUNDS = 3
+"""Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
 
 Flown: TypeAlias = str | IdentifiedModel
 
@@ -294,7 +296,7 @@ def fly_plan(
         output_names=outputs,
         held=True,
     )
-    lost = [remark("unused_channel", what, f"The plan moves {what}, which the model does not have.") for what in left]
+    lost = [remark("unused_choice", what, f"The plan moves {what}, which the model does not have.") for what in left]
     return FlownModel(
         model=model,
         stretches=(stretch,),
@@ -335,7 +337,7 @@ def _fly_nonlinear(
         problem = NonlinearProblem(
             structure=seen, parameters=_held(equations.parameters), records=tuple(pieces), scheme=scheme
         )
-        starts = fit_nonlinear(problem).estimate.starts
+        starts = fit_nonlinear(problem, rounds=_START_ROUNDS).estimate.starts
         whole = np.zeros((len(pieces), len(equations.states)))
         for number, piece in enumerate(pieces):
             first = dict(zip(seen.outputs, piece.outputs[:, 0].tolist(), strict=True))
@@ -663,7 +665,7 @@ def one_model(
     if "psi_dot" not in axes:
         axes["psi_dot"] = _yaw_lag()
         message = f"No result says how the yaw rate answers; a lag of {_YAW_LAG_S:g} s was taken."
-        findings.append(remark("assumed", "psi_dot", message))
+        findings.append(remark("assumed_axis", "psi_dot", message))
     if lost := [axis for axis in FLIGHT_AXES if axis not in axes]:
         raise UsageError(f"{names} do not say how {' and '.join(lost)} answers", needed=needed)
     drag = {name: drags[0].parameters[name].value for name in ("k_Dx", "k_Dy")}

@@ -29,6 +29,10 @@ from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores, Verification
 
 
+_START_ROUNDS = 3
+"""Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
+
+
 def whole_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flight, ...]:
     """Intervals that were given, in every log that they reach into; else the longest flight of each log.
 
@@ -82,7 +86,7 @@ def simulated_through(
     problem = NonlinearProblem(
         structure=structure, parameters=held, records=records.data, scheme=Scheme(hold=records.hold)
     )
-    fit = fit_nonlinear(problem)
+    fit = fit_nonlinear(problem, rounds=_START_ROUNDS)
     pairs = zip(records.segments, fit.problem.predicted(fit.solution.theta), strict=True)
     shown = tuple(
         SimulatedRecord(
@@ -132,6 +136,8 @@ def verified_through(
 
 def _verification(shown: SimulatedRecord, structure: NonlinearStructure) -> Verification:
     maneuver = replace(shown.maneuver, start_s=float(shown.time_s[0]), stop_s=float(shown.time_s[-1]))
+    driven = [name for name, row in zip(structure.inputs, shown.inputs, strict=True) if np.ptp(row) > 0.0]
+    moved, seen = structure.reached(driven), zip(structure.outputs, structure.output_equations, strict=True)
     return Verification(
         record=shown.record,
         maneuver=maneuver,
@@ -145,9 +151,7 @@ def _verification(shown: SimulatedRecord, structure: NonlinearStructure) -> Veri
             name: output_scores(measured, simulated)
             for name, measured, simulated in zip(structure.outputs, shown.measured, shown.simulated, strict=True)
         },
-        moved=tuple(
-            name for name, measured in zip(structure.outputs, shown.measured, strict=True) if np.ptp(measured) > 0.0
-        ),
+        moved=tuple(name for name, one in seen if one.names & (moved | set(driven)) or not driven),
     )
 
 

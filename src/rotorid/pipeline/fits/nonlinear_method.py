@@ -398,7 +398,7 @@ def _outputs(
         )
     remarks = [
         remark(
-            "output_left_out",
+            "outputs_left_out",
             name,
             f"{name} integrates {rates[name]}, which is fitted, and was left out; --outputs names others.",
         )
@@ -436,7 +436,7 @@ def _held_at_rest(
     still = [name for name in structure.inputs if name not in moving]
     if not still or not moving:
         return parameters, ()
-    asleep = _reached(structure, still) - _reached(structure, moving)
+    asleep = structure.reached(still) - structure.reached(moving)
     rows = dict(zip(structure.states, structure.equations, strict=True))
     delays = dict(zip(structure.inputs, structure.input_delays, strict=True))
     awake = [*(one for state, one in rows.items() if state not in asleep), *(delays[name] for name in moving)]
@@ -449,15 +449,6 @@ def _held_at_rest(
     return parameters, tuple(
         remark("no_excitation", name, f"{words}, so {name} was held at {parameters[name].value:g}.") for name in held
     )
-
-
-def _reached(structure: NonlinearStructure, inputs: Sequence[str] | set[str]) -> set[str]:
-    """States that some inputs move, directly or through others."""
-    rates = dict(zip(structure.states, structure.equations, strict=True))
-    found: set[str] = set()
-    while new := {state for state, rate in rates.items() if rate.names & (found | set(inputs))} - found:
-        found |= new
-    return found
 
 
 def _posed(
