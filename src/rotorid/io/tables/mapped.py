@@ -18,6 +18,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver,
 from rotorid.errors import LogError, UsageError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.tables.mapping import ChannelMapping, Clock, MappedAttitude, MappedChannel, Segment, Series, nearest
+from rotorid.io.tables.steps import processed, told
 from rotorid.typing import AnyArray, FloatArray
 from rotorid.units import parse_unit
 
@@ -136,7 +137,7 @@ def _topic(
     arrays: Mapping[str, FloatArray],
     file: str,
 ) -> Topic:
-    meta = [Channel(name=channel.name, unit=channel.si, source=channel.samples.source) for channel in channels]
+    meta = [Channel(name=channel.name, unit=channel.si, source=told(channel.samples)) for channel in channels]
     rows = [_samples(channel.samples, arrays, channel.si, file) for channel in channels]
     if mapping.attitude is not None and mapping.attitude.time == time:
         meta += [Channel(name=name, unit="rad", source=mapping.attitude.parts[0].source) for name in _EULER]
@@ -149,6 +150,9 @@ def _topic(
                 needed="as many of the one as of the other",
                 remedy="name the right `time` in the mapping, or the right `row` or `column`",
             )
+    rows[: len(channels)] = [
+        processed(channel.samples, time_s, row, file) for channel, row in zip(channels, rows, strict=False)
+    ]
     values = np.stack(rows)
     # Of a long log, each copy of all samples is a good part of the memory.
     rows.clear()

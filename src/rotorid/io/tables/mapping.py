@@ -8,6 +8,7 @@ own in the documentation, ``docs/mapping.md``.
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,6 +45,10 @@ class Series:
         Which one of a matrix, counted from zero; at most one of them.
     file
         Path of the file below the folder of the log; empty for the log itself.
+    derivative
+        Whether the channel is the derivative of these numbers; their unit is then that of the derivative.
+    low_pass_hz
+        Cutoff of a zero-phase low-pass that the channel passes; ``None`` for none.
     """
 
     source: str
@@ -53,6 +58,8 @@ class Series:
     row: int | None = None
     column: int | None = None
     file: str = ""
+    derivative: bool = False
+    low_pass_hz: float | None = None
 
     def of_experiment(self, name: str) -> Series:
         """The same row in one of several experiments."""
@@ -227,7 +234,8 @@ class ChannelMapping:
 _SERIES_KEYS = ("source", "unit", "scale", "offset", "row", "column")
 FRAME_KEYS = ("frame", "world")
 _PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
-_CHANNEL_KEYS = (*_SERIES_KEYS, *_PLACE_KEYS)
+_STEPS = ("derivative", "low_pass_hz")
+_CHANNEL_KEYS = (*_SERIES_KEYS, *_STEPS, *_PLACE_KEYS)
 _VECTOR_KEYS = ("sources", "source", "by", "unit", "scale", *_PLACE_KEYS)
 
 _LARGEST_BYTES = 20_000
@@ -516,10 +524,27 @@ def _read_channel(name: str, value: object, frames: Frames, where: str) -> Mappe
     only_keys(values, _CHANNEL_KEYS, where)
     if name not in STANDARD_UNITS:
         _check_own_name(name, values, where)
-    series = replace(read_series(values, where, si=STANDARD_UNITS.get(name, "")), file=file_below(values, where))
+    series = replace(
+        read_series(values, where, si=STANDARD_UNITS.get(name, "")),
+        file=file_below(values, where),
+        **_steps(values, where),
+    )
     if name in STANDARD_UNITS:
         series = read_frames(values, where, frames).turned(name, series)
     return MappedChannel(name=name, samples=series, time=_own_time(values, where))
+
+
+def _steps(values: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """The keys ``derivative`` and ``low_pass_hz``: what a channel passes before anybody sees it."""
+    derivative = values.get("derivative", False)
+    if not isinstance(derivative, bool):
+        raise UsageError(f"{where} has `derivative` = {derivative!r}", needed="true or false", remedy="correct it")
+    cutoff_hz = number(values, "low_pass_hz", where)
+    if cutoff_hz is not None and not 0.0 < cutoff_hz < math.inf:
+        raise UsageError(
+            f"{where} has `low_pass_hz` = {cutoff_hz:g}", needed="a cutoff above zero", remedy="correct it"
+        )
+    return {"derivative": derivative, "low_pass_hz": cutoff_hz}
 
 
 def _read_vector(

@@ -28,7 +28,6 @@ from rotorid.typing import FloatArray
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores, Verification
 
-
 _START_ROUNDS = 3
 """Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
 
