@@ -19,8 +19,8 @@ BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
 
-STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result"}
-"""A logger, any command, and how the schemas of one result and of several begin."""
+STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown"}
+"""A logger, any command, how the schemas of one result and of several begin, and that of a flown model."""
 
 EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
 """Paths that stand for any."""

@@ -47,6 +47,8 @@ def signals(path: Path) -> dict[str, FloatArray]:
         "velocity_north": content["vx"],
         "velocity_east": -content["vy"],
         "velocity_down": -content["vz"],
+        # The paper takes the thrust for the weight.
+        "velocity_down_dot": np.zeros_like(roll),
         "time": content["Time_real"],
     }
 

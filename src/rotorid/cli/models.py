@@ -49,6 +49,9 @@ class _Listed(NamedTuple):
         }
 
 
+_WIDEST = 100
+"""Characters beyond which the list counts channels instead of naming them."""
+
 _RESPONSES = _Listed(
     "response.*",
     "From each set-point to what it is of: first_order, second_order or second_order_zero, with _delay or without.",
@@ -176,6 +179,8 @@ def _print_list(models: list[_Listed]) -> None:
     for model in [*(model for model in models if not model.name.startswith("response.")), _RESPONSES]:
         structure = model.structure
         channels = "" if structure is None else f"{' '.join(structure.inputs)} -> {' '.join(structure.outputs)}"
+        if structure is not None and len(channels) > _WIDEST:
+            channels = f"{len(structure.inputs)} inputs -> {len(structure.outputs)} outputs"
         table.add_row(model.name, channels, "" if structure is None else str(len(structure.parameters)), model.about)
     console = output_console()
     console.print(table)

@@ -291,8 +291,8 @@ def about_rest(structure: NonlinearStructure) -> LinearStructure:
     --------
     >>> from rotorid.models.library import nonlinear_model
     >>> hover = about_rest(nonlinear_model("flight.first_order"))
-    >>> hover.matrices(hover.parameters.values).F[3].tolist()[:8]
-    [0.0, 0.0, 0.0, -0.25, -0.0, 0.0, 0.0, -9.80665]
+    >>> hover.matrices(hover.parameters.values).poles().real.round(2).tolist()
+    [0.0, 0.0, 0.0, 0.0, -0.25, -0.33, -5.0, -5.0, -5.0, -5.0]
     """
     zero = dict.fromkeys((*structure.states, *structure.inputs), 0.0)
     values = {**structure.constants, **structure.parameters.values}

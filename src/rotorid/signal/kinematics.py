@@ -138,6 +138,8 @@ def ingredients(name: str, logged: Iterable[str]) -> tuple[str, ...]:
         return _OF_BODY_VELOCITY
     if name in _POSITION_OF:
         return (_POSITION_OF[name],)
+    if name == "velocity_down_dot":
+        return ("velocity_down",)
     if name in _OF_HEADING:
         horizontal = EARTH_VELOCITIES[:2]
         positions = tuple(_POSITION_OF[one] for one in horizontal)
@@ -204,7 +206,7 @@ def reconstruct(history: TimeHistory) -> TimeHistory:
     history = _with_heading_velocities(history)
     history = _with_body_velocities(history)
     made: dict[str, tuple[FloatArray, str]] = {}
-    for name in RATES:
+    for name in (*RATES, "velocity_down"):
         if name in history.names:
             made[f"{name}_dot"] = derivative(history[name], history.sample_rate_hz), name
     if has_channels(history, (*ACCELERATIONS, *RATES, *VELOCITIES, "phi", "theta")):

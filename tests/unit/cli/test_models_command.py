@@ -8,7 +8,14 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import rotorid
 
-from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, library_text, model_names, rate_model
+from rotorid.models.library import (
+    RATE_AXES,
+    RESPONSE_MODELS,
+    library_text,
+    model_names,
+    nonlinear_model_names,
+    rate_model,
+)
 from rotorid.models.toml import from_toml
 from rotorid.pipeline.preparation.resolve import resolve_model
 
@@ -44,6 +51,7 @@ def test_json_holds_the_same_and_nothing_else_comes() -> None:
         *NAMES,
         *RESPONSE_MODELS,
         "physical.motors",
+        *nonlinear_model_names(),
         "transfer:m/n",
         "black_box:N",
     ]
