@@ -14,7 +14,7 @@ NAMES = {
         *("verification", "identifiability", "findings", "provenance"),
         *("fit", "reduction", "correlation", "constants", "delays", "covered"),
         *("method", "hold", "pieces_s", "records", "noise", "log_likelihood", "information", "residuals", "minima"),
-        *("frequency_fit", "cross_validation", "equations", "search", "bootstrap", "motors", "controller"),
+        *("frequency_fit", "cross_validation", "equations", "search", "bootstrap", "motors", "derived", "controller"),
         "orders",
     },
     "ParameterEstimate": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"}

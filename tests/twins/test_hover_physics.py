@@ -91,3 +91,35 @@ def test_a_known_inertia_gives_the_rotors_with_their_own_errors(log: Path, model
         assert before is not None
         assert abs(one.value - TRUTH[name]) <= 3.0 * one.std, name
         assert one.std < before, name
+
+
+@pytest.mark.slow
+def test_yaw_alone_tells_the_motors_behind_it(log: Path) -> None:
+    """Inertia of a motor, torque and power of a rotor out of ``axis.yaw``, and the numbers of the publication."""
+    spread = {"I_zz": 0.03, "n_h": 0.01, "m": 0.004}
+    model = identify(
+        log,
+        "axis.yaw",
+        known={name: (TRUTH[name], share * TRUTH[name]) for name, share in spread.items()}
+        | {name: (TRUTH[name], 0.0) for name in ("k_n", "rho", "D")}
+        | {"k_omega_delta": (STEPS * 3.94, 0.0)},
+    )
+    assert model.derived is not None
+    truth = {
+        **TRUTH,
+        "kappa": TRUTH["c_P"] * TRUTH["D"] / (2.0 * math.pi * TRUTH["c_T"]),
+        "M_motor_omega": -42.21,
+        "N_omega": -0.5541,
+    }
+    for name in ("J_r", "c_P", "kappa", "M_motor_omega", "N_omega"):
+        one = model.derived.quantities[name]
+        # What is known is exactly true here, so that the part of the flight alone is what errs.
+        assert abs(one.value - truth[name]) <= 3.0 * one.std_identified, name
+        assert one.std >= one.std_identified
+
+
+@pytest.mark.slow
+def test_thrust_over_the_advance_ratio_holds_the_truth(model: IdentifiedModel) -> None:
+    assert model.derived is not None
+    for one in model.derived.thrust:
+        assert one.lower <= TRUTH["c_T"] + TRUTH["dc_T_dJ"] * one.advance_ratio <= one.upper

@@ -228,7 +228,8 @@ def _print_model(document: ResultDocument) -> None:
         print_findings([finding for finding in document.findings if finding.severity == "error"])
         return
     console.print(_table(document))
-    for line in (*_motors(document), *_fit(document), *_repeated(document), *_orders(document), *_verified(document)):
+    parts = (_motors, _derived, _fit, _repeated, _orders, _verified)
+    for line in (line for part in parts for line in part(document)):
         console.print(line)
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
@@ -283,6 +284,17 @@ def _motors(document: ResultDocument) -> Iterator[str]:
     ]
     yield ", ".join(told)
     yield f"rotors {document.motors.layout}, {document.motors.curve} thrust of {document.motors.source}"
+
+
+def _derived(document: ResultDocument) -> Iterator[str]:
+    """What follows from the parameters and what is known beside them."""
+    if (derived := document.derived) is None:
+        return
+    for name, one in derived.quantities.items():
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        yield f"{name} {one.value:.4g} ± {one.std:.2g}{unit}: {one.words}"
+    for name, needed in derived.missing.items():
+        yield f"{name} would follow with {', '.join(needed)} (--known {needed[0]}=VALUE:STD)"
 
 
 def _fit(document: ResultDocument) -> Iterator[str]:

@@ -32,6 +32,7 @@ from rotorid.pipeline.summary import (
     Cost,
     CrossValidationSummary,
     DelayBudget,
+    DerivedSummary,
     EquationFit,
     Fit,
     FitEnd,
@@ -112,6 +113,7 @@ class ResultDocument(Document):
     cross_validation: CrossValidationSummary | None = None
     identifiability: list[UnseenCombination] = Field(default_factory=list)
     motors: MotorPhysics | None = None
+    derived: DerivedSummary | None = None
     controller: ControllerSettings | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
@@ -154,6 +156,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         cross_validation=model.cross_validation,
         identifiability=list(model.combinations),
         motors=model.motors,
+        derived=model.derived,
         controller=model.controller,
         findings=[FindingDocument.model_validate(finding) for finding in model.findings],
         provenance=ProvenanceDocument.model_validate(model.provenance),
@@ -326,6 +329,7 @@ def identified_model(
         combinations=tuple(document.identifiability),
         motors=document.motors,
         nonlinear=nonlinear,
+        derived=document.derived,
         controller=document.controller,
         cross_validation=document.cross_validation,
         findings=tuple(Finding(**finding.model_dump()) for finding in document.findings),

@@ -6,6 +6,12 @@ from rotorid.models.black_box import black_box_pairs as black_box_pairs
 from rotorid.models.black_box import from_state_space as from_state_space
 from rotorid.models.controller import RateController as RateController
 from rotorid.models.controller import SteppedController as SteppedController
+from rotorid.models.derived import KNOWN_UNITS as KNOWN_UNITS
+from rotorid.models.derived import RELATIONS as RELATIONS
+from rotorid.models.derived import DerivedQuantities as DerivedQuantities
+from rotorid.models.derived import Relation as Relation
+from rotorid.models.derived import derived_quantities as derived_quantities
+from rotorid.models.derived import thrust_coefficient as thrust_coefficient
 from rotorid.models.equations import structure_from_equations as structure_from_equations
 from rotorid.models.expression import Expression as Expression
 from rotorid.models.expression import parse_expression as parse_expression

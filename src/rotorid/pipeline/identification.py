@@ -13,14 +13,16 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import described
+from rotorid.models.derived import require_useful
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.derivation import derivation, derivation_findings
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motor_method import Motors
 from rotorid.pipeline.fits.nonlinear_method import Nonlinear
 from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
 from rotorid.pipeline.preparation.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
-from rotorid.pipeline.provenance import provenance
+from rotorid.pipeline.provenance import Choices, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
 from rotorid.pipeline.settings import (
     HOVER,
@@ -104,6 +106,7 @@ def identify_by(
     told = method.describe(data, fitted)
     parameters = parameter_estimates(fitted.listed, fitted.bounds)
     _require_numbers(fitted.structure.name, parameters)
+    derived = derivation(fitted.listed, fitted.bounds, known=_known(method.settings), covered=told.covered)
     return IdentifiedModel(
         structure=fitted.structure,
         parameters=parameters,
@@ -120,12 +123,14 @@ def identify_by(
         ),
         motors=told.motors,
         nonlinear=told.nonlinear,
+        derived=derived,
         controller=controller_settings(records),
         findings=worst_first(
             [
                 *(finding for record in (*records, *verify) for finding in record.findings),
                 *data.findings,
                 *method.remarks(data, fitted, told),
+                *derivation_findings(derived),
                 *unseen.findings,
             ]
         ),
@@ -150,6 +155,11 @@ def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings |
         if found:
             return ControllerSettings(**described(found))
     return None
+
+
+def _known(settings: Choices) -> Mapping[str, tuple[float, float]]:
+    """What is known beside the parameters of a linear model."""
+    return settings.known if isinstance(settings, IdentifySettings) else {}
 
 
 def _require_numbers(model: str, parameters: Mapping[str, ParameterEstimate]) -> None:
@@ -213,6 +223,7 @@ def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifyS
         structure = hover_of_vehicle(records, settings)
     else:
         structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    require_useful(structure.parameters.names, settings.known, model=structure.name)
     name = settings.method
     if name == "auto":
         name = "output_error" if answers_setpoints(structure) else "frequency"

@@ -28,6 +28,7 @@ from rotorid.pipeline.summary import (
     ControllerSettings,
     CrossValidationSummary,
     DelayBudget,
+    DerivedSummary,
     Fit,
     MotorPhysics,
     PairCost,
@@ -220,6 +221,8 @@ class IdentifiedModel(Immutable):
     nonlinear
         The equations with their identified values, of a nonlinear model; ``structure`` is then its small motion about
         rest.
+    derived
+        What follows from the parameters and from what was known beside them.
     controller
         What the first log says of the controller that flew.
     cross_validation
@@ -253,6 +256,7 @@ class IdentifiedModel(Immutable):
     combinations: tuple[UnseenCombination, ...] = ()
     motors: MotorPhysics | None = None
     nonlinear: NonlinearStructure | None = None
+    derived: DerivedSummary | None = None
     controller: ControllerSettings | None = None
     cross_validation: CrossValidationSummary | None = None
     findings: tuple[Finding, ...] = ()

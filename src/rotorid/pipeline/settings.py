@@ -157,6 +157,25 @@ def parse_fix(texts: Sequence[str]) -> dict[str, float]:
     return fixed
 
 
+def parse_known(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Read ``NAME=VALUE`` or ``NAME=VALUE:STD`` once or more; a value without a standard deviation is exact.
+
+    Examples
+    --------
+    >>> parse_known(("I_zz=0.012:0.0004", "k_n=100"))
+    {'I_zz': (0.012, 0.0004), 'k_n': (100.0, 0.0)}
+    """
+    wanted = "NAME=VALUE or NAME=VALUE:STD, such as I_zz=0.012:0.0004"
+    known = {}
+    for name, text in _assignments(texts, wanted).items():
+        value, colon, std = text.partition(":")
+        try:
+            known[name] = (float(value), float(std) if colon else 0.0)
+        except ValueError:
+            raise UsageError(f"{f'{name}={text}'!r} cannot be read", needed=wanted) from None
+    return known
+
+
 def parse_ties(texts: Sequence[str]) -> dict[str, str]:
     """Read ``NAME=EXPRESSION`` once or more.
 
@@ -709,6 +728,9 @@ class IdentifySettings(MeasureSettings):
         As in :class:`MeasureSettings`.
     fix
         Parameters held at given values.
+    known
+        Value and standard deviation of what no log tells, such as an inertia or the speed of the rotors, from which
+        more follows; see :mod:`rotorid.models.derived`.
     ties
         Parameters that follow others: name to an expression such as ``-L_p``.
     correct_filters
@@ -758,6 +780,16 @@ class IdentifySettings(MeasureSettings):
 
     fix: Annotated[
         Mapping[str, float], Option("--fix", help="NAME=VALUE to hold. Repeatable.", parse=parse_fix, repeats=True)
+    ] = field(default_factory=dict)
+    known: Annotated[
+        Mapping[str, tuple[float, float]],
+        Option(
+            "--known",
+            help="NAME=VALUE or NAME=VALUE:STD of what no log tells, such as I_zz=0.012:0.0004; motors, rotors and "
+            "thrust follow with it. Repeatable.",
+            parse=parse_known,
+            repeats=True,
+        ),
     ] = field(default_factory=dict)
     ties: Annotated[
         Mapping[str, str],
@@ -880,7 +912,7 @@ class IdentifySettings(MeasureSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        mappings = ("fix", "ties", "constants", "pairs", "pair_weights")
+        mappings = ("fix", "known", "ties", "constants", "pairs", "pair_weights")
         self._set(
             free=as_names(self.free), outputs=as_names(self.outputs), **{name: getattr(self, name) for name in mappings}
         )
@@ -908,6 +940,8 @@ class IdentifySettings(MeasureSettings):
             name: True for name in ("correct_filters", "correct_sensors") if getattr(self, name)
         }
         asked |= {"runs": self.runs} if self.runs is not None else {}
+        if self.known:
+            asked["known"] = [f"{name}={float(value)!r}:{float(std)!r}" for name, (value, std) in self.known.items()]
         return (
             super().as_json()
             | asked

@@ -11,6 +11,7 @@ from typing import Any
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.derived import useful_known
 from rotorid.models.library import RATE_AXES
 from rotorid.models.parameter import no_such
 from rotorid.models.structure import LinearStructure
@@ -196,6 +197,7 @@ def _known(structure: LinearStructure) -> dict[str, frozenset[str]]:
     responses = frozenset(f"{output}/{source}" for output in structure.outputs for source in structure.inputs)
     return {
         "fix": parameters,
+        "known": useful_known(parameters),
         "ties": parameters,
         "constants": frozenset(structure.constants),
         "pairs": responses,
@@ -230,6 +232,7 @@ def require_known_by_any(models: Sequence[str | Path | LinearStructure], setting
 
 _KINDS = {
     "fix": "parameter",
+    "known": "known quantity",
     "ties": "parameter",
     "constants": "constant",
     "pairs": "response",

@@ -384,6 +384,53 @@ class Correlation:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class KnownQuantity:
+    """A quantity that was given beside the logs, with one standard deviation."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DerivedQuantity:
+    """A quantity that follows from parameters and known ones; ``std_identified`` is the part of the parameters."""
+
+    value: float
+    std: float
+    std_identified: float
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ThrustPoint:
+    """Thrust coefficient at an advance ratio, its standard deviation and interval of 95 %; was it flown, if known."""
+
+    advance_ratio: float
+    c_T: float
+    std: float
+    lower: float
+    upper: float
+    flown: bool | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DerivedSummary:
+    """What follows from the parameters and from what is known beside them.
+
+    ``correlation`` is that of ``quantities``; ``missing`` names what else must be known for a quantity of which the
+    model has the derivatives. ``thrust`` is the thrust coefficient over the advance ratio, where its slope is there.
+    """
+
+    known: Mapping[str, KnownQuantity] = field(default_factory=dict)
+    quantities: Mapping[str, DerivedQuantity] = field(default_factory=dict)
+    correlation: Correlation | None = None
+    missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    thrust: tuple[ThrustPoint, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class FitEnd:
     """How the fit went.
 

@@ -189,25 +189,12 @@ def thrust_curve(
             f"outputs of shape {outputs.shape} came with thrust of {thrust_n.shape} and deviations of {std_n.shape}",
             needed="three rows of equal length",
         )
-    edges = np.concatenate([thrust_n + std_n, (thrust_n - std_n)[::-1]])
-    band: Trace = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": numbers(np.concatenate([outputs, outputs[::-1]])),
-        "y": numbers(edges),
-        "fill": "toself",
-        "fillcolor": translucent(MODEL, 0.22),
-        "line": {"width": 0, "color": MODEL},
-        "hoverinfo": "skip",
-        "name": "± 1 σ",
-        "showlegend": True,
-    }
     inside = (outputs >= flown[0]) & (outputs <= flown[1])
     # The neighbors join the pieces.
     beyond = ~inside | ~np.roll(inside, 1) | ~np.roll(inside, -1)
     at_hover = float(np.interp(hover, outputs, thrust_n))
     traces = [
-        band,
+        _band(outputs, thrust_n, std_n),
         _curve(outputs, np.where(inside, thrust_n, np.nan), "flown", "solid"),
         _curve(outputs, np.where(beyond, thrust_n, np.nan), "extrapolated", "dot"),
         _mark(hover, at_hover),
@@ -221,6 +208,58 @@ def thrust_curve(
         level=weight_n,
     )
     return stacked([panel], x_axis={"title": {"text": axis}, "rangemode": "tozero"})
+
+
+def thrust_over_inflow(
+    advance_ratio: FloatArray, c_T: FloatArray, std: FloatArray, *, flown: tuple[float, float] | None
+) -> Figure:
+    """Thrust coefficient of a rotor over its advance ratio with one standard deviation, shaded where it was flown.
+
+    Parameters
+    ----------
+    advance_ratio
+        Ascending, positive in climb, shape ``(n,)``.
+    c_T, std
+        Coefficient and its standard deviation, shape ``(n,)``.
+    flown
+        Lowest and highest ratio of the flights, where that is known.
+
+    Raises
+    ------
+    UsageError
+        Shapes differ.
+    """
+    if advance_ratio.ndim != 1 or not advance_ratio.shape == c_T.shape == std.shape:
+        raise UsageError(
+            f"ratios of shape {advance_ratio.shape} came with values of {c_T.shape} and deviations of {std.shape}",
+            needed="three rows of equal length",
+        )
+    line: Trace = {
+        **_curve(advance_ratio, c_T, "thrust coefficient", "solid"),
+        "hovertemplate": "%{x:.3~g}<br>%{y:.4~g}",
+    }
+    panel = Panel(
+        label="Thrust coefficient of a rotor" + ("; shaded: flown" if flown else ""),
+        traces=[_band(advance_ratio, c_T, std), line],
+        height_px=_CURVE_PX,
+        shaded=(flown,) if flown else (),
+    )
+    return stacked([panel], x_axis={"title": {"text": "Advance ratio J = −w/(nD), positive in climb"}})
+
+
+def _band(x: FloatArray, y: FloatArray, std: FloatArray) -> Trace:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": numbers(np.concatenate([x, x[::-1]])),
+        "y": numbers(np.concatenate([y + std, (y - std)[::-1]])),
+        "fill": "toself",
+        "fillcolor": translucent(MODEL, 0.22),
+        "line": {"width": 0, "color": MODEL},
+        "hoverinfo": "skip",
+        "name": "± 1 σ",
+        "showlegend": True,
+    }
 
 
 def _curve(outputs: FloatArray, thrust_n: FloatArray, words: str, dash: str) -> Trace:

@@ -38,6 +38,7 @@ from rotorid.pipeline.summary import (
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
+from rotorid.report.derived import DerivedShown, derived_shown
 from rotorid.report.frame import MISSING, Picture, milliseconds, percent, render, significant, unit
 from rotorid.report.motors import MotorsShown, motors_shown
 from rotorid.report.parts import (
@@ -621,6 +622,7 @@ class Section:
     search: SearchShown | None = None
     bootstrap: BootstrapShown | None = None
     motors: MotorsShown | None = None
+    derived: DerivedShown | None = None
 
     @property
     def far_from_truth(self) -> bool:
@@ -633,6 +635,7 @@ class Section:
         single = (*(self.search.pictures if self.search else ()), self.poles_picture, self.correlation)
         return (
             *(self.motors.pictures if self.motors else ()),
+            *((self.derived.picture,) if self.derived and self.derived.picture else ()),
             *(self.time.all_pictures if self.time else ()),
             *self.responses,
             *self.folded_responses,
@@ -701,6 +704,7 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
         maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
         time=None if document.motors else time_fits(shown, key=f"{anchor}-time"),
         motors=motors_shown(shown, key=f"{anchor}-motors"),
+        derived=derived_shown(document.derived, key=f"{anchor}-thrust-coefficient"),
         crossed=crossed(document.cross_validation),
         search=search_shown(document.search, key=f"{anchor}-search-cost"),
         bootstrap=bootstrap_shown(document),

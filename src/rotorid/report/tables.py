@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rotorid.documents.response import ResponseDocument
     from rotorid.documents.result import ResultDocument
     from rotorid.documents.verify import VerifyDocument
-    from rotorid.pipeline.summary import ManeuverCheck, MotorPhysics
+    from rotorid.pipeline.summary import DerivedSummary, ManeuverCheck, MotorPhysics
 
 TableFormat: TypeAlias = Literal["csv", "tex"]
 TABLE_FORMATS: tuple[TableFormat, ...] = ("csv", "tex")
@@ -275,6 +275,7 @@ def result_tables(document: ResultDocument) -> tuple[Table, ...]:
         _search_runs(document),
         _folds(document),
         *(motor_tables(document.motors) if document.motors else ()),
+        *(derived_tables(document.derived) if document.derived else ()),
     )
     return tuple(table for table in found if table is not None and table.rows)
 
@@ -679,6 +680,53 @@ def motor_tables(motors: MotorPhysics) -> tuple[Table, ...]:
         symbols=("parameter",),
     )
     return derived, both
+
+
+def derived_tables(derived: DerivedSummary) -> tuple[Table, ...]:
+    """What follows from parameters and known quantities, and the thrust coefficient over the advance ratio."""
+    quantities = Table(
+        name="derived",
+        caption="What follows from the parameters and from what is known beside them, with one standard deviation.",
+        columns=(
+            Column("quantity", "Quantity"),
+            Column("value", "Value"),
+            Column("std", "Std", _two),
+            Column("std_identified", "of the parameters", _two),
+            Column("unit", "Unit"),
+            Column("meaning", "Meaning"),
+        ),
+        rows=tuple(
+            (name, one.value, one.std, one.std_identified, one.unit, one.words)
+            for name, one in derived.quantities.items()
+        ),
+        errors={"value": "std"},
+        symbols=("quantity",),
+    )
+    thrust = Table(
+        name="thrust_coefficient",
+        caption="Thrust coefficient over the advance ratio, with one standard deviation and an interval of 95 %.",
+        columns=(
+            Column("advance_ratio", "Advance ratio"),
+            Column("c_T", "Coefficient"),
+            Column("std", "Std", _two),
+            Column("lower", "Lower"),
+            Column("upper", "Upper"),
+            Column("flown", "Flown"),
+        ),
+        rows=tuple(
+            (
+                one.advance_ratio,
+                one.c_T,
+                one.std,
+                one.lower,
+                one.upper,
+                "unknown" if one.flown is None else "yes" if one.flown else "no",
+            )
+            for one in derived.thrust
+        ),
+        errors={"c_T": "std"},
+    )
+    return quantities, thrust
 
 
 _BOTH_WAYS = ("plain_first", "plain_second", "corrected_first", "corrected_second")

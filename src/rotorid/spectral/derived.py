@@ -318,7 +318,9 @@ def selected(
             needed=f"a band within {response.omega_rad_s[0]:g}:{response.omega_rad_s[-1]:g} rad/s",
         )
     columns = [_row(response.inputs, name, "input") for name in kept_inputs]
-    pairs = np.ix_([_row(response.outputs, name, "output") for name in kept_outputs], columns)
+    rows = [_row(response.outputs, name, "output") for name in kept_outputs]
+    pairs = np.ix_(rows, columns)
+    errors, changes = response.sensor_errors, response.slope_changes
     note = () if band_rad_s is None else (f"band {low:g}:{high:g} rad/s selected",)
     down, across = (index.ravel() for index in pairs)
     return replace(
@@ -334,6 +336,8 @@ def selected(
         processing=(*response.processing, *note),
         output_correlation=_at(response.output_correlation, across, down, down, points),
         input_correlation=_at(response.input_correlation, across, across, points, points),
+        sensor_errors=None if errors is None else errors[rows],
+        slope_changes=None if changes is None else changes[columns][:, points],
         disturbance=None,
     )
 

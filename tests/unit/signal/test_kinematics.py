@@ -184,7 +184,10 @@ def test_body_velocities_are_turned_exactly() -> None:
     for name in ("u", "v", "w"):
         # Attitudes up to a radian: the rotation is that of direction cosines, not of small angles.
         np.testing.assert_allclose(made[name], channels[name], atol=1e-12)
-    assert made.channels[made.names.index("w")].source == "reconstructed from velocity_north, velocity_east, velocity_down and attitude"
+    assert (
+        made.channels[made.names.index("w")].source
+        == "reconstructed from velocity_north, velocity_east, velocity_down and attitude"
+    )
 
 
 def test_accelerations_follow_from_earth_velocities_too() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -178,6 +179,14 @@ def test_selected_pairs_keep_their_numbers() -> None:
     np.testing.assert_array_equal(part.values, response.values[[1, 0]][:, [1], 1:3])
     np.testing.assert_array_equal(part.covariance, response.covariance[[1, 0]][:, [1], 1:3, 1:3])
     assert part.processing == ("band 5:11 rad/s selected",)
+
+
+def test_selected_pairs_keep_errors_of_sensors_and_changes_of_the_slope() -> None:
+    errors, changes = np.arange(4.0).reshape(2, 2), np.arange(2.0 * OMEGA.size).reshape(2, -1)
+    response = replace(measured(), sensor_errors=errors, slope_changes=changes)
+    part = selected(response, outputs=["theta"], inputs=["thrust_command"], band_rad_s=(5.0, 11.0))
+    np.testing.assert_array_equal(part.sensor_errors, errors[[1]])
+    np.testing.assert_array_equal(part.slope_changes, changes[[1]][:, 1:3])
 
 
 def test_all_is_selected_when_nothing_is_said() -> None:

@@ -1,0 +1,94 @@
+"""What a page says of quantities behind the parameters: motors, rotors, and thrust over the advance ratio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.pipeline.summary import DerivedSummary, ThrustPoint
+from rotorid.plot.motors import thrust_over_inflow
+from rotorid.report.frame import Picture, significant, unit, with_error
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class QuantityRow:
+    """A quantity with its deviation, and the part of that which the parameters bring."""
+
+    name: str
+    words: str
+    value: str
+    identified: str
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ThrustRow:
+    """The thrust coefficient at an advance ratio."""
+
+    advance_ratio: str
+    value: str
+    interval: str
+    flown: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DerivedShown:
+    """Quantities, what they were made with, what is missing, and thrust over the advance ratio."""
+
+    rows: tuple[QuantityRow, ...]
+    known: str
+    missing: tuple[str, ...]
+    thrust: tuple[ThrustRow, ...]
+    picture: Picture | None
+
+
+def derived_shown(derived: DerivedSummary | None, *, key: str) -> DerivedShown | None:
+    """Nothing where nothing follows and nothing was known.
+
+    Parameters
+    ----------
+    derived
+        Of a result.
+    key
+        Of its picture on the page.
+    """
+    if derived is None:
+        return None
+    known = (
+        f"{name} = {with_error(one.value, one.std)} {unit(one.unit)}".strip() for name, one in derived.known.items()
+    )
+    return DerivedShown(
+        rows=tuple(
+            QuantityRow(
+                name=name,
+                words=one.words,
+                value=with_error(one.value, one.std),
+                identified=significant(one.std_identified, digits=2),
+                unit=unit(one.unit),
+            )
+            for name, one in derived.quantities.items()
+        ),
+        known=", ".join(known),
+        missing=tuple(f"{name} would follow with {', '.join(needed)}" for name, needed in derived.missing.items()),
+        thrust=tuple(
+            ThrustRow(
+                advance_ratio=significant(one.advance_ratio),
+                value=with_error(one.c_T, one.std),
+                interval=f"{significant(one.lower)} to {significant(one.upper)}",
+                flown={True: "yes", False: "no", None: "unknown"}[one.flown],
+            )
+            for one in derived.thrust
+        ),
+        picture=_picture(derived.thrust, key) if derived.thrust else None,
+    )
+
+
+def _picture(thrust: tuple[ThrustPoint, ...], key: str) -> Picture:
+    flown = [one.advance_ratio for one in thrust if one.flown]
+    ratio, value, std = (np.array([getattr(one, name) for one in thrust]) for name in ("advance_ratio", "c_T", "std"))
+    return Picture(
+        key=key,
+        description="Thrust coefficient over the advance ratio, with one standard deviation",
+        figure=thrust_over_inflow(ratio, value, std, flown=(min(flown), max(flown)) if flown else None),
+    )
