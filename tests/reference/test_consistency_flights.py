@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import rotorid
 from rotorid.data.record import AXES, FlightRecord, Maneuver
@@ -127,6 +128,54 @@ def test_planted_sensor_errors_come_back_and_derivatives_with_them(px4: FlightRe
     assert was.std is not None
     assert gain.std >= 0.99 * was.std
     assert corrected.provenance.settings["correct_sensors"] is True
+
+
+PLACE_M = (0.015, -0.015, 0.015)
+
+
+def displaced(record: FlightRecord) -> FlightRecord:
+    """A log whose accelerometer sits 15 mm before, left of and below the place where it flew."""
+    gyros = next(topic for topic in record.topics if {"p", "q", "r"} <= {channel.name for channel in topic.channels})
+    names = [channel.name for channel in gyros.channels]
+    once = np.concatenate([[True], np.diff(gyros.time_s) > 0.0])
+    stamps = gyros.time_s[once]
+    rates = [CubicSpline(stamps, gyros.values[names.index(name)][once]) for name in "pqr"]
+    topics = []
+    for topic in record.topics:
+        rows = {channel.name: row for row, channel in enumerate(topic.channels)}
+        values = topic.values.copy()
+        if {"ax", "ay", "az"} <= set(rows):
+            inside = np.clip(topic.time_s, stamps[0], stamps[-1])
+            turning = np.stack([rate(inside) for rate in rates], axis=1)
+            faster = np.stack([rate(inside, 1) for rate in rates], axis=1)
+            moved = np.cross(faster, PLACE_M) + np.cross(turning, np.cross(turning, PLACE_M))
+            for column, name in enumerate(("ax", "ay", "az")):
+                values[rows[name]] += moved[:, column]
+        topics.append(replace(topic, values=values))
+    return replace(record, topics=tuple(topics))
+
+
+@pytest.mark.slow
+def test_a_planted_place_comes_back_and_derivatives_know_its_error(px4: FlightRecord) -> None:
+    """Scale, bias, misalignment and place at once; what is left of them stands in the errors of the derivatives."""
+    clean = rotorid.identify(px4, "axis.roll", correct_sensors=True)
+    found = rotorid.identify(displaced(with_sensor_errors(px4)), "axis.roll", correct_sensors=True)
+    for axis, value in zip("yz", PLACE_M[1:], strict=True):
+        name = f"{axis} of accelerometer"
+        was, now = (
+            next(one.numbers for one in model.findings if (one.kind, one.where) == ("sensor_corrected", name))
+            for model in (clean, found)
+        )
+        # Both are of one flight, and err alike but for what the planted errors do.
+        assert abs(now["value"] - was["value"] - value) < 2.0 * now["std"], name
+    shapes = found.data.response.sensor_shapes
+    assert shapes is not None
+    level = np.sqrt(np.sum(np.abs(shapes) ** 2, axis=0))
+    assert level[found.data.response.outputs.index("ay")].max() > 0.005
+    for name in ("L_roll", "L_p", "L_v", "Y_v", "Y_p", "tau_roll", "T_motor"):
+        one, other = found.parameters[name], clean.parameters[name]
+        assert one.std is not None
+        assert abs(one.value - other.value) < one.std, name
 
 
 def test_sensors_are_not_corrected_for_a_fit_in_time(px4: FlightRecord) -> None:

@@ -101,6 +101,9 @@ class FrequencyResponse(Immutable):
     slope_changes
         How much more or less than in the mean each input may have done at the time when it moved at each frequency,
         as a logarithm, shape ``(u, f)``; ``None`` where that is not known.
+    sensor_shapes
+        What errors of sensors that were corrected leave in the responses, relative to these, one standard deviation
+        each and all independent of each other, shape ``(k, y, u, f)``; ``None`` where no sensor was corrected.
 
     Examples
     --------
@@ -130,6 +133,7 @@ class FrequencyResponse(Immutable):
     sample_rate_hz: float | None = None
     sensor_errors: FloatArray | None = None
     slope_changes: FloatArray | None = None
+    sensor_shapes: ComplexArray | None = None
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)
@@ -161,6 +165,12 @@ class FrequencyResponse(Immutable):
             if np.shape(self.slope_changes) != (u, f):
                 raise ValueError(f"slope_changes: shape {(u, f)} was needed and {np.shape(self.slope_changes)} came")
             self._set(slope_changes=read_only(self.slope_changes, np.float64, ndim=2))
+        if self.sensor_shapes is not None:
+            if np.shape(self.sensor_shapes)[1:] != (y, u, f):
+                raise ValueError(
+                    f"sensor_shapes: shape (k, {y}, {u}, {f}) was needed and {np.shape(self.sensor_shapes)} came"
+                )
+            self._set(sensor_shapes=read_only(self.sensor_shapes, np.complex128, ndim=4))
         self._set(
             omega_rad_s=omega,
             **arrays,

@@ -29,7 +29,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rotorid.data.base import Immutable
+from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import TimeHistory
 from rotorid.errors import InsufficientDataError
@@ -116,17 +116,23 @@ class SensorCorrection(Immutable):
         The same as errors of sensors, with their standard deviations.
     left
         Errors that the flight does not excite, by name.
+    unknowns
+        Shares :math:`D` as pairs of a sensor and the one that is added to it, and coordinates of the place as
+        ``("accelerometer", "x")`` ..., in the order of the covariance.
+    covariance
+        Of these, shape ``(n, n)``; rates and accelerometers err apart.
     """
+
+    def __post_init__(self) -> None:
+        self._set(unknowns=tuple(self.unknowns), covariance=read_only(self.covariance, np.float64, ndim=2))
 
     matrix: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     constant: Mapping[str, float] = field(default_factory=dict)
     place_m: Mapping[str, float] = field(default_factory=dict)
     terms: tuple[SensorTerm, ...] = ()
     left: tuple[str, ...] = ()
-
-    def scale_std(self, channel: str) -> float:
-        """Standard deviation of the scale that was corrected; zero where none was."""
-        return next((one.std for one in self.terms if one.kind == "scale" and one.channel == channel), 0.0)
+    unknowns: tuple[tuple[str, str], ...] = ()
+    covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def estimate_correction(
@@ -164,7 +170,17 @@ def estimate_correction(
         place_m=moved.place_m,
         terms=(*rates.terms, *moved.terms),
         left=(*rates.left, *moved.left),
+        unknowns=(*rates.unknowns, *moved.unknowns),
+        covariance=_blocks(rates.covariance, moved.covariance),
     )
+
+
+def _blocks(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Both on the diagonal of one matrix."""
+    whole = np.zeros((len(first) + len(second),) * 2)
+    whole[: len(first), : len(first)] = first
+    whole[len(first) :, len(first) :] = second
+    return whole
 
 
 def corrected_values(correction: SensorCorrection, channel: str, measured: Mapping[str, FloatArray]) -> FloatArray:
@@ -279,12 +295,17 @@ def _triad(histories: Sequence[TimeHistory], sensors: tuple[str, ...]) -> Sensor
         constant[channel], spread[channel] = _constant(lines, channel, found, covariance, chosen)
     terms = _terms(matrix, constant, spread, place, known)
     left = [_named(one) for one in unknowns if one not in chosen]
+    kept = [row for row, (_, term) in enumerate(chosen) if term not in _OF_FILTERS]
+    wider = std / np.sqrt(np.diag(covariance).clip(min=_TINY))
+    spread_of_all = (covariance * np.outer(wider, wider))[np.ix_(kept, kept)]
     return SensorCorrection(
         matrix=matrix,
         constant=constant,
         place_m=place,
         terms=terms,
         left=tuple(left),
+        unknowns=tuple(chosen[row] for row in kept),
+        covariance=spread_of_all,
     )
 
 

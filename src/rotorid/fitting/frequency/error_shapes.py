@@ -4,7 +4,8 @@ A structure that leaves something out errs alike at neighboring frequencies: in 
 of :math:`\ln \omega`, taken as a Gaussian process with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`,
 one octave. And no log says where within a sample a value belongs: every input and every output may be late by
 :math:`0.15 \, \Delta t`. A sensor that contradicts the kinematics of its log may be the wrong one of the two: its
-response may be off by all of the scale and all of the delay by which they differ. And the slope of thrust changes with
+response may be off by all of the scale and all of the delay by which they differ; one that was corrected is off by what
+is left of its errors, with their covariance. And the slope of thrust changes with
 its mean, for all inputs alike (:mod:`rotorid.pipeline.preparation.thrust_slope`). How large the smooth errors are, the
 residuals of a fit must tell (:mod:`rotorid.uncertainty.model_error`).
 """
@@ -17,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.fitting.problem import ErrorShapes
-from rotorid.typing import FloatArray, IntArray
+from rotorid.typing import ComplexArray, FloatArray, IntArray
 
 CLOCK_SAMPLES = 0.15
 """Standard deviation of a delay within a sample: hold and stamps are known no better."""
@@ -55,6 +56,7 @@ def response_error_shapes(
     sample_rate_hz: float | None,
     sensor_errors: FloatArray | None = None,
     slope_changes: FloatArray | None = None,
+    sensor_shapes: ComplexArray | None = None,
 ) -> ErrorShapes:
     """Shapes for points of frequency responses, whose residuals are magnitudes and then phases.
 
@@ -72,6 +74,8 @@ def response_error_shapes(
         Relative error of the scale and delay in seconds by which each output disagrees with other sensors, ``(y, 2)``.
     slope_changes
         By how much the slope of thrust may have been another one at each point, as a logarithm, shape ``(n,)``.
+    sensor_shapes
+        Relative errors that corrected sensors left at each point, one standard deviation each, shape ``(k, n)``.
     """
     count = omega_rad_s.size
     magnitude, phase = scale[:count], scale[count:]
@@ -94,6 +98,9 @@ def response_error_shapes(
     if slope_changes is not None:
         changed = np.concatenate([magnitude * slope_changes, np.zeros(count)])
         clocks = np.concatenate([clocks, changed[:, None]], axis=1)
+    if sensor_shapes is not None:
+        left = np.concatenate([magnitude * sensor_shapes.real, phase * sensor_shapes.imag], axis=1)
+        clocks = np.concatenate([clocks, left.T], axis=1)
     shapes = ErrorShapes(names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), known=clocks)
     return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
 

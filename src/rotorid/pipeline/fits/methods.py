@@ -323,7 +323,8 @@ class Frequency(_Linear[ResponseData]):
             findings += first.findings
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
         if sensors is not None:
-            measured = replace(measured, response=with_sensor_errors(measured.response, sensors.correction))
+            response = with_sensor_errors(measured.response, sensors.correction, flights, settings)
+            measured = replace(measured, response=response)
             findings += sensors.findings
         _PROGRESS.info(f"fitting {structure.name}")
         screened = pose_screened(structure, measured, settings, flights)

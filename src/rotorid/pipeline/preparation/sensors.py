@@ -19,6 +19,8 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import while_flying
+from rotorid.pipeline.preparation.measure import measure
+from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.clock import resample
 from rotorid.signal.kinematics import ACCELERATIONS, ATTITUDE, EARTH_VELOCITIES, RATES, VELOCITIES
 from rotorid.signal.sensor_correction import (
@@ -27,7 +29,7 @@ from rotorid.signal.sensor_correction import (
     correction_findings,
     estimate_correction,
 )
-from rotorid.typing import FloatArray
+from rotorid.typing import ComplexArray, FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 _SHORTEST_S = 10.0
@@ -70,13 +72,104 @@ def corrected_record(record: FlightRecord, correction: SensorCorrection) -> Flig
     return replace(record, topics=tuple(_corrected_topic(record, topic, correction) for topic in record.topics))
 
 
-def with_sensor_errors(response: FrequencyResponse, correction: SensorCorrection) -> FrequencyResponse:
-    """A response that knows how well the scales of its outputs were corrected."""
-    stds = np.array([[correction.scale_std(name), 0.0] for name in response.outputs])
-    if not stds.any():
+def with_sensor_errors(
+    response: FrequencyResponse,
+    correction: SensorCorrection,
+    flights: Sequence[Flight] = (),
+    settings: MeasureSettings | None = None,
+) -> FrequencyResponse:
+    """A response that knows how well scale, misalignment and place of its sensors were corrected.
+
+    Each error that is left moves an output by what its cause answers to the same input: a misalignment of q toward p by
+    the response of p, a place beside the center of gravity by the derivatives of rates.
+
+    Parameters
+    ----------
+    response
+        Of corrected logs.
+    correction
+        With its covariance.
+    flights, settings
+        Corrected maneuvers, and how responses are measured: for causes that are no outputs of the response. Those that
+        a log does not hold count as nothing.
+    """
+    root = _root(correction.covariance)
+    if not root.size or not any(_OF_SENSOR.get(name, name) in _TOUCHED for name in response.outputs):
         return response
-    known = response.sensor_errors
-    return replace(response, sensor_errors=stds if known is None else np.maximum(known, stds))
+    caused = {name: response.values[row] for row, name in enumerate(response.outputs)}
+    caused |= _further(response, correction, flights, settings)
+    each = np.stack([_moved(response, unknown, caused) for unknown in correction.unknowns])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.nan_to_num(each / response.values, nan=0.0, posinf=0.0, neginf=0.0)
+    return replace(response, sensor_shapes=np.einsum("nk,nyuf->kyuf", root, relative))
+
+
+_OF_SENSOR = {"u_dot": "ax", "v_dot": "ay", "w_dot": "az"}
+"""Outputs that are made of a sensor, and err as it does."""
+
+_TOUCHED = (*RATES, *ACCELERATIONS)
+
+# Of an accelerometer at x, y, z: the rate whose derivative it shows for each coordinate, with its sign.
+_LEVERS = {
+    "ax": {"y": ("r", -1.0), "z": ("q", 1.0)},
+    "ay": {"x": ("r", 1.0), "z": ("p", -1.0)},
+    "az": {"x": ("q", -1.0), "y": ("p", 1.0)},
+}
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Columns whose products sum to the covariance, shape ``(n, k)``."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _causes(unknown: tuple[str, str], output: str) -> tuple[str, float] | None:
+    """What an error of a sensor adds to an output: a channel, and the sign with which its derivative stands there.
+
+    A sign of zero is the channel itself.
+    """
+    sensor, term = unknown
+    if sensor == output:
+        return term, 0.0
+    if sensor == "accelerometer" and term in _LEVERS.get(output, {}):
+        return _LEVERS[output][term]
+    return None
+
+
+def _moved(response: FrequencyResponse, unknown: tuple[str, str], caused: Mapping[str, ComplexArray]) -> ComplexArray:
+    """The derivative of the responses by an error of a sensor, shape ``(y, u, f)``."""
+    moved = np.zeros(response.values.shape, dtype=np.complex128)
+    for row, name in enumerate(response.outputs):
+        found = _causes(unknown, _OF_SENSOR.get(name, name))
+        if found is not None and found[0] in caused:
+            channel, sign = found
+            # A place is taken out with its sign turned.
+            moved[row] = -sign * 1j * response.omega_rad_s * caused[channel] if sign else caused[channel]
+    return moved
+
+
+def _further(
+    response: FrequencyResponse,
+    correction: SensorCorrection,
+    flights: Sequence[Flight],
+    settings: MeasureSettings | None,
+) -> dict[str, ComplexArray]:
+    """Responses of causes that are no outputs, on the frequencies of the response."""
+    pairs = ((unknown, _OF_SENSOR.get(name, name)) for unknown in correction.unknowns for name in response.outputs)
+    wanted = {found[0] for one in pairs if (found := _causes(*one)) is not None} - set(response.outputs)
+    there = [name for name in _TOUCHED if name in wanted and all(name in record.channel_names for record, _ in flights)]
+    if not there or settings is None or not flights:
+        return {}
+    further = measure(flights, inputs=response.inputs, outputs=tuple(there), settings=settings).response
+    return {name: _on_grid(further, row, response.omega_rad_s) for row, name in enumerate(there)}
+
+
+def _on_grid(found: FrequencyResponse, row: int, omega_rad_s: FloatArray) -> ComplexArray:
+    """Responses of one output at other frequencies, shape ``(u, f)``."""
+    at, known = np.log(omega_rad_s), np.log(found.omega_rad_s)
+    return np.array(
+        [np.interp(at, known, values.real) + 1j * np.interp(at, known, values.imag) for values in found.values[row]]
+    )
 
 
 def _of_forces(record: FlightRecord) -> tuple[str, ...]:
