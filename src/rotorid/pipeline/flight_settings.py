@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rotorid.vehicles.catalog import Interface, Vehicle, VehicleEntry
 
 _MOST_RUNS = 10_000
+_FASTEST_M_S = 100.0
 _MOST_REPEATS = 20
 _LONGEST_PLAN_S = 1800.0
 
@@ -122,6 +123,24 @@ def parse_axes(text: str) -> "tuple[Axis, ...]":
     if wrong := [name for name in names if name not in AXES]:
         raise no_such("axis", wrong[0], AXES)
     return names  # type: ignore[return-value]
+
+
+def parse_speed(text: str) -> tuple[float, float]:
+    """Read ``V``, or ``V:V`` for a flight from one speed to another.
+
+    Examples
+    --------
+    >>> parse_speed("4"), parse_speed("0:8")
+    ((4.0, 4.0), (0.0, 8.0))
+    """
+    first, _, last = text.partition(":")
+    try:
+        speeds = float(first), float(last or first)
+    except ValueError:
+        speeds = math.nan, math.nan
+    if not all(map(math.isfinite, speeds)):
+        raise UsageError(f"--speed {text} came", needed="--speed V or --speed V:V in m/s, such as 4 or 0:8")
+    return speeds
 
 
 def parse_wind(text: str) -> tuple[float, float]:
@@ -560,6 +579,8 @@ class SimulateChoices(Immutable):
         Of the logs; by default the autopilot's own.
     stick
         Largest deflection of the sticks in an everyday flight.
+    speed_m_s
+        Over ground, forward, at the beginning and at the end of the log; straight in between.
     seed
         Of wind, noise and what is drawn.
     """
@@ -587,6 +608,15 @@ class SimulateChoices(Immutable):
         Option("--format", help="ulg, bin or csv. [default: that of the vehicle's autopilot]"),
     ] = None
     stick: Annotated[float, Option("--stick", help="Largest deflection with --plan everyday; 1 is full stick.")] = 0.5
+    speed_m_s: Annotated[
+        tuple[float, float],
+        Option(
+            "--speed",
+            metavar="V|V:V",
+            help="Forward speed that is held, m/s; two: from the first to the last over the log.",
+            parse=parse_speed,
+        ),
+    ] = (0.0, 0.0)
     seed: Seed = 0
 
     def __post_init__(self) -> None:
@@ -601,6 +631,10 @@ class SimulateChoices(Immutable):
         if self.format is not None and self.format not in get_args(LogFormat):
             raise UsageError(
                 f"the format {self.format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}"
+            )
+        if not all(abs(speed) <= _FASTEST_M_S for speed in self.speed_m_s):
+            raise UsageError(
+                f"a speed of {max(self.speed_m_s, key=abs):g} m/s came", needed=f"up to {_FASTEST_M_S:g} m/s"
             )
         if not 0.0 < self.stick <= 1.0:
             raise UsageError(f"--stick {self.stick:g} came", needed="above 0 and up to 1, which is full stick")

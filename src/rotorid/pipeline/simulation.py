@@ -129,7 +129,7 @@ def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Any) -
         What to fly; without one the vehicle hovers for ``duration_s``.
     **options
         Fields of :class:`rotorid.pipeline.flight_settings.SimulateChoices`: ``wind``, ``seed``, ``duration_s``,
-        ``changes``.
+        ``speed_m_s``, ``changes``.
 
     Raises
     ------
@@ -155,7 +155,14 @@ def fly_run(choices: SimulateChoices, number: int) -> Run:
     seed = choices.seed if choices.runs == 1 else seed_of(choices.seed, number) >> _SEED_BITS_LEFT_OUT
     drawn = _drawn(choices, seed)
     craft = changed(choices.aircraft, drawn)
-    flown = fly_multirotor(craft, choices.plan, duration_s=choices.duration_s, wind=choices.wind, seed=seed)
+    flown = fly_multirotor(
+        craft,
+        choices.plan,
+        duration_s=choices.duration_s,
+        wind=choices.wind,
+        seed=seed,
+        speed_m_s=choices.speed_m_s,
+    )
     return Run(seed=seed, drawn=drawn, flown=flown)
 
 
@@ -240,7 +247,7 @@ def simulation_of(choices: SimulateChoices, logs: Sequence[SimulatedLog], *, com
         vehicle=flown_vehicle(choices.entry, craft, choices.changes),
         logs=tuple(logs),
         maneuvers=tuple(_on_log(maneuver, start_s, logs[0].file) for maneuver in planned),
-        truth=truth_of(craft),
+        truth=truth_of(craft, choices.speed_m_s),
         findings=worst_first(_findings(logs)),
         provenance=Provenance(
             command=tuple(command),
@@ -249,6 +256,7 @@ def simulation_of(choices: SimulateChoices, logs: Sequence[SimulatedLog], *, com
                 "wind_east_m_s": choices.wind.east_m_s,
                 "turbulence_m_s": choices.wind.turbulence_m_s,
                 "height_m": choices.wind.height_m,
+                **({"speed_m_s": list(choices.speed_m_s)} if any(choices.speed_m_s) else {}),
                 "runs": choices.runs,
                 **{f"vary_{name}_percent": percent for name, percent in choices.vary.items()},
             },
@@ -257,14 +265,17 @@ def simulation_of(choices: SimulateChoices, logs: Sequence[SimulatedLog], *, com
     )
 
 
-def truth_of(craft: Aircraft) -> dict[str, TrueValue]:
+def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> dict[str, TrueValue]:
     """Derivatives, lag and delays of an aircraft about hover in still air, by the names of the hover models.
+
+    About level flight where it flew at one speed; without derivatives where the speed changed.
 
     A delay is that of the path plus half a tick, for which commands are held on average; the filters of the autopilot's
     rates come on top. Rotors without lag push at once: the accelerometer shows their thrust at the first tick after the
     delay of the path.
     """
-    derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot)
+    first, last = speed_m_s
+    derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=first) if first == last else {}
     units = {parameter.name: parameter.unit for model in _MODELS for parameter in library_model(model).parameters}
     held_s = 0.5 / craft.autopilot.rate_hz
     delays = dict(zip(("roll", "pitch", "yaw", "thrust"), craft.autopilot.delay_s, strict=True))

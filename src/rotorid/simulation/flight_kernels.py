@@ -333,7 +333,7 @@ class Room(NamedTuple):
     seen: FloatArray
     """Estimated quaternion."""
     hold: FloatArray
-    """Integrals and held values of the outer loops, shape ``(5,)``."""
+    """Integrals and held values of the outer loops, the place that is held last, shape ``(7,)``."""
     memory: FloatArray
     """Of the rate controllers, shape ``(7, 3)``."""
     sections: FloatArray
@@ -361,8 +361,12 @@ def _outer(row: FloatArray, asked: FloatArray, seen: FloatArray, hold: FloatArra
         cosine, sine = (cosine / level, sine / level) if level > 0.0 else (1.0, 0.0)
         ahead = cosine * row[VELOCITY] + sine * row[VELOCITY + 1]
         right = -sine * row[VELOCITY] + cosine * row[VELOCITY + 1]
-        off_ahead = -control.position_p * (cosine * row[POSITION] + sine * row[POSITION + 1]) - ahead
-        off_right = -control.position_p * (-sine * row[POSITION] + cosine * row[POSITION + 1]) - right
+        # The place that is held moves ahead with the speed that is asked for.
+        north, east = row[POSITION] - hold[5], row[POSITION + 1] - hold[6]
+        off_ahead = -control.position_p * (cosine * north + sine * east) - ahead + asked[16]
+        off_right = -control.position_p * (-sine * north + cosine * east) - right
+        hold[5] += tick * cosine * asked[16]
+        hold[6] += tick * sine * asked[16]
         phi_wanted += math.atan((control.velocity_p * off_right + control.velocity_i * hold[1]) / 9.80665)
         theta_wanted -= math.atan((control.velocity_p * off_ahead + control.velocity_i * hold[0]) / 9.80665)
         hold[0] += tick * off_ahead
@@ -633,9 +637,9 @@ def flight(
 ) -> int:
     """Fly, and fill ``log`` and ``truth``; the number of ticks flown before the state stopped being a number.
 
-    ``asked``: test inputs ``(ticks, 16)``, four axes of command, rate, attitude and stick; ``winds`` ``(ticks, 3)``;
-    ``noise`` ``(ticks, 15)`` standard normal. ``stride``: how many of the ``substeps`` of a tick, on which delays are
-    counted, the integrator may take at once.
+    ``asked``: test inputs ``(ticks, 17)``, four axes of command, rate, attitude and stick, and the speed ahead that is
+    held; ``winds`` ``(ticks, 3)``; ``noise`` ``(ticks, 15)`` standard normal. ``stride``: how many of the ``substeps``
+    of a tick, on which delays are counted, the integrator may take at once.
     """
     rotors = start.shape[0] - STATES
     room = Room(
@@ -645,7 +649,7 @@ def flight(
         lagged=np.zeros(9),
         phases=np.zeros(rotors),
         seen=np.empty(4),
-        hold=np.zeros(5),
+        hold=np.zeros(7),
         memory=np.zeros((7, 3)),
         sections=np.zeros((6, 2)),
         outputs=np.empty(rotors),

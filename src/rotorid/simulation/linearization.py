@@ -107,6 +107,11 @@ class Trim(Immutable):
         for name in ("velocity_m_s", "angles_rad", "shares"):
             self._set(**{name: read_only(getattr(self, name), np.float64, ndim=1)})
 
+    @property
+    def quaternion(self) -> FloatArray:
+        """From body to earth: w, x, y, z."""
+        return np.asarray(_quaternion(self.angles_rad).real)
+
 
 def trimmed(vehicle: Multirotor, airspeed_m_s: float) -> Trim:
     r"""Attitude and rotor speeds of steady level flight at an airspeed.
@@ -268,15 +273,17 @@ def _allotted(vehicle: Multirotor, autopilot: Autopilot, shares: FloatArray) -> 
     return np.asarray(autopilot.mixer_for(vehicle) / curve.slope(shares)[:, None])
 
 
-def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot) -> dict[str, float]:
-    """Stability and control derivatives in hover, by the names of the hover models: ``X_u`` to ``N_r``, ``N_thrust``.
+def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot, *, airspeed_m_s: float = 0.0) -> dict[str, float]:
+    r"""Stability and control derivatives in hover or level flight, by the names of the hover models, ``X_u`` and so on.
 
     Per mass and inertia, in SI units and radians, commands of one. The control derivatives are those of steady rotors:
-    lag and delay come on top. All sixty are given, those that symmetry makes zero too.
+    lag and delay come on top. All sixty are given, those that symmetry makes zero too. They are of the forces alone:
+    the terms of :math:`\omega \times v_0` that :func:`linearize` holds at speed are taken off, as the hover models hold
+    them by their constants ``U0`` and ``W0``.
 
     Parameters
     ----------
-    vehicle, autopilot
+    vehicle, autopilot, airspeed_m_s
         See :func:`linearize`.
 
     Examples
@@ -292,12 +299,15 @@ def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot) -> dict[str,
     >>> round(found["Z_thrust"], 3), found["M_u"]
     (-34.304, 0.0)
     """
-    system = linearize(vehicle, autopilot)
+    system = linearize(vehicle, autopilot, airspeed_m_s=airspeed_m_s)
     rows = len(FORCES_AND_MOMENTS)
     motion = len(MOTION)
     followed = np.linalg.solve(system.F[motion:, motion:], system.G[motion:])
     control = system.G[:rows] - system.F[:rows, motion:] @ followed
-    table = np.hstack([system.F[:rows, :rows], control])
+    u, v, w = trimmed(vehicle, airspeed_m_s).velocity_m_s
+    turned = np.zeros((rows, rows))
+    turned[:3, 3:] = [[0.0, -w, v], [w, 0.0, -u], [-v, u, 0.0]]
+    table = np.hstack([system.F[:rows, :rows] - turned, control])
     columns = MOTION[:rows] + AXES
     return {
         f"{letter}_{column}": float(table[row, place])

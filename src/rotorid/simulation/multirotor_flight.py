@@ -27,6 +27,7 @@ from rotorid.frames import euler_from_quaternion
 from rotorid.models.parameter import no_such
 from rotorid.simulation import multirotor as logged
 from rotorid.simulation.autopilot import Autopilot
+from rotorid.simulation.linearization import trimmed
 from rotorid.simulation.multirotor import STATES, Multirotor, Sensors
 from rotorid.simulation.wind import CALM, Wind, blown
 from rotorid.typing import Axis, FloatArray
@@ -37,6 +38,9 @@ GRID_RATE_HZ = 1000.0
 
 SETTLE_S = 5.0
 """Flown before the log begins, so that filters, integrals and the drift in wind have settled."""
+
+CRUISE_SETTLE_S = 30.0
+"""The same at speed, where integrals have to find the drag."""
 
 _ENTRIES: tuple[Entry, ...] = ("command", "rate_setpoint", "attitude_setpoint", "stick")
 _NOISES = 15
@@ -97,7 +101,7 @@ class FlightTables(Immutable):
         Columns as in `rotorid.simulation.multirotor`; state, its rates being the last but the rotors', and specific
         force.
     asked, winds
-        Test inputs ``(rows, 16)`` and air ``(rows, 3)``.
+        Test inputs and speed ``(rows, 17)``, and air ``(rows, 3)``.
     """
 
     aircraft: Aircraft
@@ -138,7 +142,8 @@ def fly_multirotor(
     wind: Wind = CALM,
     seed: int = 0,
     step_rate_hz: float | None = None,
-    settle_s: float = SETTLE_S,
+    settle_s: float | None = None,
+    speed_m_s: tuple[float, float] = (0.0, 0.0),
 ) -> SimulatedFlight:
     """Fly and log.
 
@@ -163,12 +168,18 @@ def fly_multirotor(
         eighth of the shortest lag of a rotor, or a turn of the autopilot; then the largest error of the rates in gusts
         and steps of a command is below 1e-5 of the largest rate.
     settle_s
-        Flown before the log.
+        Flown before the log; 5 s in hover and 30 s at speed when none is given.
+    speed_m_s
+        Over ground along the heading at the beginning and at the end of the log, backward if negative; straight in
+        between. The flight begins in the trim of :func:`rotorid.simulation.trimmed` at the first of them.
 
     Raises
     ------
     UsageError
-        Neither plan nor duration came, or the lag of a rotor is shorter than the step can follow.
+        Neither plan nor duration came, the lag of a rotor is shorter than the step can follow, or a speed came for an
+        autopilot that holds none.
+    ModelError
+        The vehicle cannot fly level at the first speed.
     LostError
         The vehicle did not stay in the air; the message says when.
 
@@ -194,6 +205,7 @@ def fly_multirotor(
         seed=seed,
         step_rate_hz=step_rate_hz,
         settle_s=settle_s,
+        speed_m_s=speed_m_s,
     ).flight()
 
 
@@ -206,10 +218,21 @@ def flight_tables(
     wind: Wind,
     seed: int,
     step_rate_hz: float | None,
-    settle_s: float,
+    settle_s: float | None,
+    speed_m_s: tuple[float, float] = (0.0, 0.0),
 ) -> FlightTables:
     """Fly as :func:`fly_multirotor` does, and leave it at tables, of which a few columns cost little."""
     from rotorid.simulation.flight_kernels import flight
+
+    cruising = any(speed_m_s)
+    if cruising and not aircraft.autopilot.guidance.hold_velocity:
+        raise UsageError(
+            f"a speed of {max(speed_m_s, key=abs):g} m/s came for {aircraft.name}, whose autopilot holds none",
+            needed="an autopilot that holds its velocity",
+            remedy="rotorid.simulation.multirotor_flight.piloted adds a slow loop that does",
+        )
+    if settle_s is None:
+        settle_s = CRUISE_SETTLE_S if cruising else SETTLE_S
 
     rate_hz, vehicle = aircraft.autopilot.rate_hz, aircraft.vehicle
     if plan is None and duration_s is None:
@@ -219,7 +242,9 @@ def flight_tables(
     rows = skipped + round(length_s * rate_hz)
     substeps, stride = _steps(aircraft, step_rate_hz)
     rng = np.random.default_rng(seed)
-    asked = _asked(plan, desk.table("asked", rows, len(_ENTRIES) * len(AXES)), skipped, rate_hz)
+    asked = _asked(plan, desk.table("asked", rows, len(_ENTRIES) * len(AXES) + 1), skipped, rate_hz)
+    asked[:skipped, -1] = speed_m_s[0]
+    asked[skipped:, -1] = np.linspace(*speed_m_s, rows - skipped)
     winds = blown(wind, rows, sample_rate_hz=rate_hz, rng=rng)
     noise = desk.table("noise", rows, _NOISES)
     if aircraft.sensors.noisy:
@@ -230,7 +255,7 @@ def flight_tables(
     log = desk.table("log", rows, logged.MOTORS + rotors)
     truth = desk.table("truth", rows, STATES + rotors + 3)
     ticks = flight(
-        vehicle.hovering(),
+        _begun(vehicle, speed_m_s[0]),
         asked,
         winds,
         noise,
@@ -249,6 +274,17 @@ def flight_tables(
             remedy="lower the amplitude of the plan, the wind or the gains",
         )
     return FlightTables(aircraft=aircraft, plan=plan, skipped=skipped, log=log, truth=truth, asked=asked, winds=winds)
+
+
+def _begun(vehicle: Multirotor, speed_m_s: float) -> FloatArray:
+    """State in level flight to the north at a speed through calm air."""
+    state = vehicle.hovering()
+    if speed_m_s:
+        trim = trimmed(vehicle, speed_m_s)
+        state[3] = speed_m_s
+        state[6:10] = trim.quaternion
+        state[STATES:] = trim.shares
+    return state
 
 
 def _blown(wind: Wind) -> str:
@@ -281,7 +317,7 @@ def _steps(aircraft: Aircraft, step_rate_hz: float | None) -> tuple[int, int]:
 
 
 def _asked(plan: FlightPlan | None, asked: FloatArray, skipped: int, rate_hz: float) -> FloatArray:
-    """Test inputs on the ticks, into a table of shape ``(rows, 16)``; none while the flight settles."""
+    """Test inputs on the ticks, into a table of shape ``(rows, 17)``; none while the flight settles."""
     asked.fill(0.0)
     time_s = np.arange(len(asked) - skipped) / rate_hz
     for test_input in plan.inputs if plan else ():
@@ -632,7 +668,7 @@ def fly_batch(
     seed: int = 0,
     workers: int | None = None,
     step_rate_hz: float | None = None,
-    settle_s: float = SETTLE_S,
+    settle_s: float | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[Outcome[Kept]]:
     """Fly many times; outcomes come in the order of the flights, as soon as they are there.

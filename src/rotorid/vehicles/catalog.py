@@ -17,7 +17,7 @@ from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.typing import Axis
 from rotorid.vehicles import ardupilot as ardupilot_quad
 from rotorid.vehicles import bebop as bebop_flight
-from rotorid.vehicles import crazyflie, gazebo
+from rotorid.vehicles import crazyflie, forward, gazebo
 from rotorid.vehicles import hummingbird as hummingbird_flight
 from rotorid.vehicles import px4 as px4_quad
 from rotorid.vehicles import s500 as s500_flight
@@ -123,6 +123,12 @@ _ENTRIES: tuple[VehicleEntry, ...] = (
         make=crazyflie.aircraft,
     ),
     VehicleEntry(
+        name="forward_quad",
+        summary="X of 1 kg that feels the air, for forward flight up to 13 m/s, with PX4's controllers at 250 Hz",
+        source=forward.SOURCE,
+        make=forward.aircraft,
+    ),
+    VehicleEntry(
         name="hummingbird",
         summary="AscTec Hummingbird, a plus of 0.5 kg whose rotors feel the air",
         source=hummingbird_flight.SOURCE,
@@ -200,7 +206,7 @@ def aircraft_names() -> tuple[str, ...]:
     Examples
     --------
     >>> aircraft_names()
-    ('ardupilot_quad', 'bebop', 'crazyflie', 'hummingbird', 'iris', 'px4_quad', 's500', 'x500')
+    ('ardupilot_quad', 'bebop', 'crazyflie', 'forward_quad', 'hummingbird', 'iris', 'px4_quad', 's500', 'x500')
     """
     return tuple(name for name, entry in VEHICLES.items() if entry.make is not None)
 
