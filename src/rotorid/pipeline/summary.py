@@ -29,6 +29,7 @@ class Range:
     lowest: float
     highest: float
     rms: float
+    mean: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

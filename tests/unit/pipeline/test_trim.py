@@ -32,12 +32,14 @@ def test_slow_flight_is_the_mean_over_the_maneuvers_with_a_remark() -> None:
     constants = trim.structure.constants
     assert constants["U0"] == pytest.approx(2.0, abs=1e-12)
     assert constants["theta0"] == pytest.approx(-0.1, abs=1e-12)
-    assert (constants["W0"], constants["phi0"], constants["g"]) == (0.0, 0.0, STRUCTURE.constants["g"])
+    # At speed everything counts: W0 is what lean makes of U0.
+    assert constants["W0"] == pytest.approx(0.1, abs=1e-12)
+    assert (constants["phi0"], constants["g"]) == (0.0, STRUCTURE.constants["g"])
     (finding,) = trim.findings
     assert (finding.kind, finding.severity) == ("trim", "info")
     assert "U0 = 2.00 m/s" in finding.message
     assert "theta0 = -5.7°" in finding.message
-    assert set(finding.numbers) == {"U0", "theta0"}
+    assert set(finding.numbers) == {"U0", "W0", "theta0"}
 
 
 def test_the_trim_reaches_the_matrices() -> None:
@@ -61,6 +63,23 @@ def test_means_are_over_all_maneuvers_by_their_samples_and_nothing_else() -> Non
     trim = trimmed(STRUCTURE, [Flight(record, flown(0.0, 4.0)), Flight(other, flown(0.0, 2.0))], IdentifySettings())
     # 201 samples of which one is none, and 101.
     assert trim.structure.constants["U0"] == pytest.approx((200 * 1.0 + 101 * 4.0) / 301, rel=1e-12)
+
+
+def test_velocities_over_the_earth_are_turned_into_the_body() -> None:
+    lean = -0.2
+    channels = {
+        "velocity_north": 0.0,
+        "velocity_east": 4.0,
+        "velocity_down": 0.0,
+        "phi": 0.0,
+        "theta": lean,
+        "psi": np.pi / 2,
+    }
+    record = log(topic("log", RATE_HZ, channels))
+    constants = trimmed(STRUCTURE, sweeps(record, ["pitch"]).fitted, IdentifySettings()).structure.constants
+    assert constants["U0"] == pytest.approx(4.0 * np.cos(lean), abs=1e-9)
+    assert constants["W0"] == pytest.approx(4.0 * np.sin(lean), abs=1e-9)
+    assert constants["theta0"] == pytest.approx(lean, abs=1e-12)
 
 
 def test_given_constants_win_and_are_not_remarked_on() -> None:

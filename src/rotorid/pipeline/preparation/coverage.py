@@ -42,7 +42,7 @@ def covered(histories: Sequence[TimeHistory]) -> dict[str, Range]:
     >>> u = (Channel(name="u", unit="m/s"),)
     >>> history = TimeHistory(values=np.array([[-1.0, 2.0, 2.0]]), channels=u, sample_rate_hz=1.0, start_s=0.0)
     >>> covered([history])["u"]
-    Range(unit='m/s', lowest=-1.0, highest=2.0, rms=1.7320508075688772)
+    Range(unit='m/s', lowest=-1.0, highest=2.0, rms=1.7320508075688772, mean=1.0)
     """
     samples = [(h[name], h.channels[h.names.index(name)].unit, name) for h in histories for name in _in(h.names)]
     return _ranges(samples)
@@ -78,7 +78,13 @@ def _ranges(samples: Sequence[tuple[FloatArray, str, str]]) -> dict[str, Range]:
             values = np.concatenate(parts)
             unit = next(unit for _, unit, of in samples if of == name)
             size = float(np.sqrt(np.mean(values**2)))
-            ranges[name] = Range(unit=unit, lowest=float(values.min()), highest=float(values.max()), rms=size)
+            ranges[name] = Range(
+                unit=unit,
+                lowest=float(values.min()),
+                highest=float(values.max()),
+                rms=size,
+                mean=float(values.mean()),
+            )
     return ranges
 
 

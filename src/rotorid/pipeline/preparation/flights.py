@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.data.record import Channel, FlightRecord, Maneuver, TimeHistory
+from rotorid.signal.kinematics import ATTITUDE, EARTH_VELOCITIES, VELOCITIES, to_body
 from rotorid.typing import Axis, FloatArray
 
 
@@ -63,6 +64,37 @@ class Flight(NamedTuple):
             kept = (topic.time_s >= self.maneuver.start_s) & (topic.time_s <= self.maneuver.stop_s)
             kept &= np.isfinite(values)
             yield Samples(topic.time_s[kept], values[kept], topic.channels[row].unit)
+
+    def body_velocity(self, name: str) -> FloatArray:
+        """Samples of ``u``, ``v`` or ``w`` within the maneuver: those of the log, or velocities over the earth turned.
+
+        Parameters
+        ----------
+        name
+            Of the velocity.
+
+        Returns
+        -------
+        FloatArray
+            Shape ``(n,)``; empty where the log holds neither.
+        """
+        for found in self.samples(name):
+            return found.values
+        parts = [next(self.samples(one), None) for one in (*EARTH_VELOCITIES, *ATTITUDE)]
+        known = [part for part in parts if part is not None and part.time_s.size > 1]
+        if len(known) < len(parts):
+            return np.zeros(0)
+        time_s = known[0].time_s
+        rows = [np.interp(time_s, one.time_s, one.values) for one in known[:3]]
+        # An angle that jumps by a turn does so between two samples.
+        rows += [np.interp(time_s, one.time_s, np.unwrap(one.values)) for one in known[3:]]
+        history = TimeHistory(
+            values=np.stack(rows),
+            channels=tuple(Channel(name=one, unit="") for one in (*EARTH_VELOCITIES, *ATTITUDE)),
+            sample_rate_hz=(time_s.size - 1) / float(time_s[-1] - time_s[0]),
+            start_s=float(time_s[0]),
+        )
+        return np.asarray(to_body(history, history.values[:3])[VELOCITIES.index(name)])
 
 
 def overlap(one: Maneuver, other: Maneuver) -> bool:

@@ -24,7 +24,7 @@ from rotorid.pipeline.preparation.segments import holds, require_channels
 from rotorid.pipeline.preparation.selection import RICH_KINDS, Selection
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.excitations import find_excitations
-from rotorid.signal.kinematics import ingredients
+from rotorid.signal.kinematics import VELOCITIES, ingredients
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az")
 """Outputs that sensors measure. Attitude and speed of a log are estimates of a filter, with delays of its own."""
@@ -320,8 +320,8 @@ class Trimmed:
 def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> Trimmed:
     """A structure with its trim constants set.
 
-    Given constants count. The others are means over the maneuvers, where the record holds them: speeds below 0.5 m/s
-    and angles below 3° are hover, and stay zero.
+    Given constants count. The others are means over the maneuvers, where the record holds them, or velocities over the
+    earth and attitude. Where all speeds are below 0.5 m/s it is hover: they stay zero, and so do angles below 3°.
 
     Parameters
     ----------
@@ -337,13 +337,13 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
     ModelError
         A constant was given that the structure does not have.
     """
-    measured = {}
-    for name, channel in _CHANNELS.items():
-        if name in structure.constants and name not in settings.constants:
-            limit = HOVER_M_S if name in _SPEEDS else _LEVEL_RAD
-            value = _mean(flights, channel)
-            if abs(value) >= limit:
-                measured[name] = value
+    means = {name: _mean(flights, channel) for name, channel in _CHANNELS.items() if name in structure.constants}
+    flying = any(abs(value) >= HOVER_M_S for name, value in means.items() if name in _SPEEDS)
+    measured = {
+        name: value
+        for name, value in means.items()
+        if name not in settings.constants and (flying or (name not in _SPEEDS and abs(value) >= _LEVEL_RAD)) and value
+    }
     constants = {**measured, **settings.constants}
     if not constants:
         return Trimmed(structure=structure)
@@ -351,7 +351,10 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
 
 
 def _mean(flights: Sequence[Flight], channel: str) -> float:
-    parts = [samples.values for flight in flights for samples in islice(flight.samples(channel), 1)]
+    if channel in VELOCITIES:
+        parts = [flight.body_velocity(channel) for flight in flights]
+    else:
+        parts = [samples.values for flight in flights for samples in islice(flight.samples(channel), 1)]
     together = np.concatenate(parts) if parts else np.zeros(0)
     return float(together.mean()) if together.size else 0.0
 
