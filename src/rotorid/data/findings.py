@@ -276,6 +276,15 @@ KINDS: Mapping[str, Kind] = {
     "known_filter": Kind(
         "info", "A known filter", "The filters that a channel has passed, as far as the log says, and their delay."
     ),
+    "beyond_speeds": Kind(
+        "warning", "Beyond the speeds", "A flight goes beyond the speeds of a stitched model, where the last one holds."
+    ),
+    "dropped_at_speed": Kind(
+        "info", "Not seen at a speed", "A parameter of a stitched model was dropped at some speeds and is zero there."
+    ),
+    "lost_through_speeds": Kind(
+        "warning", "Fell over", "A stitched model does not stay in the air under the controllers of a flight."
+    ),
     "joined_models": Kind(
         "info", "Models joined", "Longitudinal and lateral models stand side by side, with a covariance of two blocks."
     ),

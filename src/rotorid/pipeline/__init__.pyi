@@ -44,5 +44,10 @@ from rotorid.pipeline.settings import VerifySettings as VerifySettings
 from rotorid.pipeline.simulation import fly_run as fly_run
 from rotorid.pipeline.simulation import simulate as simulate
 from rotorid.pipeline.simulation import write_run as write_run
+from rotorid.pipeline.stitching import SpeedCurve as SpeedCurve
+from rotorid.pipeline.stitching import Stitched as Stitched
+from rotorid.pipeline.stitching import StitchedPoint as StitchedPoint
+from rotorid.pipeline.stitching import ThroughSpeeds as ThroughSpeeds
+from rotorid.pipeline.stitching import stitch as stitch
 from rotorid.pipeline.verification import Verified as Verified
 from rotorid.pipeline.verification import verify as verify

@@ -40,7 +40,7 @@ Value = TypeVar("Value")
 JOINED = "hover.joined"
 """Name of what ``hover.longitudinal`` and ``hover.lateral`` give together."""
 
-HALVES = ("hover.longitudinal", "hover.lateral")
+HALVES: tuple[str, str] = ("hover.longitudinal", "hover.lateral")
 
 
 def joined_halves(models: Sequence[IdentifiedModel]) -> IdentifiedModel | None:

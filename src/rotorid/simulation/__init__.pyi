@@ -49,5 +49,8 @@ from rotorid.simulation.predictor import sampled_model as sampled_model
 from rotorid.simulation.rational_model import RationalModel as RationalModel
 from rotorid.simulation.rational_model import delay_error as delay_error
 from rotorid.simulation.rational_model import rational as rational
+from rotorid.simulation.stitched import ClosedAxis as ClosedAxis
+from rotorid.simulation.stitched import StitchedModel as StitchedModel
+from rotorid.simulation.stitched import simulate_stitched as simulate_stitched
 from rotorid.simulation.wind import CALM as CALM
 from rotorid.simulation.wind import Wind as Wind

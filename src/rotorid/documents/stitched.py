@@ -1,0 +1,133 @@
+"""What ``stitched.json`` holds, schema ``rotorid.stitched/1``, and the results that it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from rotorid.documents.base import Document, FindingDocument, Numbers, ProvenanceDocument
+from rotorid.pipeline.summary import finite
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.pipeline.stitching import SpeedCurve, Stitched, StitchedPoint, ThroughSpeeds
+
+
+class StitchedPointDocument(Document):
+    """One result: its speed along the body, and its trim: speeds, angles and mean commands."""
+
+    label: str
+    model: str
+    speed_m_s: float
+    trim: dict[str, float]
+
+
+class SpeedCurveDocument(Document):
+    """A parameter over speed, straight in between; ``std`` is ``null`` where it was dropped and stands at zero."""
+
+    unit: str
+    speed_m_s: Numbers
+    value: Numbers
+    std: list[float | None]
+
+
+class ThroughScoreDocument(Document):
+    """How one channel of a flight was predicted, about its mean; ``std`` is the mean spread by the parameters."""
+
+    tic: float | None
+    nrmse_fit_percent: float | None
+    rms: float
+    std: float
+
+
+class ThroughSpeedsDocument(Document):
+    """A flight through the speeds. ``setpoints`` names, for each command, the channel that drove its controller."""
+
+    record: str
+    start_s: float
+    stop_s: float
+    speed_m_s: tuple[float, float]
+    low_pass_rad_s: float | None
+    setpoints: dict[str, str]
+    scores: dict[str, ThroughScoreDocument]
+
+
+class StitchedDocument(Document):
+    """``stitched.json``: models of several speeds as one over speed."""
+
+    schema_name: Annotated[Literal["rotorid.stitched/1"], Field(alias="schema")] = "rotorid.stitched/1"
+    points: list[StitchedPointDocument] = Field(default_factory=list)
+    parameters: dict[str, dict[str, SpeedCurveDocument]] = Field(default_factory=dict)
+    flights: list[ThroughSpeedsDocument] = Field(default_factory=list)
+    findings: list[FindingDocument] = Field(default_factory=list)
+    provenance: ProvenanceDocument
+
+
+def stitched_document(found: Stitched) -> StitchedDocument:
+    """A stitched model as ``stitched.json`` holds it."""
+    return StitchedDocument(
+        points=[_point(point) for point in found.points],
+        parameters={
+            model: {name: _curve(curve) for name, curve in curves.items()} for model, curves in found.curves.items()
+        },
+        flights=[_flight(flown) for flown in found.flights],
+        findings=[FindingDocument.model_validate(finding) for finding in found.findings],
+        provenance=ProvenanceDocument.model_validate(found.provenance),
+    )
+
+
+def _point(point: StitchedPoint) -> StitchedPointDocument:
+    return StitchedPointDocument(
+        label=point.label, model=point.model.name, speed_m_s=point.speed_m_s, trim=dict(point.trim)
+    )
+
+
+def _curve(curve: SpeedCurve) -> SpeedCurveDocument:
+    return SpeedCurveDocument(
+        unit=curve.unit,
+        speed_m_s=curve.speed_m_s.tolist(),
+        value=curve.value.tolist(),
+        std=[finite(float(std)) for std in curve.std],
+    )
+
+
+def _flight(flown: ThroughSpeeds) -> ThroughSpeedsDocument:
+    speed = flown.measured["u"]
+    return ThroughSpeedsDocument(
+        record=flown.record,
+        start_s=flown.start_s,
+        stop_s=flown.stop_s,
+        speed_m_s=(float(speed.min()), float(speed.max())),
+        low_pass_rad_s=flown.low_pass_rad_s,
+        setpoints=dict(flown.setpoints),
+        scores={
+            name: ThroughScoreDocument(
+                tic=finite(one.tic),
+                nrmse_fit_percent=finite(one.nrmse_fit_percent),
+                rms=one.rms,
+                std=float(flown.spread[name].mean()),
+            )
+            for name, one in flown.scores.items()
+        },
+    )
+
+
+def read_models(paths: Sequence[Path]) -> Mapping[str, IdentifiedModel]:
+    """Read results of ``identify``, by the names of their folders.
+
+    Parameters
+    ----------
+    paths
+        Folders, or ``result.json`` files with their ``model.toml`` beside, at least two different ones.
+
+    Raises
+    ------
+    UsageError
+        A path leads to no result, one came twice, or fewer than two came.
+    """
+    from rotorid.documents.compare import read_results
+
+    return {entry.label: entry.model for entry in read_results(paths)}

@@ -1,0 +1,83 @@
+"""Forward flight from one end to the other: flown at 0, 4 and 8 m/s, identified, stitched, flown through the speeds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.io.registry import read
+from rotorid.pipeline.designs import plan_for
+from rotorid.pipeline.flight_settings import PlanChoices, SimulateChoices
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.simulation import everyday_plan, fly_run, truth_of, write_run
+from rotorid.pipeline.stitching import Stitched, stitch
+from rotorid.simulation.multirotor_flight import piloted
+from rotorid.vehicles import aircraft
+
+SPEEDS = (0.0, 4.0, 8.0)
+OUTPUTS = {"hover.longitudinal": ("q", "u", "w", "ax", "az"), "hover.lateral": ("p", "r", "v", "ay")}
+CRAFT = piloted(aircraft("forward_quad"))
+
+
+def flown(folder: Path, name: str, choices: SimulateChoices) -> Path:
+    path = folder / name
+    write_run(path, fly_run(choices, 0), choices)
+    return path
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[float, IdentifiedModel]]:
+    folder = tmp_path_factory.mktemp("campaign")
+    wishes = PlanChoices(
+        shape="logarithmic_sweep",
+        axes=("roll", "pitch", "yaw", "thrust"),
+        band_rad_s=(0.5, 40.0),
+        duration_s=120.0,
+        entry="command",
+        amplitudes={"roll": 0.17, "pitch": 0.17, "yaw": 0.06, "thrust": 0.08},
+    )
+    plan = plan_for(CRAFT, wishes).plan
+    found = {}
+    for speed in SPEEDS:
+        choices = SimulateChoices(vehicle="forward_quad", plan=plan, speed_m_s=(speed, speed), seed=1)
+        log = flown(folder, f"at-{speed:g}.ulg", choices)
+        for model, outputs in OUTPUTS.items():
+            found[f"{model}-{speed:g}"] = speed, identify([read(log)], model, outputs=outputs)
+        log.unlink()
+    return found
+
+
+@pytest.fixture(scope="module")
+def stitched(campaign: dict[str, tuple[float, IdentifiedModel]], tmp_path_factory: pytest.TempPathFactory) -> Stitched:
+    plan = everyday_plan(CRAFT, duration_s=90.0, seed=5)
+    choices = SimulateChoices(vehicle="forward_quad", plan=plan, speed_m_s=(0.0, 8.0), seed=5)
+    log = flown(tmp_path_factory.mktemp("through"), "through.ulg", choices)
+    return stitch({name: model for name, (_, model) in campaign.items()}, [read(log)])
+
+
+@pytest.mark.slow
+def test_derivatives_at_three_speeds_are_within_three_deviations(
+    campaign: dict[str, tuple[float, IdentifiedModel]],
+) -> None:
+    """Delays hold the filters of the logged signals too and are left out."""
+    off = {}
+    for name, (speed, model) in campaign.items():
+        truth = truth_of(CRAFT, (speed, speed))
+        for parameter, one in model.parameters.items():
+            if one.status == "free" and one.std and not parameter.startswith("tau_"):
+                off[f"{parameter} of {name}"] = (one.value - truth[parameter].value) / one.std
+    assert len(off) > 60
+    assert {name: round(by, 1) for name, by in off.items() if abs(by) > 3.0} == {}
+    assert np.sqrt(np.mean(np.square(list(off.values())))) < 1.5
+
+
+@pytest.mark.slow
+def test_the_stitched_model_flies_through_the_speeds(stitched: Stitched) -> None:
+    (through,) = stitched.flights
+    assert through.measured["u"].min() < 1.0
+    assert through.measured["u"].max() > 7.0
+    scores = {name: round(one.tic, 3) for name, one in through.scores.items()}
+    assert all(tic <= 0.1 for tic in scores.values()), scores
