@@ -33,6 +33,7 @@ COMMANDS = {
     "design": "Plan a flight: test inputs, what they will tell, files.",
     "simulate": "Fly a vehicle in simulation, and write its log.",
     "stitch": "Join models of several speeds into one over speed.",
+    "tune": "Propose gains that hold, and write files for the autopilot with a way back.",
     "export": "Write an identified vehicle as files of simulators and tools.",
     "models": "List the models of the library, or print one.",
     "vehicles": "List the vehicles of the library, or write a vehicle file.",

@@ -160,6 +160,9 @@ KINDS: Mapping[str, Kind] = {
         "The battery sagged",
         "The battery lost voltage over the flight, which changes what a motor output does.",
     ),
+    "band_below_crossover": Kind(
+        "warning", "Not seen where the loop acts", "A plant was seen only up to about the crossover of its loop."
+    ),
     "beyond_limits": Kind(
         "warning", "Beyond limits", "With the amplitudes given by hand a plan passes its limits in simulation."
     ),
@@ -190,6 +193,9 @@ KINDS: Mapping[str, Kind] = {
         "info",
         "Times of two channels",
         "How far two channels lie apart in time; a warning names the --shift that takes it out.",
+    ),
+    "controller_unchecked": Kind(
+        "info", "A controller that was not checked", "No set-point shows whether the gains in a log made its commands."
     ),
     "closed_loop_bias": Kind(
         "warning",
@@ -325,6 +331,7 @@ KINDS: Mapping[str, Kind] = {
         "Motor outputs were computed from faster commands, and whether they agree with those logged.",
     ),
     "never_airborne": Kind("error", "The vehicle never flew", "The vehicle never flew in this log."),
+    "not_tuned": Kind("warning", "Gains stay", "The gains of an axis stay as they were flown, for a reason."),
     "no_controller": Kind(
         "info", "Not flown in closed loop", "Why nothing was flown in closed loop: no controller is known."
     ),
@@ -435,6 +442,7 @@ KINDS: Mapping[str, Kind] = {
     "unknown_column": Kind("info", "A column that is not known", "A column that is not known was left out."),
     "unknown_filter": Kind("warning", "A filter that is not known", "A filter of the autopilot that is not known."),
     "unknown_topic": Kind("info", "A topic that is not known", "A topic that is not known was left out."),
+    "tuning_bound": Kind("info", "What bounds gains", "What bounds proposed gains, or why the flown ones stay."),
     "unused_choice": Kind("warning", "Unused choice", "A choice that nothing used."),
     "vibration_filtered": Kind(
         "info", "Vibration was filtered out", "Vibration was filtered out of measured and predicted outputs alike."

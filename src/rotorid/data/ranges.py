@@ -45,10 +45,11 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
     found |= within("phi theta phi_setpoint theta_setpoint", 100.0) | within("psi psi_setpoint", 1e4)
     speeds = "u v w velocity_north velocity_east velocity_down"
     found |= within(f"{speeds} {' '.join(f'{name}_setpoint' for name in speeds.split())}", 300.0)
+    found |= within("velocity_forward velocity_right", 300.0)
     places = "north east down"
     found |= within(f"{places} {' '.join(f'{name}_setpoint' for name in places.split())}", 1e6)
     # 200 g: what the coarsest accelerometers end at.
-    found |= within("ax ay az u_dot v_dot w_dot", 2000.0) | within("p_dot q_dot r_dot", 1e5)
+    found |= within("ax ay az u_dot v_dot w_dot velocity_down_dot", 2000.0) | within("p_dot q_dot r_dot", 1e5)
     return MappingProxyType(found | {"battery_voltage": (-1.0, 1000.0), "battery_current": (-2000.0, 2000.0)})
 
 

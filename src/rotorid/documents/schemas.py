@@ -17,6 +17,7 @@ from rotorid.documents.result import ResultDocument
 from rotorid.documents.results import ResultsDocument
 from rotorid.documents.review import ReviewDocument, ReviewsDocument
 from rotorid.documents.stitched import StitchedDocument
+from rotorid.documents.tune import TuneDocument
 from rotorid.documents.vehicle import VehicleFile
 from rotorid.documents.verify import VerifyDocument
 
@@ -37,6 +38,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.export-1": ExportDocument,
     "rotorid.models-1": ModelsDocument,
     "rotorid.flown-1": FlownDocument,
+    "rotorid.tune-1": TuneDocument,
     "rotorid.vehicle-1": VehicleFile,
     "rotorid.stitched-1": StitchedDocument,
 }

@@ -49,5 +49,8 @@ from rotorid.pipeline.stitching import Stitched as Stitched
 from rotorid.pipeline.stitching import StitchedPoint as StitchedPoint
 from rotorid.pipeline.stitching import ThroughSpeeds as ThroughSpeeds
 from rotorid.pipeline.stitching import stitch as stitch
+from rotorid.pipeline.tuning import TuneSettings as TuneSettings
+from rotorid.pipeline.tuning import TuningProposal as TuningProposal
+from rotorid.pipeline.tuning import tune as tune
 from rotorid.pipeline.verification import Verified as Verified
 from rotorid.pipeline.verification import verify as verify

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rotorid.pipeline.flown_models import FlownModel
     from rotorid.pipeline.responses import Responses
     from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.pipeline.tuning import TuningProposal
     from rotorid.plans.facts import Autopilot, FlightFacts
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -144,6 +145,9 @@ _KINDS: Mapping[str, ResultKind] = {
     "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_BESIDE),
     "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_BESIDE),
     "flown.json": ResultKind(mains=("flown.json",), schema="rotorid.flown/", files=("flown.npz", *_BESIDE)),
+    "tune.json": ResultKind(
+        mains=("tune.json",), schema="rotorid.tune/", files=("tune.npz", "proposed.*", "rollback.*", *_BESIDE)
+    ),
     "delay.json": ResultKind(mains=("delay.json",), schema="rotorid.delay/", files=("figures/*", "tables/*")),
     "design.json": ResultKind(
         mains=("design.json",), schema="rotorid.design/", files=("design.html",), listed=_of_plans
@@ -430,6 +434,39 @@ def write_flown(folder: Path, flown: FlownModel, *, title: str) -> None:
             SIGNALS: lambda path: write_npz(path, flown_arrays(flown)),
             FLOWN: lambda path: write_atomically(path, text),
             "report.html": lambda path: write_atomically(path, page),
+        },
+    )
+
+
+def write_tuning(folder: Path, proposal: TuningProposal, *, title: str) -> None:
+    """Write ``tune.json``, ``tune.npz``, ``report.html`` and the files of the autopilot with the way back.
+
+    Parameters
+    ----------
+    folder
+        Where they go.
+    proposal
+        What ``tune`` found.
+    title
+        Heading of the page.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written.
+    """
+    from rotorid.documents.tune import SIGNALS, TUNE, tune_arrays, tune_document
+    from rotorid.report.tune import render_tune
+
+    text, page = to_json(tune_document(proposal)), render_tune(proposal, title=title)
+    files = {**proposal.files, **proposal.rollback_files}
+    write_together(
+        folder,
+        {
+            SIGNALS: lambda path: write_npz(path, tune_arrays(proposal)),
+            TUNE: lambda path: write_atomically(path, text),
+            "report.html": lambda path: write_atomically(path, page),
+            **{name: _writer(content) for name, content in files.items()},
         },
     )
 

@@ -38,8 +38,12 @@ BASE, TOP = "D at its base", "D at its top"
 
 _AXES: Mapping[Axis, int] = MappingProxyType({"roll": 0, "pitch": 1, "yaw": 2})
 _PER_RAD_S = 180.0 / math.pi / 1000.0
-_P, _I, _D = 0.032029 * _PER_RAD_S, 0.244381 * _PER_RAD_S, 0.000529 * _PER_RAD_S
-_YAW_I = 2.5
+PER_P, PER_I, PER_D = 0.032029 * _PER_RAD_S, 0.244381 * _PER_RAD_S, 0.000529 * _PER_RAD_S
+"""Command per rad/s, per rad and per rad/s² of one step of each setting."""
+
+YAW_I = 2.5
+"""Factor on I of yaw."""
+
 _KINDS: Mapping[int, FilterKind] = MappingProxyType({0: "PT1", 1: "Butterworth", 2: "PT2", 3: "PT3"})
 _CASCADES_SINCE: Version = (4, 3)
 _CURVE_SINCE: Version = (4, 2)
@@ -86,9 +90,9 @@ def read(
     rate_hz = _loop_rate_hz(parameters) if loop_rate_hz is None else loop_rate_hz
     filters = _derivative_filters(parameters, version, throttle, rate_hz)
     controller = RateController(
-        proportional_s=_P * p * of_p,
-        integral=_I * i * (_YAW_I if yaw else 1.0),
-        derivative_s2=_D * base * of_d,
+        proportional_s=PER_P * p * of_p,
+        integral=PER_I * i * (YAW_I if yaw else 1.0),
+        derivative_s2=PER_D * base * of_d,
         angle_1_s=level / 10.0,
         derivative_filters=filters,
         proportional_cutoff_hz=max(float(parameters.get("yaw_lowpass_hz", 0.0)), 0.0) if yaw else 0.0,
@@ -97,7 +101,7 @@ def read(
         else (),
         step_s=1.0 / rate_hz if rate_hz > 0.0 else 0.0,
     )
-    ends = {BASE: controller, TOP: replace(controller, derivative_s2=_D * top * of_d)} if top > base else {}
+    ends = {BASE: controller, TOP: replace(controller, derivative_s2=PER_D * top * of_d)} if top > base else {}
     return AxisController(
         autopilot=NAME,
         firmware=firmware,

@@ -1,0 +1,160 @@
+"""``rotorid tune``: from a flight or its models to gains that hold, and to the files that bring them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rotorid.cli.command import carry_out
+from rotorid.cli.console import default_folder, output_console, print_findings
+from rotorid.cli.options import Map, Output
+from rotorid.errors import UsageError
+
+if TYPE_CHECKING:
+    from rotorid.documents.review import QuantityDocument
+    from rotorid.documents.tune import AxisTuneDocument, TuneDocument
+    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.pipeline.tuning import TuningProposal
+
+_GAINS = ("P", "I", "D", "A")
+
+
+def tune_command(
+    given: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RESULT|LOG...",
+            help="Results of identify --model rate.*, and logs whose parameters say which gains flew; logs alone are "
+            "identified.",
+        ),
+    ],
+    *,
+    axes: Annotated[str | None, typer.Option("--axes", help="AXIS,... to look at. [default: roll,pitch,yaw]")] = None,
+    robustness: Annotated[
+        float, typer.Option("--robustness", help="Largest sensitivity peak M_s of every loop; less is softer.")
+    ] = 1.7,
+    noise: Annotated[
+        float, typer.Option("--noise", help="Noise of the motors at most, as a factor on that of the flown gains.")
+    ] = 2.0,
+    keep: Annotated[
+        str | None, typer.Option("--keep", help="GAIN,... that stay, of P, I, D and A (the angle).")
+    ] = None,
+    only: Annotated[str | None, typer.Option("--only", help="GAIN,... that may change; all others stay.")] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the draws of likely plants.")] = 0,
+    map: Map = None,
+    output: Output,
+) -> None:
+    """Propose gains that hold for every likely plant, and write files for the autopilot with a way back."""
+    from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
+    from rotorid.pipeline.settings import parse_names
+    from rotorid.pipeline.tuning import TUNED_AXES, TuneSettings, refused_tuning, tune
+
+    stay = _staying(keep, only)
+    settings = TuneSettings(
+        axes=parse_names(axes) if axes else TUNED_AXES,  # type: ignore[arg-type]
+        robustness=robustness,
+        noise=noise,
+        keep=stay,
+        seed=seed,
+    )
+    models, logs = _told_apart(given)
+    carry_out(
+        logs,
+        mapping=map,
+        output=output,
+        folder=default_folder(logs or given, "tune"),
+        file=TUNE,
+        compute=lambda records: tune(models, records, settings=settings),
+        write=lambda folder, proposal: _write(folder, proposal, given),
+        refused=lambda error, records: refused_tune_document(refused_tuning(error, records, settings)),
+        document=tune_document,
+        show=_print,
+    )
+
+
+def _staying(keep: str | None, only: str | None) -> tuple[str, ...]:
+    """Gains that stay.
+
+    Raises
+    ------
+    UsageError
+        Both lists came, or a gain is unknown.
+    """
+    from rotorid.pipeline.settings import parse_names
+
+    if keep and only:
+        raise UsageError("--keep and --only came together", needed="one of them")
+    named = parse_names(keep or only or "") if keep or only else ()
+    if wrong := [name for name in named if name not in _GAINS]:
+        raise UsageError(f"the gain {wrong[0]} came", needed="of P, I, D and A")
+    return tuple(name for name in _GAINS if name not in named) if only else named
+
+
+def _told_apart(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list[Path]]:
+    """Results, loaded, and logs."""
+    from rotorid.documents.result import load
+
+    results = [
+        one for one in given if (one / "result.json").is_file() or one.name == "result.json" or one.suffix == ".json"
+    ]
+    return [load(one) for one in results], [one for one in given if one not in results]
+
+
+def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> None:
+    from rotorid.report.files import write_tuning
+
+    write_tuning(folder, proposal, title=f"Gains from {', '.join(one.name for one in given)}")
+
+
+def _print(document: TuneDocument, folder: Path) -> None:
+    """Gains flown and proposed, margins, findings, where the files are."""
+    from rich.table import Table
+
+    console = output_console()
+    for axis, one in document.axes.items():
+        table = Table(title=axis, title_justify="left", box=None, pad_edge=False)
+        for name in ("parameter", "flown", "proposed"):
+            table.add_column(name, justify="left" if name == "parameter" else "right")
+        for name, gain in one.gains.items():
+            told = "stays" if gain.flown == gain.proposed else f"{gain.proposed:.4g}"
+            table.add_row(name, f"{gain.flown:.4g}", told)
+        console.print(table)
+        for line in _lines(one):
+            console.print(line, highlight=False, markup=False)
+    print_findings(document.findings)
+    for name in (*document.files, *document.rollback_files):
+        console.print(f"file: {folder / name}", soft_wrap=True, markup=False)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+
+
+def _lines(one: AxisTuneDocument) -> list[str]:
+    """Margins of both loops before and after."""
+    words = {
+        "sensitivity_peak": "M_s",
+        "phase_margin_deg": "phase margin in deg",
+        "crossover_rad_s": "crossover in rad/s",
+    }
+    lines = []
+    for loop, before, after in (
+        ("rate loop", one.flown, one.proposed),
+        ("with the angle loop", one.flown_whole, one.proposed_whole),
+    ):
+        told = [
+            f"{word} {_told(before[name])}" + (f" -> {_told(after[name])}" if one.changed else "")
+            for name, word in words.items()
+            if name in before and name in after
+        ]
+        lines.append(f"{loop}: {', '.join(told)}")
+    if one.changed:
+        lines.append(
+            f"attitude under a moment: {100.0 * one.attitude_ratio.value:.0f} % of what it was; noise of the command: "
+            f"{100.0 * one.noise_ratio:.0f} %"
+        )
+    return lines
+
+
+def _told(quantity: QuantityDocument) -> str:
+    return f"{quantity.value:.3g} ({quantity.lower:.3g} to {quantity.upper:.3g})"

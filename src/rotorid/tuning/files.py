@@ -1,0 +1,118 @@
+"""Files by which gains reach a vehicle, and by which the flown ones come back: text alone, nothing is sent.
+
+PX4 takes QGroundControl's ``.params`` and lines for its shell, ArduPilot the ``.param`` of Mission Planner and of
+MAVProxy, Betaflight lines of its command line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from rotorid.errors import UsageError
+from rotorid.models.autopilots.settings import version_of
+
+Role: TypeAlias = Literal["proposed", "rollback"]
+
+_REAL32 = 9
+_NEWEST_NAMES = (4, 0)
+
+
+def parameter_files(
+    autopilot: str, values: Mapping[str, float], *, role: Role, firmware: str = "", profile: int = 0
+) -> dict[str, str]:
+    """Files with some parameters, name to text.
+
+    Parameters
+    ----------
+    autopilot
+        ``PX4``, ``ArduPilot`` or ``Betaflight``.
+    values
+        Parameters of the firmware by name.
+    role
+        ``proposed`` for new gains, ``rollback`` for those that were flown.
+    firmware
+        As the log names it; Betaflight's settings have names by version.
+    profile
+        Of Betaflight, counted from zero.
+
+    Raises
+    ------
+    UsageError
+        A value is not finite, the autopilot is not known, or the version of a Betaflight is not.
+
+    Examples
+    --------
+    >>> sorted(parameter_files("ArduPilot", {"ATC_RAT_RLL_P": 0.135}, role="rollback"))
+    ['rollback.param']
+    """
+    if wrong := [name for name, value in values.items() if not math.isfinite(value)]:
+        raise UsageError(f"{wrong[0]} = {values[wrong[0]]} came", needed="finite gains")
+    if autopilot == "PX4":
+        return {f"{role}.params": _qgroundcontrol(values, role), f"{role}.txt": _shell(values)}
+    if autopilot == "ArduPilot":
+        return {f"{role}.param": _mission_planner(values, role)}
+    if autopilot == "Betaflight":
+        return {f"{role}.cli.txt": _betaflight(values, role, firmware, profile)}
+    raise UsageError(f"gains of {autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
+
+
+def _words(role: Role) -> str:
+    return "gains proposed by rotorid" if role == "proposed" else "gains as they were flown, to go back to"
+
+
+def _qgroundcontrol(values: Mapping[str, float], role: Role) -> str:
+    lines = ["# Onboard parameters for Vehicle 1", "#", f"# {_words(role)}", "#"]
+    lines.append("# Vehicle-Id Component-Id Name Value Type")
+    lines += [f"1\t1\t{name}\t{np.float32(value):.18f}\t{_REAL32}" for name, value in values.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _shell(values: Mapping[str, float]) -> str:
+    return "".join(f"param set {name} {float(np.float32(value)):.9g}\n" for name, value in values.items())
+
+
+def _mission_planner(values: Mapping[str, float], role: Role) -> str:
+    lines = [f"# {_words(role)}", *(f"{name},{float(np.float32(value)):.9g}" for name, value in values.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile: int) -> str:
+    version = version_of(firmware)
+    if version is None or version < _NEWEST_NAMES:
+        raise UsageError(
+            f"the firmware {firmware or 'of no name'} came", needed="Betaflight 4.0 or later, whose settings are known"
+        )
+    if broken := [name for name, value in values.items() if value != round(value)]:
+        raise UsageError(f"{broken[0]} = {values[broken[0]]:g} came", needed="whole numbers, as Betaflight has them")
+    # Sliders would work the gains out again when the settings are saved.
+    sliders = ["set simplified_pids_mode = OFF"] if version >= (4, 3) else []
+    lines = [f"# {_words(role)}", "batch start", f"profile {profile}", *sliders]
+    lines += [f"set {name} = {int(value)}" for name, value in values.items()]
+    return "\n".join([*lines, "batch end", "save"]) + "\n"
+
+
+def parsed(text: str) -> dict[str, float]:
+    """Parameters of any of these files, by name.
+
+    Examples
+    --------
+    >>> text = parameter_files("PX4", {"MC_ROLLRATE_P": 0.15}, role="proposed")["proposed.params"]
+    >>> parsed(text)["MC_ROLLRATE_P"] == float(np.float32(0.15))
+    True
+    """
+    found = {}
+    for line in text.splitlines():
+        if line.startswith("#") or not line.strip():
+            continue
+        parts = line.replace(",", " ").replace("=", " ").split()
+        if (len(parts) == 5 and parts[4] == str(_REAL32)) or (parts[0] == "param" and len(parts) == 4):
+            found[parts[2]] = float(parts[3])
+        elif parts[0] == "set" and len(parts) == 3 and parts[2].lstrip("-").isdigit():
+            found[parts[1]] = float(parts[2])
+        elif len(parts) == 2 and parts[0].isupper():
+            found[parts[0]] = float(parts[1])
+    return found

@@ -1,0 +1,154 @@
+"""Gains by the names, ranges and steps of each firmware.
+
+A firmware keeps a gain as a number of 32 bits, Betaflight as an integer: a proposal is rounded to what the vehicle will
+hold, and judged as that. Ranges are those of the firmwares' own parameter descriptions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.errors import UsageError
+from rotorid.models.autopilots.betaflight import PER_D, PER_I, PER_P, YAW_I
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.tuning.loops import Gains
+from rotorid.typing import Axis
+
+
+class Parameter(NamedTuple):
+    """A parameter of a firmware that holds a gain.
+
+    Parameters
+    ----------
+    name
+        As the firmware has it.
+    low, high
+        Range that it takes.
+    per_si
+        What a gain in SI is divided by to give its value.
+    integer
+        Whether it is a whole number.
+    """
+
+    name: str
+    low: float
+    high: float
+    per_si: float = 1.0
+    integer: bool = False
+
+
+_PX4: Mapping[Axis, tuple[str, float, float, float]] = MappingProxyType(
+    {"roll": ("ROLL", 0.5, 0.01, 12.0), "pitch": ("PITCH", 0.6, 0.01, 12.0), "yaw": ("YAW", 0.6, 0.0, 5.0)}
+)
+_ARDUPILOT: Mapping[Axis, str] = MappingProxyType({"roll": "RLL", "pitch": "PIT", "yaw": "YAW"})
+_ARDUPILOT_RANGES = {
+    False: {"P": (0.01, 0.5), "I": (0.01, 2.0), "D": (0.0, 0.05), "A": (3.0, 12.0)},
+    True: {"P": (0.1, 2.5), "I": (0.01, 1.0), "D": (0.0, 0.02), "A": (3.0, 12.0)},
+}
+_MOST_OF_BETAFLIGHT = 250.0
+
+
+def parameters_of(controller: AxisController) -> dict[str, Parameter]:
+    """The parameters that hold P, I, D and A of an axis, as far as its firmware has them.
+
+    Parameters
+    ----------
+    controller
+        As the log tells it.
+
+    Raises
+    ------
+    UsageError
+        Its firmware is not known.
+
+    Examples
+    --------
+    >>> from rotorid.models.autopilots import axis_controller
+    >>> yaw = axis_controller({"MC_YAWRATE_P": 0.2, "MC_YAWRATE_I": 0.1, "MC_YAW_P": 2.8}, "yaw")
+    >>> parameters_of(yaw)["A"].name, parameters_of(yaw)["P"].high
+    ('MC_YAW_P', 0.6)
+    """
+    axis, gains = controller.axis, controller.gains
+    if controller.autopilot == "PX4":
+        name, most, least, fastest = _PX4[axis]
+        # K and P are one number written twice: K stays.
+        factor = gains.get(f"MC_{name}RATE_K", 1.0) or 1.0
+        slopes = math.inf if axis == "yaw" else 0.01
+        found = {
+            "P": Parameter(f"MC_{name}RATE_P", least, most, factor),
+            "I": Parameter(f"MC_{name}RATE_I", 0.0, math.inf, factor),
+            "D": Parameter(f"MC_{name}RATE_D", 0.0, slopes, factor),
+            "A": Parameter(f"MC_{name}_P", 0.0, fastest),
+        }
+    elif controller.autopilot == "ArduPilot":
+        name, ranges = _ARDUPILOT[axis], _ARDUPILOT_RANGES[axis == "yaw"]
+        found = {letter: Parameter(f"ATC_RAT_{name}_{letter}", *ranges[letter]) for letter in "PID"}
+        found["A"] = Parameter(f"ATC_ANG_{name}_P", *ranges["A"])
+    elif controller.autopilot == "Betaflight":
+        scales = {"P": PER_P, "I": PER_I * (YAW_I if axis == "yaw" else 1.0), "D": PER_D}
+        found = {
+            letter: Parameter(f"{letter.lower()}_{axis}", 0.0, _MOST_OF_BETAFLIGHT, scale, integer=True)
+            for letter, scale in scales.items()
+        }
+        level = next((name for name in ("angle_p_gain", "p_level") if name in gains), None)
+        if level is not None:
+            found["A"] = Parameter(level, 0.0, _MOST_OF_BETAFLIGHT, 0.1, integer=True)
+    else:
+        raise UsageError(f"gains of {controller.autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
+    return {letter: one for letter, one in found.items() if one.name in gains}
+
+
+def ranges_of(controller: AxisController) -> dict[str, tuple[float, float]]:
+    """Least and largest gain in SI that the firmware takes; a flown gain outside of its range widens it."""
+    flown = Gains.of(controller.controller).as_dict()
+    return {
+        letter: (min(one.low * one.per_si, flown[letter]), max(one.high * one.per_si, flown[letter]))
+        for letter, one in parameters_of(controller).items()
+    }
+
+
+def rounded(controller: AxisController, gains: Gains) -> Gains:
+    """Gains as the firmware will hold them: numbers of 32 bits, or integers.
+
+    Parameters
+    ----------
+    controller
+        Of the axis; what it has no parameter for stays as flown.
+    gains
+        In SI.
+    """
+    flown, wanted = Gains.of(controller.controller).as_dict(), gains.as_dict()
+    known = parameters_of(controller)
+    held = {letter: _held(known[letter], wanted[letter]) * known[letter].per_si for letter in known}
+    return Gains(**{**flown, **held})
+
+
+def _held(one: Parameter, gain: float) -> float:
+    """The value of a parameter for a gain, as the firmware keeps it."""
+    value = gain / one.per_si
+    return float(round(value)) if one.integer else float(np.float32(f"{value:.4g}"))
+
+
+def written(controller: AxisController, gains: Gains) -> dict[str, float]:
+    """Values of the firmware's parameters for some gains, by name.
+
+    Raises
+    ------
+    UsageError
+        A value is not finite, or outside the firmware's range where the flown one is inside.
+    """
+    found = {}
+    flown = Gains.of(controller.controller).as_dict()
+    for letter, one in parameters_of(controller).items():
+        value = _held(one, gains.as_dict()[letter])
+        before = flown[letter] / one.per_si
+        low, high = min(one.low, before), max(one.high, before)
+        if not math.isfinite(value) or not low * (1.0 - 1e-6) <= value <= high * (1.0 + 1e-6):
+            raise UsageError(f"{one.name} = {value:g} came", needed=f"a finite value from {one.low:g} to {one.high:g}")
+        found[one.name] = value
+    return found

@@ -1,0 +1,255 @@
+r"""The loops around a plant for any gains of a controller, and what they do: margins, rejection, steps.
+
+A controller is linear in P, I and D, and its angle loop is their answer to the set-point times A:
+
+.. math:: L_{rate} = \hat P\, C_y F_\omega / F_{log}, \qquad L_{whole} = L_{rate} + \hat P\, C_r A F_a / (s F_{log})
+
+Both are broken at the command. The first is what rate modes fly, the second what a hover in attitude flies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.models.controller import RateController
+from rotorid.typing import ComplexArray, FloatArray
+
+GRID = 170
+LOWEST_RAD_S, HIGHEST_RAD_S = 0.5, 600.0
+_BELOW_NYQUIST = 0.9
+DISTURBANCE_RAD_S = 1.5
+"""Corner of the moment against which an attitude is held."""
+
+_MINUS_3_DB = 10.0 ** (-3.0 / 20.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gains(Immutable):
+    """Gains of one axis in SI: P and D of the rate, I of its integral, A of the angle."""
+
+    P: float
+    I: float  # noqa: E741 - as everybody calls it
+    D: float
+    A: float
+
+    @classmethod
+    def of(cls, controller: RateController) -> Gains:
+        """Those of a controller."""
+        return cls(
+            P=controller.proportional_s,
+            I=controller.integral,
+            D=controller.derivative_s2,
+            A=controller.angle_1_s,
+        )
+
+    def on(self, controller: RateController) -> RateController:
+        """A controller with these gains and the filters of another one."""
+        return replace(controller, proportional_s=self.P, integral=self.I, derivative_s2=self.D, angle_1_s=self.A)
+
+    def as_dict(self) -> dict[str, float]:
+        """By their names."""
+        return {"P": self.P, "I": self.I, "D": self.D, "A": self.A}
+
+
+def frequency_grid(controller: RateController) -> FloatArray:
+    """Frequencies on which loops are looked at, below half the rate of the controller, rad/s."""
+    highest = HIGHEST_RAD_S
+    if controller.step_s > 0.0:
+        highest = min(highest, _BELOW_NYQUIST * np.pi / controller.step_s)
+    return np.geomspace(LOWEST_RAD_S, highest, GRID)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControllerParts(Immutable):
+    """What each gain of a controller does, by frequency.
+
+    Parameters
+    ----------
+    controller
+        Whose filters and steps count.
+    omega_rad_s
+        Shape ``(f,)``.
+    seen, logged
+        Filters in front of the rate that the controller takes, and in front of the rate in the log, shape ``(f,)``.
+    """
+
+    controller: RateController
+    omega_rad_s: FloatArray
+    seen: ComplexArray
+    logged: ComplexArray
+
+    def rate(self, gains: Gains) -> ComplexArray:
+        """Command by the logged rate without the angle loop, shape ``(f,)``."""
+        return np.asarray(gains.P * self._rate["P"] + gains.I * self._rate["I"] + gains.D * self._rate["D"])
+
+    def angle(self, gains: Gains) -> ComplexArray:
+        """What the angle loop adds, shape ``(f,)``."""
+        inside = gains.P * self._angle["P"] + gains.I * self._angle["I"] + gains.D * self._angle["D"]
+        return np.asarray(gains.A * (inside + self._ahead))
+
+    def whole(self, gains: Gains) -> ComplexArray:
+        """Command by the logged rate with the angle loop, shape ``(f,)``."""
+        return self.rate(gains) + self.angle(gains)
+
+    def _alone(self, name: str, *, ahead: bool = False) -> RateController:
+        ones = {"P": 0.0, "I": 0.0, "D": 0.0} | ({name: 1.0} if name else {})
+        # A controller without any gain is none; what a vanishing one adds is taken off by nobody.
+        ones["P"] = ones["P"] or _NONE
+        return replace(
+            self.controller,
+            proportional_s=ones["P"],
+            integral=ones["I"],
+            derivative_s2=ones["D"],
+            angle_1_s=1.0,
+            feedforward=self.controller.feedforward if ahead else 0.0,
+            feedforward_derivative_s=self.controller.feedforward_derivative_s if ahead else 0.0,
+        )
+
+    @cached_property
+    def _rate(self) -> Mapping[str, ComplexArray]:
+        return {
+            name: np.asarray(
+                replace(self._alone(name), angle_1_s=0.0).response(self.omega_rad_s, self.seen) / self.logged
+            )
+            for name in "PID"
+        }
+
+    @cached_property
+    def _angle(self) -> Mapping[str, ComplexArray]:
+        return {name: self._of_angle(self._alone(name)) for name in "PID"}
+
+    @cached_property
+    def _ahead(self) -> ComplexArray:
+        return self._of_angle(self._alone("", ahead=True))
+
+    def _of_angle(self, controller: RateController) -> ComplexArray:
+        s = 1j * self.omega_rad_s
+        late = np.exp(-s * controller.delay_s)
+        return np.asarray(controller.angle_response(self.omega_rad_s) / s * late / self.logged)
+
+
+_NONE = 1e-15
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoopFigures(Immutable):
+    """Figures of loops, each of shape ``(draws,)``; not a number where a loop does not show it.
+
+    Parameters
+    ----------
+    crossover_rad_s
+        Highest frequency at which the loop has the gain one.
+    phase_margin_rad
+        Least phase above -180 degrees at any crossover.
+    gain_margin
+        Factor by which the gain may grow; infinite where the phase never falls so far.
+    lower_gain_margin
+        Factor to which the gain may fall; zero where it may vanish.
+    delay_margin_s
+        Delay that it bears: least phase margin over crossover.
+    sensitivity_peak
+        Largest of the sensitivity, M_s.
+    rejection_bandwidth_rad_s
+        Frequency up to which the sensitivity stays below -3 dB.
+    """
+
+    crossover_rad_s: FloatArray
+    phase_margin_rad: FloatArray
+    gain_margin: FloatArray
+    lower_gain_margin: FloatArray
+    delay_margin_s: FloatArray
+    sensitivity_peak: FloatArray
+    rejection_bandwidth_rad_s: FloatArray
+    stable: FloatArray
+
+
+def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray) -> LoopFigures:
+    """Figures of broken loops.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Shape ``(f,)``, rising.
+    loops
+        Shape ``(draws, f)``.
+
+    Examples
+    --------
+    >>> w = np.geomspace(0.1, 300.0, 600)
+    >>> found = loop_figures(w, (10.0 / (1j * w) * np.exp(-0.02j * w))[None])
+    >>> round(float(found.crossover_rad_s[0]), 2), round(float(np.degrees(found.phase_margin_rad[0])), 1)
+    (10.0, 78.5)
+    >>> round(float(found.gain_margin[0]), 2), round(float(found.sensitivity_peak[0]), 2)
+    (7.85, 1.19)
+    """
+    rows = [_one(omega_rad_s, loop) for loop in np.atleast_2d(loops)]
+    return LoopFigures(**{name: np.array([row[name] for row in rows]) for name in rows[0]})
+
+
+def _one(omega: FloatArray, loop: ComplexArray) -> dict[str, float]:
+    ln, gain, phase = np.log(omega), np.log(np.abs(loop)), np.unwrap(np.angle(loop))
+    # Seen from the corner of its highest phase a loop of a vehicle lies between -180 and 180 degrees.
+    phase = phase - 2.0 * np.pi * np.round(phase[np.argmax(phase)] / (2.0 * np.pi))
+    crossings = _crossings(ln, gain, 0.0)
+    phases = np.array([np.interp(place, ln, phase) for place in crossings])
+    margins = np.pi + phases
+    half_turns = _crossings(ln, phase, -np.pi)
+    gains = np.array([np.interp(place, ln, gain) for place in half_turns])
+    above, below = gains[gains < 0.0], gains[gains >= 0.0]
+    sensitivity = 1.0 / np.abs(1.0 + loop)
+    return {
+        "crossover_rad_s": float(np.exp(crossings[-1])) if crossings.size else np.nan,
+        "phase_margin_rad": float(margins.min()) if crossings.size else np.nan,
+        "gain_margin": float(np.exp(-above.max())) if above.size else np.inf,
+        "lower_gain_margin": float(np.exp(-below.min())) if below.size else 0.0,
+        "delay_margin_s": float(np.min(margins / np.exp(crossings))) if crossings.size else np.nan,
+        "sensitivity_peak": float(sensitivity.max()),
+        "rejection_bandwidth_rad_s": _bandwidth(omega, sensitivity),
+        "stable": float(_stable(loop, phase)),
+    }
+
+
+def _crossings(at: FloatArray, values: FloatArray, level: float) -> FloatArray:
+    """Places at which a curve passes a level."""
+    over = values - level
+    found = np.flatnonzero(np.sign(over[:-1]) * np.sign(over[1:]) < 0.0)
+    share = over[found] / (over[found] - over[found + 1])
+    return np.asarray(at[found] + share * (at[found + 1] - at[found]))
+
+
+def _bandwidth(omega: FloatArray, sensitivity: FloatArray) -> float:
+    beyond = np.flatnonzero(sensitivity > _MINUS_3_DB)
+    if not beyond.size or beyond[0] == 0:
+        return np.nan
+    last = beyond[0]
+    return float(np.interp(_MINUS_3_DB, sensitivity[last - 1 : last + 1], omega[last - 1 : last + 1]))
+
+
+def _stable(loop: ComplexArray, phase: FloatArray) -> bool:
+    """Whether the loop does not turn around -1, by its crossings of the negative real axis beyond it."""
+    beyond = np.abs(loop) > 1.0
+    level = -np.pi
+    over = phase - level
+    signs = np.sign(over)
+    falls = (signs[:-1] > 0.0) & (signs[1:] <= 0.0) & beyond[:-1]
+    rises = (signs[:-1] <= 0.0) & (signs[1:] > 0.0) & beyond[:-1]
+    # A loop that begins below -180 degrees with much gain, as one with two integrals does, rises once and is stable.
+    begins = bool(signs[0] <= 0.0 and beyond[0])
+    return int(falls.sum()) == int(rises.sum()) - int(begins) if begins else int(falls.sum()) == int(rises.sum())
+
+
+def attitude_rms(omega_rad_s: FloatArray, plants: ComplexArray, loops: ComplexArray) -> FloatArray:
+    r"""Root mean square of the attitude under a moment of the corner :data:`DISTURBANCE_RAD_S`, shape ``(draws,)``.
+
+    .. math:: \int \left| \frac{P}{j\omega (1 + L)} \right|^2 \frac{d\omega}{\omega^2 + \omega_d^2}
+
+    Its scale is arbitrary: values of one plant are to be compared.
+    """
+    answer = np.abs(plants / (1j * omega_rad_s * (1.0 + loops))) ** 2
+    weight = 1.0 / (omega_rad_s**2 + DISTURBANCE_RAD_S**2)
+    return np.asarray(np.sqrt(np.trapezoid(answer * weight, omega_rad_s, axis=-1)))

@@ -1,0 +1,397 @@
+r"""Gains that hold their limits for every likely plant, by a grid of shapes where each limit bounds P in closed form.
+
+For a shape :math:`(a, d, A)` of I/P, D/P and the angle gain a loop is linear in :math:`k = P`, :math:`L = k L_0`, and
+
+- :math:`M_s \le M`: :math:`k^2 |L_0|^2 + 2 k \, \mathrm{Re} L_0 + 1 - M^{-2} \ge 0`; between its roots k is forbidden,
+  above the frequency of the highest phase a bound from above, below it one from below, since an integral with too
+  little gain is as bad as one with too much;
+- a phase margin: :math:`k \le 1/|L_0|` where the phase falls through it, and :math:`k \ge 1/|L_0|` where it rises;
+- a gain margin: :math:`k \le 1/(GM \, |L_0|)` at -180 degrees;
+- room for the angle loop: :math:`\omega_c \ge 3 A`, :math:`k \ge 1/|L_0(3A)|` of the rate loop;
+- noise of the command: :math:`k \, \|C_0\|` at most twice as large as flown.
+
+Both loops count, the rate loop alone and the whole one. Of all shapes the one is proposed that holds an attitude best
+against a moment. The best on the most likely plant are looked at again on all draws; a bound counts by its quantile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.models.controller import RateController
+from rotorid.tuning.loops import (
+    ControllerParts,
+    Gains,
+    LoopFigures,
+    attitude_rms,
+    frequency_grid,
+    loop_figures,
+)
+from rotorid.tuning.plant import UncertainPlant
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+QUANTILE = 0.05
+"""Of the draws, that may miss a limit."""
+
+_KEPT_SHAPES = 60
+_ROOM = 1.3
+_ANGLE_ROOM = 3.0
+_MOST_UP, _MOST_DOWN = 2.0, 0.4
+_WORTH = 0.97
+"""A proposal has to hold an attitude better than the flown gains by this, or to bring them inside the limits."""
+
+_SHRINK = 0.97
+_RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
+_YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
+_DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
+_ANGLES = np.geomspace(0.8, 12.0, 8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wishes(Immutable):
+    """What a loop has to hold.
+
+    Parameters
+    ----------
+    sensitivity_peak
+        Largest M_s of the rate loop and of the whole one.
+    phase_margin_rad
+        Least phase margin of the rate loop.
+    gain_margin
+        Least gain margin of the rate loop.
+    noise
+        Noise of the command at most, as a factor on that of the flown gains.
+    keep
+        Gains that stay: of ``P``, ``I``, ``D``, ``A``.
+    most_up
+        How much P, D and A may grow in one flight.
+    ranges
+        Lowest and highest value of a gain that the firmware takes, by its name.
+    """
+
+    sensitivity_peak: float = 1.7
+    phase_margin_rad: float = float(np.radians(45.0))
+    gain_margin: float = 2.0
+    noise: float = 2.0
+    keep: tuple[str, ...] = ()
+    most_up: float = _MOST_UP
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(keep=tuple(self.keep), ranges=self.ranges)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged(Immutable):
+    """Gains, and what they do on every draw.
+
+    Parameters
+    ----------
+    gains
+        The gains.
+    rate, whole
+        Figures of the rate loop alone, and with the angle loop, over the draws.
+    attitude_rms
+        Of an attitude under a moment, over the draws, in a unit of its own.
+    noise
+        Of the command by noise of the rate, in a unit of its own.
+    """
+
+    gains: Gains
+    rate: LoopFigures
+    whole: LoopFigures
+    attitude_rms: FloatArray
+    noise: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisProposal(Immutable):
+    """Gains proposed for an axis, beside the flown ones.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    controller
+        As flown, with its filters.
+    flown, proposed
+        Both judged on all draws; the same where the flown gains stay.
+    better
+        Root mean square of the attitude under a moment, proposed over flown: its median.
+    reasons
+        Why the flown gains stay, or what bounds the proposal.
+    """
+
+    axis: Axis
+    controller: RateController
+    flown: Judged
+    proposed: Judged
+    better: float
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything is proposed."""
+        return self.proposed.gains != self.flown.gains
+
+
+def propose(
+    axis: Axis,
+    plant: UncertainPlant,
+    controller: RateController,
+    *,
+    seen: ComplexArray | None = None,
+    logged: ComplexArray | None = None,
+    omega_rad_s: FloatArray | None = None,
+    wishes: Wishes | None = None,
+) -> AxisProposal:
+    """Gains for an axis that hold their limits on the plants that are likely.
+
+    Parameters
+    ----------
+    axis
+        Which one; yaw has no D and a slower integral.
+    plant
+        Rate by command, as it was logged.
+    controller
+        As flown.
+    seen, logged
+        Filters in front of the rate that the controller takes, and in front of the logged one, on ``omega_rad_s``.
+    omega_rad_s
+        Frequencies, those of :func:`rotorid.tuning.loops.frequency_grid` by default.
+    wishes
+        Limits.
+
+    Examples
+    --------
+    >>> from rotorid.tuning.plant import uncertain_plant
+    >>> def model(w):
+    ...     return 113.1 / ((0.048j * w + 1.0) * (1j * w + 1.0)) * np.exp(-0.012j * w)
+    >>> plant = uncertain_plant(model, None, band_rad_s=(1.0, 100.0), draws=20)
+    >>> soft = RateController(proportional_s=0.08, integral=0.08, derivative_s2=0.001, angle_1_s=4.0,
+    ...                       derivative_cutoff_hz=30.0, step_s=1.0 / 400.0, late_integral=True)
+    >>> found = propose("roll", plant, soft)
+    >>> found.changed, bool(found.better < 0.8), bool(np.quantile(found.proposed.whole.sensitivity_peak, 0.9) < 1.75)
+    (True, True, True)
+    """
+    wishes = wishes or Wishes()
+    omega = frequency_grid(controller) if omega_rad_s is None else omega_rad_s
+    ones = np.ones(omega.size, dtype=np.complex128)
+    parts = ControllerParts(
+        controller=controller,
+        omega_rad_s=omega,
+        seen=ones if seen is None else seen,
+        logged=ones if logged is None else logged,
+    )
+    drawn = plant.drawn(omega)
+    flown = judged(parts, drawn, Gains.of(controller))
+    reasons: list[str] = []
+    best = _searched(axis, parts, plant.response(omega), drawn, flown, wishes, reasons)
+    if best is None:
+        return AxisProposal(
+            axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
+        )
+    better = float(np.median(best.attitude_rms / flown.attitude_rms))
+    broken = _broken(flown, wishes)
+    if better > _WORTH and not broken:
+        reasons.append("no gains inside the limits hold the attitude clearly better than the flown ones")
+        return AxisProposal(
+            axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
+        )
+    if broken:
+        reasons.append(f"the flown gains break {broken}")
+    reasons += _bound_by(best.gains, flown.gains, wishes)
+    return AxisProposal(
+        axis=axis, controller=controller, flown=flown, proposed=best, better=better, reasons=tuple(reasons)
+    )
+
+
+def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains) -> Judged:
+    """What gains do on all plants, shape ``(draws, f)``."""
+    omega = parts.omega_rad_s
+    rate, whole = plants * parts.rate(gains), plants * parts.whole(gains)
+    return Judged(
+        gains=gains,
+        rate=loop_figures(omega, rate),
+        whole=loop_figures(omega, whole),
+        attitude_rms=attitude_rms(omega, plants, whole),
+        noise=_noise(omega, parts.rate(gains)),
+    )
+
+
+def _noise(omega: FloatArray, controller: ComplexArray) -> float:
+    """What the controller makes of a rate that is white, in a unit of its own."""
+    return float(np.sqrt(np.trapezoid(np.abs(controller) ** 2, omega)))
+
+
+def _searched(
+    axis: Axis,
+    parts: ControllerParts,
+    nominal: ComplexArray,
+    drawn: ComplexArray,
+    flown: Judged,
+    wishes: Wishes,
+    reasons: list[str],
+) -> Judged | None:
+    """The best gains of the grid that hold on the draws; ``None``, with the reason, where none do."""
+    shapes = _shapes(axis, flown.gains, wishes)
+    ranked: list[tuple[float, tuple[float, float, float]]] = []
+    for a, d, A in shapes:
+        k = _gain(parts, nominal[None], (a, d, A), flown, wishes)
+        if k is None:
+            continue
+        gains = Gains(P=k, I=a * k, D=d * k, A=A)
+        rms = float(attitude_rms(parts.omega_rad_s, nominal[None], nominal[None] * parts.whole(gains))[0])
+        ranked.append((rms, (a, d, A)))
+    if not ranked:
+        reasons.append("no gains of the grid hold the limits on the identified plant")
+        return None
+    ranked.sort(key=lambda one: one[0])
+    best: tuple[float, Gains] | None = None
+    for _, (a, d, A) in ranked[:_KEPT_SHAPES]:
+        k = _gain(parts, drawn, (a, d, A), flown, wishes)
+        if k is None:
+            continue
+        gains = Gains(P=k, I=a * k, D=d * k, A=A)
+        over = float(np.median(attitude_rms(parts.omega_rad_s, drawn, drawn * parts.whole(gains))))
+        if best is None or over < best[0]:
+            best = over, gains
+    if best is None:
+        reasons.append("no gains hold the limits on all likely plants: the plant is not known well enough")
+        return None
+    return _inside(parts, drawn, best[1], flown, wishes, reasons)
+
+
+def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[tuple[float, float, float]]:
+    """Ratios I/P and D/P and angle gains to look at."""
+    integrals = _YAW_SHAPES if axis == "yaw" else _RATE_SHAPES
+    # Without a D of its own an axis has no filter for it that anybody chose.
+    derivatives = np.zeros(1) if axis == "yaw" or flown.D == 0.0 else _DERIVATIVES
+    angles = _ANGLES if flown.A > 0.0 else np.zeros(1)
+    if "I" in wishes.keep and flown.P > 0.0:
+        integrals = np.array([flown.I / flown.P])
+    if "D" in wishes.keep and flown.P > 0.0:
+        derivatives = np.array([flown.D / flown.P])
+    if "A" in wishes.keep:
+        angles = np.array([flown.A])
+    least, most = _limits("A", flown.A, wishes)
+    angles = np.unique(np.clip(angles, least, most)) if flown.A > 0.0 else angles
+    return [(float(a), float(d), float(A)) for a in integrals for d in derivatives for A in angles]
+
+
+def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
+    """Least and largest value of a gain: the range of the firmware, and what one flight may change."""
+    low, high = wishes.ranges.get(name, (0.0, np.inf))
+    if flown > 0.0 and name != "I":
+        high = min(high, wishes.most_up * flown)
+        if name in ("P", "A"):
+            low = max(low, _MOST_DOWN * flown)
+    return low, max(high, low)
+
+
+def _gain(
+    parts: ControllerParts,
+    plants: ComplexArray,
+    shape: tuple[float, float, float],
+    flown: Judged,
+    wishes: Wishes,
+) -> float | None:
+    """The largest P of a shape that holds on the plants; ``None`` where none does."""
+    a, d, A = shape
+    unit = Gains(P=1.0, I=a, D=d, A=A)
+    controller = parts.rate(unit)
+    rate, whole = plants * controller, plants * parts.whole(unit)
+    low = np.zeros(len(plants))
+    high = np.full(len(plants), np.inf)
+    for loop, phase_margin in ((rate, wishes.phase_margin_rad), (whole, None)):
+        from_below, from_above = _bounds(loop, wishes, phase_margin)
+        low, high = np.maximum(low, from_below), np.minimum(high, from_above)
+    if A > 0.0:
+        at = np.searchsorted(parts.omega_rad_s, _ANGLE_ROOM * A)
+        low = np.maximum(low, 1.0 / np.abs(rate[:, min(at, rate.shape[1] - 1)]))
+    if len(plants) > 1:
+        k_low, k_high = float(np.quantile(low, 1.0 - QUANTILE)), float(np.quantile(high, QUANTILE))
+    else:
+        k_low, k_high = float(low[0]), float(high[0])
+    if not k_high >= _ROOM * k_low:
+        return None
+    noise = _noise(parts.omega_rad_s, controller)
+    k_high = min(k_high, wishes.noise * flown.noise / noise)
+    for name, factor in (("P", 1.0), ("I", a), ("D", d)):
+        least, most = _limits(name, getattr(flown.gains, name), wishes)
+        if factor > 0.0:
+            k_high, k_low = min(k_high, most / factor), max(k_low, least / factor)
+    if "P" in wishes.keep:
+        return flown.gains.P if k_low <= flown.gains.P <= k_high else None
+    return k_high if k_high >= k_low else None
+
+
+def _bounds(loops: ComplexArray, wishes: Wishes, phase_margin_rad: float | None) -> tuple[FloatArray, FloatArray]:
+    """Least and largest factor on loops for every limit, shapes ``(draws,)``."""
+    size, real = np.abs(loops), loops.real
+    phase = np.unwrap(np.angle(loops), axis=1)
+    top = np.argmax(phase, axis=1)
+    phase = phase - 2.0 * np.pi * np.round(np.take_along_axis(phase, top[:, None], axis=1) / (2.0 * np.pi))
+    fast = np.arange(loops.shape[1])[None] >= top[:, None]
+    inside = 1.0 - wishes.sensitivity_peak**-2
+    under = real**2 - size**2 * inside
+    forbidden = (under > 0.0) & (real < 0.0)
+    root = np.sqrt(np.maximum(under, 0.0))
+    first, last = (-real - root) / size**2, (-real + root) / size**2
+    high = np.min(np.where(forbidden & fast, first, np.inf), axis=1)
+    low = np.max(np.where(forbidden & ~fast, last, 0.0), axis=1)
+    levels = [(-np.pi, wishes.gain_margin)]
+    if phase_margin_rad is not None:
+        levels.append((phase_margin_rad - np.pi, 1.0))
+    for level, factor in levels:
+        falls = fast[:, 1:] & (phase[:, :-1] > level) & (phase[:, 1:] <= level)
+        high = np.minimum(high, np.min(np.where(falls, 1.0 / (factor * size[:, :-1]), np.inf), axis=1))
+        rises = ~fast[:, :-1] & (phase[:, :-1] <= level) & (phase[:, 1:] > level)
+        low = np.maximum(low, np.max(np.where(rises, factor / size[:, 1:], 0.0), axis=1))
+    return low, high
+
+
+def _inside(
+    parts: ControllerParts,
+    drawn: ComplexArray,
+    gains: Gains,
+    flown: Judged,
+    wishes: Wishes,
+    reasons: list[str],
+) -> Judged | None:
+    """Gains that hold with everything exact, feed-forward included: a little smaller where they have to be."""
+    for _ in range(12):
+        found = judged(parts, drawn, gains)
+        if not _broken(found, wishes):
+            return found
+        gains = Gains(P=gains.P * _SHRINK, I=gains.I * _SHRINK, D=gains.D * _SHRINK, A=gains.A * _SHRINK)
+    reasons.append(f"gains of the grid break {_broken(found, wishes)} on the likely plants")
+    return None if _broken(flown, wishes) else flown
+
+
+def _broken(one: Judged, wishes: Wishes) -> str:
+    """Which limit gains break on more than the quantile of the plants; empty where none."""
+    worst = {
+        "stability": np.maximum(1.0 - one.rate.stable, 1.0 - one.whole.stable) > 0.0,
+        f"a sensitivity peak of {wishes.sensitivity_peak:.2g} of the rate loop": one.rate.sensitivity_peak
+        > wishes.sensitivity_peak,
+        f"a sensitivity peak of {wishes.sensitivity_peak:.2g} of the whole loop": one.whole.sensitivity_peak
+        > wishes.sensitivity_peak,
+        f"a phase margin of {np.degrees(wishes.phase_margin_rad):.0f} degrees": one.rate.phase_margin_rad
+        < wishes.phase_margin_rad,
+    }
+    return next((name for name, found in worst.items() if float(np.mean(found)) > 2.0 * QUANTILE), "")
+
+
+def _bound_by(gains: Gains, flown: Gains, wishes: Wishes) -> Sequence[str]:
+    """Which caps of one flight bind."""
+    found = []
+    for name in ("P", "D", "A"):
+        before, now = getattr(flown, name), getattr(gains, name)
+        if before > 0.0 and now >= 0.99 * wishes.most_up * before:
+            found.append(f"{name} at {wishes.most_up:g} times the flown value, the most of one flight")
+    return found

@@ -1,0 +1,83 @@
+"""Gains in the names, ranges and steps of each firmware, and files that parse back to the same numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rotorid.errors import UsageError
+from rotorid.models.autopilots import AxisController, axis_controller
+from rotorid.tuning import Gains, parameter_files, parameters_of, ranges_of, rounded, written
+from rotorid.tuning.files import parsed
+
+PX4 = {"MC_ROLLRATE_K": 1.5, "MC_ROLLRATE_P": 0.1, "MC_ROLLRATE_I": 0.2, "MC_ROLLRATE_D": 0.002, "MC_ROLL_P": 6.5}
+ARDUPILOT = {"ATC_RAT_YAW_P": 0.18, "ATC_RAT_YAW_I": 0.018, "ATC_RAT_YAW_D": 0.0, "ATC_ANG_YAW_P": 4.5}
+BETAFLIGHT = {"rollPID_P": 45.0, "rollPID_I": 80.0, "rollPID_D": 30.0, "levelPID_P": 50.0, "looptime": 125.0}
+
+
+def controllers() -> dict[str, AxisController]:
+    found = {
+        "px4": axis_controller(PX4, "roll", firmware="PX4 1.15.0"),
+        "ardupilot": axis_controller(ARDUPILOT, "yaw", firmware="ArduCopter V4.6.0"),
+        "betaflight": axis_controller(BETAFLIGHT, "roll", firmware="Betaflight 4.5.1"),
+    }
+    return {name: one for name, one in found.items() if one is not None}
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot", "betaflight"])
+def test_flown_gains_are_what_the_log_holds(name: str) -> None:
+    one = controllers()[name]
+    values = written(one, Gains.of(one.controller))
+    assert values == pytest.approx({key: one.gains[key] for key in values}, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot", "betaflight"])
+def test_files_parse_back_to_the_same_numbers(name: str) -> None:
+    one = controllers()[name]
+    gains = rounded(one, Gains(P=0.31234567, I=0.71234567, D=0.0, A=5.1234567))
+    values = written(one, gains)
+    for text in parameter_files(one.autopilot, values, role="proposed", firmware=one.firmware).values():
+        read = parsed(text)
+        assert {key: np.float32(value) for key, value in read.items()} == {
+            key: np.float32(value) for key, value in values.items()
+        }
+
+
+def test_the_factor_of_px4_stays() -> None:
+    one = controllers()["px4"]
+    assert parameters_of(one)["P"].per_si == 1.5
+    assert written(one, Gains(P=0.3, I=0.3, D=0.003, A=6.5))["MC_ROLLRATE_P"] == pytest.approx(0.2)
+    assert ranges_of(one)["P"] == pytest.approx((0.015, 0.75))
+
+
+def test_betaflight_has_whole_numbers_and_its_sliders_off() -> None:
+    one = controllers()["betaflight"]
+    gains = rounded(one, Gains(P=0.1, I=1.0, D=8e-4, A=5.0))
+    values = written(one, gains)
+    assert all(value == round(value) for value in values.values())
+    (text,) = parameter_files("Betaflight", values, role="proposed", firmware="Betaflight 4.5.1").values()
+    lines = text.splitlines()
+    assert lines.index("set simplified_pids_mode = OFF") < lines.index("set p_roll = 54")
+    assert lines[-1] == "save"
+    with pytest.raises(UsageError, match=r"Betaflight 4\.0"):
+        parameter_files("Betaflight", values, role="proposed", firmware="")
+
+
+@pytest.mark.parametrize("P", [np.nan, np.inf, 3.0, -0.1])
+def test_no_gain_leaves_that_no_firmware_takes(P: float) -> None:
+    one = controllers()["px4"]
+    with pytest.raises(UsageError, match="MC_ROLLRATE_P"):
+        written(one, Gains(P=P, I=0.2, D=0.002, A=6.5))
+    with pytest.raises(UsageError, match="finite gains"):
+        parameter_files("PX4", {"MC_ROLLRATE_P": np.nan}, role="proposed")
+
+
+def test_a_flown_gain_beyond_its_range_may_be_written_back() -> None:
+    one = axis_controller({**ARDUPILOT, "ATC_RAT_YAW_P": 0.05}, "yaw", firmware="ArduCopter V4.6.0")
+    assert one is not None
+    assert written(one, Gains.of(one.controller))["ATC_RAT_YAW_P"] == pytest.approx(0.05)
+
+
+def test_nothing_else_is_known() -> None:
+    with pytest.raises(UsageError, match="needed: PX4, ArduPilot, Betaflight"):
+        parameter_files("Crazyflie", {"p": 1.0}, role="proposed")

@@ -1,0 +1,84 @@
+"""Loops of gains: parts of a controller add up to it, figures are those of theory, rules by hand have known margins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rotorid.models.controller import RateController
+from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures
+
+PX4 = RateController(
+    proportional_s=0.15,
+    integral=0.2,
+    derivative_s2=0.003,
+    angle_1_s=6.5,
+    derivative_cutoff_hz=30.0,
+    step_s=1.0 / 400.0,
+    late_integral=True,
+)
+ARDUPILOT = RateController(
+    proportional_s=0.135,
+    integral=0.135,
+    derivative_s2=0.0036,
+    angle_1_s=4.5,
+    derivative_of_error=True,
+    derivative_cutoff_hz=20.0,
+    target_cutoff_hz=20.0,
+    error_cutoff_hz=30.0,
+    feedforward=0.01,
+    step_s=1.0 / 400.0,
+    late_angle=True,
+)
+
+
+@pytest.mark.parametrize("controller", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+def test_parts_add_up_to_the_controller(controller: RateController) -> None:
+    omega = frequency_grid(controller)
+    seen = np.exp(-0.004j * omega)
+    parts = ControllerParts(controller=controller, omega_rad_s=omega, seen=seen, logged=np.ones_like(seen))
+    gains = Gains.of(controller)
+    np.testing.assert_allclose(parts.whole(gains), controller.response(omega, seen), rtol=1e-12)
+    np.testing.assert_allclose(parts.rate(gains), controller.rate_loop.response(omega, seen), rtol=1e-12)
+    assert gains.on(controller) == controller
+    other = Gains(P=0.3, I=0.9, D=0.001, A=3.0)
+    np.testing.assert_allclose(parts.whole(other), other.on(controller).response(omega, seen), rtol=1e-12)
+
+
+# SIMC for k exp(-theta s)/(s (T s + 1)): lambda, crossover times theta, phase margin, gain margin in dB, M_s.
+BY_HAND = [
+    (1.0, 0.515, 46.9, 9.4, 1.70),
+    (1.5, 0.412, 52.8, 11.5, 1.50),
+    (2.0, 0.343, 56.7, 13.1, 1.39),
+    (3.0, 0.257, 61.6, 15.7, 1.27),
+]
+
+
+@pytest.mark.parametrize(("wish", "crossover", "phase", "gain_db", "peak"), BY_HAND)
+def test_rules_by_hand_have_their_margins(
+    wish: float, crossover: float, phase: float, gain_db: float, peak: float
+) -> None:
+    theta, lag = 0.02, 0.05
+    slowness = theta * (1.0 + wish)
+    gain, reset = 1.0 / slowness, 4.0 * slowness
+    s = 1j * np.geomspace(0.01, 600.0, 20_000)
+    controller = gain * (1.0 + lag / reset) + gain / reset / s + gain * lag * s
+    found = loop_figures(s.imag, (controller * np.exp(-theta * s) / (s * (lag * s + 1.0)))[None])
+    assert found.crossover_rad_s[0] * theta == pytest.approx(crossover, abs=6e-4)
+    assert np.degrees(found.phase_margin_rad[0]) == pytest.approx(phase, abs=0.06)
+    assert 20.0 * np.log10(found.gain_margin[0]) == pytest.approx(gain_db, abs=0.06)
+    assert found.sensitivity_peak[0] == pytest.approx(peak, abs=6e-3)
+    assert found.stable[0] == 1.0
+
+
+@pytest.mark.parametrize("factor", np.geomspace(0.05, 30.0, 14).tolist())
+def test_stability_is_that_of_the_closed_loop(factor: float) -> None:
+    """Of a rational loop with an integral: by the roots of its characteristic polynomial."""
+    numerator, denominator = (
+        factor * np.array([2.0, 10.0]),
+        np.polymul([1.0, 0.0, 0.0], np.polymul([0.05, 1.0], [0.02, 1.0])),
+    )
+    roots = np.roots(np.polyadd(denominator, numerator))
+    s = 1j * np.geomspace(0.005, 3000.0, 6000)
+    loop = np.polyval(numerator, s) / np.polyval(denominator, s)
+    assert bool(loop_figures(s.imag, loop[None]).stable[0]) == bool((roots.real < 0.0).all())
