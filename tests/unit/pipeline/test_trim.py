@@ -105,3 +105,14 @@ def test_an_unknown_constant_gets_the_nearest_one() -> None:
     record = log(topic("log", RATE_HZ, {"u": 0.0}))
     with pytest.raises(ModelError, match=r"no constant 'theta_0'.*did you mean theta0"):
         trimmed(STRUCTURE, sweeps(record, ["pitch"]).fitted, IdentifySettings(constants={"theta_0": 0.1}))
+
+
+def test_maneuvers_at_several_speeds_are_warned_about() -> None:
+    slow, fast = (log(topic("log", RATE_HZ, {"u": speed}), name=f"at-{speed:g}.csv") for speed in (0.0, 8.0))
+    flights = [*sweeps(slow, ["pitch"]).fitted, *sweeps(fast, ["pitch"]).fitted]
+    trim = trimmed(STRUCTURE, flights, IdentifySettings())
+    assert trim.structure.constants["U0"] == pytest.approx(4.0)
+    assert [finding.kind for finding in trim.findings] == ["trim", "several_trims"]
+    assert trim.findings[1].numbers == {"lowest_m_s": 0.0, "highest_m_s": 8.0}
+    given = trimmed(STRUCTURE, flights, IdentifySettings(constants={"U0": 4.0}))
+    assert "several_trims" not in [finding.kind for finding in given.findings]

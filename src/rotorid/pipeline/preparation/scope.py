@@ -305,6 +305,9 @@ def _without(
 
 _CHANNELS = {"U0": "u", "V0": "v", "W0": "w", "theta0": "theta", "phi0": "phi"}
 _SPEEDS = ("U0", "V0", "W0")
+_ONE_TRIM_M_S = 1.5
+"""Maneuvers whose mean speeds differ by more are of several trims."""
+
 _LEVEL_RAD = 0.05
 """Up to here the cosine is one within a thousandth, and gravity along the body a twentieth of itself."""
 
@@ -347,7 +350,28 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
     constants = {**measured, **settings.constants}
     if not constants:
         return Trimmed(structure=structure)
-    return Trimmed(structure=structure.with_constants(constants), findings=(_finding(measured),) if measured else ())
+    findings = [_finding(measured)] if measured else []
+    if "U0" in measured:
+        findings += _several(flights)
+    return Trimmed(structure=structure.with_constants(constants), findings=tuple(findings))
+
+
+def _several(flights: Sequence[Flight]) -> list[Finding]:
+    """A warning where maneuvers were flown at speeds of which no mean is a trim."""
+    speeds = [_mean([flight], "u") for flight in flights]
+    low, high = min(speeds), max(speeds)
+    if high - low < _ONE_TRIM_M_S:
+        return []
+    return [
+        warn(
+            "several_trims",
+            "U0",
+            f"The maneuvers were flown at {low:.1f} to {high:.1f} m/s, and the model is of the mean: identify each "
+            "speed alone (--segment AXIS:START:STOP) and stitch the results.",
+            lowest_m_s=low,
+            highest_m_s=high,
+        )
+    ]
 
 
 def _mean(flights: Sequence[Flight], channel: str) -> float:
