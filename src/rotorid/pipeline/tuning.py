@@ -45,6 +45,7 @@ _MOST_SATURATED = 0.02
 _AT_LIMIT = (0.02, 0.98)
 _WIDEST_GAIN = 0.15
 _BAND_OVER_CROSSOVER = 1.5
+_WITHOUT_SPEED_RAD_S = (3.0, 300.0)
 _STEP_S = 0.01
 _BEHIND_FILTERS = ("vehicle_angular_velocity", "RATE", "PIDR", "PIDP", "PIDY", "gyroADC")
 """Where logs have the rate as the controller takes it, so that no filter of the gyro has to be known."""
@@ -253,7 +254,7 @@ def _axis(
     controller = _controller(axis, command, source, model, record)
     if record is not None:
         _require_room(record)
-        findings += _explained(axis, record, model)
+        findings += _explained(axis, record, model, controller, source)
     omega = frequency_grid(controller.controller)
     seen, logged = _filters(record, controller, source, omega)
     plant = _plant(model, command, rate, settings)
@@ -289,7 +290,13 @@ def _model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[FlightRe
     held = [one for one in logs if {f"{axis}_command", RATES[axis][0]} <= set(one.channel_names)]
     if not held:
         raise InsufficientDataError(f"no log holds {axis}_command and {RATES[axis][0]}", needed="both of them")
-    return identify(held, name)
+    try:
+        return identify(held, name)
+    except InsufficientDataError as error:
+        # Below some rad/s the speed of the vehicle acts, which a rate model lacks; no margin lies there.
+        if not any(finding.kind == "poor_fit" for finding in error.findings):
+            raise
+        return identify(held, name, band_rad_s=_WITHOUT_SPEED_RAD_S)
 
 
 def _controller(
@@ -342,8 +349,21 @@ def _require_room(record: FlightRecord) -> None:
         )
 
 
-def _explained(axis: Axis, record: FlightRecord, model: IdentifiedModel) -> list[Finding]:
-    """Refuse a controller that did not make the logged command; a remark where that cannot be seen."""
+def _explained(
+    axis: Axis, record: FlightRecord, model: IdentifiedModel, controller: AxisController, source: str
+) -> list[Finding]:
+    """Refuse a controller that did not make the logged command; a remark where that cannot be seen.
+
+    The command is made again, sample by sample, of the rate in the log, which has to be the one that the controller
+    took: not one in front of the filters of the gyro.
+    """
+    acting = acting_on(record, controller.controller, source=source)
+    if acting.seen or acting.logged:
+        message = (
+            f"The rate of {axis} stands in {source}, in front of filters of the gyro: whether these gains made the "
+            "commands was not checked."
+        )
+        return [remark("controller_unchecked", axis, message)]
     controllers = Controllers(record=record, given={})
     command, rate = f"{axis}_command", RATES[axis][0]
     own = [one for one in model.data.segments if one.record == record.source.name]
