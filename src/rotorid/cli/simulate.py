@@ -138,7 +138,7 @@ def _of_flights(air: Air, flight: dict[str, Any]) -> dict[str, bool]:
         "--vary": "vary" in flight,
         "--format": flight["format"] is not None,
         "--stick": flight["stick"] != usual.stick,
-        "--speed": flight["speed_m_s"] != usual.speed_m_s,
+        "--speed": flight.get("speed_m_s", usual.speed_m_s) != usual.speed_m_s,
     }
 
 

@@ -138,24 +138,24 @@ def _topic(
     file: str,
 ) -> Topic:
     meta = [Channel(name=channel.name, unit=channel.si, source=told(channel.samples)) for channel in channels]
-    rows = [_samples(channel.samples, arrays, channel.si, file) for channel in channels]
+    angles: list[FloatArray] = []
     if mapping.attitude is not None and mapping.attitude.time == time:
         meta += [Channel(name=name, unit="rad", source=mapping.attitude.parts[0].source) for name in _EULER]
-        rows += _angles(mapping.attitude, arrays, file)
-    time_s = _stamps(time, mapping.clock, arrays, rows[0].size, file)
-    for channel, row in zip(meta, rows, strict=True):
+        angles = _angles(mapping.attitude, arrays, file)
+    first = _samples(channels[0].samples, arrays, channels[0].si, file) if channels else angles[0]
+    time_s = _stamps(time, mapping.clock, arrays, first.size, file)
+    # Of a long log each copy of all samples is a good part of the memory: rows are made one by one.
+    values = np.empty((len(meta), time_s.size))
+    for place, channel in enumerate(meta):
+        own = channels[place] if place < len(channels) else None
+        row = angles[place - len(channels)] if own is None else _samples(own.samples, arrays, own.si, file)
         if row.size != time_s.size:
             raise LogError(
                 f"{file}: {channel.source} has {row.size} samples and its clock {time_s.size} stamps",
                 needed="as many of the one as of the other",
                 remedy="name the right `time` in the mapping, or the right `row` or `column`",
             )
-    rows[: len(channels)] = [
-        processed(channel.samples, time_s, row, file) for channel, row in zip(channels, rows, strict=False)
-    ]
-    values = np.stack(rows)
-    # Of a long log, each copy of all samples is a good part of the memory.
-    rows.clear()
+        values[place] = row if own is None else processed(own.samples, time_s, row, file)
     return Topic(name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=tuple(meta), values=values)
 
 
