@@ -31,7 +31,7 @@ from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
 from rotorid.signal.filters import combined_response
 from rotorid.tuning.files import parameter_files
-from rotorid.tuning.firmware import ranges_of, rounded, written
+from rotorid.tuning.firmware import parameters_of, ranges_of, rounded, written
 from rotorid.tuning.loops import ControllerParts, frequency_grid
 from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
 from rotorid.tuning.proposal import AxisProposal, Wishes, judged, propose
@@ -258,9 +258,10 @@ def _axis(
     omega = frequency_grid(controller.controller)
     seen, logged = _filters(record, controller, source, omega)
     plant = _plant(model, command, rate, settings)
-    wishes = Wishes(
-        sensitivity_peak=settings.robustness, noise=settings.noise, keep=settings.keep, ranges=ranges_of(controller)
-    )
+    known = parameters_of(controller)
+    # What the firmware has no parameter for, or one whose meaning is not sure, stays.
+    stay = tuple(name for name in "PIDA" if name in settings.keep or name not in known)
+    wishes = Wishes(sensitivity_peak=settings.robustness, noise=settings.noise, keep=stay, ranges=ranges_of(controller))
     found = propose(axis, plant, controller.controller, seen=seen, logged=logged, omega_rad_s=omega, wishes=wishes)
     parts = ControllerParts(controller=controller.controller, omega_rad_s=omega, seen=seen, logged=logged)
     drawn = plant.drawn(omega)

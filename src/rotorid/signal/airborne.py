@@ -268,11 +268,16 @@ def _usual(thrust: FloatArray) -> float:
 def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
     """Where sensors move as in flight; everywhere, when they never rest."""
     window = max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2)
-    mean, square = (_moving_mean(power, window) for power in (values, values**2))
-    # Sensors of both kinds count alike, each in units of its own spread over the record.
-    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
-    scale = np.percentile(spread, _FLYING_PERCENT, axis=1, keepdims=True)
-    activity = np.mean(spread / np.where(scale > 0.0, scale, 1.0), axis=0)
+    activity = np.zeros(values.shape[1])
+    # One sensor after the other: of a long log, all of them at once are a good part of the memory.
+    for row in values:
+        square = _moving_mean(row[None] ** 2, window)
+        mean = _moving_mean(row[None], window)
+        spread = np.sqrt(np.maximum(square - mean**2, 0.0))[0]
+        # Sensors of both kinds count alike, each in units of its own spread over the record.
+        scale = float(np.percentile(spread, _FLYING_PERCENT))
+        activity += spread / (scale if scale > 0.0 else 1.0)
+    activity /= len(values)
     quiet, usual = (float(level) for level in np.percentile(activity, [_QUIET_PERCENT, _FLYING_PERCENT]))
     if usual <= 0.0:
         return np.zeros(time_s.size, dtype=np.bool_)

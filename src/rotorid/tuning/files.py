@@ -22,7 +22,7 @@ _NEWEST_NAMES = (4, 0)
 
 
 def parameter_files(
-    autopilot: str, values: Mapping[str, float], *, role: Role, firmware: str = "", profile: int = 0
+    autopilot: str, values: Mapping[str, float], *, role: Role, firmware: str = "", profile: int | None = None
 ) -> dict[str, str]:
     """Files with some parameters, name to text.
 
@@ -37,7 +37,7 @@ def parameter_files(
     firmware
         As the log names it; Betaflight's settings have names by version.
     profile
-        Of Betaflight, counted from zero.
+        Of Betaflight, counted from zero; without it the lines go to the profile that is selected, and say so.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def _mission_planner(values: Mapping[str, float], role: Role) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile: int) -> str:
+def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile: int | None) -> str:
     version = version_of(firmware)
     if version is None or version < _NEWEST_NAMES:
         raise UsageError(
@@ -90,7 +90,9 @@ def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile:
         raise UsageError(f"{broken[0]} = {values[broken[0]]:g} came", needed="whole numbers, as Betaflight has them")
     # Sliders would work the gains out again when the settings are saved.
     sliders = ["set simplified_pids_mode = OFF"] if version >= (4, 3) else []
-    lines = [f"# {_words(role)}", "batch start", f"profile {profile}", *sliders]
+    selected = "# select the PID profile that was flown first, and the rate profile with it" if profile is None else ""
+    lines = [f"# {_words(role)}", selected or f"# profile {profile}", "batch start"]
+    lines += [*([] if profile is None else [f"profile {profile}"]), *sliders]
     lines += [f"set {name} = {int(value)}" for name, value in values.items()]
     return "\n".join([*lines, "batch end", "save"]) + "\n"
 

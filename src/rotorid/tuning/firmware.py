@@ -51,6 +51,7 @@ _ARDUPILOT_RANGES = {
     True: {"P": (0.1, 2.5), "I": (0.01, 1.0), "D": (0.0, 0.02), "A": (3.0, 12.0)},
 }
 _MOST_OF_BETAFLIGHT = 250.0
+_SAME = 1e-6
 
 
 def parameters_of(controller: AxisController) -> dict[str, Parameter]:
@@ -100,16 +101,14 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
             found["A"] = Parameter(level, 0.0, _MOST_OF_BETAFLIGHT, 0.1, integer=True)
     else:
         raise UsageError(f"gains of {controller.autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
-    return {letter: one for letter, one in found.items() if one.name in gains}
+    # Where D moves in flight, what its parameter is depends on the version: top of the range or its base.
+    moving = ("D",) if controller.ends else ()
+    return {letter: one for letter, one in found.items() if one.name in gains and letter not in moving}
 
 
 def ranges_of(controller: AxisController) -> dict[str, tuple[float, float]]:
-    """Least and largest gain in SI that the firmware takes; a flown gain outside of its range widens it."""
-    flown = Gains.of(controller.controller).as_dict()
-    return {
-        letter: (min(one.low * one.per_si, flown[letter]), max(one.high * one.per_si, flown[letter]))
-        for letter, one in parameters_of(controller).items()
-    }
+    """Least and largest gain in SI that the firmware takes."""
+    return {letter: (one.low * one.per_si, one.high * one.per_si) for letter, one in parameters_of(controller).items()}
 
 
 def rounded(controller: AxisController, gains: Gains) -> Gains:
@@ -140,15 +139,16 @@ def written(controller: AxisController, gains: Gains) -> dict[str, float]:
     Raises
     ------
     UsageError
-        A value is not finite, or outside the firmware's range where the flown one is inside.
+        A value is not finite, or outside the firmware's range; one that stays as it was flown may be.
     """
     found = {}
     flown = Gains.of(controller.controller).as_dict()
     for letter, one in parameters_of(controller).items():
-        value = _held(one, gains.as_dict()[letter])
-        before = flown[letter] / one.per_si
-        low, high = min(one.low, before), max(one.high, before)
-        if not math.isfinite(value) or not low * (1.0 - 1e-6) <= value <= high * (1.0 + 1e-6):
+        gain = gains.as_dict()[letter]
+        value = _held(one, gain) if math.isfinite(gain) else gain
+        stays = math.isclose(value, _held(one, flown[letter]), rel_tol=_SAME, abs_tol=_SAME)
+        inside = one.low * (1.0 - _SAME) <= value <= one.high * (1.0 + _SAME)
+        if not math.isfinite(value) or not (inside or stays):
             raise UsageError(f"{one.name} = {value:g} came", needed=f"a finite value from {one.low:g} to {one.high:g}")
         found[one.name] = value
     return found

@@ -72,10 +72,22 @@ def test_no_gain_leaves_that_no_firmware_takes(P: float) -> None:
         parameter_files("PX4", {"MC_ROLLRATE_P": np.nan}, role="proposed")
 
 
+def test_a_derivative_that_moves_in_flight_stays() -> None:
+    header = {**BETAFLIGHT, "d_max_0": 40.0}
+    one = axis_controller(header, "roll", firmware="Betaflight 4.6.0")
+    assert one is not None
+    assert one.ends
+    assert "D" not in parameters_of(one)
+    assert one.controller.derivative_s2 == rounded(one, Gains(P=0.1, I=1.0, D=8e-4, A=5.0)).D
+
+
 def test_a_flown_gain_beyond_its_range_may_be_written_back() -> None:
     one = axis_controller({**ARDUPILOT, "ATC_RAT_YAW_P": 0.05}, "yaw", firmware="ArduCopter V4.6.0")
     assert one is not None
-    assert written(one, Gains.of(one.controller))["ATC_RAT_YAW_P"] == pytest.approx(0.05)
+    flown = Gains.of(one.controller)
+    assert written(one, flown)["ATC_RAT_YAW_P"] == pytest.approx(0.05)
+    with pytest.raises(UsageError, match=r"from 0\.1 to 2\.5"):
+        written(one, Gains(P=0.07, I=flown.I, D=flown.D, A=flown.A))
 
 
 def test_nothing_else_is_known() -> None:
