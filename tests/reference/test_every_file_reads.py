@@ -25,10 +25,10 @@ DAMAGED = frozenset({"everyday/betaflight_damaged_test_log.BFL.xz", "everyday/px
 MAPPED = {
     "antx": "antx/map.toml",
     "bebop/ident": "bebop_random_binary.toml",
-    "bebop/sim": "bebop_random_binary.toml",
+    "bebop/sim": "bebop_flight.toml",
     "bebop/unfiltered": "bebop_random_binary.toml",
     "bebop/step": "bebop_steps.toml",
-    "bebop/steadystate": "bebop_steps.toml",
+    "bebop/steadystate": "bebop_drag.toml",
     "bebop/command_rate": "bebop_steps.toml",
     "bebop/yaw_drift": "bebop_steps.toml",
     "bebop/yaw_drift/0_yawDriftmetC_constant1_log_03052019_144521.mat": "bebop_time_steps.toml",

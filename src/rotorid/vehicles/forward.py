@@ -39,7 +39,7 @@ def aircraft() -> Aircraft:
     >>> from rotorid.simulation import hover_derivatives_of
     >>> craft = aircraft()
     >>> [round(hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=speed)["X_u"], 2) for speed in (0, 8)]
-    [-0.29, -0.5]
+    [-0.24, -0.42]
     """
     base = px4.aircraft()
     vehicle = replace(
