@@ -16,8 +16,9 @@ from rotorid.errors import UsageError
 if TYPE_CHECKING:
     from rotorid.documents.review import QuantityDocument
     from rotorid.documents.tune import AxisTuneDocument, TuneDocument
+    from rotorid.documents.tune_check import TuneCheckDocument
     from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.tuning import TuningProposal
+    from rotorid.pipeline.tuning.proposal import TuneSettings, TuningProposal
 
 _GAINS = ("P", "I", "D", "A")
 
@@ -43,6 +44,20 @@ def tune_command(
         str | None, typer.Option("--keep", help="GAIN,... that stay, of P, I, D and A (the angle).")
     ] = None,
     only: Annotated[str | None, typer.Option("--only", help="GAIN,... that may change; all others stay.")] = None,
+    filters: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A filter that is to be flown, by the firmware's name."),
+    ] = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(
+            "--check", metavar="PROPOSAL", help="Folder that tune wrote: whether these logs fly as it foretold."
+        ),
+    ] = None,
+    scale: Annotated[
+        float | None,
+        typer.Option("--scale", help="How many times larger a helicopter of full scale is, for its guidelines."),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the draws of likely plants.")] = 0,
     map: Map = None,
     output: Output,
@@ -50,17 +65,23 @@ def tune_command(
     """Propose gains that hold for every likely plant, and write files for the autopilot with a way back."""
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
     from rotorid.pipeline.settings import parse_names
-    from rotorid.pipeline.tuning import TUNED_AXES, TuneSettings, refused_tuning, tune
+    from rotorid.pipeline.tuning.proposal import TUNED_AXES, TuneSettings, refused_tuning, tune
 
     stay = _staying(keep, only)
+    changed = _filters(filters or ())
     settings = TuneSettings(
         axes=parse_names(axes) if axes else TUNED_AXES,  # type: ignore[arg-type]
         robustness=robustness,
         noise=noise,
         keep=stay,
+        filters=changed,
+        scale=scale,
         seed=seed,
     )
     models, logs = _told_apart(given)
+    if check is not None:
+        _check(check, models, logs, settings, map, output)
+        return
     carry_out(
         logs,
         mapping=map,
@@ -73,6 +94,59 @@ def tune_command(
         document=tune_document,
         show=_print,
     )
+
+
+def _check(
+    proposal: Path,
+    models: Sequence[IdentifiedModel],
+    logs: Sequence[Path],
+    settings: TuneSettings,
+    map: Path | None,
+    output: Output,
+) -> None:
+    """Compare a flight with what was foretold of it."""
+    from rotorid.documents.tune_check import CHECK, load_foretold, refused_check_document, tune_check_document
+    from rotorid.pipeline.tuning.check import check_tuning
+    from rotorid.pipeline.tuning.proposal import refused_tuning
+    from rotorid.report.files import write_tuning_check
+
+    if not logs:
+        raise UsageError("--check came without a log", needed="logs of the flight with the proposed gains")
+    foretold = load_foretold(proposal)
+    carry_out(
+        logs,
+        mapping=map,
+        output=output,
+        folder=default_folder(logs, "check"),
+        file=CHECK,
+        compute=lambda records: check_tuning(foretold, records, models, settings=settings),
+        write=lambda folder, found: write_tuning_check(
+            folder, found, title=f"{', '.join(one.name for one in logs)} beside {proposal.name}"
+        ),
+        refused=lambda error, records: refused_check_document(refused_tuning(error, records, settings)),
+        document=tune_check_document,
+        show=_print_check,
+    )
+
+
+def _filters(given: Sequence[str]) -> dict[str, float]:
+    """NAME=VALUE words as numbers by name.
+
+    Raises
+    ------
+    UsageError
+        A word is none.
+    """
+    found = {}
+    for word in given:
+        name, equals, value = word.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals or not name.strip():
+            raise UsageError(f"--set {word} came", needed="NAME=VALUE, such as IMU_DGYRO_CUTOFF=40")
+    return found
 
 
 def _staying(keep: str | None, only: str | None) -> tuple[str, ...]:
@@ -95,12 +169,11 @@ def _staying(keep: str | None, only: str | None) -> tuple[str, ...]:
 
 def _told_apart(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list[Path]]:
     """Results, loaded, and logs."""
-    from rotorid.documents.result import load
+    from rotorid.documents.results import load_results
 
-    results = [
-        one for one in given if (one / "result.json").is_file() or one.name == "result.json" or one.suffix == ".json"
-    ]
-    return [load(one) for one in results], [one for one in given if one not in results]
+    names = ("result.json", "results.json")
+    results = [one for one in given if any((one / name).is_file() for name in names) or one.suffix == ".json"]
+    return load_results(results), [one for one in given if one not in results]
 
 
 def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> None:
@@ -124,19 +197,44 @@ def _print(document: TuneDocument, folder: Path) -> None:
         console.print(table)
         for line in _lines(one):
             console.print(line, highlight=False, markup=False)
+    if (thrust := document.thrust) is not None and thrust.flown != thrust.proposed:
+        line = (
+            f"{thrust.parameter}: {thrust.flown:g} -> {thrust.proposed:g} would straighten thrust, by a file of its own"
+        )
+        console.print(line, highlight=False, markup=False)
     print_findings(document.findings)
     for name in (*document.files, *document.rollback_files):
         console.print(f"file: {folder / name}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
+def _print_check(document: TuneCheckDocument, folder: Path) -> None:
+    """Figures foretold and measured, what came of it, and what to do next."""
+    from rich.table import Table
+
+    console = output_console()
+    for axis, one in document.axes.items():
+        table = Table(title=axis, title_justify="left", box=None, pad_edge=False)
+        for name in ("figure", "foretold", "measured", ""):
+            table.add_column(name, justify="right" if name in ("foretold", "measured") else "left")
+        for row in one.figures:
+            words = f"{_WORDS.get(row.name, row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}"
+            table.add_row(words, _told(row.foretold), _told(row.measured), "" if row.inside else "outside")
+        console.print(table)
+        console.print(f"{one.sentence} {one.advice}", highlight=False, markup=False)
+    print_findings(document.findings)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+
+
+_WORDS = {
+    "sensitivity_peak": "M_s",
+    "phase_margin_deg": "phase margin in deg",
+    "crossover_rad_s": "crossover in rad/s",
+}
+
+
 def _lines(one: AxisTuneDocument) -> list[str]:
     """Margins of both loops before and after."""
-    words = {
-        "sensitivity_peak": "M_s",
-        "phase_margin_deg": "phase margin in deg",
-        "crossover_rad_s": "crossover in rad/s",
-    }
     lines = []
     for loop, before, after in (
         ("rate loop", one.flown, one.proposed),
@@ -144,7 +242,7 @@ def _lines(one: AxisTuneDocument) -> list[str]:
     ):
         told = [
             f"{word} {_told(before[name])}" + (f" -> {_told(after[name])}" if one.changed else "")
-            for name, word in words.items()
+            for name, word in _WORDS.items()
             if name in before and name in after
         ]
         lines.append(f"{loop}: {', '.join(told)}")

@@ -331,6 +331,13 @@ KINDS: Mapping[str, Kind] = {
         "Motor outputs were computed from faster commands, and whether they agree with those logged.",
     ),
     "never_airborne": Kind("error", "The vehicle never flew", "The vehicle never flew in this log."),
+    "not_as_foretold": Kind(
+        "warning", "Not what was foretold", "A loop with proposed gains does not fly as the proposal said."
+    ),
+    "other_gains": Kind("warning", "Other gains flew", "A log that is to show proposed gains was flown with others."),
+    "thrust_stays": Kind(
+        "info", "Thrust stays as it is", "What straightens the curve of thrust stays as it was flown, for a reason."
+    ),
     "not_tuned": Kind("warning", "Gains stay", "The gains of an axis stay as they were flown, for a reason."),
     "no_controller": Kind(
         "info", "Not flown in closed loop", "Why nothing was flown in closed loop: no controller is known."

@@ -18,6 +18,7 @@ from rotorid.documents.results import ResultsDocument
 from rotorid.documents.review import ReviewDocument, ReviewsDocument
 from rotorid.documents.stitched import StitchedDocument
 from rotorid.documents.tune import TuneDocument
+from rotorid.documents.tune_check import TuneCheckDocument
 from rotorid.documents.vehicle import VehicleFile
 from rotorid.documents.verify import VerifyDocument
 
@@ -39,6 +40,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.models-1": ModelsDocument,
     "rotorid.flown-1": FlownDocument,
     "rotorid.tune-1": TuneDocument,
+    "rotorid.tune_check-1": TuneCheckDocument,
     "rotorid.vehicle-1": VehicleFile,
     "rotorid.stitched-1": StitchedDocument,
 }

@@ -8,23 +8,15 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.pipeline.results import Refused
-from rotorid.pipeline.tuning import AxisTuning, TuningProposal
-from rotorid.tuning.loops import LoopFigures
-from rotorid.typing import Axis, FloatArray
+from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
+from rotorid.tuning.loops import over_draws, quantities
+from rotorid.typing import Axis
 
 TUNE, SIGNALS = "tune.json", "tune.npz"
-
-_UNITS: Mapping[str, tuple[str, str, float]] = {
-    "crossover_rad_s": ("crossover_rad_s", "rad/s", 1.0),
-    "phase_margin_deg": ("phase_margin_rad", "deg", float(np.degrees(1.0))),
-    "gain_margin_db": ("gain_margin", "dB", 0.0),
-    "delay_margin_s": ("delay_margin_s", "s", 1.0),
-    "sensitivity_peak": ("sensitivity_peak", "1", 1.0),
-    "rejection_bandwidth_rad_s": ("rejection_bandwidth_rad_s", "rad/s", 1.0),
-}
 
 
 class GainDocument(Document):
@@ -34,11 +26,34 @@ class GainDocument(Document):
     proposed: float
 
 
+class FilterPriceDocument(Document):
+    """A filter of a loop: degrees of phase at the crossover that it takes, and noise of the command without it."""
+
+    name: str
+    phase_deg: float
+    noise_ratio: float
+
+
+class ThrustDocument(Document):
+    """What straightens the curve of thrust; ranges are gains of the loops over that in hover, as the throttle moves."""
+
+    parameter: str
+    flown: float
+    proposed: float
+    best: QuantityDocument
+    flown_range: tuple[float, float]
+    proposed_range: tuple[float, float]
+    hover_gain: float
+    hover_demand: float
+
+
 class AxisTuneDocument(Document):
     """An axis: margins of the rate loop alone and of the whole loop, flown and proposed, and its parameters.
 
-    ``attitude_ratio`` is the attitude's deviation under a moment, proposed over flown; ``noise_ratio`` that of the
-    command by noise of the rate.
+    ``flown_attitude`` and ``proposed_attitude`` say how the attitude follows its set-point, ``attitude_ratio`` is its
+    deviation under a moment, proposed over flown; ``noise_ratio`` that of the command by noise of the rate, which is
+    ``noise_flown`` of the command's range where the log shows it. ``filters`` has the phase that each filter of the
+    loop takes at its crossover, ``ends`` margins of the proposed rate loop where D moves in flight.
     """
 
     changed: bool
@@ -47,9 +62,14 @@ class AxisTuneDocument(Document):
     proposed: dict[str, QuantityDocument]
     flown_whole: dict[str, QuantityDocument]
     proposed_whole: dict[str, QuantityDocument]
+    flown_attitude: dict[str, QuantityDocument] = Field(default_factory=dict)
+    proposed_attitude: dict[str, QuantityDocument] = Field(default_factory=dict)
     attitude_ratio: QuantityDocument
     noise_ratio: float
+    noise_flown: float | None = None
     gains: dict[str, GainDocument]
+    filters: list[FilterPriceDocument] = Field(default_factory=list)
+    ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
     reasons: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
 
@@ -62,6 +82,8 @@ class TuneDocument(Document):
     firmware: str = ""
     changed: bool = False
     axes: dict[Axis, AxisTuneDocument] = Field(default_factory=dict)
+    thrust: ThrustDocument | None = None
+    scale: float | None = None
     files: list[str] = Field(default_factory=list)
     rollback_files: list[str] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
@@ -75,6 +97,8 @@ def tune_document(proposal: TuningProposal) -> TuneDocument:
         firmware=proposal.firmware,
         changed=proposal.changed,
         axes={axis: _axis(one) for axis, one in proposal.axes.items()},
+        thrust=None if proposal.thrust is None else ThrustDocument.model_validate(proposal.thrust),
+        scale=proposal.scale,
         files=list(proposal.files),
         rollback_files=list(proposal.rollback_files),
         findings=[FindingDocument.model_validate(finding) for finding in proposal.findings],
@@ -96,6 +120,7 @@ def tune_arrays(proposal: TuningProposal) -> dict[str, np.ndarray]:
     for axis, one in proposal.axes.items():
         found |= {f"{axis}/omega_rad_s": np.asarray(one.omega_rad_s), f"{axis}/step_s": np.asarray(one.step_s)}
         found |= {f"{axis}/loops/{name}": np.asarray(loop) for name, loop in one.loops.items()}
+        found |= {f"{axis}/responses/{name}": np.asarray(row) for name, row in one.responses.items()}
         found |= {f"{axis}/steps/{name}": np.asarray(step) for name, step in one.steps.items()}
     return found
 
@@ -104,34 +129,25 @@ def _axis(one: AxisTuning) -> AxisTuneDocument:
     proposal = one.proposal
     flown, proposed = proposal.flown, proposal.proposed
     return AxisTuneDocument(
-        changed=proposal.changed,
+        changed=one.changed,
         band_rad_s=one.plant.band_rad_s,
-        flown=figures_document(flown.rate),
-        proposed=figures_document(proposed.rate),
-        flown_whole=figures_document(flown.whole),
-        proposed_whole=figures_document(proposed.whole),
-        attitude_ratio=_quantity(proposed.attitude_rms / flown.attitude_rms, "1"),
+        flown=quantity_documents(quantities(flown.rate)),
+        proposed=quantity_documents(quantities(proposed.rate)),
+        flown_whole=quantity_documents(quantities(flown.whole)),
+        proposed_whole=quantity_documents(quantities(proposed.whole)),
+        flown_attitude=quantity_documents(quantities(flown.attitude)),
+        proposed_attitude=quantity_documents(quantities(proposed.attitude)),
+        attitude_ratio=QuantityDocument.model_validate(over_draws(proposed.attitude_rms / flown.attitude_rms, "1")),
         noise_ratio=proposed.noise / flown.noise,
+        noise_flown=flown.noise if one.noise_seen else None,
         gains={name: GainDocument(flown=before, proposed=after) for name, (before, after) in one.parameters.items()},
+        filters=[FilterPriceDocument.model_validate(price) for price in one.prices],
+        ends={name: quantity_documents(quantities(end.rate)) for name, end in one.ends.items()},
         reasons=list(proposal.reasons),
         notes=list(one.controller.notes),
     )
 
 
-def figures_document(figures: LoopFigures) -> dict[str, QuantityDocument]:
-    """Figures of a loop with their intervals; what most plants do not show is left out."""
-    found = {}
-    for name, (field, unit, factor) in _UNITS.items():
-        values = np.asarray(getattr(figures, field), dtype=np.float64)
-        values = 20.0 * np.log10(values) if factor == 0.0 else factor * values
-        if np.isfinite(values).mean() > 0.5:
-            found[name] = _quantity(values[np.isfinite(values)], unit)
-    return found
-
-
-def _quantity(values: FloatArray, unit: str) -> QuantityDocument:
-    """Median of the draws with their interval of 95 %."""
-    low, middle, high = np.quantile(values, (0.025, 0.5, 0.975))
-    return QuantityDocument(
-        value=float(middle), std=float(np.std(values)), lower=float(low), upper=float(high), unit=unit
-    )
+def quantity_documents(found: Mapping[str, Quantity]) -> dict[str, QuantityDocument]:
+    """Numbers with their intervals, by name."""
+    return {name: QuantityDocument.model_validate(one) for name, one in found.items()}

@@ -49,8 +49,11 @@ from rotorid.pipeline.stitching import Stitched as Stitched
 from rotorid.pipeline.stitching import StitchedPoint as StitchedPoint
 from rotorid.pipeline.stitching import ThroughSpeeds as ThroughSpeeds
 from rotorid.pipeline.stitching import stitch as stitch
-from rotorid.pipeline.tuning import TuneSettings as TuneSettings
-from rotorid.pipeline.tuning import TuningProposal as TuningProposal
-from rotorid.pipeline.tuning import tune as tune
+from rotorid.pipeline.tuning.check import CheckedTuning as CheckedTuning
+from rotorid.pipeline.tuning.check import Foretold as Foretold
+from rotorid.pipeline.tuning.check import check_tuning as check_tuning
+from rotorid.pipeline.tuning.proposal import TuneSettings as TuneSettings
+from rotorid.pipeline.tuning.proposal import TuningProposal as TuningProposal
+from rotorid.pipeline.tuning.proposal import tune as tune
 from rotorid.pipeline.verification import Verified as Verified
 from rotorid.pipeline.verification import verify as verify

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from rotorid.pipeline.flown_models import FlownModel
     from rotorid.pipeline.responses import Responses
     from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.tuning import TuningProposal
+    from rotorid.pipeline.tuning.check import CheckedTuning
+    from rotorid.pipeline.tuning.proposal import TuningProposal
     from rotorid.plans.facts import Autopilot, FlightFacts
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -146,8 +147,11 @@ _KINDS: Mapping[str, ResultKind] = {
     "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_BESIDE),
     "flown.json": ResultKind(mains=("flown.json",), schema="rotorid.flown/", files=("flown.npz", *_BESIDE)),
     "tune.json": ResultKind(
-        mains=("tune.json",), schema="rotorid.tune/", files=("tune.npz", "proposed.*", "rollback.*", *_BESIDE)
+        mains=("tune.json",),
+        schema="rotorid.tune/",
+        files=("tune.npz", "proposed.*", "thrust.*", "rollback.*", *_BESIDE),
     ),
+    "check.json": ResultKind(mains=("check.json",), schema="rotorid.tune_check/", files=_BESIDE),
     "delay.json": ResultKind(mains=("delay.json",), schema="rotorid.delay/", files=("figures/*", "tables/*")),
     "design.json": ResultKind(
         mains=("design.json",), schema="rotorid.design/", files=("design.html",), listed=_of_plans
@@ -467,6 +471,36 @@ def write_tuning(folder: Path, proposal: TuningProposal, *, title: str) -> None:
             TUNE: lambda path: write_atomically(path, text),
             "report.html": lambda path: write_atomically(path, page),
             **{name: _writer(content) for name, content in files.items()},
+        },
+    )
+
+
+def write_tuning_check(folder: Path, found: CheckedTuning, *, title: str) -> None:
+    """Write ``check.json`` and ``report.html`` of a flight with proposed gains.
+
+    Parameters
+    ----------
+    folder
+        Where they go.
+    found
+        What ``tune --check`` found.
+    title
+        Heading of the page.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written.
+    """
+    from rotorid.documents.tune_check import CHECK, tune_check_document
+    from rotorid.report.tune import render_check
+
+    text, page = to_json(tune_check_document(found)), render_check(found, title=title)
+    write_together(
+        folder,
+        {
+            CHECK: lambda path: write_atomically(path, text),
+            "report.html": lambda path: write_atomically(path, page),
         },
     )
 

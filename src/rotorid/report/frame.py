@@ -114,7 +114,9 @@ def _layout(figure: Figure) -> dict[str, Any]:
 _ESCAPES = {character: f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
-def render(name: str, *, pictures: Iterable[Picture], **values: Any) -> str:
+def render(
+    name: str, *, pictures: Iterable[Picture], further_script: str = "", further: Any = None, **values: Any
+) -> str:
     """A page from a template that extends ``base.html``.
 
     Scripts and styles are embedded. A content security policy lets only these scripts run, by their hash, and forbids
@@ -126,6 +128,8 @@ def render(name: str, *, pictures: Iterable[Picture], **values: Any) -> str:
         Of the template.
     pictures
         All pictures that the page places.
+    further_script, further
+        Name of a script of this page alone, and what it reads: JSON in an element of the name ``loops``.
     values
         What the template shows.
     """
@@ -133,6 +137,7 @@ def render(name: str, *, pictures: Iterable[Picture], **values: Any) -> str:
     from markupsafe import Markup
 
     library, script = plotly_script(), asset("page.js")
+    own = asset(further_script) if further_script else ""
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda wanted: asset(f"templates/{wanted}")),
         autoescape=True,
@@ -144,10 +149,12 @@ def render(name: str, *, pictures: Iterable[Picture], **values: Any) -> str:
     return environment.get_template(name).render(
         **values,
         version=__version__,
-        policy=policy(library, script),
+        policy=policy(library, script, *([own] if own else [])),
         style=Markup(asset("style.css")),
         library=Markup(library),
         script=Markup(script),
+        own=Markup(own),
+        further=json_for_script(further) if own else "",
         figures=json_for_script(
             {
                 "pictures": {picture.key: picture.for_script() for picture in pictures},

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from rotorid.data.quantity import Quantity
 from rotorid.documents.review import QuantityDocument
-from rotorid.documents.tune import AxisTuneDocument, TuneDocument, tune_document
-from rotorid.pipeline.tuning import AxisTuning, TuningProposal
-from rotorid.plot.tuning import sensitivities, steps
+from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
+from rotorid.documents.tune_check import tune_check_document
+from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning
+from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
+from rotorid.plot.tuning import rejection, responses, sensitivities, sensitivity_check, steps
 from rotorid.report.frame import MISSING, Picture, render, significant
 from rotorid.report.parts import finding_rows
+from rotorid.tuning.firmware import parameters_of
+from rotorid.tuning.loops import quantities
+from rotorid.typing import ComplexArray, FloatArray
 
 _WORDS: Mapping[str, tuple[str, str]] = {
     "crossover_rad_s": ("Crossover", "rad/s"),
@@ -21,7 +28,14 @@ _WORDS: Mapping[str, tuple[str, str]] = {
     "delay_margin_s": ("Delay margin", "s"),
     "sensitivity_peak": ("Sensitivity peak M_s", ""),
     "rejection_bandwidth_rad_s": ("Disturbance rejection bandwidth", "rad/s"),
+    "rejection_peak_db": ("Disturbance rejection peak", "dB"),
 }
+_OF_ATTITUDE: Mapping[str, tuple[str, str]] = {
+    "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s"),
+    "phase_delay_s": ("Phase delay of the attitude", "s"),
+}
+_DRAWS_ON_PAGE = 12
+_DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,6 +60,18 @@ class GainRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Slider:
+    """A gain to move by hand, in the firmware's numbers."""
+
+    name: str
+    label: str
+    low: str
+    high: str
+    step: str
+    value: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class TunedAxis:
     """An axis on the page."""
 
@@ -55,6 +81,9 @@ class TunedAxis:
     gains: tuple[GainRow, ...]
     margins: tuple[MarginRow, ...]
     pictures: tuple[Picture, ...]
+    filters: tuple[FilterPriceDocument, ...]
+    ends: tuple[tuple[str, str], ...]
+    sliders: tuple[Slider, ...]
 
 
 def render_tune(proposal: TuningProposal, *, title: str) -> str:
@@ -68,7 +97,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         Heading of the page.
     """
     document = tune_document(proposal)
-    axes = [_axis(axis, document.axes[axis], one) for axis, one in proposal.axes.items()]
+    axes = [_axis(axis, document.axes[axis], one, proposal.scale) for axis, one in proposal.axes.items()]
     return render(
         "tune.html",
         title=title,
@@ -77,14 +106,195 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         axes=axes,
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
+        thrust=_thrust(document),
         remarks=finding_rows(document.findings),
         pictures=[picture for one in axes for picture in one.pictures],
+        further_script="tune.js",
+        further={axis: loops_for_page(one, limit=_limit(proposal)) for axis, one in proposal.axes.items()},
     )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ComparedRow:
+    """A figure foretold and measured."""
+
+    name: str
+    foretold: str
+    measured: str
+    inside: bool
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CheckedCard:
+    """An axis after its flight."""
+
+    name: str
+    verdict: str
+    sentence: str
+    advice: str
+    rows: tuple[ComparedRow, ...]
+    pictures: tuple[Picture, ...]
+
+
+_VERDICTS: Mapping[str, tuple[str, str]] = {
+    "as_foretold": ("good", "as foretold"),
+    "inside_limits": ("warning", "not as foretold, inside its limits"),
+    "worse": ("poor", "worse than foretold"),
+    "other_gains": ("warning", "other gains flew"),
+}
+
+
+def render_check(found: CheckedTuning, *, title: str) -> str:
+    """The page of a flight with proposed gains: what was foretold, what was measured, and what to do next.
+
+    Parameters
+    ----------
+    found
+        What ``tune --check`` found.
+    title
+        Heading of the page.
+    """
+    document = tune_check_document(found)
+    cards = [
+        CheckedCard(
+            name=axis,
+            verdict=document.axes[axis].verdict,
+            sentence=one.sentence,
+            advice=one.advice,
+            rows=tuple(
+                ComparedRow(
+                    name=f"{_named(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}",
+                    foretold=_told(row.foretold),
+                    measured=_told(row.measured),
+                    inside=row.inside,
+                )
+                for row in document.axes[axis].figures
+            ),
+            pictures=tuple(_check_pictures(axis, one)),
+        )
+        for axis, one in found.axes.items()
+    ]
+    return render(
+        "tune_check.html",
+        title=title,
+        document=document,
+        cards=cards,
+        verdicts=_VERDICTS,
+        remarks=finding_rows(document.findings),
+        pictures=[picture for one in cards for picture in one.pictures],
+    )
+
+
+def _named(name: str) -> str:
+    words, unit = _WORDS[name]
+    return f"{words} [{unit}]" if unit else words
+
+
+def _check_pictures(axis: str, one: CheckedAxis) -> list[Picture]:
+    """Sensitivity as foretold and as flown, where the proposal's own signals are at hand."""
+    told, now = one.foretold, one.tuning
+    if told.loops is None or told.omega_rad_s is None:
+        return []
+    measured = _band(np.abs(1.0 / (1.0 + now.loops["flown_whole"])))
+    at = np.log(told.omega_rad_s)
+    rows = [np.interp(at, np.log(now.omega_rad_s), edge) for edge in measured]
+    foretold = _band(np.abs(1.0 / (1.0 + told.loops)))
+    return [
+        Picture(
+            key=f"{axis}-check",
+            description=f"Sensitivity of {axis} to disturbances, as foretold and as flown, with bands of 95 %",
+            figure=sensitivity_check(told.omega_rad_s, foretold, (rows[0], rows[1], rows[2])),
+        )
+    ]
 
 
 def pictures_of(proposal: TuningProposal) -> list[Picture]:
     """All pictures of the page."""
-    return [picture for axis, one in proposal.axes.items() for picture in _pictures(axis, one)]
+    return [picture for axis, one in proposal.axes.items() for picture in _pictures(axis, one, proposal.scale)]
+
+
+def _limit(proposal: TuningProposal) -> float:
+    value = proposal.provenance.settings.get("robustness", 1.7)
+    return float(value) if isinstance(value, (int, float)) else 1.7
+
+
+def loops_for_page(one: AxisTuning, *, limit: float) -> dict[str, Any]:
+    """An axis for the page's own script: plant, some draws, and what each gain does, by frequency.
+
+    Parameters
+    ----------
+    one
+        The axis.
+    limit
+        Largest sensitivity peak that was asked for.
+    """
+    parts, omega = one.parts, one.omega_rad_s
+    controller = parts.controller
+    known = parameters_of(one.controller)
+    drawn = one.plant.drawn(omega)
+    noise = np.ones(omega.size) if parts.rate_noise is None else parts.rate_noise
+    first_order = controller.derivative_cutoff_hz
+    return {
+        "omega": _short(omega),
+        "plant": _complex(one.plant.response(omega)),
+        "draws": [_complex(row) for row in drawn[:_DRAWS_ON_PAGE]],
+        "rate": {name: _complex(row) for name, row in parts.by_rate.items()},
+        "angle": {name: _complex(row) for name, row in parts.by_angle.items()},
+        "noise": _short(noise / noise.max()),
+        "flown": one.proposal.flown.gains.as_dict(),
+        "units": {name: {"name": held.name, "per_si": held.per_si} for name, held in known.items()},
+        "derivative_cutoff_hz": first_order,
+        "derivative_step_s": controller.derivative_step_s or controller.step_s,
+        "limit": 1.03 * limit,
+    }
+
+
+def _short(values: FloatArray) -> list[float]:
+    return [float(f"{value:.{_DIGITS}g}") for value in values]
+
+
+def _complex(row: ComplexArray) -> list[list[float]]:
+    return [_short(row.real), _short(row.imag)]
+
+
+def _sliders(one: AxisTuning) -> tuple[Slider, ...]:
+    """A slider for each gain that the firmware has a parameter for, and one for a first-order low-pass of D."""
+    found = []
+    flown, proposed = one.proposal.flown.gains.as_dict(), one.proposal.proposed.gains.as_dict()
+    for name, held in parameters_of(one.controller).items():
+        values = [gains[name] / held.per_si for gains in (flown, proposed)]
+        most = 2.5 * max(values)
+        if most > 0.0:
+            step = 1.0 if held.integer else float(f"{most / 400.0:.1g}")
+            high = min(max(most, step), held.high)
+            found.append(_slider(name, held.name, min(held.low, min(values)), high, step, values[1]))
+    if cutoff := one.parts.controller.derivative_cutoff_hz:
+        found.append(_slider("cutoff", "low-pass of D [Hz]", 5.0, max(150.0, 2.0 * cutoff), 1.0, cutoff))
+    return tuple(found)
+
+
+def _slider(name: str, label: str, low: float, high: float, step: float, value: float) -> Slider:
+    numbers = {"low": low, "high": high, "step": step, "value": value}
+    return Slider(name=name, label=label, **{key: f"{number:.6g}" for key, number in numbers.items()})
+
+
+def _thrust(document: TuneDocument) -> str:
+    """What would straighten thrust, in a sentence; empty without a fit of the motors."""
+    one = document.thrust
+    if one is None:
+        return ""
+    before, after = (f"{low:.2f} to {high:.2f}" for low, high in (one.flown_range, one.proposed_range))
+    if one.flown == one.proposed:
+        return (
+            f"{one.parameter} stays at {one.flown:g}: over the throttle that was flown gains go from {before} of that "
+            "in hover."
+        )
+    return (
+        f"With {one.parameter} = {one.proposed:g} in place of {one.flown:g} gains would go from {after} of that in "
+        f"hover over the flown throttle, not from {before}. The file thrust sets it with the flown gains times "
+        f"{1.0 / one.hover_gain:.3f}, so that the vehicle hovers as before; the throttle of hover becomes "
+        f"{one.hover_demand:.2f}. Fly it by itself, and tune afterwards."
+    )
 
 
 def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
@@ -105,8 +315,18 @@ def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning) -> TunedAxis:
+def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float | None) -> TunedAxis:
     stays = document.reasons[0] if document.reasons else ""
+    whole = [
+        MarginRow(
+            name=f"{words} [{unit}]",
+            flown=MISSING,
+            proposed=MISSING,
+            flown_whole=_told(document.flown_attitude.get(name)),
+            proposed_whole=_told(document.proposed_attitude.get(name)),
+        )
+        for name, (words, unit) in _OF_ATTITUDE.items()
+    ]
     return TunedAxis(
         name=axis,
         changed=document.changed,
@@ -129,8 +349,12 @@ def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning) -> TunedAxis:
                 proposed_whole=_told(document.proposed_whole.get(name)),
             )
             for name, (words, unit) in _WORDS.items()
-        ),
-        pictures=tuple(_pictures(axis, one)),
+        )
+        + tuple(whole),
+        pictures=tuple(_pictures(axis, one, scale)),
+        filters=tuple(document.filters),
+        ends=tuple((name, _told(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
+        sliders=_sliders(one),
     )
 
 
@@ -141,8 +365,48 @@ def _told(quantity: QuantityDocument | None) -> str:
     return f"{significant(quantity.value)} ({low} to {high})"
 
 
-def _pictures(axis: str, one: AxisTuning) -> Sequence[Picture]:
+def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Picture]:
     both = ("flown", "proposed") if one.proposal.changed else ("flown",)
+    bands = {
+        kind: {name: _band(np.abs(one.responses[f"{kind}_{name}"])) for name in both}
+        for kind in ("attitude", "disturbance")
+    }
+    quick = {"flown": quantities(one.proposal.flown.whole), "proposed": quantities(one.proposal.proposed.whole)}
+    told = {
+        name: (_edges(found["rejection_bandwidth_rad_s"]), _edges(found["rejection_peak_db"]))
+        for name, found in quick.items()
+        if name in both and "rejection_bandwidth_rad_s" in found
+    }
+    guided = "" if scale is None else f", with the guideline for helicopters {scale:.0f} times larger"
+    further = [
+        Picture(
+            key=f"{axis}-attitude",
+            description=f"Size of the answer of {axis} to its set-point over frequency, flown and proposed gains",
+            figure=responses(
+                one.omega_rad_s,
+                bands["attitude"],
+                label=f"{axis} over its set-point [dB]",
+                seen_rad_s=one.plant.band_rad_s,
+            ),
+        ),
+        Picture(
+            key=f"{axis}-disturbance",
+            description=f"Size of the answer of {axis} to a moment over frequency, flown and proposed gains",
+            figure=responses(
+                one.omega_rad_s, bands["disturbance"], label=f"{axis} by a moment [dB]", seen_rad_s=one.plant.band_rad_s
+            ),
+        ),
+    ]
+    if one.proposal.flown.gains.A == 0.0:
+        further = further[1:]
+    if told:
+        further.append(
+            Picture(
+                key=f"{axis}-rejection",
+                description=f"Bandwidth and peak of the rejection of disturbances in {axis}{guided}",
+                figure=rejection(axis, told, scale=scale),
+            )
+        )
     return [
         Picture(
             key=f"{axis}-step",
@@ -158,7 +422,12 @@ def _pictures(axis: str, one: AxisTuning) -> Sequence[Picture]:
                 seen_rad_s=one.plant.band_rad_s,
             ),
         ),
+        *further,
     ]
+
+
+def _edges(quantity: Quantity) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return np.array(quantity.lower), np.array(quantity.value), np.array(quantity.upper)
 
 
 def _band(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

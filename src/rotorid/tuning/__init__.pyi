@@ -3,12 +3,15 @@ from rotorid.tuning.firmware import parameters_of as parameters_of
 from rotorid.tuning.firmware import ranges_of as ranges_of
 from rotorid.tuning.firmware import rounded as rounded
 from rotorid.tuning.firmware import written as written
+from rotorid.tuning.loops import AttitudeFigures as AttitudeFigures
 from rotorid.tuning.loops import ControllerParts as ControllerParts
 from rotorid.tuning.loops import Gains as Gains
 from rotorid.tuning.loops import LoopFigures as LoopFigures
+from rotorid.tuning.loops import attitude_figures as attitude_figures
 from rotorid.tuning.loops import attitude_rms as attitude_rms
 from rotorid.tuning.loops import frequency_grid as frequency_grid
 from rotorid.tuning.loops import loop_figures as loop_figures
+from rotorid.tuning.loops import quantities as quantities
 from rotorid.tuning.plant import MeasuredRatio as MeasuredRatio
 from rotorid.tuning.plant import UncertainPlant as UncertainPlant
 from rotorid.tuning.plant import uncertain_plant as uncertain_plant

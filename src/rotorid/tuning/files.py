@@ -15,10 +15,14 @@ import numpy as np
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import version_of
 
-Role: TypeAlias = Literal["proposed", "rollback"]
+Role: TypeAlias = Literal["proposed", "thrust", "rollback"]
 
-_REAL32 = 9
-_NEWEST_NAMES = (4, 0)
+_REAL32, _INT32 = 9, 6
+_WHOLE = ("IMU_GYRO_RATEMAX", "IMU_GYRO_DNF_EN", "IMU_GYRO_DNF_HMC", "IMU_GYRO_FFT_EN")
+"""Parameters of PX4 that are whole numbers, among those that a loop has."""
+
+_OLDEST_NAMES, _NEWEST_NAMES = (4, 0), (2025, 12)
+"""Versions of Betaflight whose settings are known: since 2025 they are named by year and month."""
 
 
 def parameter_files(
@@ -33,7 +37,7 @@ def parameter_files(
     values
         Parameters of the firmware by name.
     role
-        ``proposed`` for new gains, ``rollback`` for those that were flown.
+        ``proposed`` for new gains, ``thrust`` for another curve of thrust, ``rollback`` for what was flown.
     firmware
         As the log names it; Betaflight's settings have names by version.
     profile
@@ -60,14 +64,19 @@ def parameter_files(
     raise UsageError(f"gains of {autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
 
 
-def _words(role: Role) -> str:
-    return "gains proposed by rotorid" if role == "proposed" else "gains as they were flown, to go back to"
+_WORDS: Mapping[Role, str] = {
+    "proposed": "gains proposed by rotorid",
+    "thrust": "a straighter curve of thrust, with the flown gains made to it: fly it by itself",
+    "rollback": "values as they were flown, to go back to",
+}
 
 
 def _qgroundcontrol(values: Mapping[str, float], role: Role) -> str:
-    lines = ["# Onboard parameters for Vehicle 1", "#", f"# {_words(role)}", "#"]
+    lines = ["# Onboard parameters for Vehicle 1", "#", f"# {_WORDS[role]}", "#"]
     lines.append("# Vehicle-Id Component-Id Name Value Type")
-    lines += [f"1\t1\t{name}\t{np.float32(value):.18f}\t{_REAL32}" for name, value in values.items()]
+    for name, value in values.items():
+        told = f"{round(value)}\t{_INT32}" if name in _WHOLE else f"{np.float32(value):.18f}\t{_REAL32}"
+        lines.append(f"1\t1\t{name}\t{told}")
     return "\n".join(lines) + "\n"
 
 
@@ -76,25 +85,32 @@ def _shell(values: Mapping[str, float]) -> str:
 
 
 def _mission_planner(values: Mapping[str, float], role: Role) -> str:
-    lines = [f"# {_words(role)}", *(f"{name},{float(np.float32(value)):.9g}" for name, value in values.items())]
+    lines = [f"# {_WORDS[role]}", *(f"{name},{float(np.float32(value)):.9g}" for name, value in values.items())]
     return "\n".join(lines) + "\n"
 
 
 def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile: int | None) -> str:
     version = version_of(firmware)
-    if version is None or version < _NEWEST_NAMES:
+    if version is None or not _OLDEST_NAMES <= version <= _NEWEST_NAMES:
         raise UsageError(
-            f"the firmware {firmware or 'of no name'} came", needed="Betaflight 4.0 or later, whose settings are known"
+            f"the firmware {firmware or 'of no name'} came",
+            needed="Betaflight 4.0 to 2025.12, whose settings are known",
         )
     if broken := [name for name, value in values.items() if value != round(value)]:
         raise UsageError(f"{broken[0]} = {values[broken[0]]:g} came", needed="whole numbers, as Betaflight has them")
     # Sliders would work the gains out again when the settings are saved.
     sliders = ["set simplified_pids_mode = OFF"] if version >= (4, 3) else []
+    if version >= (4, 3):
+        sliders += [f"set simplified_{kind}_filter = OFF" for kind in ("dterm", "gyro") if _has(values, kind)]
     selected = "# select the PID profile that was flown first, and the rate profile with it" if profile is None else ""
-    lines = [f"# {_words(role)}", selected or f"# profile {profile}", "batch start"]
+    lines = [f"# {_WORDS[role]}", selected or f"# profile {profile}", "batch start"]
     lines += [*([] if profile is None else [f"profile {profile}"]), *sliders]
     lines += [f"set {name} = {int(value)}" for name, value in values.items()]
     return "\n".join([*lines, "batch end", "save"]) + "\n"
+
+
+def _has(values: Mapping[str, float], kind: str) -> bool:
+    return any(name.startswith(f"{kind}_") for name in values)
 
 
 def parsed(text: str) -> dict[str, float]:
@@ -111,7 +127,7 @@ def parsed(text: str) -> dict[str, float]:
         if line.startswith("#") or not line.strip():
             continue
         parts = line.replace(",", " ").replace("=", " ").split()
-        if (len(parts) == 5 and parts[4] == str(_REAL32)) or (parts[0] == "param" and len(parts) == 4):
+        if (len(parts) == 5 and parts[4] in (str(_REAL32), str(_INT32))) or (parts[0] == "param" and len(parts) == 4):
             found[parts[2]] = float(parts[3])
         elif parts[0] == "set" and len(parts) == 3 and parts[2].lstrip("-").isdigit():
             found[parts[1]] = float(parts[2])

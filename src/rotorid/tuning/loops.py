@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.data.quantity import Quantity
 from rotorid.models.controller import RateController
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -76,21 +77,30 @@ class ControllerParts(Immutable):
         Shape ``(f,)``.
     seen, logged
         Filters in front of the rate that the controller takes, and in front of the rate in the log, shape ``(f,)``.
+    rate_noise
+        Density of the noise of the logged rate, (rad/s)² per rad/s, shape ``(f,)``; ``None`` where the log does not
+        show it: then it is taken for white, and noises of gains can be compared only.
     """
 
     controller: RateController
     omega_rad_s: FloatArray
     seen: ComplexArray
     logged: ComplexArray
+    rate_noise: FloatArray | None = None
+
+    def noise(self, gains: Gains) -> float:
+        """Root mean square of the command that the noise of the rate makes."""
+        density = np.ones(self.omega_rad_s.size) if self.rate_noise is None else self.rate_noise
+        return float(np.sqrt(np.trapezoid(density * np.abs(self.rate(gains)) ** 2, self.omega_rad_s)))
 
     def rate(self, gains: Gains) -> ComplexArray:
         """Command by the logged rate without the angle loop, shape ``(f,)``."""
-        return np.asarray(gains.P * self._rate["P"] + gains.I * self._rate["I"] + gains.D * self._rate["D"])
+        return np.asarray(gains.P * self.by_rate["P"] + gains.I * self.by_rate["I"] + gains.D * self.by_rate["D"])
 
     def angle(self, gains: Gains) -> ComplexArray:
         """What the angle loop adds, shape ``(f,)``."""
-        inside = gains.P * self._angle["P"] + gains.I * self._angle["I"] + gains.D * self._angle["D"]
-        return np.asarray(gains.A * (inside + self._ahead))
+        inside = gains.P * self.by_angle["P"] + gains.I * self.by_angle["I"] + gains.D * self.by_angle["D"]
+        return np.asarray(gains.A * (inside + self.by_angle["ahead"]))
 
     def whole(self, gains: Gains) -> ComplexArray:
         """Command by the logged rate with the angle loop, shape ``(f,)``."""
@@ -111,7 +121,8 @@ class ControllerParts(Immutable):
         )
 
     @cached_property
-    def _rate(self) -> Mapping[str, ComplexArray]:
+    def by_rate(self) -> Mapping[str, ComplexArray]:
+        """Command by the logged rate of one unit of ``P``, ``I`` and ``D`` each."""
         return {
             name: np.asarray(
                 replace(self._alone(name), angle_1_s=0.0).response(self.omega_rad_s, self.seen) / self.logged
@@ -120,12 +131,10 @@ class ControllerParts(Immutable):
         }
 
     @cached_property
-    def _angle(self) -> Mapping[str, ComplexArray]:
-        return {name: self._of_angle(self._alone(name)) for name in "PID"}
-
-    @cached_property
-    def _ahead(self) -> ComplexArray:
-        return self._of_angle(self._alone("", ahead=True))
+    def by_angle(self) -> Mapping[str, ComplexArray]:
+        """What an angle gain of one adds by one unit of ``P``, ``I`` and ``D`` each, and ``ahead`` of them all."""
+        alone = {name: self._of_angle(self._alone(name)) for name in "PID"}
+        return alone | {"ahead": self._of_angle(self._alone("", ahead=True))}
 
     def _of_angle(self, controller: RateController) -> ComplexArray:
         s = 1j * self.omega_rad_s
@@ -189,6 +198,90 @@ def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray) -> LoopFigures:
     """
     rows = [_one(omega_rad_s, loop) for loop in np.atleast_2d(loops)]
     return LoopFigures(**{name: np.array([row[name] for row in rows]) for name in rows[0]})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AttitudeFigures(Immutable):
+    """How an attitude follows its set-point, after ADS-33, each of shape ``(draws,)``.
+
+    Parameters
+    ----------
+    bandwidth_rad_s
+        Where the phase falls through -135 degrees.
+    phase_delay_s
+        How steeply it falls beyond -180 degrees, from there to twice that frequency, over two.
+    """
+
+    bandwidth_rad_s: FloatArray
+    phase_delay_s: FloatArray
+
+
+def attitude_figures(omega_rad_s: FloatArray, closed: ComplexArray) -> AttitudeFigures:
+    """Bandwidth and phase delay of attitudes over their set-points, shape ``(draws, f)``.
+
+    Examples
+    --------
+    >>> w = np.geomspace(0.1, 300.0, 600)
+    >>> found = attitude_figures(w, np.exp(-0.1j * w)[None])
+    >>> round(float(found.bandwidth_rad_s[0]), 1), round(float(found.phase_delay_s[0]), 3)
+    (23.6, 0.05)
+    """
+    bandwidths, delays = [], []
+    ln = np.log(omega_rad_s)
+    for row in np.atleast_2d(closed):
+        phase = np.unwrap(np.angle(row))
+        falls = [
+            found[0] if (found := _crossings(ln, phase, level)).size else np.nan for level in (-0.75 * np.pi, -np.pi)
+        ]
+        half_turn = np.exp(falls[1])
+        beyond = np.interp(np.log(2.0 * half_turn), ln, phase, right=np.nan) if np.isfinite(half_turn) else np.nan
+        bandwidths.append(np.exp(falls[0]))
+        delays.append(-(beyond + np.pi) / (2.0 * half_turn))
+    return AttitudeFigures(bandwidth_rad_s=np.array(bandwidths), phase_delay_s=np.array(delays))
+
+
+_DEG = float(np.degrees(1.0))
+_DECIBELS = 0.0
+_TOLD: Mapping[str, tuple[str, str, float]] = {
+    "crossover_rad_s": ("crossover_rad_s", "rad/s", 1.0),
+    "phase_margin_deg": ("phase_margin_rad", "deg", _DEG),
+    "gain_margin_db": ("gain_margin", "dB", _DECIBELS),
+    "delay_margin_s": ("delay_margin_s", "s", 1.0),
+    "sensitivity_peak": ("sensitivity_peak", "1", 1.0),
+    "rejection_bandwidth_rad_s": ("rejection_bandwidth_rad_s", "rad/s", 1.0),
+    "rejection_peak_db": ("sensitivity_peak", "dB", _DECIBELS),
+    "attitude_bandwidth_rad_s": ("bandwidth_rad_s", "rad/s", 1.0),
+    "phase_delay_s": ("phase_delay_s", "s", 1.0),
+}
+_LEAST_SHARE = 0.5
+
+
+def quantities(figures: LoopFigures | AttitudeFigures) -> dict[str, Quantity]:
+    """Figures as numbers with intervals of 95 % over the draws; one that half of the draws do not show is left out.
+
+    Examples
+    --------
+    >>> w = np.geomspace(0.1, 300.0, 600)
+    >>> loops = np.array([9.5, 10.0, 10.5])[:, None] / (1j * w) * np.exp(-0.02j * w)
+    >>> crossover = quantities(loop_figures(w, loops))["crossover_rad_s"]
+    >>> round(crossover.value, 1), round(crossover.lower, 2), round(crossover.upper, 2)
+    (10.0, 9.53, 10.47)
+    """
+    found = {}
+    for name, (field, unit, factor) in _TOLD.items():
+        if not hasattr(figures, field):
+            continue
+        values = np.asarray(getattr(figures, field), dtype=np.float64)
+        values = values[np.isfinite(values)]
+        if values.size > _LEAST_SHARE * len(getattr(figures, field)):
+            found[name] = over_draws(20.0 * np.log10(values) if factor == _DECIBELS else factor * values, unit)
+    return found
+
+
+def over_draws(values: FloatArray, unit: str) -> Quantity:
+    """Median of draws with their interval of 95 %."""
+    low, middle, high = np.quantile(values, (0.025, 0.5, 0.975))
+    return Quantity(value=float(middle), std=float(np.std(values)), lower=float(low), upper=float(high), unit=unit)
 
 
 def _one(omega: FloatArray, loop: ComplexArray) -> dict[str, float]:

@@ -17,16 +17,18 @@ against a moment. The best on the most likely plant are looked at again on all d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.models.controller import RateController
 from rotorid.tuning.loops import (
+    AttitudeFigures,
     ControllerParts,
     Gains,
     LoopFigures,
+    attitude_figures,
     attitude_rms,
     frequency_grid,
     loop_figures,
@@ -41,10 +43,16 @@ _KEPT_SHAPES = 60
 _ROOM = 1.3
 _ANGLE_ROOM = 3.0
 _MOST_UP, _MOST_DOWN = 2.0, 0.4
+_MOST = 0.9
+"""Of the draws, that have to say that flown gains break a limit where the plant was not seen."""
+
+_QUIET = 0.01
+"""Of the range of a command: noise below it is no matter."""
+
 _WORTH = 0.97
 """A proposal has to hold an attitude better than the flown gains by this, or to bring them inside the limits."""
 
-_SHRINK = 0.97
+_SHRINK, _STEPS_DOWN = 0.97, 12
 _RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
 _YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
@@ -69,6 +77,8 @@ class Wishes(Immutable):
         Gains that stay: of ``P``, ``I``, ``D``, ``A``.
     most_up
         How much P, D and A may grow in one flight.
+    gain_range
+        Least and largest gain of the plant over that in hover, as the curve of thrust makes it over the throttle.
     ranges
         Lowest and highest value of a gain that the firmware takes, by its name.
     """
@@ -79,10 +89,11 @@ class Wishes(Immutable):
     noise: float = 2.0
     keep: tuple[str, ...] = ()
     most_up: float = _MOST_UP
+    gain_range: tuple[float, float] = (1.0, 1.0)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(keep=tuple(self.keep), ranges=self.ranges)
+        self._set(keep=tuple(self.keep), gain_range=tuple(self.gain_range), ranges=self.ranges)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,15 +106,19 @@ class Judged(Immutable):
         The gains.
     rate, whole
         Figures of the rate loop alone, and with the angle loop, over the draws.
+    attitude
+        How the attitude follows its set-point, over the draws.
     attitude_rms
         Of an attitude under a moment, over the draws, in a unit of its own.
     noise
-        Of the command by noise of the rate, in a unit of its own.
+        Root mean square of the command by noise of the rate: of its range where the log shows the noise, in a unit of
+        its own where it does not.
     """
 
     gains: Gains
     rate: LoopFigures
     whole: LoopFigures
+    attitude: AttitudeFigures
     attitude_rms: FloatArray
     noise: float
 
@@ -144,9 +159,9 @@ def propose(
     plant: UncertainPlant,
     controller: RateController,
     *,
-    seen: ComplexArray | None = None,
-    logged: ComplexArray | None = None,
-    omega_rad_s: FloatArray | None = None,
+    parts: ControllerParts | None = None,
+    flown_parts: ControllerParts | None = None,
+    ends: Sequence[ControllerParts] = (),
     wishes: Wishes | None = None,
 ) -> AxisProposal:
     """Gains for an axis that hold their limits on the plants that are likely.
@@ -159,10 +174,12 @@ def propose(
         Rate by command, as it was logged.
     controller
         As flown.
-    seen, logged
-        Filters in front of the rate that the controller takes, and in front of the logged one, on ``omega_rad_s``.
-    omega_rad_s
-        Frequencies, those of :func:`rotorid.tuning.loops.frequency_grid` by default.
+    parts
+        What its gains do, with the filters that are to be flown; without it no filter is taken to stand anywhere.
+    flown_parts
+        The same with the filters as they were flown, where others are to be.
+    ends
+        The same where D moves in flight, with a D of their own: what is proposed has to hold there too.
     wishes
         Limits.
 
@@ -179,25 +196,22 @@ def propose(
     (True, True, True)
     """
     wishes = wishes or Wishes()
-    omega = frequency_grid(controller) if omega_rad_s is None else omega_rad_s
-    ones = np.ones(omega.size, dtype=np.complex128)
-    parts = ControllerParts(
-        controller=controller,
-        omega_rad_s=omega,
-        seen=ones if seen is None else seen,
-        logged=ones if logged is None else logged,
-    )
+    if parts is None:
+        omega = frequency_grid(controller)
+        ones = np.ones(omega.size, dtype=np.complex128)
+        parts = ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
+    omega = parts.omega_rad_s
     drawn = plant.drawn(omega)
-    flown = judged(parts, drawn, Gains.of(controller))
+    flown = judged(flown_parts or parts, drawn, Gains.of(controller))
     reasons: list[str] = []
-    best = _searched(axis, parts, plant.response(omega), drawn, flown, wishes, reasons)
+    best = _searched(axis, parts, plant.response(omega), drawn, flown, wishes, reasons, ends)
     if best is None:
         return AxisProposal(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
         )
     better = float(np.median(best.attitude_rms / flown.attitude_rms))
-    broken = _broken(flown, wishes)
-    if better > _WORTH and not broken:
+    broken = _flown_broken(flown, plant, wishes)
+    if better > _WORTH and not broken and flown_parts is None:
         reasons.append("no gains inside the limits hold the attitude clearly better than the flown ones")
         return AxisProposal(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
@@ -218,14 +232,10 @@ def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains) -> Judged
         gains=gains,
         rate=loop_figures(omega, rate),
         whole=loop_figures(omega, whole),
+        attitude=attitude_figures(omega, plants * parts.angle(gains) / (1.0 + whole)),
         attitude_rms=attitude_rms(omega, plants, whole),
-        noise=_noise(omega, parts.rate(gains)),
+        noise=parts.noise(gains),
     )
-
-
-def _noise(omega: FloatArray, controller: ComplexArray) -> float:
-    """What the controller makes of a rate that is white, in a unit of its own."""
-    return float(np.sqrt(np.trapezoid(np.abs(controller) ** 2, omega)))
 
 
 def _searched(
@@ -236,6 +246,7 @@ def _searched(
     flown: Judged,
     wishes: Wishes,
     reasons: list[str],
+    ends: Sequence[ControllerParts],
 ) -> Judged | None:
     """The best gains of the grid that hold on the draws; ``None``, with the reason, where none do."""
     shapes = _shapes(axis, flown.gains, wishes)
@@ -263,7 +274,7 @@ def _searched(
     if best is None:
         reasons.append("no gains hold the limits on all likely plants: the plant is not known well enough")
         return None
-    return _inside(parts, drawn, best[1], flown, wishes, reasons)
+    return _inside(parts, drawn, best[1], flown, wishes, reasons, ends)
 
 
 def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[tuple[float, float, float]]:
@@ -317,10 +328,12 @@ def _gain(
         k_low, k_high = float(np.quantile(low, 1.0 - QUANTILE)), float(np.quantile(high, QUANTILE))
     else:
         k_low, k_high = float(low[0]), float(high[0])
-    if not k_high >= _ROOM * k_low:
+    room = max(_ROOM, wishes.gain_range[1] / wishes.gain_range[0])
+    if not k_high >= room * k_low:
         return None
-    noise = _noise(parts.omega_rad_s, controller)
-    k_high = min(k_high, wishes.noise * flown.noise / noise)
+    k_low, k_high = k_low / wishes.gain_range[0], k_high / wishes.gain_range[1]
+    least_noise = _QUIET if parts.rate_noise is not None else 0.0
+    k_high = min(k_high, max(wishes.noise * flown.noise, least_noise) / parts.noise(unit))
     for name, factor in (("P", 1.0), ("I", a), ("D", d)):
         least, most = _limits(name, getattr(flown.gains, name), wishes)
         if factor > 0.0:
@@ -362,19 +375,41 @@ def _inside(
     flown: Judged,
     wishes: Wishes,
     reasons: list[str],
+    ends: Sequence[ControllerParts],
 ) -> Judged | None:
     """Gains that hold with everything exact, feed-forward included: a little smaller where they have to be."""
-    for _ in range(12):
+    for _ in range(_STEPS_DOWN):
         found = judged(parts, drawn, gains)
-        if not _broken(found, wishes):
+        moved = [judged(end, drawn, replace(gains, D=end.controller.derivative_s2)) for end in ends]
+        broken = next((words for one in (found, *moved) if (words := _broken(one, wishes))), "")
+        if not broken:
             return found
-        gains = Gains(P=gains.P * _SHRINK, I=gains.I * _SHRINK, D=gains.D * _SHRINK, A=gains.A * _SHRINK)
-    reasons.append(f"gains of the grid break {_broken(found, wishes)} on the likely plants")
-    return None if _broken(flown, wishes) else flown
+        gains = _smaller(gains, flown.gains, wishes)
+    reasons.append(f"gains of the grid break {broken} on the likely plants")
+    return None
 
 
-def _broken(one: Judged, wishes: Wishes) -> str:
-    """Which limit gains break on more than the quantile of the plants; empty where none."""
+def _smaller(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
+    """All gains that may change a step down, as far as they may go."""
+    found = {}
+    for name, value in gains.as_dict().items():
+        least = min(value, _limits(name, getattr(flown, name), wishes)[0])
+        found[name] = value if name in wishes.keep else max(_SHRINK * value, least)
+    return Gains(**found)
+
+
+def _flown_broken(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
+    """Which limit the flown gains break.
+
+    Where the plant was not seen at their crossover, its draws are wide there: then most have to say so, or every
+    loop that was measured badly would be slowed down.
+    """
+    seen = float(np.nanmedian(flown.rate.crossover_rad_s)) <= plant.band_rad_s[1]
+    return _broken(flown, wishes, share=2.0 * QUANTILE if seen else _MOST)
+
+
+def _broken(one: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> str:
+    """Which limit gains break on more than a share of the plants; empty where none."""
     worst = {
         "stability": np.maximum(1.0 - one.rate.stable, 1.0 - one.whole.stable) > 0.0,
         f"a sensitivity peak of {wishes.sensitivity_peak:.2g} of the rate loop": one.rate.sensitivity_peak
@@ -384,7 +419,7 @@ def _broken(one: Judged, wishes: Wishes) -> str:
         f"a phase margin of {np.degrees(wishes.phase_margin_rad):.0f} degrees": one.rate.phase_margin_rad
         < wishes.phase_margin_rad,
     }
-    return next((name for name, found in worst.items() if float(np.mean(found)) > 2.0 * QUANTILE), "")
+    return next((name for name, found in worst.items() if float(np.mean(found)) > share), "")
 
 
 def _bound_by(gains: Gains, flown: Gains, wishes: Wishes) -> Sequence[str]:

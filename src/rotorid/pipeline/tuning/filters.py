@@ -1,0 +1,155 @@
+"""Filters of a loop as a choice: what each costs in phase and spares in noise, and a log as if others were on.
+
+A filter in front of the controller or inside of it may be another one in the next flight; what the log knows of the
+plant does not change by that. So the parameters of the log are changed, and the controller is read from them again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.record import FlightRecord
+from rotorid.errors import UsageError
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.controller import FILTERS, RateController
+from rotorid.signal.autopilot_filters import controller_filters
+from rotorid.tuning.loops import ControllerParts, Gains
+from rotorid.typing import ComplexArray
+
+_OF_GYRO = ("IMU_GYRO_", "INS_GYRO_FILTER", "INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "gyro_")
+_OF_LOOP = ("IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF", "MC_YAW_TQ_CUTOFF", "ATC_RAT_", "dterm_", "yaw_lowpass_hz")
+_ARDUPILOT_FILTERS = ("_FLTT", "_FLTE", "_FLTD", "_NTF", "_NEF")
+_BLACKBOX_NAMES = {
+    f"dterm_{kind}_{end}_hz": f"dterm_{kind}_hz_{index}"
+    for kind in ("lpf1_dyn", "lowpass_dyn")
+    for index, end in enumerate(("min", "max"))
+}
+"""Command line of Betaflight to the header of its log, where the two differ."""
+
+_CUTOFFS: Mapping[str, str] = {
+    "derivative_cutoff_hz": "low-pass of D",
+    "error_cutoff_hz": "low-pass of the error",
+    "target_cutoff_hz": "low-pass of the set-point",
+    "command_cutoff_hz": "low-pass of the command",
+    "proportional_cutoff_hz": "low-pass of P",
+}
+_ROWS: Mapping[str, str] = {
+    "derivative_filters": "of D",
+    "error_filters": "of the error",
+    "target_filters": "of the set-point",
+    "angle_filters": "of the angle",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilterPrice(Immutable):
+    """What one filter does to a loop.
+
+    Parameters
+    ----------
+    name
+        What it is and where it stands.
+    phase_deg
+        Phase that the whole loop gains at its crossover without it, in degrees.
+    noise_ratio
+        Noise of the command without it, over that with it.
+    """
+
+    name: str
+    phase_deg: float
+    noise_ratio: float
+
+
+def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:
+    """A log whose parameters name other filters.
+
+    Parameters
+    ----------
+    record
+        The log.
+    values
+        Parameters of the firmware, with their new values.
+
+    Raises
+    ------
+    UsageError
+        The log has no such parameter, or it is no filter's.
+    """
+    known = [name for name in record.parameters if _is_filter(name)]
+    changed: dict[str, float] = {}
+    for name, value in values.items():
+        place = _BLACKBOX_NAMES.get(name, name)
+        if place not in known:
+            near = get_close_matches(name, known, n=3)
+            raise UsageError(
+                f"--set {name} came",
+                needed=f"a filter among the parameters of {record.source.name}",
+                remedy=f"perhaps {', '.join(near)}" if near else "gains are proposed, and not set",
+            )
+        if not (np.isfinite(value) and value >= 0.0):
+            raise UsageError(f"--set {name}={value:g} came", needed="a finite number from zero up")
+        changed[place] = float(value)
+    return replace(record, parameters={**record.parameters, **changed})
+
+
+def _is_filter(name: str) -> bool:
+    if name.startswith("ATC_RAT_"):
+        return name.endswith(_ARDUPILOT_FILTERS)
+    return name.startswith((*_OF_GYRO, *_OF_LOOP))
+
+
+def prices(
+    record: FlightRecord | None, controller: AxisController, parts: ControllerParts, plant: ComplexArray, gains: Gains
+) -> tuple[FilterPrice, ...]:
+    """What every filter of a loop costs at its crossover, the dearest first.
+
+    Parameters
+    ----------
+    record
+        The log, for the filters of its gyro.
+    controller
+        Of the axis.
+    parts
+        What its gains do.
+    plant
+        Response of the plant on the frequencies of the parts, shape ``(f,)``.
+    gains
+        At which the loop is looked at.
+    """
+    loop, rate = plant * parts.whole(gains), plant * parts.rate(gains)
+    above = np.flatnonzero(np.abs(rate) > 1.0)
+    if not above.size:
+        return ()
+    at, noise = int(above[-1]), parts.noise(gains)
+    found = []
+    for name, without in _each_left_out(record, controller.controller, parts):
+        phase = float(np.degrees(np.angle(plant[at] * without.whole(gains)[at] / loop[at])))
+        found.append(FilterPrice(name=name, phase_deg=phase, noise_ratio=without.noise(gains) / noise))
+    return tuple(sorted(found, key=lambda one: -one.phase_deg))
+
+
+def _each_left_out(
+    record: FlightRecord | None, controller: RateController, parts: ControllerParts
+) -> list[tuple[str, ControllerParts]]:
+    found = []
+    without: dict[str, Any]
+    for known in controller_filters(record) if record is not None else ():
+        response = known.response(parts.omega_rad_s)
+        found.append((f"gyro: {known.name}", replace(parts, seen=parts.seen / response)))
+    for field, words in _CUTOFFS.items():
+        if cutoff := getattr(controller, field):
+            without = {field: 0.0}
+            found.append((f"{words} at {cutoff:g} Hz", replace(parts, controller=replace(controller, **without))))
+    for field in FILTERS:
+        row = getattr(controller, field)
+        for index, one in enumerate(row):
+            without = {field: (*row[:index], *row[index + 1 :])}
+            name = f"{one.kind} {_ROWS[field]} at {one.frequency_hz:g} Hz"
+            found.append((name, replace(parts, controller=replace(controller, **without))))
+    return found

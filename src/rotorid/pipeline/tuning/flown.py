@@ -1,0 +1,315 @@
+"""What flew: the controller of an axis by the parameters of the log, whether it made the commands, and with what room.
+
+Gains are judged by the controller that a log names. Where the log holds the rate as that controller took it, the
+command is made again sample by sample. Where its rate stands in front of filters, as in ArduPilot's sweeps, the
+responses to the injected excitation are compared instead: whatever the plant is, command and rate answer to it as
+
+.. math:: G_{ue} = D_e - C G_{ye}
+
+with the controller :math:`C` and :math:`D_e` the way of the excitation into the command, 1 at the mixer and
+:math:`C_r` at the set-point of the rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.autopilots.reading import axis_controller
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.checking.candidate import RATES, Controllers
+from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.segments import cut
+from rotorid.pipeline.responses import response
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.signal.autopilot_filters import controller_filters
+from rotorid.signal.filters import combined_response
+from rotorid.tuning.loops import ControllerParts, Gains
+from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.verification.time_domain import matched
+
+_MOST_SATURATED = 0.02
+_AT_LIMIT = (0.02, 0.98)
+_AIRBORNE = 0.1
+_UNLIKE = 0.35
+"""Relative error of the command's response, its median over the band, above which other gains flew."""
+
+_NOT_SEEN = 0.3
+"""Share of the command that a controller must have made, for its gains to show at all."""
+
+_LEAST_NOISE_HZ = 30.0
+_NOISE_OVER_BAND = 1.5
+_FEWEST_NOISE_POINTS = 8
+_BEHIND_FILTERS = ("vehicle_angular_velocity", "RATE", "PIDR", "PIDP", "PIDY", "gyroADC")
+"""Where logs have the rate as the controller takes it, so that no filter of the gyro has to be known."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlownAxis:
+    """The controller of an axis, and where its rate stands in the log.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    controller
+        As flown.
+    record
+        Its log, ``None`` where a result alone came.
+    source
+        Where the rate stands in the log.
+    """
+
+    axis: Axis
+    controller: AxisController
+    record: FlightRecord | None
+    source: str
+
+    def parts(
+        self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
+    ) -> ControllerParts:
+        """What the gains do, with the filters as flown or as another record's parameters have them.
+
+        Parameters
+        ----------
+        omega_rad_s
+            Shape ``(f,)``.
+        then
+            The same log with other filters among its parameters.
+        noise
+            Density of the noise of the rate, shape ``(f,)``.
+        """
+        ones = np.ones(omega_rad_s.size, dtype=np.complex128)
+        if self.record is None:
+            return ControllerParts(
+                controller=self.controller.controller, omega_rad_s=omega_rad_s, seen=ones, logged=ones, rate_noise=noise
+            )
+        acting = acting_on(self.record, self.controller.controller, source=self.source)
+        seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(acting.logged, omega_rad_s)
+        controller = self.controller.controller
+        if then is not None:
+            before, after = (combined_response(controller_filters(one), omega_rad_s) for one in (self.record, then))
+            seen = seen * after / before
+            controller = self.with_parameters(then).controller
+        return ControllerParts(
+            controller=controller, omega_rad_s=omega_rad_s, seen=seen, logged=logged, rate_noise=noise
+        )
+
+    def with_parameters(self, record: FlightRecord) -> AxisController:
+        """The controller by the parameters of another record."""
+        found = logged_axis(record, f"{self.axis}_command", source=self.source)
+        if found is None:
+            raise UsageError(f"the parameters make no controller of {self.axis}", needed="filters that can be flown")
+        return found
+
+    def rate_noise(self, omega_rad_s: FloatArray, band_rad_s: tuple[float, float]) -> FloatArray | None:
+        """Density of the noise of the logged rate, from the command beyond the motion; ``None`` where it is not seen.
+
+        The command is logged behind all filters of its controller, so what it has beyond the band is what they let
+        through: the density of the command over the squared gain of the controller. Below that the noise is taken to
+        go on as it begins there.
+        """
+        if self.record is None:
+            return None
+        found = _density(self.record, f"{self.axis}_command")
+        if found is None:
+            return None
+        at, density = found
+        edge = max(2.0 * np.pi * _LEAST_NOISE_HZ, _NOISE_OVER_BAND * band_rad_s[1])
+        beyond = at > edge
+        if np.count_nonzero(beyond) < _FEWEST_NOISE_POINTS:
+            return None
+        parts = self.parts(omega_rad_s)
+        size = np.abs(parts.rate(Gains.of(self.controller.controller)))
+        command = np.interp(omega_rad_s, at[beyond], density[beyond], right=0.0)
+        rate = command / np.maximum(size, 1e-9 * size.max()) ** 2
+        first = int(np.searchsorted(omega_rad_s, edge))
+        if first >= omega_rad_s.size:
+            return None
+        rate[:first] = rate[first]
+        return np.asarray(rate)
+
+
+def _density(record: FlightRecord, channel: str) -> tuple[FloatArray, FloatArray] | None:
+    """One-sided density of a channel by rad/s, over the whole log: the median over windows of half a second."""
+    from scipy.signal import welch
+
+    for topic in record.topics:
+        row = topic.row(channel)
+        if row is not None and np.isfinite(topic.sample_rate_hz) and topic.sample_rate_hz > 2.0 * _LEAST_NOISE_HZ:
+            values = topic.values[row]
+            values = values[np.isfinite(values)]
+            window = round(topic.sample_rate_hz)
+            if values.size < 4 * window:
+                return None
+            hz, density = welch(values, fs=topic.sample_rate_hz, nperseg=window, average="median")
+            return np.asarray(2.0 * np.pi * hz), np.asarray(density / (2.0 * np.pi))
+    return None
+
+
+def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) -> FlownAxis:
+    """The controller that flew an axis, by the parameters of the log or by what the result says of them.
+
+    Raises
+    ------
+    InsufficientDataError
+        Neither says which gains flew, or how the rate was filtered.
+    """
+    command, source = f"{axis}_command", model.provenance.sources.get(RATES[axis][0], "")
+    found = None
+    if record is not None:
+        found = logged_axis(record, command, source=source)
+    elif (known := model.controller) is not None:
+        found = axis_controller(
+            {**known.gains, **known.filters}, axis, firmware=known.firmware, loop_rate_hz=known.loop_rate_hz
+        )
+    if found is None:
+        raise InsufficientDataError(
+            f"the gains of {axis} are not known",
+            needed="a log with the parameters of its autopilot",
+            remedy="give the log beside the result",
+            findings=[refusal("no_controller", axis, f"No gains of the {axis} controller are known.")],
+        )
+    if record is None and not source.startswith(_BEHIND_FILTERS):
+        raise InsufficientDataError(
+            f"the filter of the gyro of {axis} is not known: its rate stands in {source or 'an unknown place'}",
+            needed="the log, whose parameters tell it",
+            remedy="give the log beside the result",
+        )
+    return FlownAxis(axis=axis, controller=found, record=record, source=source)
+
+
+def require_room(record: FlightRecord) -> None:
+    """Refuse a flight whose motors stood at their limits: its plant is that of a limit cycle.
+
+    Raises
+    ------
+    InsufficientDataError
+        A motor did so for more than 2 % of the flight.
+    """
+    names = [name for name in record.channel_names if name.startswith("motor_") and name[6:].isdigit()]
+    limited = count = 0
+    for topic in record.topics:
+        rows = [row for name in names if (row := topic.row(name)) is not None]
+        if rows:
+            values = topic.values[rows]
+            flying = np.nanmean(values, axis=0) > _AIRBORNE
+            stopped = (values <= _AT_LIMIT[0]) | (values >= _AT_LIMIT[1])
+            limited += int(np.count_nonzero(stopped[:, flying].any(axis=0)))
+            count += int(np.count_nonzero(flying))
+    share = limited / count if count else 0.0
+    if share > _MOST_SATURATED:
+        message = f"A motor stood at a limit for {100.0 * share:.0f} % of the flight: lower the gains first."
+        raise InsufficientDataError(
+            f"a motor stood at a limit for {100.0 * share:.0f} % of the flight",
+            needed=f"at most {100.0 * _MOST_SATURATED:.0f} %, or the plant is that of a limit cycle",
+            remedy="lower the gains first",
+            findings=[refusal("saturation", record.source.name, message, share=share)],
+        )
+
+
+def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
+    """Refuse a controller that did not make the logged command; a remark where that cannot be seen.
+
+    Raises
+    ------
+    InsufficientDataError
+        Other gains flew than those of the parameters.
+    """
+    record, axis = flown.record, flown.axis
+    if record is None:
+        return []
+    if not flown.source.startswith(_BEHIND_FILTERS):
+        return _by_responses(flown, record)
+    controllers = Controllers(record=record, given={})
+    command, rate = f"{axis}_command", RATES[axis][0]
+    own = [one for one in model.data.segments if one.record == record.source.name]
+    band = model.band_rad_s
+    if not own or band is None:
+        return []
+    try:
+        segments, _ = cut(
+            [Flight(record, one.maneuver) for one in own[:1]],
+            channels=(command, rate),
+            followers=controllers.channels((axis,)),
+        )
+        history = segments[0].history
+        found = controllers.loop(axis, history, matched(band, None, history))
+    except (InsufficientDataError, UsageError):
+        found = None
+    if found is None:
+        return [_unchecked(axis, f"The log holds no set-point of {axis}")]
+    _, setpoint, scores = found
+    if not scores.alike:
+        message = (
+            f"With its gains the {axis} controller does not make the logged command of {setpoint} and the rate: TIC "
+            f"{scores.tic:.2f}."
+        )
+        raise _other(axis, message, f"TIC {scores.tic:.2f}", scores.tic)
+    return []
+
+
+def _by_responses(flown: FlownAxis, record: FlightRecord) -> list[Finding]:
+    """The same by the responses of command and rate to what was injected."""
+    axis, rate = flown.axis, RATES[flown.axis][0]
+    excitation, command = f"{axis}_excitation", f"{axis}_command"
+    if excitation not in record.channel_names:
+        return [
+            _unchecked(
+                axis, f"The rate of {axis} stands in {flown.source}, in front of filters, and nothing was injected"
+            )
+        ]
+    try:
+        found = response([record], inputs=excitation, outputs=(command, rate), estimate="direct")
+    except (InsufficientDataError, UsageError):
+        return [_unchecked(axis, f"Command and rate do not show an answer to {excitation}")]
+    measured = found.response
+    usable = np.asarray(found.used[:, 0], dtype=bool).all(axis=0)
+    if np.count_nonzero(usable) < 3:
+        return [_unchecked(axis, f"Command and rate do not show an answer to {excitation}")]
+    omega = measured.omega_rad_s[usable]
+    of_command, of_rate = measured.values[0, 0, usable], measured.values[1, 0, usable]
+    acting = acting_on(record, flown.controller.controller, source=flown.source)
+    misses = [
+        float(np.median(np.abs(of_command - (way - loop.response(omega) * of_rate)) / np.abs(of_command)))
+        for loop in (acting, acting.rate_loop)
+        for way in _ways(loop, omega)
+    ]
+    answered = float(np.median(np.abs(acting.rate_loop.response(omega) * of_rate) / np.abs(of_command)))
+    if answered < _NOT_SEEN:
+        return [_unchecked(axis, f"In the sweep of {axis} the controller made {100.0 * answered:.0f} % of the command")]
+    if min(misses) > _UNLIKE:
+        message = (
+            f"With its gains the {axis} controller does not answer to the rate as the logged command does: they "
+            f"differ by {100.0 * min(misses):.0f} %."
+        )
+        raise _other(axis, message, f"{100.0 * min(misses):.0f} % off", min(misses))
+    return []
+
+
+def _ways(loop: LoggedController, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """How an excitation enters the command: at the mixer, or at the set-point of the rate."""
+    return np.ones(omega.size, dtype=np.complex128), loop.controller.setpoint_response(omega)
+
+
+def _unchecked(axis: Axis, why: str) -> Finding:
+    return remark("controller_unchecked", axis, f"{why}: whether these gains made the commands was not checked.")
+
+
+def _other(axis: Axis, message: str, told: str, value: float) -> InsufficientDataError:
+    return InsufficientDataError(
+        f"the gains in the log did not make the logged {axis}_command ({told})",
+        needed="a flight whose controller is the one in its parameters",
+        remedy="the gains changed in flight, or a part of the controller is not modeled",
+        findings=[refusal("other_controller", axis, message, unlike=value)],
+    )
+
+
+def at_ends(controller: AxisController, parts: ControllerParts) -> dict[str, ControllerParts]:
+    """Parts where a D moves in flight, by the name of each end."""
+    return {name: replace(parts, controller=end) for name, end in controller.ends.items()}

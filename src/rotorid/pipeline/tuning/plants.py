@@ -1,0 +1,71 @@
+"""Plants of the axes, with draws of what is not known of them, out of identified models and their measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.checking.candidate import RATES
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_WIDEST_GAIN = 0.15
+_WITHOUT_SPEED_RAD_S = (3.0, 300.0)
+
+
+def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> IdentifiedModel:
+    """The rate model of an axis: one that came, else one of the logs."""
+    name = f"rate.{axis}"
+    own = next((one for one in given if one.name == name), None)
+    if own is not None:
+        return own
+    if not logs:
+        raise InsufficientDataError(f"no result of {name} came", needed=f"one of rotorid identify --model {name}")
+    held = [one for one in logs if {f"{axis}_command", RATES[axis][0]} <= set(one.channel_names)]
+    if not held:
+        raise InsufficientDataError(f"no log holds {axis}_command and {RATES[axis][0]}", needed="both of them")
+    try:
+        return identify(held, name)
+    except InsufficientDataError as error:
+        # Below some rad/s the speed of the vehicle acts, which a rate model lacks; no margin lies there.
+        if not any(finding.kind == "poor_fit" for finding in error.findings):
+            raise
+        return identify(held, name, band_rad_s=_WITHOUT_SPEED_RAD_S)
+
+
+def plant_of(model: IdentifiedModel, axis: Axis, *, draws: int, seed: int) -> UncertainPlant:
+    """The plant with draws, from the model and what was measured beside it."""
+    command, rate = f"{axis}_command", RATES[axis][0]
+    structure = model.structure
+    row, column = structure.outputs.index(rate), structure.inputs.index(command)
+    values, gain = structure.parameters.values, structure.gain
+    if gain is not None and (std := model.parameters[gain].std) is not None:
+        share = std / abs(model.parameters[gain].value)
+        if share > _WIDEST_GAIN:
+            raise InsufficientDataError(
+                f"{gain} is known to {100.0 * share:.0f} % only",
+                needed=f"{100.0 * _WIDEST_GAIN:.0f} %",
+                remedy=f"fly a longer sweep of {command.removesuffix('_command')}",
+            )
+
+    def response(omega_rad_s: FloatArray) -> ComplexArray:
+        return np.asarray(structure.response(values, np.atleast_1d(omega_rad_s))[row, column])
+
+    band = model.band_rad_s
+    if band is None:
+        raise InsufficientDataError(f"{model.name} was not fitted to responses", needed="--method frequency")
+    measured = model.data.response
+    ratio = None
+    if measured.omega_rad_s.size and rate in measured.outputs and command in measured.inputs:
+        y, u = measured.outputs.index(rate), measured.inputs.index(command)
+        used = np.asarray(model.data.used[y, u], dtype=bool)
+        if used.sum() >= 3:
+            omega, seen = measured.omega_rad_s[used], measured.values[y, u, used]
+            relative = measured.covariance[y, u][np.ix_(used, used)] / np.outer(seen, seen.conj())
+            ratio = MeasuredRatio(omega_rad_s=omega, ratio=seen / response(omega), covariance=relative)
+    return uncertain_plant(response, ratio, band_rad_s=band, draws=draws, seed=seed)

@@ -1,0 +1,480 @@
+"""From an identified plant to gains: the loops as flown, a proposal that holds for every likely plant, what it will do.
+
+Rate models of roll, pitch and yaw come as results of ``identify`` or are identified from the logs. The controller is
+that of the log, with its exact filters and steps. Before anything is proposed it is checked that this controller made
+the logged commands, that the motors had room, and that the plant is known where the gains act. Where one of these fails
+the flown gains stay, and the reason and the flight that would help are said. Nothing is sent to a vehicle.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.provenance import Provenance, provenance
+from rotorid.pipeline.results import IdentifiedModel, Records, Refused
+from rotorid.pipeline.settings import Setting, as_records, require_seed
+from rotorid.pipeline.tuning.filters import FilterPrice, prices, with_filters
+from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, explained, flown_axis, require_room
+from rotorid.pipeline.tuning.plants import plant_of, rate_model
+from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
+from rotorid.tuning.files import parameter_files
+from rotorid.tuning.firmware import parameters_of, ranges_of, rounded, written
+from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid
+from rotorid.tuning.plant import UncertainPlant
+from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, judged, propose
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+FULL_SCALE_M = 16.4
+"""Diameter of the rotor of a helicopter for which guidelines were made."""
+
+TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+_BAND_OVER_CROSSOVER = 1.5
+_STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuneSettings(Immutable):
+    """Choices of one run of ``tune``.
+
+    Parameters
+    ----------
+    axes
+        Those to look at; all by default.
+    robustness
+        Largest sensitivity peak M_s of the rate loop and of the whole one, on 95 of 100 likely plants.
+    noise
+        Noise of the command at most, as a factor on that of the flown gains.
+    keep
+        Gains that stay, of P, I, D and A.
+    filters
+        Filters that are to be flown, by the firmware's names, where they are not those of the log.
+    scale
+        How many times larger a helicopter of full scale is, for guidelines made for those; ``None`` where the fit of
+        ``physical.motors`` is to say, or none.
+    draws, seed
+        How many likely plants, and the seed of the draws.
+
+    Raises
+    ------
+    UsageError
+        A number is out of range, or a gain is unknown.
+    """
+
+    axes: tuple[Axis, ...] = TUNED_AXES
+    robustness: float = 1.7
+    noise: float = 2.0
+    keep: tuple[str, ...] = ()
+    filters: Mapping[str, float] = field(default_factory=dict)
+    scale: float | None = None
+    draws: int = 50
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_seed(self.seed)
+        if not 1.2 <= self.robustness <= 2.5:
+            raise UsageError(f"a robustness of {self.robustness:g} came", needed="a largest M_s from 1.2 to 2.5")
+        if not 0.1 <= self.noise <= 10.0:
+            raise UsageError(f"a noise of {self.noise:g} came", needed="a factor from 0.1 to 10")
+        if wrong := [name for name in self.keep if name not in "PIDA" or len(name) != 1]:
+            raise UsageError(f"the gain {wrong[0]} came", needed="of P, I, D and A")
+        if len(set(self.keep)) == 4:
+            raise UsageError("all gains stay", needed="at least one that may change")
+        if wrong_axes := [axis for axis in self.axes if axis not in TUNED_AXES]:
+            raise UsageError(f"the axis {wrong_axes[0]} came", needed="roll, pitch, yaw")
+        if self.scale is not None and not 1.0 <= self.scale <= 1000.0:
+            raise UsageError(f"a scale of {self.scale:g} came", needed="full scale over the vehicle, from 1 to 1000")
+        if not 10 <= self.draws <= 1000:
+            raise UsageError(f"{self.draws} draws came", needed="10 to 1000")
+        self._set(axes=tuple(self.axes), keep=tuple(self.keep), filters=self.filters)
+
+    def as_json(self) -> dict[str, Setting]:
+        """The choices for the provenance of a result."""
+        return {
+            "axes": [str(axis) for axis in self.axes],
+            "robustness": self.robustness,
+            "noise": self.noise,
+            "keep": list(self.keep),
+            "filters": [f"{name}={value:g}" for name, value in self.filters.items()],
+            "scale": self.scale,
+            "draws": self.draws,
+            "seed": self.seed,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisTuning(Immutable):
+    """An axis: its controller, its plant, the flown gains and the proposed ones, and what both do.
+
+    Parameters
+    ----------
+    controller
+        As the log tells it.
+    plant
+        With draws of what is not known.
+    omega_rad_s
+        Frequencies of the responses below.
+    proposal
+        Flown and proposed gains, judged on all draws.
+    parameters
+        Firmware's name of each gain to its flown and its proposed value; kept ones are alike.
+    loops
+        ``flown``, ``proposed``, ``flown_whole``, ``proposed_whole``: broken loops over the draws, ``(draws, f)``.
+    responses
+        ``attitude`` over its set-point and ``disturbance``, the attitude by a moment in commands, each followed by
+        ``_flown`` or ``_proposed``, over the draws, ``(draws, f)``.
+    step_s, steps
+        Seconds, and the attitude's answer to a step of its set-point under both gains, ``(draws, n)`` each.
+    parts
+        What each gain does, with the filters of the proposal.
+    prices
+        What every filter of the proposed loop costs.
+    ends
+        Where D moves in flight: what the proposed gains do at each end.
+    noise_seen
+        Whether the log shows the noise of the rate, so that noises are those of the command and no mere ratios.
+    """
+
+    controller: AxisController
+    plant: UncertainPlant
+    omega_rad_s: FloatArray
+    proposal: AxisProposal
+    parameters: Mapping[str, tuple[float, float]]
+    loops: Mapping[str, ComplexArray]
+    responses: Mapping[str, ComplexArray]
+    step_s: FloatArray
+    steps: Mapping[str, FloatArray]
+    parts: ControllerParts
+    prices: tuple[FilterPrice, ...] = ()
+    ends: Mapping[str, Judged] = field(default_factory=dict)
+    noise_seen: bool = False
+
+    def __post_init__(self) -> None:
+        self._set(
+            parameters=self.parameters,
+            loops=self.loops,
+            responses=self.responses,
+            steps=self.steps,
+            prices=tuple(self.prices),
+            ends=self.ends,
+        )
+
+    @property
+    def changed(self) -> bool:
+        """Whether a gain or a filter of the axis is to change."""
+        return any(after != before for before, after in self.parameters.values())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TuningProposal(Immutable):
+    """What to change of the gains of a vehicle, and what that will do.
+
+    Parameters
+    ----------
+    autopilot, firmware
+        As the log names them.
+    axes
+        Those that were looked at and have a model and a controller.
+    thrust
+        What straightens the curve of thrust, where a fit of ``physical.motors`` came.
+    scale
+        Full scale over the size of the vehicle, where it is known.
+    files, rollback_files
+        Name of each file to its text: proposed gains, and the flown ones.
+    findings
+        Why axes or gains stay as they are, the worst first.
+    provenance
+        Where the models came from.
+    """
+
+    autopilot: str
+    firmware: str
+    axes: Mapping[Axis, AxisTuning]
+    thrust: ThrustLinearization | None
+    scale: float | None
+    files: Mapping[str, str]
+    rollback_files: Mapping[str, str]
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(axes=self.axes, files=self.files, rollback_files=self.rollback_files)
+
+    @property
+    def changed(self) -> bool:
+        """Whether any gain is to change."""
+        return any(one.changed for one in self.axes.values())
+
+
+def tune(
+    models: IdentifiedModel | Sequence[IdentifiedModel] = (),
+    records: Records = (),
+    *,
+    settings: TuneSettings | None = None,
+    **options: Any,
+) -> TuningProposal:
+    """Propose gains of roll, pitch and yaw.
+
+    Parameters
+    ----------
+    models
+        Rate models of the axes, as ``identify`` answers them; those that are missing are identified from the logs. One
+        of ``physical.motors`` tells the curve of thrust.
+    records
+        Logs, whose parameters say which controller flew.
+    settings
+        Choices; everything has a default.
+    **options
+        Fields of :class:`TuneSettings`, which go before ``settings``.
+
+    Raises
+    ------
+    InsufficientDataError
+        No axis has a model and a controller; findings say why.
+    UsageError
+        An option is wrong, or nothing came.
+
+    Examples
+    --------
+    >>> import rotorid
+    >>> proposal = rotorid.tune(records="flight.ulg")  # doctest: +SKIP
+    >>> proposal.axes["roll"].parameters["MC_ROLLRATE_P"]  # doctest: +SKIP
+    (0.15, 0.21)
+    """
+    chosen = replace(settings or TuneSettings(), **options)
+    logs = as_records(records)
+    given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
+    if not given and not logs:
+        raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
+    findings: list[Finding] = [finding for record in logs for finding in record.findings]
+    autopilot = next((name for one in logs if (name := _autopilot(one))), "")
+    thrust = linearization(given, logs[0] if logs else None, autopilot=autopilot, seed=chosen.seed)
+    findings += thrust.findings if thrust is not None else ()
+    axes: dict[Axis, AxisTuning] = {}
+    for axis in chosen.axes:
+        try:
+            axes[axis] = _axis(axis, given, logs, chosen, thrust, findings)
+        except InsufficientDataError as error:
+            message = f"{axis}: {error}"
+            findings += [one for one in error.findings if one not in findings]
+            findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {str(error).rstrip('.')}."))
+            _PROGRESS.info(message)
+    if not axes:
+        raise InsufficientDataError(
+            "no axis can be tuned",
+            needed="a rate model of an axis, the gains that flew, and motors with room to both sides",
+            remedy="the findings say what each axis lacks",
+            findings=worst_first(findings) or [refusal("not_tuned", "all axes", "No axis can be tuned.")],
+        )
+    return _together(axes, findings, logs, given, chosen, thrust)
+
+
+def _autopilot(record: FlightRecord) -> str:
+    """By the format of a log, as its controllers are named."""
+    return next((name for name in ("PX4", "ArduPilot", "Betaflight") if record.source.format.startswith(name)), "")
+
+
+def _axis(
+    axis: Axis,
+    given: Sequence[IdentifiedModel],
+    logs: Sequence[FlightRecord],
+    settings: TuneSettings,
+    thrust: ThrustLinearization | None,
+    findings: list[Finding],
+) -> AxisTuning:
+    """One axis, from its model to what the proposed gains will do."""
+    _PROGRESS.info(f"tuning {axis}")
+    model = rate_model(axis, given, logs)
+    record = next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
+    flown = flown_axis(axis, model, record)
+    if record is not None:
+        require_room(record)
+        findings += explained(flown, model)
+    elif settings.filters:
+        raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
+    then = with_filters(record, settings.filters) if record is not None and settings.filters else None
+    controller = flown.controller if then is None else flown.with_parameters(then)
+    plant = plant_of(model, axis, draws=settings.draws, seed=settings.seed)
+    omega = frequency_grid(flown.controller.controller)
+    noise = flown.rate_noise(omega, plant.band_rad_s)
+    as_flown, parts = flown.parts(omega, noise=noise), flown.parts(omega, then=then, noise=noise)
+    ends = at_ends(controller, parts)
+    known = parameters_of(controller)
+    # What the firmware has no parameter for, or one whose meaning is not sure, stays.
+    stay = tuple(name for name in "PIDA" if name in settings.keep or name not in known)
+    wishes = Wishes(
+        sensitivity_peak=settings.robustness,
+        noise=settings.noise,
+        keep=stay,
+        gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
+        ranges=ranges_of(controller),
+    )
+    found = propose(
+        axis,
+        plant,
+        controller.controller,
+        parts=parts,
+        flown_parts=None if then is None else as_flown,
+        ends=tuple(ends.values()),
+        wishes=wishes,
+    )
+    drawn = plant.drawn(omega)
+    if found.changed:
+        found = replace(found, proposed=judged(parts, drawn, rounded(controller, found.proposed.gains)))
+    findings += _said(axis, found, plant)
+    sets = {"flown": (as_flown, found.flown.gains), "proposed": (parts, found.proposed.gains)}
+    if not found.changed:
+        # Without gains that hold, the filters stay too.
+        sets["proposed"] = sets["flown"]
+    return AxisTuning(
+        controller=flown.controller,
+        plant=plant,
+        omega_rad_s=omega,
+        proposal=found,
+        parameters=_parameters(flown, controller if found.changed else flown.controller, found),
+        loops=_loops(drawn, sets),
+        responses=_responses(omega, drawn, sets),
+        parts=sets["proposed"][0],
+        prices=prices(then or record, controller, parts, plant.response(omega), found.proposed.gains),
+        ends={name: judged(end, drawn, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
+        noise_seen=noise is not None,
+        **_steps(flown, then if found.changed else None, plant, found),
+    )
+
+
+def _with_end(gains: Gains, end: ControllerParts) -> Gains:
+    return replace(gains, D=end.controller.derivative_s2)
+
+
+def _said(axis: Axis, found: AxisProposal, plant: UncertainPlant) -> list[Finding]:
+    """Why the gains stay, what binds, and what a better flight would tell."""
+    said = []
+    if found.reasons:
+        words = "; ".join(found.reasons)
+        verb = "are bound" if found.changed else "stay"
+        said.append(remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}."))
+    crossover = float(np.nanmedian(found.proposed.rate.crossover_rad_s))
+    if crossover * _BAND_OVER_CROSSOVER > plant.band_rad_s[1]:
+        message = (
+            f"The plant of {axis} was seen up to {plant.band_rad_s[1]:.0f} rad/s, and its loop crosses over at "
+            f"{crossover:.0f}: what is foretold beyond is the model's. Fly a sweep up to {3.0 * crossover:.0f} rad/s."
+        )
+        said.append(warn("band_below_crossover", axis, message, crossover_rad_s=crossover))
+    return said
+
+
+def _parameters(flown: FlownAxis, then: AxisController, found: AxisProposal) -> dict[str, tuple[float, float]]:
+    """Every gain and filter of the loop by the firmware's name, flown and proposed."""
+    new = {**then.filters, **(written(then, found.proposed.gains) if found.changed else {})}
+    before = {**flown.controller.gains, **flown.controller.filters}
+    return {name: (value, new.get(name, value)) for name, value in before.items()}
+
+
+_Sets = Mapping[str, tuple[ControllerParts, Gains]]
+
+
+def _loops(drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
+    rate = {name: drawn * parts.rate(gains) for name, (parts, gains) in sets.items()}
+    return rate | {f"{name}_whole": drawn * parts.whole(gains) for name, (parts, gains) in sets.items()}
+
+
+def _responses(omega: FloatArray, drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
+    """The attitude over its set-point, and by a moment that is given as a command."""
+    found = {}
+    for name, (parts, gains) in sets.items():
+        closed = 1.0 / (1.0 + drawn * parts.whole(gains))
+        found[f"attitude_{name}"] = drawn * parts.angle(gains) * closed
+        found[f"disturbance_{name}"] = drawn / (1j * omega) * closed
+    return found
+
+
+def _steps(flown: FlownAxis, then: FlightRecord | None, plant: UncertainPlant, found: AxisProposal) -> dict[str, Any]:
+    """Answer of the attitude to a step of its set-point, by both gains, on all plants."""
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_STEP_SAMPLES, 1.0 / _STEP_RATE_HZ), dtype=np.float64)
+    omega[0] = omega[1] * 1e-3
+    drawn = plant.drawn(omega)
+    count = round(_STEP_SHOWN_S * _STEP_RATE_HZ)
+    steps = {}
+    for name, parts, gains in (
+        ("flown", flown.parts(omega), found.flown.gains),
+        ("proposed", flown.parts(omega, then=then), found.proposed.gains),
+    ):
+        by_setpoint = drawn * (parts.angle(gains) if gains.A > 0.0 else parts.rate(gains))
+        answer = by_setpoint / (1.0 + drawn * parts.whole(gains))
+        impulse = np.fft.irfft(answer, n=_STEP_SAMPLES, axis=1)
+        steps[name] = np.cumsum(impulse, axis=1)[:, :count]
+    return {"step_s": np.arange(count) / _STEP_RATE_HZ, "steps": steps}
+
+
+def _together(
+    axes: Mapping[Axis, AxisTuning],
+    findings: Sequence[Finding],
+    logs: Sequence[FlightRecord],
+    given: Sequence[IdentifiedModel],
+    settings: TuneSettings,
+    thrust: ThrustLinearization | None,
+) -> TuningProposal:
+    """All axes, with their files."""
+    first = next(iter(axes.values())).controller
+    changes = {name: pair for one in axes.values() for name, pair in one.parameters.items() if pair[0] != pair[1]}
+    if changes and logs:
+        known = logs[0].parameters
+        changes |= {name: (known[name], value) for name, value in settings.filters.items() if name in known}
+    every: dict[str, float] = {}
+    for one in axes.values():
+        every |= written(one.controller, one.proposal.flown.gains)
+    make = partial(parameter_files, first.autopilot, firmware=first.firmware)
+    files = make({name: after for name, (_, after) in changes.items()}, role="proposed") if changes else {}
+    old = {name: before for name, (before, _) in changes.items()} or every
+    if thrust is not None and thrust.changed:
+        files |= make(_straightened(axes, thrust), role="thrust")
+        old |= {**every, thrust.parameter: thrust.flown}
+    return TuningProposal(
+        autopilot=first.autopilot,
+        firmware=first.firmware,
+        axes=axes,
+        thrust=thrust,
+        scale=settings.scale or _scale(given),
+        files=files,
+        rollback_files=make(old, role="rollback"),
+        findings=worst_first(findings),
+        provenance=provenance(logs, settings) if logs or not given else replace(given[0].provenance),
+    )
+
+
+def _scale(models: Sequence[IdentifiedModel]) -> float | None:
+    """Full scale over the distance between opposite rotors."""
+    arms = [one.motors.arm_m for one in models if one.motors is not None and one.motors.arm_m]
+    return FULL_SCALE_M / (2.0 * arms[0]) if arms else None
+
+
+def _straightened(axes: Mapping[Axis, AxisTuning], thrust: ThrustLinearization) -> dict[str, float]:
+    """The parameter that straightens thrust, with gains that make the loops in hover what they were."""
+    values = {thrust.parameter: thrust.proposed}
+    for one in axes.values():
+        gains, factor = one.proposal.flown.gains, 1.0 / thrust.hover_gain
+        scaled = replace(gains, P=gains.P * factor, I=gains.I * factor, D=gains.D * factor)
+        values |= written(one.controller, rounded(one.controller, scaled))
+    return values
+
+
+def refused_tuning(error: InsufficientDataError, records: Sequence[FlightRecord], settings: TuneSettings) -> Refused:
+    """What to say where no axis can be tuned."""
+    return Refused(
+        name="tune",
+        structure=None,
+        findings=worst_first(error.findings or [refusal("not_tuned", "all axes", str(error))]),
+        provenance=provenance(records, settings),
+    )

@@ -1,0 +1,206 @@
+"use strict";
+// Gains by hand: sliders that move margins, step and noise from the loops in this page. Nothing is asked of any server.
+(() => {
+  const source = document.getElementById("loops");
+  if (!source) return;
+  const axes = JSON.parse(source.textContent);
+  const { light, dark } = JSON.parse(document.getElementById("figures").textContent);
+  const darkness = window.matchMedia("(prefers-color-scheme: dark)");
+  const NAMES = ["P", "I", "D", "A"];
+  const STEP_RAD_S = 0.5;
+  const HIGHEST_RAD_S = 300;
+  const SHOWN_S = 1.5;
+  const TIMES = Array.from({ length: 121 }, (_, k) => (SHOWN_S * k) / 120);
+
+  // A row of complex numbers is { re, im }.
+  const row = ([re, im]) => ({ re, im });
+  const weighted = (pairs) => {
+    const size = pairs[0][1].re.length;
+    const re = new Float64Array(size);
+    const im = new Float64Array(size);
+    for (const [weight, one] of pairs) {
+      for (let k = 0; k < size; k += 1) {
+        re[k] += weight * one.re[k];
+        im[k] += weight * one.im[k];
+      }
+    }
+    return { re, im };
+  };
+  const times = (a, b) => ({
+    re: a.re.map((value, k) => value * b.re[k] - a.im[k] * b.im[k]),
+    im: Float64Array.from(a.re, (value, k) => value * b.im[k] + a.im[k] * b.re[k]),
+  });
+  const plain = (one) => ({ re: Float64Array.from(one.re), im: Float64Array.from(one.im) });
+
+  // A first-order filter of a program that runs every step; none where the cutoff is zero.
+  const lowPass = (omega, cutoff, step) => {
+    if (!(cutoff > 0)) return { re: omega.map(() => 1), im: omega.map(() => 0) };
+    const share = step > 0 ? step / (step + 1 / (2 * Math.PI * cutoff)) : 0;
+    const re = [];
+    const im = [];
+    for (const w of omega) {
+      const [x, y] = step > 0
+        ? [1 - (1 - share) * Math.cos(w * step), (1 - share) * Math.sin(w * step)]
+        : [1, w / (2 * Math.PI * cutoff)];
+      const over = (step > 0 ? share : 1) / (x * x + y * y);
+      re.push(over * x);
+      im.push(-over * y);
+    }
+    return { re, im };
+  };
+  const quotient = (a, b) => {
+    const size = b.re.map((value, k) => value * value + b.im[k] * b.im[k]);
+    return {
+      re: a.re.map((value, k) => (value * b.re[k] + a.im[k] * b.im[k]) / size[k]),
+      im: a.re.map((value, k) => (a.im[k] * b.re[k] - value * b.im[k]) / size[k]),
+    };
+  };
+
+  const controllers = (axis, gains, cutoff) => {
+    const filter = axis.derivative_cutoff_hz > 0
+      ? quotient(lowPass(axis.omega, cutoff, axis.derivative_step_s),
+                 lowPass(axis.omega, axis.derivative_cutoff_hz, axis.derivative_step_s))
+      : null;
+    const slope = (one) => (filter ? times(plain(one), plain(filter)) : one);
+    const rate = weighted([[gains.P, axis.rate.P], [gains.I, axis.rate.I], [gains.D, slope(axis.rate.D)]]);
+    const angle = weighted([
+      [gains.A * gains.P, axis.angle.P], [gains.A * gains.I, axis.angle.I],
+      [gains.A * gains.D, slope(axis.angle.D)], [gains.A, axis.angle.ahead],
+    ]);
+    return { rate, angle, whole: weighted([[1, rate], [1, angle]]) };
+  };
+
+  const crossings = (at, values, level) => {
+    const found = [];
+    for (let k = 0; k + 1 < values.length; k += 1) {
+      const before = values[k] - level;
+      const after = values[k + 1] - level;
+      if (before * after < 0) found.push(at[k] + (before / (before - after)) * (at[k + 1] - at[k]));
+    }
+    return found;
+  };
+  const between = (at, values, place) => {
+    let k = 0;
+    while (k + 2 < at.length && at[k + 1] < place) k += 1;
+    return values[k] + ((place - at[k]) / (at[k + 1] - at[k])) * (values[k + 1] - values[k]);
+  };
+  const figures = (omega, loop) => {
+    const ln = omega.map(Math.log);
+    const gain = Array.from(loop.re, (value, k) => 0.5 * Math.log(value ** 2 + loop.im[k] ** 2));
+    const phase = Array.from(loop.re, (value, k) => Math.atan2(loop.im[k], value));
+    for (let k = 1; k < phase.length; k += 1) {
+      phase[k] -= 2 * Math.PI * Math.round((phase[k] - phase[k - 1]) / (2 * Math.PI));
+    }
+    const turns = 2 * Math.PI * Math.round(Math.max(...phase) / (2 * Math.PI));
+    const turned = phase.map((value) => value - turns);
+    const over = crossings(ln, gain, 0);
+    const margins = over.map((place) => Math.PI + between(ln, turned, place));
+    const half = crossings(ln, turned, -Math.PI).map((place) => between(ln, gain, place)).filter((one) => one < 0);
+    const peak = Math.max(...Array.from(loop.re, (value, k) => 1 / Math.hypot(1 + value, loop.im[k])));
+    return {
+      crossover: over.length ? Math.exp(over[over.length - 1]) : NaN,
+      phase: margins.length ? (Math.min(...margins) * 180) / Math.PI : NaN,
+      gain: half.length ? (-20 / Math.LN10) * Math.max(...half) : Infinity,
+      peak,
+    };
+  };
+  const noise = (axis, rate) => {
+    let sum = 0;
+    for (let k = 0; k + 1 < axis.omega.length; k += 1) {
+      const [low, high] = [k, k + 1].map((at) => axis.noise[at] * (rate.re[at] ** 2 + rate.im[at] ** 2));
+      sum += 0.5 * (low + high) * (axis.omega[k + 1] - axis.omega[k]);
+    }
+    return Math.sqrt(sum);
+  };
+
+  // Attitude over its set-point, its real part at even steps, and from that the answer to a step.
+  const step = (axis, plant, found) => {
+    const closed = quotient(times(plain(plant), found.angle),
+                            weighted([[1, { re: plant.re.map(() => 1), im: plant.im.map(() => 0) }],
+                                      [1, times(plain(plant), found.whole)]]));
+    const real = [];
+    let k = 0;
+    for (let w = 0; w <= HIGHEST_RAD_S; w += STEP_RAD_S) {
+      while (k + 2 < axis.omega.length && axis.omega[k + 1] < w) k += 1;
+      const share = Math.min(Math.max((w - axis.omega[k]) / (axis.omega[k + 1] - axis.omega[k]), 0), 1);
+      real.push(closed.re[k] + share * (closed.re[k + 1] - closed.re[k]));
+    }
+    return TIMES.map((t) => {
+      let sum = 0.5 * real[0] * t;
+      for (let n = 1; n < real.length; n += 1) sum += (real[n] * Math.sin(n * STEP_RAD_S * t)) / (n * STEP_RAD_S);
+      return (2 / Math.PI) * STEP_RAD_S * sum;
+    });
+  };
+
+  const told = (value, digits = 3) => (Number.isFinite(value) ? Number(value.toPrecision(digits)).toString() : "–");
+  const COLORS = { flown: "#7a8797", chosen: "#0b6bcb" };
+
+  const set = (place) => {
+    const axis = axes[place.dataset.axis];
+    for (const part of ["rate", "angle"]) for (const name of Object.keys(axis[part])) axis[part][name] = row(axis[part][name]);
+    axis.plant = row(axis.plant);
+    axis.draws = axis.draws.map(row);
+    const inputs = Object.fromEntries(Array.from(place.querySelectorAll("input"), (one) => [one.name, one]));
+    const chosen = () => ({
+      gains: Object.fromEntries(NAMES.map((name) => [name, axis.flown[name] * 0 + (inputs[name]
+        ? Number(inputs[name].value) * axis.units[name].per_si : axis.flown[name])])),
+      cutoff: inputs.cutoff ? Number(inputs.cutoff.value) : axis.derivative_cutoff_hz,
+    });
+    const flown = controllers(axis, axis.flown, axis.derivative_cutoff_hz);
+    const before = step(axis, axis.plant, flown);
+    const quiet = noise(axis, flown.rate);
+
+    const show = () => {
+      const { gains, cutoff } = chosen();
+      const found = controllers(axis, gains, cutoff);
+      const rate = figures(axis.omega, times(plain(axis.plant), found.rate));
+      const whole = figures(axis.omega, times(plain(axis.plant), found.whole));
+      const peaks = axis.draws.map((plant) => Math.max(
+        figures(axis.omega, times(plain(plant), found.rate)).peak,
+        figures(axis.omega, times(plain(plant), found.whole)).peak,
+      ));
+      const say = (name, text) => { place.querySelector(`[data-told="${name}"]`).textContent = text; };
+      say("crossover", `${told(rate.crossover)} rad/s`);
+      say("phase", `${told(rate.phase)}°`);
+      say("gain", `${told(rate.gain)} dB`);
+      say("peak", `${told(rate.peak)}, with the angle loop ${told(whole.peak)}`);
+      const worst = Math.max(...peaks);
+      say("worst", `${told(worst)} on the worst of ${peaks.length} likely plants`);
+      place.querySelector('[data-told="worst"]').classList.toggle("poor", worst > axis.limit);
+      say("noise", `${told((100 * noise(axis, found.rate)) / quiet, 3)} % of what was flown`);
+      for (const [name, input] of Object.entries(inputs)) {
+        place.querySelector(`output[data-of="${name}"]`).textContent = told(Number(input.value), 4);
+      }
+      place.querySelector("pre").textContent = NAMES.filter((name) => inputs[name])
+        .map((name) => `${axis.units[name].name} = ${told(Number(inputs[name].value), 4)}`)
+        .concat(inputs.cutoff ? [`D low-pass = ${told(cutoff, 4)} Hz`] : []).join("\n");
+      const lines = [
+        { x: TIMES, y: before, name: "flown", line: { color: COLORS.flown, dash: "dot" } },
+        { x: TIMES, y: step(axis, axis.plant, found), name: "chosen", line: { color: COLORS.chosen } },
+      ].map((line) => ({ type: "scatter", mode: "lines", ...line }));
+      return Plotly.react(place.querySelector("[data-step]"), lines, {
+        template: darkness.matches ? dark : light,
+        height: 260,
+        margin: { l: 55, r: 15, t: 10, b: 45 },
+        xaxis: { title: { text: "Time [s]" } },
+        yaxis: { title: { text: `${place.dataset.axis} over its set-point` } },
+        showlegend: true,
+        legend: { orientation: "h", y: 1.12 },
+      }, { responsive: true, displaylogo: false });
+    };
+    place.querySelector("button").addEventListener("click", () => {
+      for (const [name, input] of Object.entries(inputs)) input.value = input.dataset.proposed ?? input.value;
+      show();
+    });
+    for (const input of Object.values(inputs)) input.addEventListener("input", show);
+    place.hidden = false;
+    const drawn = show();
+    darkness.addEventListener("change", show);
+    place.addEventListener("toggle", show);
+    return drawn;
+  };
+  Promise.all(Array.from(document.querySelectorAll("[data-axis]"), set)).then(
+    () => { document.documentElement.dataset.sliders = "ready"; },
+    (error) => { document.documentElement.dataset.sliders = `failed: ${error}`; },
+  );
+})();

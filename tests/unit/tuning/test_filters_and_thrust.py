@@ -1,0 +1,189 @@
+"""Filters as a choice, the curve of thrust, attitude figures, and which gains a log was flown with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord, Source
+from rotorid.errors import UsageError
+from rotorid.models.autopilots import axis_controller
+from rotorid.models.controller import RateController
+from rotorid.pipeline.tuning.check import Foretold, _which
+from rotorid.pipeline.tuning.filters import prices, with_filters
+from rotorid.pipeline.tuning.thrust import _KINDS, linearization
+from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
+from rotorid.tuning.files import parameter_files, parsed
+
+PARAMETERS = {
+    "MC_ROLLRATE_P": 0.15,
+    "MC_ROLLRATE_I": 0.2,
+    "MC_ROLLRATE_D": 0.003,
+    "MC_ROLL_P": 6.5,
+    "IMU_DGYRO_CUTOFF": 30.0,
+    "IMU_GYRO_CUTOFF": 40.0,
+    "IMU_GYRO_RATEMAX": 400.0,
+}
+
+
+def log(**changed: float) -> FlightRecord:
+    source = Source(name="flight.ulg", format="PX4 ULog", sha256="", firmware="PX4 1.16.0")
+    return FlightRecord(source=source, topics=(), parameters={**PARAMETERS, **changed})
+
+
+def test_other_filters_are_parameters_of_the_log() -> None:
+    found = with_filters(log(), {"IMU_DGYRO_CUTOFF": 60.0})
+    assert found.parameters["IMU_DGYRO_CUTOFF"] == 60.0
+    assert log().parameters["IMU_DGYRO_CUTOFF"] == 30.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("MC_ROLLRATE_P", 0.3, "a filter among the parameters"),
+        ("IMU_DGYRO_CUTOF", 60.0, "a filter among the parameters"),
+        ("IMU_DGYRO_CUTOFF", -1.0, "a finite number"),
+        ("IMU_DGYRO_CUTOFF", float("nan"), "a finite number"),
+    ],
+)
+def test_what_is_no_filter_is_refused(name: str, value: float, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        with_filters(log(), {name: value})
+
+
+def test_a_filter_costs_the_phase_that_it_has() -> None:
+    """Of a loop that is P alone the price of a low-pass of the command is its own phase."""
+    controller = RateController(proportional_s=0.2, command_cutoff_hz=10.0)
+    omega = frequency_grid(controller)
+    ones = np.ones(omega.size, dtype=np.complex128)
+    parts = ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
+    plant = np.asarray(100.0 / (1j * omega))
+    axis = axis_controller(PARAMETERS, "roll")
+    assert axis is not None
+    (found,) = prices(None, replace(axis, controller=controller), parts, plant, Gains.of(controller))
+    loop = np.abs(plant * parts.rate(Gains.of(controller)))
+    crossover = omega[np.flatnonzero(loop > 1.0)[-1]]
+    assert found.name == "low-pass of the command at 10 Hz"
+    assert found.phase_deg == pytest.approx(np.degrees(np.arctan(crossover / (20.0 * np.pi))), abs=0.01)
+    assert found.noise_ratio > 1.0
+
+
+@pytest.mark.parametrize("autopilot", sorted(_KINDS))
+def test_the_bend_is_the_derivative_of_the_demand(autopilot: str) -> None:
+    kind = _KINDS[autopilot]
+    outputs, step = np.linspace(0.2, 0.8, 13)[None], 1e-5
+    for value in (0.0, 0.4, 0.8):
+        parameter = np.array([[value * kind.largest]])
+        slope = (kind.demand(outputs + step, parameter) - kind.demand(outputs - step, parameter)) / (2.0 * step)
+        assert kind.bend(outputs, parameter) == pytest.approx(slope, rel=1e-4)
+
+
+def motors(c_1: float, c_2: float, *, std: float, outputs: str = "output") -> SimpleNamespace:
+    """As much of an identified model as the curve of thrust takes."""
+    physics = SimpleNamespace(
+        outputs=outputs,
+        straightening=None,
+        flown_outputs=(0.3, 0.7),
+        hover_output=0.5,
+        curve_assumed=False,
+        curve="polynomial",
+        arm_m=0.25,
+    )
+    names = ("c_1", "c_2")
+    covariance = std**2 * np.array([[0.25, -0.24], [-0.24, 0.25]])
+    return SimpleNamespace(
+        motors=physics,
+        parameters={"c_1": SimpleNamespace(value=c_1), "c_2": SimpleNamespace(value=c_2)},
+        bounds=SimpleNamespace(names=names, covariance=covariance),
+    )
+
+
+@pytest.fixture(autouse=True)
+def plain_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rotorid.pipeline.tuning.thrust.bounds_of", lambda bounds, names: bounds)
+
+
+@pytest.mark.parametrize("expo", [0.3, 0.65, 1.0])
+def test_the_curve_of_a_vehicle_is_its_own_parameter(expo: float) -> None:
+    """Thrust (1 - e) x + e x² is straightened by e, and the gain in hover is what it then is."""
+    found = linearization([motors(1.0 - expo, expo, std=0.01)], log(THR_MDL_FAC=0.0), autopilot="PX4")  # type: ignore[list-item]
+    assert found is not None
+    assert found.changed
+    assert found.proposed == pytest.approx(expo, abs=0.011)
+    assert found.best.lower <= expo + 0.005
+    assert found.best.upper >= expo - 0.005
+    assert found.proposed_range == pytest.approx((1.0, 1.0), abs=0.02)
+    assert found.hover_gain == pytest.approx(1.0, abs=0.02)  # the slope of the demand at half of the range is one
+    assert found.hover_demand == pytest.approx((1.0 - expo) * 0.5 + expo * 0.25, abs=0.01)
+
+
+def test_a_curve_that_is_not_known_stays() -> None:
+    found = linearization([motors(0.5, 0.5, std=3.0)], log(THR_MDL_FAC=0.2), autopilot="PX4")  # type: ignore[list-item]
+    assert found is not None
+    assert not found.changed
+    assert [one.kind for one in found.findings] == ["thrust_stays"]
+    assert found.proposed == 0.2
+
+
+def test_betaflight_has_whole_percents() -> None:
+    found = linearization([motors(0.4, 0.6, std=0.01)], None, autopilot="Betaflight")  # type: ignore[list-item]
+    assert found is not None
+    assert found.changed
+    assert found.proposed == round(found.proposed)
+    assert np.ptp(np.log(found.proposed_range)) < 0.5 * np.ptp(np.log(found.flown_range))
+
+
+def test_without_motors_nothing_is_said() -> None:
+    assert linearization([], log(), autopilot="PX4") is None
+
+
+def test_attitude_figures_of_a_second_order() -> None:
+    omega = np.geomspace(0.5, 400.0, 800)
+    natural, damping, late = 10.0, 0.7, 0.02
+    closed = natural**2 / (natural**2 - omega**2 + 2j * damping * natural * omega) * np.exp(-1j * late * omega)
+    found = attitude_figures(omega, closed[None])
+
+    def phase(w: float) -> float:
+        return float(-np.arctan2(2.0 * damping * natural * w, natural**2 - w**2) - late * w)
+
+    assert phase(float(found.bandwidth_rad_s[0])) == pytest.approx(-0.75 * np.pi, abs=1e-3)
+    tried = np.linspace(5.0, 100.0, 20001)
+    half = tried[np.argmin(np.abs(np.array([phase(w) for w in tried]) + np.pi))]
+    assert found.phase_delay_s[0] == pytest.approx(-(phase(2.0 * half) + np.pi) / (2.0 * half), rel=1e-3)
+    assert set(quantities(found)) == {"attitude_bandwidth_rad_s", "phase_delay_s"}
+
+
+def test_gains_of_a_log_are_told_apart() -> None:
+    told = {"crossover_rad_s": Quantity.normal(20.0, 1.0, "rad/s")}
+    before = Foretold(flown={"P": 0.15, "K": 1.0}, proposed={"P": 0.28, "K": 1.0}, rate=told, whole=told)
+    assert _which(before, {"P": float(np.float32(0.28)), "K": 1.0}) == "proposed"
+    assert _which(before, {"P": float(np.float32(0.15)), "K": 1.0}) == "flown"
+    assert _which(before, {"P": 0.2, "K": 1.0}) == "other"
+
+
+def test_filters_turn_off_the_sliders_that_would_overwrite_them() -> None:
+    files = parameter_files(
+        "Betaflight", {"p_roll": 45.0, "dterm_lpf2_static_hz": 200.0}, role="proposed", firmware="Betaflight 4.5.1"
+    )
+    text = files["proposed.cli.txt"]
+    assert "set simplified_dterm_filter = OFF" in text
+    assert text.index("simplified_dterm_filter") < text.index("dterm_lpf2_static_hz")
+    assert parsed(text) == {"p_roll": 45.0, "dterm_lpf2_static_hz": 200.0}
+
+
+@pytest.mark.parametrize("version", ["Betaflight 3.5.7", "Betaflight 2027.6.0", "Betaflight", ""])
+def test_settings_of_an_unknown_version_are_not_written(version: str) -> None:
+    with pytest.raises(UsageError, match="settings are known"):
+        parameter_files("Betaflight", {"p_roll": 45.0}, role="proposed", firmware=version)
+
+
+def test_whole_numbers_have_their_own_type() -> None:
+    text = parameter_files("PX4", {"IMU_GYRO_RATEMAX": 800.0, "MC_ROLLRATE_P": 0.2}, role="proposed")["proposed.params"]
+    rows = {line.split("\t")[2]: line.split("\t")[3:] for line in text.splitlines() if not line.startswith("#")}
+    assert rows["IMU_GYRO_RATEMAX"] == ["800", "6"]
+    assert rows["MC_ROLLRATE_P"][1] == "9"
+    assert parsed(text)["IMU_GYRO_RATEMAX"] == 800.0
