@@ -169,12 +169,7 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
             {**known.gains, **known.filters}, axis, firmware=known.firmware, loop_rate_hz=known.loop_rate_hz
         )
     if found is None:
-        raise InsufficientDataError(
-            f"the gains of {axis} are not known",
-            needed="a log with the parameters of its autopilot",
-            remedy="give the log beside the result",
-            findings=[refusal("no_controller", axis, f"No gains of the {axis} controller are known.")],
-        )
+        raise _no_gains(axis)
     if record is None and not source.startswith(_BEHIND_FILTERS):
         raise InsufficientDataError(
             f"the filter of the gyro of {axis} is not known: its rate stands in {source or 'an unknown place'}",
@@ -182,6 +177,27 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
             remedy="give the log beside the result",
         )
     return FlownAxis(axis=axis, controller=found, record=record, source=source)
+
+
+def require_gains(axis: Axis, record: FlightRecord) -> None:
+    """Refuse a log without gains, before anything is identified from it.
+
+    Raises
+    ------
+    InsufficientDataError
+        Its parameters hold no controller of the axis.
+    """
+    if logged_axis(record, f"{axis}_command", source="") is None:
+        raise _no_gains(axis)
+
+
+def _no_gains(axis: Axis) -> InsufficientDataError:
+    return InsufficientDataError(
+        f"the gains of {axis} are not known",
+        needed="a log with the parameters of its autopilot",
+        remedy="give the log beside the result",
+        findings=[refusal("no_controller", axis, f"No gains of the {axis} controller are known.")],
+    )
 
 
 def require_room(record: FlightRecord) -> None:

@@ -25,7 +25,7 @@ from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
 from rotorid.pipeline.tuning.filters import FilterPrice, prices, with_filters
-from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, explained, flown_axis, require_room
+from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, explained, flown_axis, require_gains, require_room
 from rotorid.pipeline.tuning.plants import plant_of, rate_model
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
 from rotorid.tuning.files import parameter_files
@@ -296,11 +296,13 @@ def _axis(
 ) -> AxisTuning:
     """One axis, from its model to what the proposed gains will do."""
     _PROGRESS.info(f"tuning {axis}")
-    model = rate_model(axis, given, logs)
     record = next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
+    if record is not None:
+        require_gains(axis, record)
+        require_room(record)
+    model = rate_model(axis, given, logs)
     flown = flown_axis(axis, model, record)
     if record is not None:
-        require_room(record)
         findings += explained(flown, model)
     elif settings.filters:
         raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")

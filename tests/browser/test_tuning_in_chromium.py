@@ -1,0 +1,122 @@
+"""Gains by hand on the page of ``tune``: the script's margins are those of Python, and sliders move them."""
+
+from __future__ import annotations
+
+import html as markup
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.browser.chromium import dump
+
+from rotorid.models.autopilots import axis_controller
+from rotorid.pipeline.provenance import Provenance
+from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal, _loops, _responses
+from rotorid.report.frame import policy
+from rotorid.report.tune import render_tune
+from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures, propose, uncertain_plant
+
+PROBE = """
+document.documentElement.dataset.probe = "waiting";
+setTimeout(() => {
+  const place = document.querySelector("[data-axis]");
+  place.open = true;
+  const told = () => Object.fromEntries(
+    Array.from(place.querySelectorAll("[data-told]"), (one) => [one.dataset.told, one.textContent]));
+  const before = told();
+  const slider = place.querySelector("input[name=P]");
+  slider.value = 1.5 * Number(slider.value);
+  slider.dispatchEvent(new Event("input"));
+  const after = told();
+  const steps = place.querySelector("[data-step]").data.map((line) => Array.from(line.y));
+  document.documentElement.dataset.probe = JSON.stringify({
+    before, after, steps, p: Number(slider.value), ready: document.documentElement.dataset.sliders });
+}, 2500);
+"""
+PARAMETERS = {
+    "MC_ROLLRATE_P": 0.1,
+    "MC_ROLLRATE_I": 0.15,
+    "MC_ROLLRATE_D": 0.002,
+    "MC_ROLL_P": 5.0,
+    "IMU_DGYRO_CUTOFF": 30.0,
+    "IMU_GYRO_RATEMAX": 400.0,
+}
+
+
+def vehicle(w: np.ndarray) -> np.ndarray:
+    return np.asarray(113.1 / ((0.048j * w + 1.0) * (1j * w + 1.0)) * np.exp(-0.012j * w))
+
+
+def proposed() -> TuningProposal:
+    """A proposal without any log."""
+    axis = axis_controller(PARAMETERS, "roll", firmware="PX4 1.16.0")
+    assert axis is not None
+    plant = uncertain_plant(vehicle, None, band_rad_s=(1.0, 100.0), draws=20)
+    omega = frequency_grid(axis.controller)
+    ones = np.ones(omega.size, dtype=np.complex128)
+    parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, seen=ones, logged=ones)
+    found = propose("roll", plant, axis.controller, parts=parts)
+    sets = {"flown": (parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
+    drawn = plant.drawn(omega)
+    time_s = np.linspace(0.0, 2.0, 50)
+    tuning = AxisTuning(
+        controller=axis,
+        plant=plant,
+        omega_rad_s=omega,
+        proposal=found,
+        parameters={name: (value, value) for name, value in PARAMETERS.items()},
+        loops=_loops(drawn, sets),
+        responses=_responses(omega, drawn, sets),
+        step_s=time_s,
+        steps={name: np.ones((20, 50)) for name in sets},
+        parts=parts,
+    )
+    return TuningProposal(
+        autopilot="PX4",
+        firmware="PX4 1.16.0",
+        axes={"roll": tuning},
+        thrust=None,
+        scale=16.0,
+        files={},
+        rollback_files={},
+        findings=(),
+        provenance=Provenance(version="0", inputs={}, settings={"robustness": 1.7}, seed=0),
+    )
+
+
+def number(text: str) -> float:
+    (found, *_) = re.findall(r"-?\d+(?:\.\d+)?", text)
+    return float(found)
+
+
+def test_sliders_show_what_python_says(chromium: str, tmp_path: Path) -> None:
+    proposal = proposed()
+    html = render_tune(proposal, title="t")
+    digest = r"sha256-[A-Za-z0-9+/=]+"
+    (added,) = re.findall(digest, policy(PROBE))
+    *_, last = re.findall(digest, html.partition("</head>")[0])
+    html = html.replace(last, f"{last}&#39; &#39;{added}", 1)
+    html = html.replace("</body>", f"<script>{PROBE}</script></body>", 1)
+    shown, said = dump(chromium, html, tmp_path)
+    (found,) = re.findall(r'data-probe="([^"]*)"', shown)
+    seen = json.loads(markup.unescape(found))
+    assert said == []
+    assert seen["ready"] == "ready"
+    one = proposal.axes["roll"]
+    gains = one.proposal.proposed.gains
+    nominal = one.plant.response(one.omega_rad_s)
+    # Sliders stand on whole steps of the proposed gains.
+    for told, factor in (("before", 1.0), ("after", seen["p"] / gains.P)):
+        held = Gains(P=gains.P * factor, I=gains.I, D=gains.D, A=gains.A)
+        figures = loop_figures(one.omega_rad_s, (nominal * one.parts.rate(held))[None])
+        assert number(seen[told]["crossover"]) == pytest.approx(float(figures.crossover_rad_s[0]), rel=0.02)
+        assert number(seen[told]["phase"]) == pytest.approx(float(np.degrees(figures.phase_margin_rad[0])), abs=1.0)
+        assert number(seen[told]["peak"]) == pytest.approx(float(figures.sensitivity_peak[0]), rel=0.02)
+        assert number(seen[told]["noise"]) / 100.0 == pytest.approx(
+            one.parts.noise(held) / one.parts.noise(one.proposal.flown.gains), rel=0.02
+        )
+    for line in seen["steps"]:
+        assert line[0] == pytest.approx(0.0, abs=0.01)
+        assert line[-1] == pytest.approx(1.0, abs=0.1)
