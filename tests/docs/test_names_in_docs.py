@@ -19,8 +19,8 @@ BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
 
-STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown"}
-"""A logger, any command, how the schemas of one result and of several begin, and that of a flown model."""
+STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown", "rotorid.tune_check"}
+"""A logger, any command, how the schemas of one result and of several begin, and those of a flown model and of checked gains."""
 
 EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
 """Paths that stand for any."""

@@ -37,7 +37,12 @@ _MOST_SATURATED = 0.02
 _AT_LIMIT = (0.02, 0.98)
 _AIRBORNE = 0.1
 _UNLIKE = 0.35
-"""Relative error of the command's response, its median over the band, above which other gains flew."""
+"""Relative error of what a controller makes of the rate, its median over the band, above which other gains flew."""
+
+_ABOVE_VELOCITY_RAD_S = 4.0
+"""Below it the loops of velocity and position move the set-points."""
+
+_FEWEST_POINTS = 5
 
 _NOT_SEEN = 0.3
 """Share of the command that a controller must have made, for its gains to show at all."""
@@ -285,20 +290,18 @@ def _by_responses(flown: FlownAxis, record: FlightRecord) -> list[Finding]:
     except (InsufficientDataError, UsageError):
         return [_unchecked(axis, f"Command and rate do not show an answer to {excitation}")]
     measured = found.response
-    usable = np.asarray(found.used[:, 0], dtype=bool).all(axis=0)
-    if np.count_nonzero(usable) < 3:
-        return [_unchecked(axis, f"Command and rate do not show an answer to {excitation}")]
+    usable = np.asarray(found.used[:, 0], dtype=bool).all(axis=0) & (measured.omega_rad_s > _ABOVE_VELOCITY_RAD_S)
     omega = measured.omega_rad_s[usable]
     of_command, of_rate = measured.values[0, 0, usable], measured.values[1, 0, usable]
     acting = acting_on(record, flown.controller.controller, source=flown.source)
     misses = [
-        float(np.median(np.abs(of_command - (way - loop.response(omega) * of_rate)) / np.abs(of_command)))
+        miss
         for loop in (acting, acting.rate_loop)
         for way in _ways(loop, omega)
+        if np.isfinite(miss := _miss(way - of_command, loop.response(omega) * of_rate, of_command))
     ]
-    answered = float(np.median(np.abs(acting.rate_loop.response(omega) * of_rate) / np.abs(of_command)))
-    if answered < _NOT_SEEN:
-        return [_unchecked(axis, f"In the sweep of {axis} the controller made {100.0 * answered:.0f} % of the command")]
+    if not misses:
+        return [_unchecked(axis, f"In the sweep of {axis} command and rate do not show what the controller did")]
     if min(misses) > _UNLIKE:
         message = (
             f"With its gains the {axis} controller does not answer to the rate as the logged command does: they "
@@ -306,6 +309,14 @@ def _by_responses(flown: FlownAxis, record: FlightRecord) -> list[Finding]:
         )
         raise _other(axis, message, f"{100.0 * min(misses):.0f} % off", min(misses))
     return []
+
+
+def _miss(made: ComplexArray, modeled: ComplexArray, command: ComplexArray) -> float:
+    """How far what the controller made of the rate is from what its gains make; not a number where it made little."""
+    told = np.abs(made) > _NOT_SEEN * np.abs(command)
+    if np.count_nonzero(told) < _FEWEST_POINTS:
+        return np.nan
+    return float(np.median(np.abs(made[told] - modeled[told]) / np.abs(made[told])))
 
 
 def _ways(loop: LoggedController, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
