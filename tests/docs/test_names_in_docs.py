@@ -20,7 +20,7 @@ ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
 
 STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown", "rotorid.tune_check"}
-"""A logger, any command, how the schemas of one result and of several begin, and those of a flown model and of checked gains."""
+"""A logger, any command, and how some schemas begin: of results, a flown model, checked gains."""
 
 EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
 """Paths that stand for any."""

@@ -37,6 +37,7 @@ NAMES = {
     "px4": ("MC_ROLLRATE_P", "MC_ROLLRATE_I", "MC_ROLLRATE_D", "MC_ROLL_P"),
     "ardupilot": ("ATC_RAT_RLL_P", "ATC_RAT_RLL_I", "ATC_RAT_RLL_D", "ATC_ANG_RLL_P"),
 }
+SWEPT_RAD_S = (1.0, 120.0)
 FIGURES = ("crossover_rad_s", "phase_margin_rad", "sensitivity_peak")
 
 
@@ -52,7 +53,9 @@ def mistuned(vehicle: str, factors: tuple[float, float, float]) -> Aircraft:
 
 def fly(craft: Aircraft, folder: Path, *, seed: int) -> Path:
     """A sweep of roll, as a log."""
-    plan = plan_for(craft, PlanChoices(axes=("roll",), shape="logarithmic_sweep", seed=seed)).plan
+    plan = plan_for(
+        craft, PlanChoices(axes=("roll",), shape="logarithmic_sweep", band_rad_s=SWEPT_RAD_S, seed=seed)
+    ).plan
     entry = VehicleEntry(name=craft.name, summary="", source="", make=lambda: craft)
     choices = SimulateChoices(vehicle=entry, plan=plan, seed=seed)
     suffix = ".ulg" if craft.autopilot.kind == "px4" else ".BIN"

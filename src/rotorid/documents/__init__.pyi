@@ -6,6 +6,7 @@ from rotorid.documents.result import load as load
 from rotorid.documents.result import save as save
 from rotorid.documents.schemas import SCHEMAS as SCHEMAS
 from rotorid.documents.schemas import schema_text as schema_text
+from rotorid.documents.tune_check import load_foretold as load_foretold
 from rotorid.documents.vehicle import named_vehicle as named_vehicle
 from rotorid.documents.vehicle import parse_vehicle as parse_vehicle
 from rotorid.documents.vehicle import read_vehicle as read_vehicle

@@ -35,6 +35,7 @@ from rotorid.simulation.multirotor_flight import changed as changed
 from rotorid.simulation.multirotor_flight import columns as columns
 from rotorid.simulation.multirotor_flight import fly_batch as fly_batch
 from rotorid.simulation.multirotor_flight import fly_multirotor as fly_multirotor
+from rotorid.simulation.multirotor_flight import number_of as number_of
 from rotorid.simulation.nonlinear import RungeKutta as RungeKutta
 from rotorid.simulation.nonlinear import Scheme as Scheme
 from rotorid.simulation.nonlinear import nonlinear_sensitivities as nonlinear_sensitivities

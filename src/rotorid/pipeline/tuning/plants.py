@@ -14,7 +14,7 @@ from rotorid.pipeline.results import IdentifiedModel
 from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
-_WIDEST_GAIN = 0.15
+_WIDEST = 0.15
 _WITHOUT_SPEED_RAD_S = (3.0, 300.0)
 
 
@@ -43,15 +43,7 @@ def plant_of(model: IdentifiedModel, axis: Axis, *, draws: int, seed: int) -> Un
     command, rate = f"{axis}_command", RATES[axis][0]
     structure = model.structure
     row, column = structure.outputs.index(rate), structure.inputs.index(command)
-    values, gain = structure.parameters.values, structure.gain
-    if gain is not None and (std := model.parameters[gain].std) is not None:
-        share = std / abs(model.parameters[gain].value)
-        if share > _WIDEST_GAIN:
-            raise InsufficientDataError(
-                f"{gain} is known to {100.0 * share:.0f} % only",
-                needed=f"{100.0 * _WIDEST_GAIN:.0f} %",
-                remedy=f"fly a longer sweep of {command.removesuffix('_command')}",
-            )
+    values = structure.parameters.values
 
     def response(omega_rad_s: FloatArray) -> ComplexArray:
         return np.asarray(structure.response(values, np.atleast_1d(omega_rad_s))[row, column])
@@ -69,3 +61,22 @@ def plant_of(model: IdentifiedModel, axis: Axis, *, draws: int, seed: int) -> Un
             relative = measured.covariance[y, u][np.ix_(used, used)] / np.outer(seen, seen.conj())
             ratio = MeasuredRatio(omega_rad_s=omega, ratio=seen / response(omega), covariance=relative)
     return uncertain_plant(response, ratio, band_rad_s=band, draws=draws, seed=seed)
+
+
+def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> None:
+    """Refuse a plant whose gain is not known where its loop acts, or at the end of its band below that.
+
+    Raises
+    ------
+    InsufficientDataError
+        It is known to no better than 15 % there.
+    """
+    low, high = plant.band_rad_s
+    at = np.array([float(np.clip(crossover_rad_s, low, high))])
+    spread = float(np.std(np.log(np.abs(plant.drawn(at)))))
+    if spread > _WIDEST:
+        raise InsufficientDataError(
+            f"the plant of {axis} is known to {100.0 * spread:.0f} % only at {at[0]:.0f} rad/s",
+            needed=f"{100.0 * _WIDEST:.0f} %",
+            remedy=f"fly a longer sweep of {axis}",
+        )

@@ -26,7 +26,7 @@ from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
 from rotorid.pipeline.tuning.filters import FilterPrice, prices, with_filters
 from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, explained, flown_axis, require_gains, require_room
-from rotorid.pipeline.tuning.plants import plant_of, rate_model
+from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import parameters_of, ranges_of, rounded, written
@@ -335,6 +335,7 @@ def _axis(
     drawn = plant.drawn(omega)
     if found.changed:
         found = replace(found, proposed=judged(parts, drawn, rounded(controller, found.proposed.gains)))
+    require_known(axis, plant, float(np.nanmedian(found.flown.rate.crossover_rad_s)))
     findings += _said(axis, found, plant)
     sets = {"flown": (as_flown, found.flown.gains), "proposed": (parts, found.proposed.gains)}
     if not found.changed:
