@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import rotorid
+from rotorid.data.record import AXES
 from rotorid.documents.tune_check import load_foretold
 from rotorid.pipeline import (
     PlanChoices,
@@ -28,7 +29,10 @@ from rotorid.pipeline import (
     write_run,
 )
 from rotorid.report.files import write_tuning, write_tuning_check
+from rotorid.simulation.hover_flight import OUTPUTS
+from rotorid.simulation.linearization import linearize
 from rotorid.simulation.multirotor_flight import Aircraft
+from rotorid.tuning import loop_figures
 from rotorid.typing import FloatArray
 from rotorid.vehicles.catalog import VehicleEntry, aircraft
 from rotorid.vehicles.px4 import with_gains
@@ -159,3 +163,26 @@ def test_a_fleet_is_not_destabilized(tmp_path: Path) -> None:
     print(f"inside {100.0 * np.mean(inside):.0f} %, largest M_s {max(peaks):.2f}")
     assert np.mean(np.array(peaks) <= 1.75) >= 0.98
     assert np.mean(inside) >= 0.93
+
+
+@pytest.mark.parametrize("vehicle", ["px4_quad", "ardupilot_quad"])
+def test_flown_loops_are_those_of_the_simulator(vehicle: str, tmp_path: Path) -> None:
+    """Phase margins within 1 degree and gains at the crossover within 0.3 dB of the vehicle's own linearization."""
+    craft = mistuned(vehicle, (0.7, 0.7, 0.7))
+    one = tune(records=rotorid.read(fly(craft, tmp_path, seed=3)), axes=("roll",)).axes["roll"]
+    omega, gains = one.omega_rad_s, one.proposal.flown.gains
+    system = linearize(craft.vehicle, craft.autopilot)
+    rate, command = OUTPUTS.index("p"), AXES.index("roll")
+    plant = system.response(omega)[rate, command] * one.parts.logged
+    # The simulated loops of all autopilots add the integral one step late, and read the angle of the same tick.
+    parts = replace(one.parts, controller=replace(one.parts.controller, late_integral=True, late_angle=False))
+    for name, controller in (("rate", parts.rate(gains)), ("whole", parts.whole(gains))):
+        true = loop_figures(omega, (plant * controller)[None])
+        told = getattr(one.proposal.flown, name)
+        loop = np.median(np.abs(one.loops["flown" if name == "rate" else "flown_whole"]), axis=0)
+        crossover = float(true.crossover_rad_s[0])
+        gain_db = 20.0 * np.log10(np.interp(crossover, omega, loop))
+        assert abs(gain_db) < 0.3
+        phase_deg = np.degrees(np.median(told.phase_margin_rad) - true.phase_margin_rad[0])
+        assert abs(phase_deg) < 1.0
+        assert np.median(told.sensitivity_peak) == pytest.approx(float(true.sensitivity_peak[0]), rel=0.03)
