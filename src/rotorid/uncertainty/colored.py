@@ -168,27 +168,57 @@ def _matters(taken: Sequence[FloatArray], parameters: int) -> bool:
     return bool(numbers * _LONGEST_MEMORY > _NEGLIGIBLE * sum(one[:, :, 0].size for one in taken))
 
 
+_MOST_NUMBERS = 4_000_000
+
+
 class _Missing:
     """What a fit took from the sums of products of its residuals, lag by lag."""
 
     def __init__(self, taken: Sequence[FloatArray], process: Process, parameters: int) -> None:
-        self._taken = taken
         late = [_colored(basis, process) for basis in taken]
         inner = [np.einsum("nya,nyb->ab", basis, seen) for basis, seen in zip(taken, late, strict=True)]
         # Parameters are shared by all records, unknowns are not.
         shared = sum((one[-parameters:, -parameters:] for one in inner), start=np.zeros((parameters, parameters)))
         for one in inner:
             one[-parameters:, -parameters:] = shared
-        self._other = [seen - 0.5 * basis @ one.T for basis, seen, one in zip(taken, late, inner, strict=True)]
+        outputs = taken[0].shape[1]
+        self._sums = np.zeros((_LONGEST_MEMORY + 1, outputs, outputs))
+        for basis, seen, one in zip(taken, late, inner, strict=True):
+            self._sums += _lagged_products(basis, seen - 0.5 * basis @ one.T, _LONGEST_MEMORY)
 
     def __call__(self, lag: int) -> FloatArray:
-        outputs = self._taken[0].shape[1]
-        total = np.zeros((outputs, outputs))
-        for basis, other in zip(self._taken, self._other, strict=True):
-            kept = len(basis) - lag
-            total += np.tensordot(basis[lag:], other[:kept], axes=((0, 2), (0, 2)))
-            total += np.tensordot(other[lag:], basis[:kept], axes=((0, 2), (0, 2)))
-        return total
+        return np.asarray(self._sums[lag])
+
+
+def _lagged_products(one: FloatArray, other: FloatArray, longest: int) -> FloatArray:
+    r"""Sums of products at all lags :math:`l`, :math:`\sum_{k m} (a_{k+l,im} b_{kjm} + b_{k+l,im} a_{kjm})`.
+
+    Parameters
+    ----------
+    one, other
+        Shape ``(n, y, m)``.
+    longest
+        Lag up to which they are wanted.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ``(longest + 1, y, y)``.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    samples, outputs, columns = one.shape
+    size = next_fast_len(samples + longest, real=True)
+    spectrum = np.zeros((size // 2 + 1, outputs, outputs), dtype=np.complex128)
+    at_once = max(1, _MOST_NUMBERS // (size * outputs))
+    for first in range(0, columns, at_once):
+        a, b = (rfft(each[:, :, first : first + at_once], size, axis=0) for each in (one, other))
+        product = a @ np.conj(np.swapaxes(b, 1, 2))
+        spectrum += product + np.conj(np.swapaxes(product, 1, 2))
+    found = irfft(spectrum, size, axis=0)[: longest + 1]
+    # Beyond the record there are no products; what stands there is rounding.
+    found[samples:] = 0.0
+    return np.asarray(found)
 
 
 def autoregression(residuals: Sequence[FloatArray], *, missing: Callable[[int], FloatArray] | None = None) -> Process:

@@ -22,13 +22,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from rotorid.data.record import FlightRecord, TimeHistory
+from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.signal.clock import resample
 from rotorid.signal.excitations import find_excitations
-from rotorid.typing import FloatArray
+from rotorid.typing import ComplexArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _THRUST, _HEAVE = "thrust_command", "az"
@@ -64,18 +64,17 @@ def with_slope_changes(
     level = float(np.average([record[_THRUST].mean() for record in records], weights=[r.duration_s for r in records]))
     if level < _LEAST_COMMAND:
         return response
-    factor = curvature([record for record, _ in flights])
-    changes = [
-        factor * mean_command_changes(records, name, response.omega_rad_s, level=level)
-        if is_command(name)
-        else np.zeros(response.omega_rad_s.size)
-        for name in response.inputs
-    ]
-    return replace(response, slope_changes=np.array(changes))
+    factor = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
+    moving = [index for index, name in enumerate(response.inputs) if is_command(name)]
+    changes = np.zeros((len(response.inputs), response.omega_rad_s.size))
+    names = [response.inputs[index] for index in moving]
+    if names and factor > 0.0:
+        changes[moving] = factor * mean_command_changes(records, names, response.omega_rad_s, level=level)
+    return replace(response, slope_changes=changes)
 
 
 def mean_command_changes(
-    records: Sequence[TimeHistory], input: str, omega_rad_s: FloatArray, *, level: float
+    records: Sequence[TimeHistory], inputs: Sequence[str], omega_rad_s: FloatArray, *, level: float
 ) -> FloatArray:
     """Logarithm of the mean thrust command over its level, at the times when an input moves at each frequency.
 
@@ -85,13 +84,18 @@ def mean_command_changes(
     Parameters
     ----------
     records
-        With the input and ``thrust_command``.
-    input
-        Channel that was excited.
+        With the inputs and ``thrust_command``.
+    inputs
+        Channels that were excited.
     omega_rad_s
         Frequencies, shape ``(f,)``.
     level
         Mean of the command over all records.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ``(inputs, f)``.
 
     Examples
     --------
@@ -103,66 +107,93 @@ def mean_command_changes(
     >>> channels = Channel(name="roll_command", unit="1"), Channel(name="thrust_command", unit="1")
     >>> record = TimeHistory(values=[chirp, 0.5 - 0.05 * time_s / 60.0], channels=channels, sample_rate_hz=50.0,
     ...                      start_s=0.0)
-    >>> mean_command_changes([record], "roll_command", np.array([3.0, 18.0]), level=0.475).round(2)
-    array([ 0.05, -0.03])
+    >>> mean_command_changes([record], ["roll_command"], np.array([3.0, 18.0]), level=0.475).round(2)
+    array([[ 0.05, -0.03]])
     """
-    from scipy.signal import fftconvolve
-
     low, high = float(omega_rad_s[0]), float(omega_rad_s[-1])
     grid = np.geomspace(low, high, _FREQUENCIES) if high > low else np.array([low])
-    power, weighted = np.zeros(grid.size), np.zeros(grid.size)
+    power, weighted = np.zeros((len(inputs), grid.size)), np.zeros((len(inputs), grid.size))
     for record in records:
         for place, omega in enumerate(grid.tolist()):
-            rate_hz, command, moved = _coarser(record, input, omega)
-            time_s = np.arange(command.size) / rate_hz
+            rate_hz, command, moved = _coarser(record, inputs, omega)
             length = max(_PERIODS * 2.0 * np.pi / omega, _SHORTEST_S)
             window = np.hanning(min(int(length * rate_hz), command.size) + 2)[1:-1]
-            mean = fftconvolve(command, window, "same") / fftconvolve(np.ones(command.size), window, "same")
-            swing = np.abs(fftconvolve(moved * np.exp(-1j * omega * time_s), window, "same")) ** 2 / window.sum() ** 2
-            change = np.log(np.maximum(mean / level, _LEAST_COMMAND))
-            power[place] += swing.sum() / rate_hz
-            weighted[place] += (swing * change).sum() / rate_hz
-    changes = np.divide(weighted, power, out=np.zeros(grid.size), where=power > 0.0)
-    return np.asarray(np.interp(np.log(omega_rad_s), np.log(grid), changes))
+            turned = moved * np.exp(-1j * omega / rate_hz * np.arange(command.size))
+            mean, *swings = _slid(window, command, turned)
+            swing = np.abs(np.array(swings)) ** 2 / window.sum() ** 2
+            change = np.log(np.maximum(mean.real / (_covered(window, command.size) * level), _LEAST_COMMAND))
+            power[:, place] += swing.sum(axis=1) / rate_hz
+            weighted[:, place] += (swing * change).sum(axis=1) / rate_hz
+    changes = np.divide(weighted, power, out=np.zeros_like(power), where=power > 0.0)
+    return np.array([np.interp(np.log(omega_rad_s), np.log(grid), row) for row in changes])
 
 
-def _coarser(record: TimeHistory, input: str, omega_rad_s: float) -> tuple[float, FloatArray, FloatArray]:
-    """Rate, command and motion; of a long record means over samples, as far as a period keeps enough of them."""
-    command, moved = record[_THRUST], record[input] - record[input].mean()
+def _slid(window: FloatArray, command: FloatArray, turned: ComplexArray) -> ComplexArray:
+    """Sums under a window sliding over a command and over motions, shape ``(1 + inputs, n)``: one transform each."""
+    from scipy.fft import fft, ifft, next_fast_len
+
+    size = next_fast_len(command.size + window.size - 1)
+    rows = np.vstack([command[None].astype(np.complex128), turned])
+    first = (window.size - 1) // 2
+    return np.asarray(ifft(fft(rows, size) * fft(window, size), size)[:, first : first + command.size])
+
+
+def _covered(window: FloatArray, samples: int) -> FloatArray:
+    """Sum of the window inside of the record, wherever it stands, shape ``(n,)``."""
+    sums = np.concatenate([[0.0], np.cumsum(window)])
+    last = np.arange(samples) + (window.size - 1) // 2
+    return np.asarray(sums[np.minimum(last + 1, window.size)] - sums[np.maximum(last - samples + 1, 0)])
+
+
+def _coarser(record: TimeHistory, inputs: Sequence[str], omega_rad_s: float) -> tuple[float, FloatArray, FloatArray]:
+    """Rate, command and motions; of a long record means over samples, as far as a period keeps enough of them."""
+    command, moved = record[_THRUST], np.array([record[name] - record[name].mean() for name in inputs])
     in_period = 2.0 * np.pi / omega_rad_s * record.sample_rate_hz
     every = max(min(int(in_period / _IN_PERIOD), command.size // _LONG), 1)
     if every == 1:
         return record.sample_rate_hz, command, moved
     kept = command.size // every * every
-    blocks = (row[:kept].reshape(-1, every).mean(axis=1) for row in (command, moved))
-    return (record.sample_rate_hz / every, *blocks)
+    return (
+        record.sample_rate_hz / every,
+        command[:kept].reshape(-1, every).mean(axis=1),
+        moved[:, :kept].reshape(len(inputs), -1, every).mean(axis=2),
+    )
 
 
-def curvature(records: Sequence[FlightRecord]) -> float:
+def curvature(records: Sequence[FlightRecord], known: Sequence[Flight] = ()) -> float:
     """Factor from a change of the mean command to that of the slope of thrust, from zero to one.
 
     Parameters
     ----------
     records
         Logs; those that hold an excitation of thrust tell it, and the largest factor counts. 0.6 where none does.
+    known
+        Excitations of thrust among them, which then need not be looked for.
     """
-    known = {id(record): record for record in records}
-    elasticities = [found for record in known.values() if (found := _elasticity(record)) is not None]
+    flown = known or [
+        Flight(record, longest)
+        for record in {id(record): record for record in records}.values()
+        if (longest := _longest(record)) is not None
+    ]
+    elasticities = [found for one in flown if (found := _elasticity(*one)) is not None]
     if not elasticities:
         return _UNKNOWN
     steepest = max(*elasticities, 1.0)
     return min(2.0 * (steepest - 1.0), 1.0)
 
 
-def _elasticity(record: FlightRecord) -> float | None:
-    """Relative change of thrust over that of the command, by the heave that a log's longest excitation shows."""
+def _longest(record: FlightRecord) -> Maneuver | None:
+    """The longest excitation of thrust in a log."""
     if not {_THRUST, _HEAVE} <= set(record.channel_names):
         return None
-    maneuvers = [one for one in find_excitations(record, "thrust") if one.duration_s > _LEAST_WINDOWS * _WINDOW_S]
-    if not maneuvers:
+    return max(find_excitations(record, "thrust"), key=lambda one: one.duration_s, default=None)
+
+
+def _elasticity(record: FlightRecord, maneuver: Maneuver) -> float | None:
+    """Relative change of thrust over that of the command, by the heave that an excitation shows."""
+    if not {_THRUST, _HEAVE} <= set(record.channel_names) or maneuver.duration_s <= _LEAST_WINDOWS * _WINDOW_S:
         return None
-    longest = max(maneuvers, key=lambda one: one.duration_s)
-    flown = resample(record, channels=(_THRUST, _HEAVE), start_s=longest.start_s, stop_s=longest.stop_s)
+    flown = resample(record, channels=(_THRUST, _HEAVE), start_s=maneuver.start_s, stop_s=maneuver.stop_s)
     found = [_of_history(history) for history in flown.histories]
     return max((one for one in found if one is not None), default=None)
 
