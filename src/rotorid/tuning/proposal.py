@@ -57,6 +57,10 @@ _RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
 _YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
 _ANGLES = np.geomspace(0.8, 12.0, 8)
+_SOFT_ANGLES = np.array([0.3, 0.5])
+"""Below a calm yaw: for loops whose P may not grow far enough in one flight."""
+
+_ANGLE_DOWN = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,7 +288,7 @@ def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[tuple[float, float
     integrals = _YAW_SHAPES if axis == "yaw" else _RATE_SHAPES
     # Without a D of its own an axis has no filter for it that anybody chose.
     derivatives = np.zeros(1) if axis == "yaw" or flown.D == 0.0 else _DERIVATIVES
-    angles = _ANGLES if flown.A > 0.0 else np.zeros(1)
+    angles = (np.concatenate([_SOFT_ANGLES, _ANGLES]) if axis == "yaw" else _ANGLES) if flown.A > 0.0 else np.zeros(1)
     if "I" in wishes.keep and flown.P > 0.0:
         integrals = np.array([flown.I / flown.P])
     if "D" in wishes.keep and flown.P > 0.0:
@@ -302,7 +306,8 @@ def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
     if flown > 0.0 and name != "I":
         high = min(high, wishes.most_up * flown)
         if name in ("P", "A"):
-            low = max(low, _MOST_DOWN * flown)
+            # A softer angle loop is no danger; a rate loop that loses most of its gain is.
+            low = max(low, (_MOST_DOWN if name == "P" else _ANGLE_DOWN) * flown)
     return low, max(high, low)
 
 
