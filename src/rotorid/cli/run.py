@@ -1,0 +1,44 @@
+"""``rotorid run``: the steps of a project file, one after the other, without the page."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rotorid.cli.console import say
+
+
+def run_command(
+    project: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Project file that rotorid lab saved.")],
+    *,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the steps. [default: rotorid-out/NAME]")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+) -> None:
+    """Carry out the steps of a project file; each goes into a folder step-N."""
+    from rotorid.errors import UsageError
+    from rotorid.lab.steps import arguments, read_project
+
+    read = read_project(project)
+    logs = [str((project.parent / name).resolve()) for name in read.logs]
+    if missing := [name for name, path in zip(read.logs, logs, strict=True) if not Path(path).exists()]:
+        raise UsageError(f"{missing[0]} of {project.name} does not exist", needed="the logs beside the project file")
+    place = (out or Path("rotorid-out") / project.stem).resolve()
+    results: list[str] = []
+    worst = 0
+    for number, step in enumerate(read.steps, start=1):
+        words = arguments(step, logs, results)
+        folder = place / f"step-{number}"
+        if not quiet:
+            say(f"step {number}: rotorid {' '.join(arguments(step, read.logs, [Path(one).name for one in results]))}")
+        code = subprocess.run(
+            [sys.executable, "-m", "rotorid", *words, "--out", str(folder), *(["--quiet"] if quiet else [])],
+            check=False,
+        ).returncode
+        results.append(str(folder) if code == 0 else "")
+        worst = max(worst, abs(code))
+    if worst:
+        raise typer.Exit(min(worst, 2))

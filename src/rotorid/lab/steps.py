@@ -1,0 +1,188 @@
+"""Steps: what was chosen on the page, as the words of a command line, and as a project file that repeats them.
+
+A step names its logs and the earlier steps whose results it takes; :func:`arguments` makes the command line of it, and
+nothing else does. A page, a project file and a hand at the terminal thus compute the same.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from rotorid.errors import UsageError
+
+SCHEMA: Final = "rotorid.project/1"
+MOST_STEPS = 100
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,60}$")]
+Model = Annotated[str, Field(pattern=r"^[a-z_]{1,30}[.:][A-Za-z0-9_./]{1,60}$")]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Segment(BaseModel):
+    """An interval of a log on its own clock, in seconds, and the axis that was excited in it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    axis: Literal["roll", "pitch", "yaw", "thrust"]
+    start_s: Number
+    stop_s: Number
+
+
+class Step(BaseModel):
+    """A command with its choices: those that were not made are left to the command's defaults.
+
+    ``logs`` are numbers of logs, ``verify`` of logs kept unseen, ``results`` of earlier steps; all count from one.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    verb: Literal["review", "response", "identify", "verify", "tune", "export"]
+    logs: tuple[int, ...] = Field(default=(), max_length=20)
+    verify: tuple[int, ...] = Field(default=(), max_length=20)
+    results: tuple[int, ...] = Field(default=(), max_length=20)
+    models: tuple[Model, ...] = Field(default=(), max_length=20)
+    segments: tuple[Segment, ...] = Field(default=(), max_length=50)
+    inputs: tuple[Name, ...] = Field(default=(), max_length=12)
+    outputs: tuple[Name, ...] = Field(default=(), max_length=12)
+    instrument: tuple[Name, ...] = Field(default=(), max_length=12)
+    band_rad_s: tuple[Number, Number] | None = None
+    robustness: Number | None = None
+    noise: Number | None = None
+    keep: tuple[Literal["P", "I", "D", "A"], ...] = ()
+    to: Literal["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "matlab", "control", "fmu", "json"] = (
+        "json"
+    )
+    values: dict[Name, Number] = Field(default_factory=dict, max_length=30)
+
+    @model_validator(mode="after")
+    def _require(self) -> Step:
+        for name in self.models:
+            if name.endswith((".toml", "/")) or ".." in name:
+                raise ValueError(f"the model {name} is a file")
+        return self
+
+
+def arguments(step: Step, logs: Sequence[str], results: Sequence[str]) -> list[str]:
+    """Words of the command line behind ``rotorid``, without where the results go.
+
+    Parameters
+    ----------
+    step
+        What was chosen.
+    logs
+        Paths of all logs, by number.
+    results
+        Folders of all earlier steps, by number.
+
+    Raises
+    ------
+    UsageError
+        A log or a step does not exist, or the verb needs one more choice.
+
+    Examples
+    --------
+    >>> step = Step(verb="identify", logs=(1,), models=("rate.roll",), band_rad_s=(1.0, 40.0))
+    >>> arguments(step, ["a.ulg"], [])
+    ['identify', 'a.ulg', '--model', 'rate.roll', '--band', '1:40']
+    """
+    words: list[str] = [step.verb]
+    words += [_of(results, number, "step") for number in step.results]
+    words += [_of(logs, number, "log") for number in step.logs]
+    if len(words) == 1:
+        raise UsageError(f"{step.verb} came without a log or a result", needed="at least one")
+    if step.verb == "identify":
+        if not step.models:
+            raise UsageError("identify came without a model", needed="one of rotorid models")
+        words += ["--model", ",".join(step.models)]
+        words += [word for number in step.verify for word in ("--verify", _of(logs, number, "log"))]
+    if step.verb in ("identify", "response"):
+        for segment in step.segments:
+            words += ["--segment", f"{segment.axis}:{segment.start_s:.12g}:{segment.stop_s:.12g}"]
+        for option in ("inputs", "outputs", "instrument"):
+            if names := getattr(step, option):
+                words += [f"--{option}", ",".join(names)]
+        if step.band_rad_s is not None:
+            words += ["--band", "{:.12g}:{:.12g}".format(*step.band_rad_s)]
+    if step.verb == "tune":
+        for option in ("robustness", "noise"):
+            if (value := getattr(step, option)) is not None:
+                words += [f"--{option}", f"{value:.12g}"]
+        if step.keep:
+            words += ["--keep", ",".join(step.keep)]
+    if step.verb == "export":
+        words += ["--to", step.to]
+    if step.verb in ("tune", "export"):
+        words += [word for name, value in step.values.items() for word in ("--set", f"{name}={value:.12g}")]
+    return words
+
+
+def _of(paths: Sequence[str], number: int, what: str) -> str:
+    if not 1 <= number <= len(paths) or not paths[number - 1]:
+        raise UsageError(f"{what} {number} came", needed=f"one of the {len(paths)} there are")
+    return paths[number - 1]
+
+
+class Project(BaseModel):
+    """What ``rotorid.toml`` holds: logs as paths beside the file, and steps in their order."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    schema_name: Literal["rotorid.project/1"] = Field(default=SCHEMA, alias="schema")
+    logs: tuple[Annotated[str, Field(min_length=1, max_length=4096)], ...] = Field(max_length=100)
+    steps: tuple[Step, ...] = Field(default=(), max_length=MOST_STEPS)
+
+
+def project_text(project: Project) -> str:
+    """A project as TOML.
+
+    Examples
+    --------
+    >>> print(project_text(Project(logs=["a.ulg"], steps=[Step(verb="review", logs=(1,))])))
+    schema = "rotorid.project/1"
+    logs = ["a.ulg"]
+    <BLANKLINE>
+    [[steps]]
+    verb = "review"
+    logs = [1]
+    <BLANKLINE>
+    """
+    lines = [f"schema = {_toml(SCHEMA)}", f"logs = {_toml(list(project.logs))}", ""]
+    for step in project.steps:
+        chosen = step.model_dump(exclude_defaults=True)
+        lines += ["[[steps]]", *(f"{name} = {_toml(value)}" for name, value in chosen.items()), ""]
+    return "\n".join(lines)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{name} = {_toml(one)}" for name, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_toml(one) for one in value)}]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
+
+
+def read_project(path: Path) -> Project:
+    """A project file.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, or holds something else.
+    """
+    try:
+        if path.stat().st_size > 1 << 20:
+            raise UsageError(f"{path.name} is larger than a project file", needed="at most 1 MiB")
+        return Project.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        why = getattr(error, "strerror", None) or re.sub(r"\s+", " ", str(error))
+        raise UsageError(f"{path.name} cannot be read: {why}", needed="a project file of rotorid lab") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise UsageError(f"{path.name}: {where}: {first['msg']}", needed="a project file of rotorid lab") from None

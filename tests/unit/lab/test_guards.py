@@ -1,0 +1,286 @@
+"""Who may ask the lab what: every guard refuses alone, and hostile requests cost a sentence."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.errors import UsageError
+from rotorid.lab import server as lab_server
+from rotorid.lab.pyramid import Pyramid
+from rotorid.lab.session import Session
+from rotorid.lab.steps import Project, Segment, Step, arguments, project_text, read_project
+from rotorid.lab.workers import Workers
+
+pytest.importorskip("fastapi", reason="the extra lab is not installed")
+httpx = pytest.importorskip("httpx", reason="httpx is not installed")
+
+TOKEN = "a" * 32
+HOST = "127.0.0.1:1234"
+
+
+class _Still(Workers):
+    """Workers that only take down what they would run."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.words: list[list[str]] = []
+
+    def start(self, words, folder, *, then=None):  # type: ignore[no-untyped-def]
+        from rotorid.lab.workers import Job
+
+        self.words.append(list(words))
+        job = Job(list(words), folder, state="refused", output=folder / "output.json")
+        job.ended.set()
+        return job
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Iterator[Session]:
+    root = tmp_path / "root"
+    root.mkdir()
+    (root / "a.ulg").write_bytes(b"no log")
+    (tmp_path / "outside.ulg").write_bytes(b"secret")
+    (root / "link.ulg").symlink_to(tmp_path / "outside.ulg")
+    made = Session(root, workers=_Still())
+    yield made
+    made.close()
+
+
+def _client(session: Session, *, cookie: str | None = TOKEN, host: str = HOST):  # type: ignore[no-untyped-def]
+    with warnings.catch_warnings():
+        # It would rather have httpx2, and takes httpx.
+        warnings.simplefilter("ignore", UserWarning)
+        warnings.simplefilter("ignore", DeprecationWarning)
+        from starlette.testclient import TestClient
+
+    app = lab_server.lab_app(session, token=TOKEN, hosts=frozenset({HOST}))
+    cookies = {} if cookie is None else {"rotorid_lab": cookie}
+    return TestClient(app, base_url=f"http://{host}", cookies=cookies, follow_redirects=False)
+
+
+def test_the_token_of_the_address_becomes_a_cookie(session: Session) -> None:
+    client = _client(session, cookie=None)
+    assert client.get("/").status_code == 401
+    assert client.get(f"/api/state?token={TOKEN}").status_code == 401
+    assert client.get("/?token=wrong").status_code == 401
+    answer = client.get(f"/?token={TOKEN}")
+    assert answer.status_code == 303
+    assert answer.headers["location"] == "/"
+    assert {"HttpOnly", "SameSite=Strict"} <= set(answer.headers["set-cookie"].split("; "))
+    assert client.get("/").status_code == 200
+
+
+@pytest.mark.parametrize("cookie", [None, "", "wrong", TOKEN + "a", TOKEN[:-1]])
+def test_nothing_is_told_without_the_token(session: Session, cookie: str | None) -> None:
+    client = _client(session, cookie=cookie)
+    for path in ("/", "/api/state", "/static/lab.js", "/api/project"):
+        assert client.get(path).status_code == 401
+    assert client.post("/api/steps", json={"verb": "review", "logs": [1]}).status_code == 401
+
+
+@pytest.mark.parametrize("host", ["evil.example:1234", "127.0.0.1:1235", "127.0.0.1"])
+def test_another_name_is_refused(session: Session, host: str) -> None:
+    assert _client(session).get("/api/state", headers={"host": host}).status_code == 421
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1:1234", "http://127.0.0.1:1"])
+def test_another_origin_is_refused(session: Session, origin: str) -> None:
+    client = _client(session)
+    assert client.get("/api/state", headers={"origin": origin}).status_code == 403
+    assert client.get("/api/state", headers={"origin": f"http://{HOST}"}).status_code == 200
+
+
+def test_a_request_that_another_site_made_is_refused(session: Session) -> None:
+    answer = _client(session).post("/api/demo", headers={"sec-fetch-site": "cross-site"})
+    assert answer.status_code == 403
+
+
+def test_no_script_but_the_own_runs(session: Session) -> None:
+    answer = _client(session).get("/")
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "script-src 'self';" in policy
+    assert "unsafe" not in policy
+    assert "frame-ancestors 'none'" in policy
+    assert not re.search(r"<script(?![^>]*src=)|\son\w+=|style=", answer.text)
+    assert "http://" not in answer.text
+    assert "https://" not in answer.text
+
+
+def test_uploads_are_limited_and_go_away(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    client = _client(session)
+    monkeypatch.setattr(lab_server, "UPLOAD_BYTES", 1000)
+    assert client.post("/api/upload?name=a.ulg", content=b"x" * 1001).status_code == 413
+    assert client.post("/api/upload?name=a.ulg", content=(b"x" * 600 for _ in range(2))).status_code == 413
+    assert not [one for one in session.place.rglob("*") if one.is_file()]
+    assert client.post("/api/upload?name=a.ulg", content=b"x" * 900).status_code == 200
+    assert [one.name for one in session.place.rglob("*") if one.is_file()] == ["a.ulg"]
+    assert session.place.stat().st_mode & 0o077 == 0
+    session.close()
+    assert not session.place.exists()
+
+
+def test_large_bodies_are_refused(session: Session) -> None:
+    assert _client(session).post("/api/steps", content=b"[" * 70_000).status_code == 413
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../outside.ulg", "link.ulg", "/etc/passwd", "a.ulg\0", "..\\outside.ulg", "\\\\host\\share\\a.ulg", "", ".",
+     "./a.ulg", "sub/../a.ulg", "//a.ulg", "a.ulg/"],
+)  # fmt: skip
+def test_no_path_leads_outside_the_folder(session: Session, name: str) -> None:
+    client = _client(session)
+    assert client.post("/api/open", json={"name": name}).status_code == 400
+    assert client.get("/api/folder").json() == ["a.ulg"]
+    assert session.logs == []
+
+
+@pytest.mark.parametrize("name", ["../../evil.ulg", "/etc/evil.ulg", "..\\evil.ulg", ".bashrc", "a\0b", "", "-x.ulg"])
+def test_an_upload_stays_in_its_folder(session: Session, name: str) -> None:
+    path = session.upload_path(name)
+    assert path.resolve().parent.parent == session.place.resolve()
+    assert not path.name.startswith(".")
+
+
+@pytest.mark.parametrize("path", ["/static/../server.py", "/static/%2e%2e/server.py", "/static/..%2fserver.py",
+                                  "/static//etc/passwd", "/static/%00", "/docs", "/openapi.json"])  # fmt: skip
+def test_only_the_own_files_are_served(session: Session, path: str) -> None:
+    assert _client(session).get(path).status_code in (400, 404, 422)
+
+
+def test_hostile_requests_cost_a_sentence(session: Session, tmp_path: Path) -> None:
+    client = _client(session)
+    before = sorted(tmp_path.rglob("*"))
+    rng = np.random.default_rng(0)
+    words = ["../x", "\0", "1e999", "NaN", "-1", "9" * 40, "a" * 3000, "%00", "{}", "[]", "'; --", "<script>", "🚁"]
+    verbs = ["review", "identify", "tune", "export", "verify", "demo", "read", "--out"]
+    for k in range(200):
+        word, other, verb = rng.choice(words), rng.choice(words), rng.choice(verbs)
+        requests = (
+            lambda word=word, other=other: client.get(
+                "/api/logs/1/track", params={"channel": word, "start": other, "stop": word}
+            ),
+            lambda word=word, verb=verb: client.post("/api/steps", json={"verb": verb, "logs": [1], "models": [word]}),
+            lambda word=word: client.post("/api/steps", content=word.encode(), headers={"content-type": "text/json"}),
+            lambda word=word: client.post("/api/open", json={"name": word}),
+            lambda word=word, other=other: client.post("/api/open", json={word: other}),
+            lambda verb=verb, other=other: client.post(
+                "/api/preview", content=json.dumps({"verb": verb, "values": {other: math.inf}})
+            ),
+            lambda word=word: client.request("DELETE", f"/api/steps/{len(word)}"),
+            lambda word=word: client.get(f"/api/steps/{len(word)}/files/{-len(word)}"),
+        )
+        answer = requests[k % len(requests)]()
+        assert 400 <= answer.status_code < 500, (k, answer.status_code, answer.text)
+        assert "Traceback" not in answer.text
+    assert sorted(tmp_path.rglob("*")) == before
+    assert session.workers.words == []  # type: ignore[attr-defined]
+
+
+def test_words_are_no_options() -> None:
+    for wrong in ("--out=/x", "/etc/x.toml", "a.b/../../c", "x.toml"):
+        with pytest.raises(ValueError, match=r"models|file"):
+            Step(verb="identify", logs=(1,), models=(wrong,))
+    with pytest.raises(ValueError, match="inputs"):
+        Step(verb="response", logs=(1,), inputs=("--out",))
+
+
+def test_a_project_comes_back(tmp_path: Path) -> None:
+    steps = (
+        Step(verb="identify", logs=(1,), models=("rate.roll",), band_rad_s=(1.0, 1e2),
+             segments=(Segment(axis="roll", start_s=40.0, stop_s=52.5),)),
+        Step(verb="export", results=(1,), values={"m": 1.4}),
+    )  # fmt: skip
+    project = Project(schema="rotorid.project/1", logs=('a "b" \\ ü.ulg',), steps=steps)
+    file = tmp_path / "rotorid.toml"
+    file.write_text(project_text(project), encoding="utf-8")
+    assert read_project(file) == project
+    words = arguments(steps[0], project.logs, [])
+    assert words[2:] == ["--model", "rate.roll", "--segment", "roll:40:52.5", "--band", "1:100"]
+    for text in ("x", "schema = 1", 'schema = "rotorid.project/1"\nlogs = []\n[[steps]]\nverb = "rm"'):
+        file.write_text(text, encoding="utf-8")
+        with pytest.raises(UsageError):
+            read_project(file)
+
+
+def test_no_peak_is_lost_in_a_pyramid() -> None:
+    time_s = np.arange(100_000) / 100.0
+    values = np.random.default_rng(1).normal(size=time_s.size)
+    values[[777, 99_999]] = 50.0, -50.0
+    values[5000:5100] = np.nan
+    pyramid = Pyramid(time_s, values)
+    for start, stop in ((0.0, 1000.0), (7.0, 400.0), (900.0, 2000.0)):
+        x, y = pyramid.view(start, stop, 300)
+        inside = values[(time_s >= start) & (time_s <= stop)]
+        assert np.nanmax(y) >= np.nanmax(inside)
+        assert np.nanmin(y) <= np.nanmin(inside)
+        assert x.size <= 1300
+        assert np.all(np.diff(x) >= 0.0)
+
+
+def test_a_killed_worker_is_said_and_nothing_else_is_lost(tmp_path: Path) -> None:
+    workers = Workers()
+    job = workers.start(["demo", "--out", "out"], tmp_path / "job")
+    while job.process is None:
+        time.sleep(0.01)
+    job.process.kill()
+    assert job.ended.wait(10.0)
+    assert job.state == "failed"
+    assert "signal 9" in job.sentence
+    other = workers.start(["read", str(tmp_path / "none.ulg"), str(tmp_path)], tmp_path / "other")
+    workers.cancel(other)
+    assert other.ended.wait(10.0)
+    assert other.state == "canceled"
+    workers.close()
+    with pytest.raises(UsageError):
+        workers.start(["models"], tmp_path / "late")
+
+
+@pytest.mark.parametrize(
+    ("host", "token", "allowed"),
+    [("127.0.0.1", None, True), ("localhost", None, True), ("::1", None, True), ("192.168.1.5", None, False),
+     ("192.168.1.5", "short", False), ("192.168.1.5", "x" * 20, True), ("0.0.0.0", "x" * 20, False)],
+)  # fmt: skip
+def test_other_addresses_want_a_token(host: str, token: str | None, allowed: bool) -> None:
+    if allowed:
+        lab_server.require_host(host, token)
+    else:
+        with pytest.raises(UsageError):
+            lab_server.require_host(host, token)
+
+
+def test_the_first_line_is_the_address_and_an_interrupt_ends_it(tmp_path: Path) -> None:
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    command = [sys.executable, "-m", "rotorid", "lab", "--no-browser"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    assert server.stdout is not None
+    address = server.stdout.readline().strip()
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32}", address)
+    with httpx.Client(follow_redirects=True) as client:
+        assert "rotorid lab" in client.get(address).text
+        port = str(httpx.URL(address).port)
+        taken = subprocess.run([*command, "--port", port], capture_output=True, text=True)
+        began = time.monotonic()
+        server.send_signal(2)
+        server.communicate(timeout=10)
+    assert time.monotonic() - began < 2.0
+    assert server.returncode == 0
+    assert not list(tmp_path.iterdir())
+    absent = subprocess.run([*command[:4], str(tmp_path / "none")], capture_output=True, text=True)
+    for done in (taken, absent):
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert len(done.stderr.strip().splitlines()) == 1
