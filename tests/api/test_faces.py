@@ -82,8 +82,8 @@ def test_every_verb_of_the_readme_is_one(everything_loaded: None) -> None:
 def test_every_package_has_a_face() -> None:
     packages = {".".join(path.parent.relative_to(SOURCE.parent).parts) for path in SOURCE.rglob("__init__.py")}
     rooms = {package for package in packages if package.startswith(("rotorid.fitting.", "rotorid.pipeline."))}
-    # What these rooms hold are names of the package; commands and files of plans are no library.
-    assert packages - rooms - set(PACKAGES) <= {"rotorid.cli", "rotorid.plans"} | {
+    # What these rooms hold are names of the package; commands, their page and files of plans are no library.
+    assert packages - rooms - set(PACKAGES) <= {"rotorid.cli", "rotorid.lab", "rotorid.plans"} | {
         f"rotorid.io.{room}" for room in ("betaflight", "ros")
     }
 
