@@ -19,8 +19,15 @@ BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
 
-STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown", "rotorid.tune_check"}
-"""A logger, any command, and how some schemas begin: of results, a flown model, checked gains."""
+STANDING_FOR = {
+    "rotorid.progress",
+    "rotorid.cli.NAME",
+    "rotorid.result",
+    "rotorid.flown",
+    "rotorid.tune_check",
+    "rotorid.toml",
+}
+"""A logger, any command, how some schemas begin (of results, a flown model, checked gains), and a project file."""
 
 EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
 """Paths that stand for any."""
