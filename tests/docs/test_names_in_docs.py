@@ -13,21 +13,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"])
-DOTTED = re.compile(r"(?<![/\w.-])rotorid((?:\.[A-Za-z_]\w*+)++)(?!/\d|-\d)")
+DOTTED = re.compile(r"(?<![/\w.-])rotorid(?!\.toml\b)((?:\.[A-Za-z_]\w*+)++)(?!/\d|-\d)")
 PATH = re.compile(r"(?:src/rotorid|tests|benchmarks|docs)/[\w./-]+\w")
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
 
-STANDING_FOR = {
-    "rotorid.progress",
-    "rotorid.cli.NAME",
-    "rotorid.result",
-    "rotorid.flown",
-    "rotorid.tune_check",
-    "rotorid.toml",
-}
-"""A logger, any command, how some schemas begin (of results, a flown model, checked gains), and a project file."""
+STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown", "rotorid.tune_check"}
+"""A logger, any command, and how some schemas begin: of results, a flown model, checked gains."""
 
 EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
 """Paths that stand for any."""
