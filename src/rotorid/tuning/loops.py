@@ -176,6 +176,12 @@ class LoopFigures(Immutable):
     rejection_bandwidth_rad_s: FloatArray
     stable: FloatArray
 
+    @property
+    def usual_crossover_rad_s(self) -> float:
+        """Median over the draws that have one; zero where no loop reaches the gain one."""
+        found = self.crossover_rad_s[np.isfinite(self.crossover_rad_s)]
+        return float(np.median(found)) if found.size else 0.0
+
 
 def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray) -> LoopFigures:
     """Figures of broken loops.

@@ -415,7 +415,7 @@ def _flown_broken(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
     Where the plant was not seen at their crossover, its draws are wide there: then half have to say so, or every
     loop that was measured badly would be slowed down.
     """
-    seen = float(np.nanmedian(flown.rate.crossover_rad_s)) <= plant.band_rad_s[1]
+    seen = flown.rate.usual_crossover_rad_s <= plant.band_rad_s[1]
     return _broken(flown, wishes, share=2.0 * QUANTILE if seen else _MOST)
 
 

@@ -82,3 +82,10 @@ def test_stability_is_that_of_the_closed_loop(factor: float) -> None:
     s = 1j * np.geomspace(0.005, 3000.0, 6000)
     loop = np.polyval(numerator, s) / np.polyval(denominator, s)
     assert bool(loop_figures(s.imag, loop[None]).stable[0]) == bool((roots.real < 0.0).all())
+
+
+def test_a_loop_that_never_reaches_one_has_no_crossover() -> None:
+    omega = np.geomspace(0.5, 100.0, 200)
+    found = loop_figures(omega, (0.1 / (1j * omega))[None])
+    assert np.isnan(found.crossover_rad_s[0])
+    assert found.usual_crossover_rad_s == 0.0

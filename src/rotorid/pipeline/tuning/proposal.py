@@ -335,7 +335,7 @@ def _axis(
     drawn = plant.drawn(omega)
     if found.changed:
         found = replace(found, proposed=judged(parts, drawn, rounded(controller, found.proposed.gains)))
-    require_known(axis, plant, float(np.nanmedian(found.flown.rate.crossover_rad_s)))
+    require_known(axis, plant, found.flown.rate.usual_crossover_rad_s)
     findings += _said(axis, found, plant)
     sets = {"flown": (as_flown, found.flown.gains), "proposed": (parts, found.proposed.gains)}
     if not found.changed:
@@ -368,7 +368,7 @@ def _said(axis: Axis, found: AxisProposal, plant: UncertainPlant) -> list[Findin
         words = "; ".join(found.reasons)
         verb = "are bound" if found.changed else "stay"
         said.append(remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}."))
-    crossover = float(np.nanmedian(found.proposed.rate.crossover_rad_s))
+    crossover = found.proposed.rate.usual_crossover_rad_s
     if crossover * _BAND_OVER_CROSSOVER > plant.band_rad_s[1]:
         message = (
             f"The plant of {axis} was seen up to {plant.band_rad_s[1]:.0f} rad/s, and its loop crosses over at "

@@ -1,0 +1,49 @@
+"""A fleet is flown, tuned and flown again: none destabilized, margins as promised and as foretold.
+
+The whole study, 60 vehicles of each kind and two axes, is ``python -m benchmarks.tuning_fleet``; its table stands in
+``docs/tuning-study.md``. Here are every fifth of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.tuning_fleet import AXES, MOST_PEAK, Row, one
+
+pytestmark = pytest.mark.slow
+
+NUMBERS = range(0, 60, 5)
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    return [one((number, axis, hard)) for hard in (False, True) for number in NUMBERS for axis in AXES]
+
+
+def flown(rows: list[Row], *, hard: bool | None = None) -> list[Row]:
+    return [row for row in rows if not row.refused and (hard is None or row.hard == hard)]
+
+
+def test_none_is_destabilized(rows: list[Row]) -> None:
+    assert len(flown(rows)) >= 0.6 * len(rows)
+    assert all(row.stable for row in rows)
+
+
+def test_sensitivity_peaks_hold_where_gains_were_proposed(rows: list[Row]) -> None:
+    changed = [row for row in flown(rows, hard=False) if row.changed]
+    assert np.mean([row.peak <= MOST_PEAK for row in changed]) >= 0.98
+
+
+def test_the_second_flight_is_what_was_foretold(rows: list[Row]) -> None:
+    inside = [value for row in flown(rows, hard=False) for value in row.inside.values()]
+    assert np.mean(inside) >= 0.93
+
+
+def test_the_sluggish_are_stiffer(rows: list[Row]) -> None:
+    better = [row.better < 1.0 for row in flown(rows) if row.sluggish]
+    assert len(better) >= 5
+    assert np.mean(better) >= 0.95
+
+
+def test_stiffness_is_near_that_of_the_true_plant(rows: list[Row]) -> None:
+    assert np.mean([row.stiffness >= 0.75 for row in flown(rows)]) >= 0.9
