@@ -52,15 +52,15 @@ _QUIET = 0.01
 _WORTH = 0.97
 """A proposal has to hold an attitude better than the flown gains by this, or to bring them inside the limits."""
 
+_SOFTER = "A falls further than usual, since P may not grow far enough in one flight"
 _SHRINK, _STEPS_DOWN = 0.97, 12
 _RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
 _YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
 _ANGLES = np.geomspace(0.8, 12.0, 8)
 _SOFT_ANGLES = np.array([0.3, 0.5])
-"""Below a calm yaw: for loops whose P may not grow far enough in one flight."""
-
-_ANGLE_DOWN = 0.1
+_SOFT_ANGLES_DOWN = (0.3, 0.2, 0.1)
+"""Of a yaw whose P may not grow far enough in one flight: a softer angle loop is slow, and no danger."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +81,8 @@ class Wishes(Immutable):
         Gains that stay: of ``P``, ``I``, ``D``, ``A``.
     most_up
         How much P, D and A may grow in one flight.
+    angle_down
+        How far A may fall in one flight, as a share of the flown one.
     gain_range
         Least and largest gain of the plant over that in hover, as the curve of thrust makes it over the throttle.
     ranges
@@ -93,6 +95,7 @@ class Wishes(Immutable):
     noise: float = 2.0
     keep: tuple[str, ...] = ()
     most_up: float = _MOST_UP
+    angle_down: float = _MOST_DOWN
     gain_range: tuple[float, float] = (1.0, 1.0)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -209,6 +212,13 @@ def propose(
     flown = judged(flown_parts or parts, drawn, Gains.of(controller))
     reasons: list[str] = []
     best = _searched(axis, parts, plant.response(omega), drawn, flown, wishes, reasons, ends)
+    if best is None and axis == "yaw" and _flown_broken(flown, plant, wishes):
+        for down in _SOFT_ANGLES_DOWN:
+            softer, why = replace(wishes, angle_down=down), [_SOFTER]
+            best = _searched(axis, parts, plant.response(omega), drawn, flown, softer, why, ends)
+            if best is not None:
+                wishes, reasons = softer, why
+                break
     if best is None:
         if hot := _flown_broken(flown, plant, wishes):
             reasons.append(f"the flown gains break {hot}: lower P and D by hand, and fly the sweep again")
@@ -288,7 +298,9 @@ def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[tuple[float, float
     integrals = _YAW_SHAPES if axis == "yaw" else _RATE_SHAPES
     # Without a D of its own an axis has no filter for it that anybody chose.
     derivatives = np.zeros(1) if axis == "yaw" or flown.D == 0.0 else _DERIVATIVES
-    angles = (np.concatenate([_SOFT_ANGLES, _ANGLES]) if axis == "yaw" else _ANGLES) if flown.A > 0.0 else np.zeros(1)
+    angles = _ANGLES if flown.A > 0.0 else np.zeros(1)
+    if flown.A > 0.0 and wishes.angle_down < _MOST_DOWN:
+        angles = np.concatenate([_SOFT_ANGLES, angles])
     if "I" in wishes.keep and flown.P > 0.0:
         integrals = np.array([flown.I / flown.P])
     if "D" in wishes.keep and flown.P > 0.0:
@@ -306,8 +318,7 @@ def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
     if flown > 0.0 and name != "I":
         high = min(high, wishes.most_up * flown)
         if name in ("P", "A"):
-            # A softer angle loop is no danger; a rate loop that loses most of its gain is.
-            low = max(low, (_MOST_DOWN if name == "P" else _ANGLE_DOWN) * flown)
+            low = max(low, (_MOST_DOWN if name == "P" else wishes.angle_down) * flown)
     return low, max(high, low)
 
 
