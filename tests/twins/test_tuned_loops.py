@@ -73,7 +73,8 @@ class Twice(NamedTuple):
 
     first: TuningProposal
     second: TuningProposal
-    logs: tuple[Path, Path]
+    records: tuple[rotorid.FlightRecord, rotorid.FlightRecord]
+    models: tuple[rotorid.IdentifiedModel, rotorid.IdentifiedModel]
 
     def inside(self, figure: str, loop: str) -> bool:
         """Whether a figure of the second flight lies where it was foretold."""
@@ -91,13 +92,15 @@ def values(proposal: TuningProposal, gains: str, loop: str, figure: str) -> Floa
 
 def flown_twice(vehicle: str, factors: tuple[float, float, float], folder: Path, *, seed: int = 1) -> Twice:
     craft = mistuned(vehicle, factors)
-    before = fly(craft, folder, seed=seed)
-    first = tune(records=rotorid.read(before), axes=("roll",))
+    before = rotorid.read(fly(craft, folder, seed=seed))
+    known = rotorid.identify(before, "rate.roll")
+    first = tune(known, before, axes=("roll",))
     one = first.axes["roll"]
     new = {name: after for name, (_, after) in one.parameters.items()}
     again = with_gains(craft, {name: new[name] for name in NAMES[craft.autopilot.kind]}, source="the proposal")
-    after = fly(again, folder, seed=seed + 100)
-    return Twice(first, tune(records=rotorid.read(after), axes=("roll",)), (before, after))
+    after = rotorid.read(fly(again, folder, seed=seed + 100))
+    then = rotorid.identify(after, "rate.roll")
+    return Twice(first, tune(then, after, axes=("roll",)), (before, after), (known, then))
 
 
 def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
@@ -112,10 +115,10 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     write_tuning(tmp_path / "proposal", found.first, title="gains")
     foretold = load_foretold(tmp_path / "proposal")
     # The second flight is what was foretold; the first one has the old gains still.
-    again = check_tuning(foretold, rotorid.read(found.logs[1]))
+    again = check_tuning(foretold, found.records[1], found.models[1:])
     assert again.axes["roll"].verdict == "as_foretold"
     assert again.as_foretold
-    old = check_tuning(foretold, rotorid.read(found.logs[0]))
+    old = check_tuning(foretold, found.records[0], found.models[:1])
     assert (old.axes["roll"].verdict, old.axes["roll"].gains) == ("other_gains", "flown")
     assert [one.kind for one in old.findings if one.severity == "warning"] == ["other_gains"]
     # A proposal that promised another loop is not fulfilled by this flight.
@@ -124,7 +127,7 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
         name: replace(one, value=1.5 * one.value, lower=1.4 * one.value, upper=1.6 * one.value)
         for name, one in promised.rate.items()
     }
-    missed = check_tuning({"roll": replace(promised, rate=higher)}, rotorid.read(found.logs[1]))
+    missed = check_tuning({"roll": replace(promised, rate=higher)}, found.records[1], found.models[1:])
     assert missed.axes["roll"].verdict == "inside_limits"
     write_tuning_check(tmp_path / "check", again, title="checked")
     written = json.loads((tmp_path / "check" / "check.json").read_text())
