@@ -7,7 +7,7 @@ DEMO   ?= rotorid-out/demo
 # Hundreds of tests start the program: what Python compiled once is kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test checks compiled quick study bench clean
+.PHONY: demo test checks compiled quick study bench pictures clean
 
 demo: $(VENV)/.installed
 	$(BIN)/rotorid demo --out $(DEMO)
@@ -37,6 +37,10 @@ study: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks
+
+# The pictures of the README, taken of the pages of an example in a real browser.
+pictures: $(VENV)/.installed-dev
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.docs.pictures
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

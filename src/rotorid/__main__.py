@@ -1,6 +1,6 @@
 """``python -m rotorid``."""
 
-from rotorid.cli.app import main
+from rotorid.cli import main
 
 if __name__ == "__main__":
     main()

@@ -35,7 +35,7 @@ FLYING = [name for name in VEHICLES if name != "rig"]
         ("CHANGELOG.md", "a library of {n}, or a TOML file", len(layout_names())),
         ("CHANGELOG.md", "- {n} searches with one interface", len(searches())),
         ("CHANGELOG.md", "- {n} vehicles with sources", len(FLYING)),
-        ("README.md", "[{n} multirotors](docs/simulation.md)", len(FLYING)),
+        ("docs/what-it-does.md", "[{n} multirotors](simulation.md)", len(FLYING)),
     ],
 )
 def test_things_are_as_many_as_is_said(name: str, sentence: str, is_so: int) -> None:

@@ -39,6 +39,8 @@ COMMANDS = {
     "run": "Carry out the steps of a project file that the page saved.",
     "models": "List the models of the library, or print one.",
     "vehicles": "List the vehicles of the library, or write a vehicle file.",
+    "example": "Write a small log to try everything on.",
+    "doctor": "Say whether this installation is sound.",
 }
 """Every command, and what it does in a line of ``rotorid --help``; its own help says more."""
 
@@ -49,7 +51,11 @@ for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 
 _INTERRUPTED = 130
 
-_WORDS: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False, "rich_markup_mode": None}
+_WORDS: dict[str, Any] = {
+    "pretty_exceptions_enable": False,
+    "rich_markup_mode": None,
+    "context_settings": {"help_option_names": ["-h", "--help"]},
+}
 
 
 class Commands(Mapping[str, Any]):
@@ -66,8 +72,9 @@ class Commands(Mapping[str, Any]):
             raise KeyError(name)
         from rotorid.cli.options import with_options
 
-        alone = typer.Typer(**_WORDS)
-        alone.command(name)(with_options(getattr(import_module(f"rotorid.cli.{name}"), f"{name}_command")))
+        command = getattr(import_module(f"rotorid.cli.{name}"), f"{name}_command")
+        alone = typer.Typer(add_completion=False, **_WORDS)
+        alone.command(name, context_settings=_WORDS["context_settings"])(with_options(command))
         return typer.main.get_command(alone)
 
 
@@ -148,5 +155,7 @@ def main() -> None:
         # Who reads has read enough; what Python would still flush at the end has nowhere to go.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
+        if sys.argv[1:2] == ["doctor"]:
+            raise
         say(f"rotorid: the output cannot be written: {error.strerror or error}")
         sys.exit(2)

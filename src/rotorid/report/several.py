@@ -41,14 +41,15 @@ def write_several(
     from rotorid.report.identification import render_report
     from rotorid.report.publication import of_model, write_publication
 
+    logs = title.partition(" from ")[2] or title
     for name, model in models.identified.items():
         own = folder / Path(name).name
-        write_results(own, model, title=f"{name} of {title}")
+        write_results(own, model, title=f"{name} from {logs}")
         if figures is not None or tables:
             write_publication(own, of_model(model), figures=figures, tables=tables)
     whole = joined_halves(list(models.identified.values()))
     if whole is not None:
-        write_results(folder / whole.name, whole, title=f"{whole.name} of {title}")
+        write_results(folder / whole.name, whole, title=f"{whole.name} from {logs}")
     text, page = to_json(results_document(models)), render_report(list(models.identified.values()), title=title)
     files: dict[str, Callable[[Path], None]] = {
         "report.html": lambda path: write_atomically(path, page),

@@ -1,0 +1,292 @@
+"""Whether this installation is sound, and what to do where it is not.
+
+Nothing is imported here but Python's own modules: what is broken is found by trying it, each check by itself.
+"""
+
+from __future__ import annotations
+
+import json as json_text
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from importlib import import_module, metadata
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from rotorid import __version__
+
+SCHEMA = "rotorid.doctor/1"
+
+State: TypeAlias = Literal["ok", "missing", "broken"]
+
+OLDEST, NEWEST = (3, 11), (3, 14)
+"""Versions of Python that rotorid is tested with."""
+
+CORE = ("numpy", "scipy", "numba", "pydantic", "typer", "rich", "jinja2")
+EXTRAS: Mapping[str, tuple[str, ...]] = {
+    "figures": ("matplotlib",),
+    "parquet": ("pyarrow",),
+    "hdf5": ("h5py",),
+    "pdf": ("weasyprint",),
+    "search": ("cmaes",),
+    "control": ("control",),
+    "export": ("control", "mujoco", "fmpy"),
+    "ros": ("rosbags", "lz4", "zstandard"),
+    "lab": ("fastapi", "uvicorn"),
+}
+"""Extra to the modules that it brings."""
+
+_GIB = 1 << 30
+_LEAST_MEMORY_B, _LEAST_ROOM_B = 2 * _GIB, _GIB
+_PATIENCE_S = 300.0
+_TOO_FAR = 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """What was looked at, how it stands, and what to do.
+
+    Parameters
+    ----------
+    group, name
+        What was looked at.
+    state
+        ``missing`` is something that one can do without.
+    said
+        What was found.
+    remedy
+        What to do about it.
+    """
+
+    group: str
+    name: str
+    state: State
+    said: str
+    remedy: str = ""
+
+
+def examine(*, self_test: bool = True, json: bool = False) -> bool:
+    """Look at everything, say it on standard output, and tell whether nothing is broken.
+
+    Parameters
+    ----------
+    self_test
+        Whether a flight is made and identified.
+    json
+        Whether to print JSON instead of lines.
+    """
+    checks: list[Check] = []
+    for look in (_python, _core, _extras, _machine, _cache, _sandbox, *((_self_test,) if self_test else ())):
+        found = _without_fail(look)
+        checks += found
+        if not json:
+            _print(found)
+    sound = all(check.state != "broken" for check in checks)
+    if json:
+        document = {"schema": SCHEMA, "sound": sound, "checks": [asdict(check) for check in checks]}
+        sys.stdout.write(json_text.dumps(document, indent=2) + "\n")
+    else:
+        print("This installation is sound." if sound else "This installation is not sound: see what is marked BROKEN.")
+    return sound
+
+
+def _without_fail(look: Callable[[], list[Check]]) -> list[Check]:
+    try:
+        return look()
+    # Whatever is broken in an installation may raise anything; that is what is being looked for.
+    except Exception as error:
+        name = look.__name__.strip("_").replace("_", " ")
+        return [Check(group=name, name=name, state="broken", said=_sentence(error), remedy=_REINSTALL)]
+
+
+_REINSTALL = "pip install --force-reinstall rotorid"
+
+
+def _sentence(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
+def _print(checks: list[Check]) -> None:
+    for check in checks:
+        mark = {"ok": "ok     ", "missing": "missing", "broken": "BROKEN "}[check.state]
+        print(f"{mark}  {check.group:10} {check.name:12} {check.said}".rstrip())
+        if check.remedy:
+            print(f"{'':9}{'':11}{'':12} {check.remedy}")
+    sys.stdout.flush()
+
+
+def _python() -> list[Check]:
+    version = platform.python_version()
+    known = OLDEST <= sys.version_info[:2] <= NEWEST
+    asked = f"Python {'.'.join(map(str, OLDEST))} to {'.'.join(map(str, NEWEST))}"
+    return [
+        Check(group="version", name="rotorid", state="ok", said=__version__),
+        Check(
+            group="version",
+            name="python",
+            state="ok" if known else "broken",
+            said=f"{version} on {platform.system()} {platform.machine()}",
+            remedy="" if known else f"rotorid is tested with {asked}",
+        ),
+    ]
+
+
+def _core() -> list[Check]:
+    return [_module(name) for name in CORE]
+
+
+def _module(name: str) -> Check:
+    """A library that rotorid cannot do without, imported."""
+    try:
+        import_module(name)
+        return Check(group="library", name=name, state="ok", said=metadata.version(name))
+    except Exception as error:
+        remedy = f"pip install --force-reinstall {name}"
+        return Check(group="library", name=name, state="broken", said=_sentence(error), remedy=remedy)
+
+
+def _extras() -> list[Check]:
+    found = []
+    for extra, modules in EXTRAS.items():
+        wrong = {name: why for name in modules if (why := _why_not(name))}
+        # A library that is there and does not load is as good as none: what needs it says so by itself.
+        found.append(
+            Check(
+                group="extra",
+                name=extra,
+                state="missing" if wrong else "ok",
+                said="; ".join(f"{name} {why}" for name, why in wrong.items()) or ", ".join(map(_named, modules)),
+                remedy=f"pip install 'rotorid[{extra}]'" if wrong else "",
+            )
+        )
+    return found
+
+
+def _why_not(module: str) -> str:
+    """Why a module cannot be had; it is not imported, for some take seconds."""
+    from importlib.util import find_spec
+
+    if find_spec(module) is None:
+        return "is not installed"
+    try:
+        metadata.version(module)
+    except metadata.PackageNotFoundError:
+        return "is there without its version"
+    return ""
+
+
+def _named(module: str) -> str:
+    return f"{module} {metadata.version(module)}"
+
+
+def _machine() -> list[Check]:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    checks = [Check(group="machine", name="cores", state="ok", said=str(cores))]
+    memory = _memory_b()
+    if memory is not None:
+        enough = memory >= _LEAST_MEMORY_B
+        remedy = "" if enough else "logs beyond 100 MB and motor models want 2 GiB: close other programs"
+        said = f"{memory / _GIB:.1f} GiB free"
+        checks.append(
+            Check(group="machine", name="memory", state="ok" if enough else "missing", said=said, remedy=remedy)
+        )
+    place = Path(tempfile.gettempdir())
+    room = shutil.disk_usage(place).free
+    enough = room >= _LEAST_ROOM_B
+    remedy = "" if enough else "make room, or name another place with TMPDIR: packed logs are unpacked there"
+    said = f"{room / _GIB:.1f} GiB free in {place}"
+    with tempfile.TemporaryFile() as file:
+        file.write(b"rotorid")
+    checks.append(
+        Check(group="machine", name="temporary", state="ok" if enough else "missing", said=said, remedy=remedy)
+    )
+    return checks
+
+
+def _memory_b() -> int | None:
+    """Memory that can be had, in bytes, where the system tells."""
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        return next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvailable"))
+    except (OSError, ValueError, StopIteration):
+        return None
+
+
+def _cache() -> list[Check]:
+    """Where compiled code is kept: without such a place every command compiles anew, for a minute."""
+    own = os.environ.get("NUMBA_CACHE_DIR")
+    # Beside the package, or in the user's own cache where the package cannot be written: Numba's rule.
+    places = [Path(own)] if own else [Path(__file__).parent.parent, Path.home() / ".cache" / "numba"]
+    for place in places:
+        there = next((one for one in (place, *place.parents) if one.exists()), place)
+        if os.access(there, os.W_OK):
+            return [Check(group="cache", name="compiled", state="ok", said=str(place))]
+    remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
+    said = f"{' and '.join(map(str, places))} cannot be written: each command compiles anew"
+    return [Check(group="cache", name="compiled", state="missing", said=said, remedy=remedy)]
+
+
+_PROTECTIONS: Mapping[str, str] = {
+    "limits": "memory, time and size of files are limited",
+    "parent": "it ends with the command",
+    "no_new_privileges": "it gains no rights",
+    "files": "it sees the log alone",
+    "network": "it reaches no network",
+    "processes": "it starts no programs",
+}
+
+
+def _sandbox() -> list[Check]:
+    from rotorid.io.sandbox import protections
+
+    missing = "this system cannot: of .mat, ROS bags and Parquet, read files that you trust"
+    return [
+        Check(
+            group="sandbox",
+            name=name.removeprefix("no_new_"),
+            state="ok" if active else "missing",
+            said=_PROTECTIONS.get(name, ""),
+            remedy="" if active else missing,
+        )
+        for name, active in protections().items()
+    ]
+
+
+def _self_test() -> list[Check]:
+    """A flight made, written, read and identified, in a process of its own: a library that crashes ends that one."""
+    begun = time.monotonic()
+    child = subprocess.run(
+        [sys.executable, "-c", "from rotorid.pipeline.self_test import main; main()"],
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE_S,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry)},
+    )
+    seconds = time.monotonic() - begun
+    if child.returncode != 0:
+        last = (child.stderr.strip().splitlines() or ["it said nothing"])[-1]
+        said = f"ended with code {child.returncode}: {last[:200]}"
+        return [Check(group="self test", name="identify", state="broken", said=said, remedy=_REINSTALL)]
+    found = json_text.loads(child.stdout.strip().splitlines()[-1])
+    wrong = {name: one for name, one in found.items() if not abs(one["off"]) <= _TOO_FAR}
+    said = ", ".join(
+        f"{name} {one['value']:.4g} ± {one['std']:.2g} {one['unit']} (true {one['truth']:.4g})"
+        for name, one in found.items()
+    )
+    remedy = "please report it, with this output" if wrong else ""
+    return [
+        Check(
+            group="self test",
+            name="identify",
+            state="broken" if wrong else "ok",
+            said=f"{said} in {seconds:.0f} s",
+            remedy=remedy,
+        )
+    ]

@@ -1,0 +1,63 @@
+"""Examples: small logs, and the commands that they are made for."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from tests.unit.cli.commands import rotorid
+
+from rotorid.pipeline.examples import EXAMPLES
+
+README = Path(__file__).resolve().parents[3] / "README.md"
+
+
+def test_they_are_listed() -> None:
+    ran = rotorid("example")
+    assert ran.code == 0
+    assert all(name in ran.out for name in EXAMPLES)
+
+
+def test_an_unknown_one_lists_what_there_is() -> None:
+    ran = rotorid("example", "cessna")
+    assert ran.code == 2
+    assert all(name in ran.err for name in EXAMPLES)
+
+
+@pytest.mark.parametrize("option", ["--json", "--out=x"])
+def test_options_want_an_example(option: str) -> None:
+    assert rotorid("example", option).code == 2
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "rig" else pytest.param(name, marks=pytest.mark.slow) for name in EXAMPLES if name != "px4"],
+)
+def test_what_is_said_to_try_works(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    written = rotorid("example", name)
+    assert written.code == 0
+    commands = [line.split() for line in written.out.splitlines() if line.startswith("  rotorid ")]
+    assert len(commands) == len(EXAMPLES[name].next)
+    for words in commands:
+        ran = rotorid(*words[1:])
+        assert ran.code == 0, f"{words}: {ran.err}"
+
+
+def test_the_first_page_can_be_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every command of the README's first block, as it stands there; and the model holds what flew."""
+    (block,) = re.findall(r"```sh\n(rotorid example .*?)```", README.read_text("utf-8"), re.DOTALL)
+    commands = [shlex.split(line) for line in block.splitlines()]
+    assert [words[1] for words in commands] == ["example", "review", "identify", "tune", "export"]
+    monkeypatch.chdir(tmp_path)
+    for words in commands:
+        ran = rotorid(*words[1:])
+        assert ran.code == 0, f"{words}: {ran.err}"
+    from rotorid.documents.result import load
+
+    model = load(tmp_path / "example-px4" / "model" / "rate.roll")
+    assert abs(model["L_roll"].value - 113.1) < 3.0 * (model["L_roll"].std or 0.0)
+    assert (tmp_path / "example-px4" / "gains" / "proposed.params").is_file()
+    assert list((tmp_path / "example-px4" / "sih").iterdir())
