@@ -18,8 +18,8 @@ from typer.core import TyperGroup
 
 from rotorid import __version__
 from rotorid.cli.console import listen, patient_output, say, spare_warnings
-from rotorid.cli.logs import ENDINGS
 from rotorid.errors import RotoridError
+from rotorid.io.named import ENDINGS
 
 COMMANDS = {
     "demo": "Fly the built-in vehicle, identify it, write the report.",

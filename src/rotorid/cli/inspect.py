@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from rotorid.cli.console import progress, tell
-from rotorid.cli.logs import logs_in
 from rotorid.cli.options import Logs, Map, Only, Output
 from rotorid.errors import UsageError
+from rotorid.io.named import logs_in
 
 if TYPE_CHECKING:
     from rich.table import Table

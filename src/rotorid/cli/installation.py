@@ -39,6 +39,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = {
     "export": ("control", "mujoco", "fmpy"),
     "ros": ("rosbags", "lz4", "zstandard"),
     "lab": ("fastapi", "uvicorn"),
+    "cluster": ("dask", "distributed", "fsspec", "pyarrow"),
 }
 """Extra to the modules that it brings."""
 

@@ -11,8 +11,8 @@ import typer
 
 from rotorid.cli.command import read_logs
 from rotorid.cli.console import default_folder, output_console, progress, say, tell
-from rotorid.cli.logs import logs_in
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
+from rotorid.io.named import logs_in
 
 if TYPE_CHECKING:
     from rotorid.documents.base import Document

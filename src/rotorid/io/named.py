@@ -51,7 +51,7 @@ def _behind(path: Path) -> Iterator[Path]:
     if not path.is_dir() or is_folder_log(path):
         yield path
         return
-    found = sorted(file for file in path.rglob("*") if file.is_file() and _is_log(file) and not _hidden(file, path))
+    found = sorted(file for file in path.rglob("*") if file.is_file() and is_log(file) and not _hidden(file, path))
     if not found:
         raise UsageError(
             f"{path} holds no flight log", needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not"
@@ -59,7 +59,8 @@ def _behind(path: Path) -> Iterator[Path]:
     yield from found
 
 
-def _is_log(file: Path) -> bool:
+def is_log(file: Path) -> bool:
+    """Whether a file is called like a log, packed or not."""
     suffixes = [suffix.lower() for suffix in file.suffixes]
     if suffixes and suffixes[-1] in _PACKED:
         suffixes.pop()

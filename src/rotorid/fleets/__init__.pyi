@@ -1,0 +1,15 @@
+from rotorid.fleets.analysis import FleetAnalysis as FleetAnalysis
+from rotorid.fleets.analysis import analyze as analyze
+from rotorid.fleets.changes import Change as Change
+from rotorid.fleets.changes import Drift as Drift
+from rotorid.fleets.changes import OddFlight as OddFlight
+from rotorid.fleets.engines import Cluster as Cluster
+from rotorid.fleets.engines import Limits as Limits
+from rotorid.fleets.engines import Processes as Processes
+from rotorid.fleets.fleet import Fleet as Fleet
+from rotorid.fleets.fleet import fleet as fleet
+from rotorid.fleets.population import Population as Population
+from rotorid.fleets.population import population as population
+from rotorid.fleets.settings import FleetSettings as FleetSettings
+from rotorid.fleets.table import LogAnswer as LogAnswer
+from rotorid.fleets.table import Row as Row

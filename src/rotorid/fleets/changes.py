@@ -1,0 +1,279 @@
+"""What changed: steps, odd flights and drifts in the history of one vehicle, and how sure that is.
+
+Flights of a vehicle scatter about its value by their stated errors and by a spread that all vehicles share. The spread
+is taken from differences of neighboring flights, of which a step spoils one: from their median, so that neither steps
+nor odd flights enter. Every test returns the probability that such a thing is seen where nothing changed, over all
+places where it could have been seen; over a whole fleet :func:`discoveries` keeps the share of false ones small.
+
+References
+----------
+Benjamini and Hochberg, "Controlling the false discovery rate", 1995.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import optimize, stats
+
+from rotorid.data.base import Immutable
+from rotorid.data.quantity import Quantity
+from rotorid.typing import AnyArray, BoolArray, FloatArray
+
+FALSE_SHARE = 0.05
+"""Share of false ones among what is called a change."""
+
+_FURTHER = 0.01
+_FEWEST_BEFORE = _FEWEST_AFTER = 2
+_NORMAL_MEDIAN = float(stats.norm.ppf(0.75))
+_MEDIAN_EFFICIENCY = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change(Immutable):
+    """A step of a parameter of one vehicle.
+
+    Parameters
+    ----------
+    at_flight
+        Number of the first flight after it, from 1.
+    before, after
+        Means on both sides.
+    probability
+        That such a step is seen where there is none.
+    """
+
+    at_flight: int
+    before: Quantity
+    after: Quantity
+    probability: float
+
+    @property
+    def ratio(self) -> float:
+        """After over before; nan about zero."""
+        return self.after.value / self.before.value if self.before.value else math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class OddFlight(Immutable):
+    """A flight that lies apart from those before and after it."""
+
+    flight: int
+    value: Quantity
+    expected: float
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift(Immutable):
+    """A slow change over the flights of one vehicle; ``slope`` is per flight."""
+
+    slope: Quantity
+    probability: float
+
+
+class Spread(NamedTuple):
+    """Standard deviation within vehicles, and how many degrees of freedom it was estimated with."""
+
+    within: float
+    freedom: float
+
+
+def within_by_neighbors(
+    series: Sequence[tuple[AnyArray, AnyArray]],
+) -> Spread:
+    """Spread between flights of one vehicle, from the differences of neighbors.
+
+    Parameters
+    ----------
+    series
+        Values and stated errors of each vehicle, in the order of its flights.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> many = [(5 * k + rng.normal(0, 0.2, 40), np.full(40, 0.05)) for k in range(50)]
+    >>> round(within_by_neighbors(many).within, 1)
+    0.2
+    """
+    steps, stated = [], []
+    for values, stds in series:
+        y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
+        steps.append(np.diff(y))
+        stated.append(s[1:] ** 2 + s[:-1] ** 2)
+    difference = np.abs(np.concatenate(steps)) if steps else np.zeros(0)
+    variance = np.concatenate(stated) if stated else np.zeros(0)
+    freedom = max(_MEDIAN_EFFICIENCY * difference.size, 1.0)
+    if not difference.size:
+        return Spread(0.0, freedom)
+
+    def too_wide(within: float) -> float:
+        return float(np.median(difference / np.sqrt(2.0 * within**2 + variance + 1e-300))) - _NORMAL_MEDIAN
+
+    if too_wide(0.0) <= 0.0:
+        return Spread(0.0, freedom)
+    return Spread(float(optimize.brentq(too_wide, 0.0, float(difference.max()) * 10.0)), freedom)
+
+
+def discoveries(probabilities: AnyArray | Sequence[float], share: float = FALSE_SHARE) -> BoolArray:
+    """Which of many tests are discoveries, so that no more than a share of them is false (Benjamini and Hochberg).
+
+    Examples
+    --------
+    >>> discoveries([0.001, 0.5, 0.02, 0.9]).tolist()
+    [True, False, True, False]
+    """
+    p = np.asarray(probabilities, dtype=np.float64)
+    order = np.argsort(p)
+    allowed = share * np.arange(1, p.size + 1) / max(p.size, 1)
+    below = np.flatnonzero(p[order] <= allowed)
+    found = np.zeros(p.size, dtype=np.bool_)
+    if below.size:
+        found[order[: below[-1] + 1]] = True
+    return found
+
+
+def _tail(distance: float, freedom: float) -> float:
+    """Two-sided probability of so many standard deviations, where the deviation was estimated."""
+    return float(2.0 * stats.t.sf(abs(distance), freedom))
+
+
+def _weights(stds: FloatArray, spread: Spread) -> FloatArray:
+    variance = stds**2 + spread.within**2
+    return np.asarray(1.0 / np.maximum(variance, 1e-300))
+
+
+class _Split(NamedTuple):
+    at: int
+    distance: float
+    probability: float
+
+
+def _best_split(y: FloatArray, weight: FloatArray, spread: Spread) -> _Split | None:
+    """The place where the means of both sides differ most, and how often chance alone does so at any place."""
+    if y.size < _FEWEST_BEFORE + _FEWEST_AFTER:
+        return None
+    sums, weights = np.cumsum(weight * y), np.cumsum(weight)
+    places = np.arange(_FEWEST_BEFORE, y.size - _FEWEST_AFTER + 1)
+    w1, w2 = weights[places - 1], weights[-1] - weights[places - 1]
+    m1, m2 = sums[places - 1] / w1, (sums[-1] - sums[places - 1]) / w2
+    distance = (m2 - m1) / np.sqrt(1.0 / w1 + 1.0 / w2)
+    best = int(np.argmax(np.abs(distance)))
+    probability = min(1.0, places.size * _tail(float(distance[best]), spread.freedom))
+    return _Split(int(places[best]), float(distance[best]), probability)
+
+
+def first_step(values: AnyArray, stds: AnyArray, spread: Spread) -> float:
+    """Probability that the clearest step of a series is chance; 1 where too few flew.
+
+    Parameters
+    ----------
+    values, stds
+        A parameter of one vehicle in the order of its flights, shape ``(n,)``.
+    spread
+        Between flights of one vehicle.
+    """
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
+    split = _best_split(y, _weights(s, spread), spread)
+    return 1.0 if split is None else split.probability
+
+
+def steps(values: AnyArray, stds: AnyArray, spread: Spread, *, unit: str) -> tuple[Change, ...]:
+    """All steps of a series of which the first is held to be one: the rest by splitting each side again.
+
+    Parameters
+    ----------
+    values, stds, spread
+        As for :func:`first_step`.
+    unit
+        Of the values.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(2)
+    >>> y = np.r_[np.full(10, 5.0), np.full(6, 4.5)] + rng.normal(0, 0.05, 16)
+    >>> [one.at_flight for one in steps(y, np.full(16, 0.05), Spread(0.0, 100.0), unit="1")]
+    [11]
+    """
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
+    weight = _weights(s, spread)
+    places: dict[int, float] = {}
+
+    def split(start: int, stop: int, allowed: float) -> None:
+        found = _best_split(y[start:stop], weight[start:stop], spread)
+        if found is None or found.probability > allowed:
+            return
+        places[start + found.at] = found.probability
+        split(start, start + found.at, _FURTHER)
+        split(start + found.at, stop, _FURTHER)
+
+    split(0, y.size, 1.0)
+    ends = [0, *sorted(places), y.size]
+    means = [_mean(y[a:b], weight[a:b], unit) for a, b in itertools.pairwise(ends)]
+    return tuple(
+        Change(at_flight=place + 1, before=means[k], after=means[k + 1], probability=places[place])
+        for k, place in enumerate(sorted(places))
+    )
+
+
+def _mean(y: FloatArray, weight: FloatArray, unit: str) -> Quantity:
+    total = float(weight.sum())
+    return Quantity.normal(float(weight @ y) / total, math.sqrt(1.0 / total), unit)
+
+
+def odd_flights(values: AnyArray, stds: AnyArray, spread: Spread) -> FloatArray:
+    """For each flight the probability that it lies so far from both its sides by chance, shape ``(n,)``.
+
+    A flight is odd that lies on the same side of the two before it and of the two after it; the first one and the last
+    have one side. The first flight after a step agrees with those after it.
+
+    Parameters
+    ----------
+    values, stds, spread
+        As for :func:`first_step`.
+    """
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
+    weight = _weights(s, spread)
+    found = np.ones(y.size)
+    if y.size < _FEWEST_BEFORE + 2:
+        return found
+    for k in range(y.size):
+        sides = []
+        for part in (slice(max(k - 2, 0), k), slice(k + 1, k + 3)):
+            if y[part].size:
+                mean = float(weight[part] @ y[part] / weight[part].sum())
+                sides.append((y[k] - mean) / math.sqrt(1.0 / weight[k] + 1.0 / float(weight[part].sum())))
+        same = all(one > 0 for one in sides) or all(one < 0 for one in sides)
+        if same:
+            found[k] = min(1.0, y.size * _tail(min(sides, key=abs), spread.freedom))
+    return found
+
+
+def drift(values: AnyArray, stds: AnyArray, spread: Spread, *, unit: str) -> Drift | None:
+    """Slope over the flights, by weighted least squares; ``None`` of fewer than five.
+
+    Parameters
+    ----------
+    values, stds, spread, unit
+        As for :func:`steps`.
+
+    Examples
+    --------
+    >>> found = drift(10.0 - 0.1 * np.arange(20), np.full(20, 0.05), Spread(0.0, 100.0), unit="1")
+    >>> round(found.slope.value, 3)
+    -0.1
+    """
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
+    if y.size < 5:
+        return None
+    weight = _weights(s, spread)
+    flight = np.arange(y.size, dtype=np.float64)
+    center = float(weight @ flight / weight.sum())
+    spanned = float(weight @ (flight - center) ** 2)
+    slope, std = float(weight @ ((flight - center) * y)) / spanned, math.sqrt(1.0 / spanned)
+    return Drift(slope=Quantity.normal(slope, std, unit), probability=_tail(slope / std, spread.freedom))

@@ -1,0 +1,341 @@
+"""A fleet: its logs found, each answered once, the journal, the table.
+
+The table does not depend on the order in which answers come: of logs with the same content the one whose address comes
+first counts, and rows are sorted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rotorid import __version__
+from rotorid.data.display import visible
+from rotorid.errors import UsageError
+from rotorid.fleets.engines import Engine, Limits, Processes
+from rotorid.fleets.identity import natural, read_named, read_salt, time_of
+from rotorid.fleets.places import Place, places_of
+from rotorid.fleets.settings import FleetSettings
+from rotorid.fleets.table import (
+    FAILED,
+    JOURNAL,
+    SALT,
+    TABLE,
+    Failed,
+    Journal,
+    LogAnswer,
+    Row,
+    require_parquet,
+    require_table,
+    settings_hash,
+    sorted_failures,
+    sorted_rows,
+    write_table,
+)
+from rotorid.fleets.work import Task
+from rotorid.io.files import sha256_of
+from rotorid.io.folders import scratch_folder
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+_LOCK = "fleet.lock"
+
+
+class Fleet:
+    """A run over many logs, to be iterated once.
+
+    Parameters
+    ----------
+    paths
+        Files, folders, patterns, archives, addresses.
+    settings
+        What is asked of each log.
+    folder
+        Where journal and tables are; what lies there is not done again.
+    engine
+        What carries it out; processes of this machine by default.
+
+    Raises
+    ------
+    UsageError
+        Nothing was found, a model is unknown, or the folder is used by something else.
+    """
+
+    def __init__(
+        self, paths: Iterable[str | Path], settings: FleetSettings, folder: Path, *, engine: Engine | None = None
+    ) -> None:
+        require_parquet()
+        _require_models(settings.models)
+        self.settings, self.folder = settings, folder
+        self.named = read_named(settings.vehicles)
+        self.places = places_of(paths)
+        require_folder(folder)
+        self._claimed = _claim(folder)
+        self._journal = Journal(folder / JOURNAL)
+        self._journal.read()
+        self._salt = read_salt(folder / SALT).decode("ascii", "replace")
+        self._hash = settings_hash(settings.asked())
+        self._engine = engine
+        self.answers: dict[str, LogAnswer] = {}
+        self.resumed = 0
+        self.copies: dict[str, str] = {}
+
+    @property
+    def engine(self) -> Engine:
+        """What carries it out."""
+        if self._engine is None:
+            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+            limits = Limits(memory_bytes=self.settings.memory_bytes, timeout_s=self.settings.timeout_s)
+            self._engine = Processes(min(self.settings.workers or cores, len(self.places)), limits)
+        return self._engine
+
+    def __iter__(self) -> Iterator[LogAnswer]:
+        """Answers as they come, those of earlier runs first; of logs with the same content one."""
+        missing = []
+        seen: set[str] = set()
+        for place in self.places:
+            known = self._known(place)
+            if known is None:
+                missing.append(place)
+                continue
+            self.resumed += 1
+            self.answers[place.address] = known
+            if not known.log_sha256 or known.log_sha256 not in seen:
+                seen.add(known.log_sha256)
+                yield self._with_names(known)
+        missing = self._without_copies(missing)
+        _PROGRESS.info("reading logs", extra={"done": len(self.places) - len(missing), "total": len(self.places)})
+        tasks = (Task(place=one, asked=self.settings.asked(), settings=self._hash, salt=self._salt) for one in missing)
+        running = self.engine.run(tasks) if missing else iter(())
+        try:
+            for answer in running:
+                self._journal.add(answer)
+                self.answers[answer.place] = answer
+                if not answer.log_sha256 or answer.log_sha256 not in seen:
+                    seen.add(answer.log_sha256)
+                    yield self._with_names(answer)
+        finally:
+            if isinstance(running, Generator):
+                running.close()
+
+    def _known(self, place: Place) -> LogAnswer | None:
+        """What an earlier run, of this version and with these settings, answered of a log that has not changed."""
+        found = self._journal.answers.get((place.address, self._hash))
+        fits = found is not None and found.mark == place.mark and found.version == __version__ and found.done
+        return found if fits else None
+
+    def _without_copies(self, places: list[Place]) -> list[Place]:
+        """Places whose content is not known yet: only files of equal size are looked at."""
+        known = {
+            one.log_sha256: one
+            for one in self._journal.answers.values()
+            if one.settings == self._hash and one.version == __version__ and one.done and one.log_sha256
+        }
+        sizes = Counter(_size(place.mark) for place in self.places)
+        sizes.update(_size(one.mark) for one in known.values() if one.place not in {p.address for p in self.places})
+        first: dict[str, Place] = {}
+        left = []
+        for place in places:
+            if sizes[_size(place.mark)] < 2 or place.remote or not Path(place.address).is_file():
+                left.append(place)
+                continue
+            content = sha256_of(Path(place.address))
+            if content in known:
+                answer = _moved(known[content], place)
+                self._journal.add(answer)
+                self.answers[place.address] = answer
+                self.resumed += 1
+            elif content in first:
+                self.copies[place.address] = first[content].address
+            else:
+                first[content] = place
+                left.append(place)
+        return left
+
+    def _with_names(self, answer: LogAnswer) -> LogAnswer:
+        """An answer with the names and times that the user gives, else those that the log's name tells."""
+        keys = (answer.log, answer.place, answer.log_sha256)
+        vehicle = self.named.of(self.named.vehicle, *keys)
+        time_utc = self.named.of(self.named.time, *keys) or time_of(answer.place)
+        return replace(
+            answer,
+            rows=tuple(replace(row, vehicle=vehicle or row.vehicle, time_utc=time_utc) for row in answer.rows),
+            failed=tuple(replace(one, vehicle=vehicle or one.vehicle) for one in answer.failed),
+        )
+
+    def counted(self) -> list[LogAnswer]:
+        """Answers that count, in the order of their addresses: each content once."""
+        counted: dict[str, LogAnswer] = {}
+        for address in sorted(self.answers):
+            answer = self.answers[address]
+            counted.setdefault(answer.log_sha256 or address, self._with_names(answer))
+        return list(counted.values())
+
+    @property
+    def duplicates(self) -> int:
+        """Logs whose content had been there already."""
+        return len(self.answers) - len(self.counted()) + len(self.copies)
+
+    def rows(self) -> list[Row]:
+        """The table."""
+        return sorted_rows(self.counted())
+
+    def failures(self) -> list[Failed]:
+        """The table of what failed."""
+        return sorted_failures(self.counted())
+
+    def write_tables(self) -> None:
+        """Write both tables, each in one step."""
+        write_table(self.folder / TABLE, self.rows(), Row)
+        write_table(self.folder / FAILED, self.failures(), Failed)
+
+    def close(self) -> None:
+        """Let others use the folder."""
+        if self._claimed is not None:
+            os.close(self._claimed)
+            self._claimed = None
+
+    def groups(self) -> Mapping[str, str]:
+        """Group of each log by its hash, where the user named groups."""
+        return {
+            answer.log_sha256: group
+            for answer in self.counted()
+            if (group := self.named.of(self.named.group, answer.log, answer.place, answer.log_sha256))
+        }
+
+
+def _size(mark: str) -> str:
+    return mark.partition("-")[0]
+
+
+def _moved(answer: LogAnswer, place: Place) -> LogAnswer:
+    """The answer of the same content at another place."""
+    name = visible(place.name)
+    folder = visible(Path(answer.place).parent.name)
+    new = visible(place.folder)
+
+    def renamed(vehicle: str) -> str:
+        return new if vehicle == folder else vehicle
+
+    return replace(
+        answer,
+        log=name,
+        place=place.address,
+        mark=place.mark,
+        rows=tuple(replace(row, log=name, vehicle=renamed(row.vehicle)) for row in answer.rows),
+        failed=tuple(replace(one, log=name, vehicle=renamed(one.vehicle)) for one in answer.failed),
+    )
+
+
+def order_of(row: Row) -> tuple[Any, ...]:
+    """What puts the flights of a vehicle in order: their time, else the names of their logs."""
+    return row.time_utc, natural(row.log), row.log_sha256, row.flight
+
+
+def require_folder(folder: Path) -> None:
+    """Make the folder of a fleet, or take one that a fleet made.
+
+    Raises
+    ------
+    UsageError
+        It holds something else, or cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        inside = [one.name for one in folder.iterdir()]
+    except OSError as error:
+        raise UsageError(
+            f"{folder} cannot be used: {error.strerror or error}", needed="a folder that this user may write to"
+        ) from error
+    if inside and JOURNAL not in inside and TABLE not in inside and set(inside) - {SALT, _LOCK}:
+        raise UsageError(
+            f"{folder} holds other files", needed="a new folder, or one of an earlier fleet", remedy="choose --out"
+        )
+    if TABLE in inside:
+        require_table(folder / TABLE)
+
+
+def _claim(folder: Path) -> int | None:
+    """A lock of the folder, which ends with the process; ``None`` where the system has none."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    held = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(held)
+        raise UsageError(
+            f"another run is at work in {folder}", needed="one at a time", remedy="wait, or choose another --out"
+        ) from None
+    except OSError:
+        os.close(held)
+        return None
+    return held
+
+
+def _require_models(models: Iterable[str]) -> None:
+    """Refuse a model that is not known, before any log is read."""
+    from rotorid.pipeline.preparation.resolve import finds_its_channels, nonlinear_of, resolve_model
+    from rotorid.pipeline.settings import HOVER, MODEL
+
+    for name in models:
+        if name not in (MODEL, HOVER) and nonlinear_of(name) is None and not finds_its_channels(name):
+            resolve_model(name)
+
+
+def fleet(
+    paths: Iterable[str | Path] | str | Path,
+    *,
+    settings: FleetSettings | None = None,
+    out: Path | str | None = None,
+    engine: Engine | None = None,
+    **options: Any,
+) -> Iterator[Row]:
+    """Read and identify many logs, and yield rows as they come.
+
+    Parameters
+    ----------
+    paths
+        Files, folders, patterns, archives, addresses such as ``s3://bucket/logs``.
+    settings
+        Choices; everything has a default.
+    out
+        Folder for the journal and the tables; with one, a run that is ended goes on where it was, and the tables are
+        written at the end.
+    engine
+        :class:`rotorid.fleets.Processes` by default, or :class:`rotorid.fleets.Cluster` of a scheduler or a client.
+    **options
+        Fields of :class:`rotorid.fleets.FleetSettings`, which go before ``settings``.
+
+    Yields
+    ------
+    Row
+        One for each parameter of each model of each flight of each log. What failed is in ``failed.parquet``.
+
+    Raises
+    ------
+    UsageError
+        Nothing was found, or an option is wrong.
+
+    Examples
+    --------
+    >>> import pandas  # doctest: +SKIP
+    >>> table = pandas.DataFrame(fleet("logs", models=["rate.roll"], out="fleet"))  # doctest: +SKIP
+    """
+    chosen = replace(settings or FleetSettings(), **options)
+    listed = [paths] if isinstance(paths, str | Path) else list(paths)
+    with contextlib.ExitStack() as stack:
+        folder = Path(out) if out is not None else stack.enter_context(scratch_folder())
+        run = Fleet(listed, chosen, folder, engine=engine)
+        stack.callback(run.close)
+        for answer in run:
+            yield from answer.rows
+        if out is not None:
+            run.write_tables()

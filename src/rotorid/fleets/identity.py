@@ -1,0 +1,153 @@
+"""Who flew, and when: what a log and its name tell, without saying whose board it was.
+
+A record keeps no number of a board, and neither does the table: what identifies a vehicle is hashed with a salt that
+stays in the folder of the results, so that tables of two runs cannot be joined by those who have but the tables.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import re
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rotorid.data.base import Immutable
+from rotorid.data.display import visible
+from rotorid.errors import UsageError
+from rotorid.io.documents import read_text
+from rotorid.io.files import compression_of, unpacked
+
+_HEAD_BYTES = 4 << 20
+_MOST_TABLE_BYTES = 64 << 20
+_PX4 = re.compile(rb"char\[\d{1,3}\] sys_uuid([0-9A-Fa-f]{8,48})")
+_ARDUPILOT = re.compile(rb"[A-Za-z][\w.+-]{1,31} ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})")
+_BETAFLIGHT = re.compile(rb"H DeviceUID:(?:0x)?([0-9A-Fa-f]{8,48})")
+_NO_BOARD = re.compile(rb"0*|F*|f*")
+
+_STAMP = re.compile(
+    r"(?<!\d)(20[0-4]\d)[-_.]?([01]?\d)[-_.]?([0-3]?\d)"
+    r"(?:[-_ T/]{1,3}([0-2]?\d)[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d))?(?!\d)"
+)
+
+
+def read_salt(path: Path) -> bytes:
+    """The salt of a folder, made where there is none."""
+    if path.exists():
+        return path.read_bytes()[:64]
+    salt = secrets.token_hex(16).encode()
+    path.write_bytes(salt)
+    return salt
+
+
+def board_of(log: Path) -> bytes:
+    """Number of the board that wrote a log, empty where the log tells none; it goes nowhere but into a hash."""
+    try:
+        with log.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+        if (compression := compression_of(head)) and not head.startswith(b"PK"):
+            with unpacked(log, compression) as plain, plain.open("rb") as file:
+                head = file.read(_HEAD_BYTES)
+    except Exception:
+        return b""
+    for pattern in (_PX4, _BETAFLIGHT, _ARDUPILOT):
+        if (found := pattern.search(head)) is not None:
+            number = next(group for group in found.groups() if group)
+            return b"" if _NO_BOARD.fullmatch(number.replace(b" ", b"")) else number
+    return b""
+
+
+def hidden(identity: bytes, salt: bytes) -> str:
+    """What the table calls a vehicle whose number must not be known.
+
+    Examples
+    --------
+    >>> hidden(b"003A0021", b"salt")
+    'v-a1d0c54b07'
+    """
+    return f"v-{hashlib.blake2b(identity, key=salt, digest_size=5).hexdigest()}"
+
+
+def time_of(address: str) -> str:
+    """When a log was made, as its name or its folder says: an ISO date with the time where there is one.
+
+    Examples
+    --------
+    >>> time_of("logs/log_7_2025-3-9-14-05-59.ulg"), time_of("2024-05-01/12_33_10.ulg")
+    ('2025-03-09T14:05:59', '2024-05-01T12:33:10')
+    >>> time_of("20250309_140559.bin"), time_of("00000012.BIN")
+    ('2025-03-09T14:05:59', '')
+    """
+    last = None
+    for found in _STAMP.finditer("/".join(address.replace("\\", "/").split("/")[-2:])):
+        year, month, day, hour, minute, second = found.groups()
+        if not (1 <= int(month) <= 12 and 1 <= int(day) <= 31 and int(hour or 0) < 24):
+            continue
+        date = f"{year}-{int(month):02d}-{int(day):02d}"
+        said = f"{date}T{int(hour):02d}:{minute}:{second}" if hour else date
+        last = said if last is None or len(said) > len(last) else last
+    return last or ""
+
+
+def natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """A name as people sort it.
+
+    Examples
+    --------
+    >>> sorted(["log10", "log9"], key=natural)
+    ['log9', 'log10']
+    """
+    return tuple(
+        (0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d{1,18})", name) if part
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named(Immutable):
+    """What a file says of logs, by the name, the path or the hash of a log."""
+
+    vehicle: Mapping[str, str] = field(default_factory=dict)
+    time: Mapping[str, str] = field(default_factory=dict)
+    group: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(vehicle=self.vehicle, time=self.time, group=self.group)
+
+    def of(self, what: Mapping[str, str], *names: str) -> str:
+        """The first that is known."""
+        return next((what[name] for name in names if name in what), "")
+
+
+def read_named(path: Path | None) -> Named:
+    """Read a CSV file with the columns ``log`` and ``vehicle``, and if wanted ``time`` and ``group``.
+
+    Raises
+    ------
+    UsageError
+        The file is missing, or a column is; a log came twice.
+    """
+    if path is None:
+        return Named()
+    needed = "a CSV file with the columns log,vehicle (and, if wanted, time and group)"
+    text = read_text(path, needed=needed, most_bytes=_MOST_TABLE_BYTES).removeprefix("\ufeff")
+    found: dict[str, dict[str, str]] = {"vehicle": {}, "time": {}, "group": {}}
+    try:
+        table = csv.DictReader(io.StringIO(text), strict=True)
+        names = [str(name).strip().lower() for name in table.fieldnames or ()]
+        if "log" not in names or not set(names) & set(found):
+            raise UsageError(f"{path} has the columns {', '.join(names) or 'none'}", needed=needed)
+        table.fieldnames = names
+        for line, entry in enumerate(table, start=2):
+            log = (entry.get("log") or "").strip()
+            if not log:
+                raise UsageError(f"line {line} of {path} names no log", needed=needed)
+            for what, known in found.items():
+                if value := visible((entry.get(what) or "").strip())[:200]:
+                    if known.setdefault(log, value) != value:
+                        raise UsageError(f"{log} came twice in {path}", needed="each log once")
+    except csv.Error as error:
+        raise UsageError(f"{path} cannot be read as CSV: {error}", needed=needed) from error
+    return Named(**found)

@@ -1,0 +1,197 @@
+"""Where logs are: files, folders, patterns, archives, and the stores that fsspec reaches."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import shutil
+import zipfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from rotorid.data.base import Immutable
+from rotorid.errors import LogError, UsageError
+from rotorid.io.folders import scratch_folder
+from rotorid.io.named import is_log, logs_in
+
+MEMBER = "!"
+"""Between an archive and the name of a log in it."""
+
+_MOST_MEMBERS = 1_000_000
+_MOST_MEMBER_BYTES = 8 << 30
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place(Immutable):
+    """One log that was found.
+
+    Parameters
+    ----------
+    address
+        Path of a file, ``archive.zip!member``, or an address such as ``s3://bucket/log.ulg``.
+    mark
+        Size and time of change, or what a store says instead: another one tells a changed log.
+    """
+
+    address: str
+    mark: str
+
+    @property
+    def name(self) -> str:
+        """Last part of the address."""
+        return PurePosixPath(self.address.rpartition(MEMBER)[2].replace("\\", "/")).name
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder around it."""
+        inside = self.address.rpartition(MEMBER)[2] if MEMBER in self.address else self.address
+        around = PurePosixPath(inside.replace("\\", "/")).parent.name
+        return around or PurePosixPath(self.address.partition(MEMBER)[0]).stem
+
+    @property
+    def remote(self) -> bool:
+        """Whether fsspec is needed to reach it."""
+        return is_remote(self.address)
+
+
+def is_remote(address: str) -> bool:
+    """Whether an address names a store.
+
+    Examples
+    --------
+    >>> is_remote("s3://fleet/2025/a.ulg"), is_remote("logs/a.ulg")
+    (True, False)
+    """
+    return "://" in address
+
+
+def places_of(paths: Iterable[str | Path]) -> tuple[Place, ...]:
+    """All logs behind files, folders, patterns, archives and addresses, each once, in the order of their names.
+
+    Raises
+    ------
+    UsageError
+        A path leads to nothing, or nothing was found at all.
+    """
+    found = {place.address: place for path in paths for place in _behind(str(path))}
+    if not found:
+        raise UsageError("no flight log was found", needed="a log, a folder of logs, a pattern or an address")
+    return tuple(found[address] for address in sorted(found))
+
+
+def _behind(path: str) -> Iterator[Place]:
+    if is_remote(path):
+        yield from _in_store(path)
+        return
+    files = [Path(path)]
+    if not files[0].exists():
+        files = [Path(one) for one in sorted(glob.glob(path, recursive=True))]  # noqa: PTH207 - of any depth, absolute or not
+        if not files:
+            raise UsageError(f"{path} is not there", needed="a log, a folder of logs, a pattern or an address")
+    for file in files:
+        if file.is_dir() and (archives := sorted(file.rglob("*.zip"))):
+            # A folder may hold archives alone.
+            yield from (place for archive in archives for place in _in_file(archive))
+            if not any(is_log(one) and one.suffix.lower() != ".zip" for one in file.rglob("*")):
+                continue
+        for log in logs_in([file]):
+            if file.is_dir() and log.suffix.lower() == ".zip":
+                continue
+            yield from _in_file(log)
+
+
+def _in_file(log: Path) -> Iterator[Place]:
+    """A file, or the logs in it where it is an archive of several."""
+    facts = log.stat()
+    mark = f"{facts.st_size}-{facts.st_mtime_ns}"
+    if log.suffix.lower() == ".zip" and (members := _members(log)):
+        yield from (Place(address=f"{log}{MEMBER}{name}", mark=f"{mark}-{crc:08x}") for name, crc in members)
+        return
+    yield Place(address=str(log), mark=mark)
+
+
+def _members(archive: Path) -> list[tuple[str, int]]:
+    """Logs in an archive; none where it holds but one file, which the readers unpack themselves."""
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            inside = [one for one in opened.infolist() if not one.is_dir()]
+    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
+        return []
+    if len(inside) > _MOST_MEMBERS:
+        raise UsageError(f"{archive} holds {len(inside)} files", needed=f"{_MOST_MEMBERS} at most")
+    return [(one.filename, one.CRC) for one in inside if is_log(Path(one.filename))] if len(inside) > 1 else []
+
+
+def _in_store(address: str) -> Iterator[Place]:
+    system, path = _store(address)
+    try:
+        matched = system.glob(path) if glob.has_magic(path) else [path]
+        files: dict[str, Any] = {}
+        for one in matched:
+            files |= system.find(one, detail=True)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{address} cannot be listed: {error}", needed="an address that can be read") from error
+    for name, facts in sorted(files.items()):
+        if is_log(Path(name)):
+            told = [str(facts.get(key, "")) for key in ("size", "ETag", "etag", "md5Hash", "mtime", "LastModified")]
+            yield Place(
+                address=str(system.unstrip_protocol(name)),
+                mark=hashlib.sha256("|".join(told).encode()).hexdigest()[:24],
+            )
+
+
+def _store(address: str) -> tuple[Any, str]:
+    try:
+        import fsspec
+    except ImportError as error:
+        raise UsageError(
+            f"{address} needs fsspec", needed="the extra", remedy="pip install 'rotorid[cluster]' brings it"
+        ) from error
+    try:
+        system, path = fsspec.core.url_to_fs(address)
+    except (ImportError, ValueError, OSError) as error:
+        raise UsageError(
+            f"{address} cannot be reached: {error}", needed="an address of a store that is known"
+        ) from error
+    return system, path
+
+
+@contextmanager
+def fetched(place: Place) -> Iterator[Path]:
+    """A file to read a log from: itself, or a copy that is gone when the context ends.
+
+    Raises
+    ------
+    LogError
+        It cannot be had.
+    """
+    if place.remote:
+        with scratch_folder() as folder:
+            copy = folder / place.name
+            system, path = _store(place.address)
+            try:
+                system.get_file(path, str(copy))
+            except (OSError, ValueError) as error:
+                raise LogError(
+                    f"{place.address} cannot be fetched: {error}", needed="a log that can be read"
+                ) from error
+            yield copy
+        return
+    archive, _, member = place.address.rpartition(MEMBER)
+    if not archive or Path(place.address).exists():
+        yield Path(place.address)
+        return
+    with scratch_folder() as folder:
+        copy = folder / place.name
+        try:
+            with zipfile.ZipFile(archive) as opened:
+                if opened.getinfo(member).file_size > _MOST_MEMBER_BYTES:
+                    raise LogError(f"{place.name} grows beyond {_MOST_MEMBER_BYTES >> 30} GiB", needed="a flight log")
+                with opened.open(member) as packed, copy.open("wb") as file:
+                    shutil.copyfileobj(packed, file)
+        except (OSError, KeyError, zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
+            raise LogError(f"{place.name} cannot be unpacked: {error}", needed="an undamaged archive") from error
+        yield copy

@@ -1,0 +1,89 @@
+"""What is asked of a fleet of logs."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.pipeline.settings import Option, parse_names
+
+USUAL_MODELS = ("rate.roll", "rate.pitch", "rate.yaw")
+"""What most logs with sticks or test inputs can answer."""
+
+_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+_LEAST_MEMORY_BYTES = 512 << 20
+
+
+def parse_memory(text: str) -> int:
+    """Read a size in bytes, ``4GiB`` or ``800M``.
+
+    Examples
+    --------
+    >>> parse_memory("4GiB"), parse_memory("800M")
+    (4294967296, 838860800)
+    """
+    found = re.fullmatch(r"(\d{1,12}(?:\.\d{1,6})?)\s?([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
+    if found is None:
+        raise UsageError(f"the memory {text!r} cannot be read", needed="a size such as 4GiB or 800M")
+    return int(float(found[1]) * _UNITS[found[2].upper()])
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetSettings(Immutable):
+    """Choices of a fleet.
+
+    Parameters
+    ----------
+    models
+        What is identified on every log; see ``rotorid models``.
+    review
+        Whether the measures of ``rotorid review`` are rows too.
+    vehicles
+        CSV file ``log,vehicle``, and if wanted ``time`` and ``group``; a log is named by its file, its path or its
+        hash.
+    workers
+        Processes; as many as there are cores by default.
+    memory_bytes, timeout_s
+        What one log may use.
+    seed
+        Of everything random.
+
+    Raises
+    ------
+    UsageError
+        A number is out of range, or there is nothing to do.
+    """
+
+    models: Annotated[
+        Any,
+        Option("--models", help="Models with commas: rate.roll,physical.motors, ... or none.", parse=parse_names),
+    ] = USUAL_MODELS
+    review: Annotated[bool, Option("--review", help="Also take the measures of rotorid review.")] = False
+    vehicles: Annotated[
+        Path | None,
+        Option("--vehicles", help="CSV log,vehicle (and time, group), where the logs do not tell vehicles apart."),
+    ] = None
+    workers: Annotated[int | None, Option("--workers", help="Processes. [default: one a core]")] = None
+    memory_bytes: Annotated[
+        Any, Option("--memory", help="Most memory for one log.", parse=parse_memory, metavar="SIZE", default="4GiB")
+    ] = 4 << 30
+    timeout_s: Annotated[float, Option("--timeout", help="Most seconds for one log.")] = 600.0
+    seed: Annotated[int, Option("--seed", help="Seed of everything random.")] = 0
+
+    def __post_init__(self) -> None:
+        models = tuple(name for name in self.models if name and name != "none")
+        object.__setattr__(self, "models", tuple(dict.fromkeys(models)))
+        if not self.models and not self.review:
+            raise UsageError("nothing is asked of the logs", needed="--models or --review")
+        if self.workers is not None and not 1 <= self.workers <= 1024:
+            raise UsageError(f"{self.workers} workers came", needed="1 to 1024")
+        if not self.timeout_s > 0.0:
+            raise UsageError(f"a limit of {self.timeout_s:g} s came", needed="a time above zero")
+        if self.memory_bytes < _LEAST_MEMORY_BYTES:
+            raise UsageError(f"{self.memory_bytes >> 20} MiB for a log came", needed="512 MiB at least")
+
+    def asked(self) -> dict[str, Any]:
+        """What a row follows from: with the same log, the same version and this, it is the same row."""
+        return {"models": list(self.models), "review": self.review, "seed": self.seed}

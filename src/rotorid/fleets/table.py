@@ -1,0 +1,367 @@
+"""The table of a fleet: rows, the answer of one log, the journal that a run goes on from, and the Parquet file.
+
+A run writes the answer of each log as a line of a journal as soon as it is there, and the table from the journal. A
+line that was cut off by a crash is left out when the journal is read again, so that what is missing is done and
+nothing twice.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from rotorid import __version__
+from rotorid.data.base import Immutable
+from rotorid.errors import RotoridError, UsageError
+from rotorid.io.documents import parse_json
+from rotorid.io.folders import replacing
+
+TABLE, FAILED, JOURNAL, SALT = "fleet.parquet", "failed.parquet", "fleet.journal", "fleet.salt"
+SCHEMA = "rotorid.fleet.table/1"
+_JOURNAL_SCHEMA = "rotorid.fleet.journal/1"
+_MOST_LINE_BYTES = 64 << 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row(Immutable):
+    """One parameter of one model of one flight of one log.
+
+    Parameters
+    ----------
+    log, log_sha256
+        Name and content of the log.
+    vehicle
+        Who flew: a name that was given, a salted hash of its board, or the folder of its logs.
+    time_utc
+        When, as the log's name says it; empty where it does not.
+    flight
+        Number of the flight within its log, from 1.
+    model, parameter
+        What was identified; ``review`` for a measure.
+    value, std, std_random, lower, upper
+        Estimate, standard deviation of all errors and of the random ones alone, 95 % interval; nan where not stated.
+    unit
+        Of these.
+    findings
+        Kinds of the warnings of the model, with commas.
+    format, firmware
+        Of the log.
+    settings
+        Hash of what was asked.
+    version
+        Of the program.
+    """
+
+    log: str
+    log_sha256: str
+    vehicle: str
+    time_utc: str
+    flight: int
+    model: str
+    parameter: str
+    value: float
+    std: float
+    std_random: float
+    lower: float
+    upper: float
+    unit: str
+    findings: str
+    format: str
+    firmware: str
+    settings: str
+    version: str = __version__
+
+    @property
+    def key(self) -> tuple[str, str, int, str, str]:
+        """What rows are sorted by, and no two share."""
+        return self.log, self.log_sha256, self.flight, self.model, self.parameter
+
+
+Failure: TypeAlias = Literal["refused", "unreadable", "died", "time", "memory", "error"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failed(Immutable):
+    """What a log, or a model of it, could not answer, and why."""
+
+    log: str
+    log_sha256: str
+    vehicle: str
+    flight: int
+    model: str
+    kind: Failure
+    reason: str
+    version: str = __version__
+
+    @property
+    def key(self) -> tuple[str, str, int, str]:
+        """What failures are sorted by."""
+        return self.log, self.log_sha256, self.flight, self.model
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogAnswer(Immutable):
+    """All that one log answered.
+
+    Parameters
+    ----------
+    log
+        Name of the log.
+    place
+        Where it was found.
+    mark
+        What tells a changed file: its size and time, or what the store says.
+    log_sha256
+        Content; empty where it could not be read.
+    settings
+        Hash of what was asked.
+    rows, failed
+        What it gave, and what it could not.
+    seconds
+        That the worker took.
+    version
+        Of the program.
+    """
+
+    log: str
+    place: str
+    mark: str
+    log_sha256: str
+    settings: str
+    rows: tuple[Row, ...] = ()
+    failed: tuple[Failed, ...] = ()
+    seconds: float = 0.0
+    version: str = __version__
+
+    @property
+    def done(self) -> bool:
+        """Whether another run would answer the same: what ended a worker may not end the next."""
+        return all(one.kind in ("refused", "unreadable") for one in self.failed)
+
+    def as_json(self) -> str:
+        """One line."""
+        table = {item.name: getattr(self, item.name) for item in fields(self)}
+        table["rows"] = [asdict(row) for row in self.rows]
+        table["failed"] = [asdict(one) for one in self.failed]
+        return json.dumps(_without_nan(table), ensure_ascii=True, allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text: str) -> LogAnswer:
+        """The answer that a line holds.
+
+        Raises
+        ------
+        ValueError
+            It holds none.
+        """
+        try:
+            table = parse_json(text)
+            rows = tuple(_row(one) for one in table.pop("rows"))
+            failed = tuple(Failed(**one) for one in table.pop("failed"))
+            return cls(**table, rows=rows, failed=failed)
+        except (KeyError, TypeError, AttributeError, RotoridError) as error:
+            raise ValueError(f"no answer of a log: {error}") from error
+
+
+_NUMBERS = ("value", "std", "std_random", "lower", "upper")
+
+
+def _row(table: Mapping[str, Any]) -> Row:
+    numbers = {name: math.nan if table[name] is None else float(table[name]) for name in _NUMBERS}
+    return Row(**{**table, **numbers})
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {name: _without_nan(one) for name, one in value.items()}
+    return [_without_nan(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def settings_hash(asked: Mapping[str, Any]) -> str:
+    """Hash of what was asked of every log."""
+    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:16]
+
+
+@dataclass(eq=False)
+class Journal:
+    """Answers as they came, one a line; a run that is ended at any moment loses at most the last one.
+
+    Parameters
+    ----------
+    path
+        The file.
+    """
+
+    path: Path
+    answers: dict[tuple[str, str], LogAnswer] = field(default_factory=dict)
+
+    def read(self) -> None:
+        """Take in what earlier runs wrote, the later answer for each log; a line that was cut off is cut away.
+
+        Raises
+        ------
+        UsageError
+            The file is of something else.
+        """
+        if not self.path.exists():
+            return
+        whole = 0
+        with self.path.open("rb") as file:
+            for number, line in enumerate(iter(lambda: file.readline(_MOST_LINE_BYTES), b"")):
+                if not line.endswith(b"\n"):
+                    break
+                try:
+                    if number == 0:
+                        self._require(line)
+                    else:
+                        self._keep(LogAnswer.from_json(line.decode()))
+                except ValueError:
+                    if number == 0:
+                        self._require(b"")
+                whole += len(line)
+        if whole < self.path.stat().st_size:
+            with self.path.open("rb+") as file:
+                file.truncate(whole)
+
+    def _require(self, line: bytes) -> None:
+        try:
+            schema = parse_json(line.decode()).get("schema")
+        except (ValueError, AttributeError):
+            schema = None
+        if schema != _JOURNAL_SCHEMA:
+            raise UsageError(
+                f"{self.path} is of another schema", needed=_JOURNAL_SCHEMA, remedy="choose another folder with --out"
+            )
+
+    def _keep(self, answer: LogAnswer) -> None:
+        self.answers[answer.place, answer.settings] = answer
+
+    def add(self, answer: LogAnswer) -> None:
+        """Write one answer down.
+
+        Raises
+        ------
+        UsageError
+            There is no room; what was written before stays whole.
+        """
+        self._keep(answer)
+        before = self.path.stat().st_size if self.path.exists() else 0
+        head = "" if before else json.dumps({"schema": _JOURNAL_SCHEMA}) + "\n"
+        try:
+            with self.path.open("ab", buffering=0) as file:
+                data = (head + answer.as_json() + "\n").encode()
+                if file.write(data) != len(data):
+                    raise OSError(28, os.strerror(28))
+        except OSError as error:
+            if self.path.exists():
+                with self.path.open("rb+") as file:
+                    file.truncate(before)
+            raise UsageError(
+                f"{self.path} cannot be written: {error.strerror or error}",
+                needed="a folder with space that this user may write to",
+                remedy="make room and start again: what is done is kept",
+            ) from error
+
+
+def sorted_rows(answers: Iterable[LogAnswer]) -> list[Row]:
+    """All rows in the order of the table."""
+    return sorted((row for answer in answers for row in answer.rows), key=lambda row: row.key)
+
+
+def sorted_failures(answers: Iterable[LogAnswer]) -> list[Failed]:
+    """All failures in the order of their table."""
+    return sorted((one for answer in answers for one in answer.failed), key=lambda one: one.key)
+
+
+def write_table(path: Path, values: Sequence[Row] | Sequence[Failed], kind: type[Row] | type[Failed]) -> None:
+    """Write rows as Parquet, in one step: equal rows give equal bytes.
+
+    Raises
+    ------
+    UsageError
+        The place cannot be written, or pyarrow is missing.
+    """
+    require_parquet()
+    import pyarrow as arrow
+    from pyarrow import parquet
+
+    types = {"float": arrow.float64(), "int": arrow.int32()}
+    schema = arrow.schema(
+        [(item.name, types.get(str(item.type), arrow.string())) for item in fields(kind)], metadata={"rotorid": SCHEMA}
+    )
+    columns = {item.name: [getattr(value, item.name) for value in values] for item in fields(kind)}
+    try:
+        with replacing(path) as place:
+            parquet.write_table(arrow.table(columns, schema=schema), place, compression="zstd")
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be written: {error.strerror or error}",
+            needed="a folder with space that this user may write to",
+            remedy="make room and start again: what is done is kept",
+        ) from error
+
+
+def read_table(path: Path) -> list[Row]:
+    """Rows of a table that :func:`write_table` wrote.
+
+    Raises
+    ------
+    UsageError
+        The file is of another schema.
+    """
+    require_table(path)
+    from pyarrow import parquet
+
+    return [Row(**one) for one in parquet.read_table(path).to_pylist()]
+
+
+def require_table(path: Path) -> None:
+    """Refuse a table of another schema.
+
+    Raises
+    ------
+    UsageError
+        The file is no table of rotorid, or of another version.
+    """
+    require_parquet()
+    import pyarrow as arrow
+    from pyarrow import parquet
+
+    try:
+        found = (parquet.read_schema(path).metadata or {}).get(b"rotorid", b"").decode()
+    except (OSError, arrow.ArrowInvalid):
+        found = ""
+    if found != SCHEMA:
+        came = found or "no table of rotorid"
+        raise UsageError(f"{path} is {came}", needed=SCHEMA, remedy="choose another folder with --out")
+
+
+def require_parquet() -> None:
+    """Refuse to begin where the table could not be written.
+
+    Raises
+    ------
+    UsageError
+        pyarrow is missing.
+    """
+    from importlib.util import find_spec
+
+    if find_spec("pyarrow") is None:
+        raise UsageError(
+            "a fleet's table needs pyarrow", needed="the extra", remedy="pip install 'rotorid[parquet]' brings it"
+        )
+
+
+def read_answers(journal: Path) -> Iterator[LogAnswer]:
+    """Answers that a journal holds."""
+    found = Journal(journal)
+    found.read()
+    yield from found.answers.values()

@@ -1,0 +1,279 @@
+"""What is done with one log: read, cut into its flights, identified, reviewed; the answer as rows."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.display import visible
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord, Topic
+from rotorid.errors import InsufficientDataError, LogError, RotoridError
+from rotorid.fleets.identity import board_of, hidden
+from rotorid.fleets.places import Place, fetched
+from rotorid.fleets.table import Failed, Failure, LogAnswer, Row
+from rotorid.io.registry import read
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.signal.airborne import airborne
+
+REVIEW = "review"
+"""What the table calls measures of a review in the place of a model."""
+
+_SHORTEST_FLIGHT_S = 20.0
+_ON_THE_GROUND_S = 10.0
+_MARGIN_S = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task(Immutable):
+    """One log, and what is asked of it.
+
+    Parameters
+    ----------
+    place
+        Where it is.
+    asked
+        As :meth:`rotorid.fleets.FleetSettings.asked` gives it.
+    settings
+        Its hash.
+    salt
+        For the names of vehicles.
+    copy
+        Where the log lies on this machine, if not at its place.
+    """
+
+    place: Place
+    asked: Mapping[str, Any]
+    settings: str
+    salt: str
+    copy: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """For another process."""
+        return {
+            "place": asdict(self.place),
+            "asked": dict(self.asked),
+            "settings": self.settings,
+            "salt": self.salt,
+            "copy": self.copy,
+        }
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> Task:
+        """As another process sent it."""
+        return cls(**{**table, "place": Place(**table["place"])})
+
+
+def answer(task: Task) -> LogAnswer:
+    """Read a log, identify its flights, and say what each model gave, or why it gave nothing."""
+    begun = time.monotonic()
+    try:
+        if task.copy:
+            found = _answer(task, Path(task.copy))
+        else:
+            with fetched(task.place) as log:
+                found = _answer(task, log)
+    except LogError as error:
+        found = failure(task, "unreadable", str(error))
+    except MemoryError:
+        found = failure(task, "memory", "It asked for more memory than one log may use.")
+    # A fault of the program costs this log alone, and is named in the table of failures.
+    except Exception as error:
+        found = failure(task, "error", f"{type(error).__name__}: {error}")
+    return replace(found, seconds=round(time.monotonic() - begun, 3))
+
+
+def failure(task: Task, kind: Failure, reason: str) -> LogAnswer:
+    """The answer of a log that gave none."""
+    name = visible(task.place.name)
+    failed = Failed(
+        log=name,
+        log_sha256="",
+        vehicle=visible(task.place.folder),
+        flight=0,
+        model="",
+        kind=kind,
+        reason=visible(" ".join(reason.split()))[:500],
+    )
+    return _empty(task, failed=(failed,))
+
+
+def _empty(task: Task, **more: Any) -> LogAnswer:
+    return LogAnswer(
+        **{
+            "log": visible(task.place.name),
+            "place": task.place.address,
+            "mark": task.place.mark,
+            "log_sha256": "",
+            "settings": task.settings,
+            **more,
+        }
+    )
+
+
+def _answer(task: Task, log: Path) -> LogAnswer:
+    record = read(log)
+    board = board_of(log)
+    facts = {
+        "log": visible(task.place.name),
+        "log_sha256": record.source.sha256,
+        "vehicle": hidden(board, task.salt.encode()) if board else visible(task.place.folder),
+    }
+    rows: list[Row] = []
+    failed: list[Failed] = []
+    for number, flight in enumerate(flights_of(record), start=1):
+        for name, told in _told(flight, task):
+            if isinstance(told, str):
+                failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=told[:500]))
+                continue
+            common: dict[str, Any] = {
+                **facts,
+                "time_utc": "",
+                "flight": number,
+                "model": name,
+                "format": record.source.format,
+                "firmware": visible(record.source.firmware),
+                "settings": task.settings,
+            }
+            rows += [Row(**common, **numbers) for numbers in told]
+    return _empty(task, log_sha256=record.source.sha256, rows=tuple(rows), failed=tuple(failed))
+
+
+def _told(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str, Any]] | str]]:
+    """Each model by name with its numbers, or the sentence that says why there are none."""
+    from rotorid.pipeline.several import identify_several
+
+    models = task.asked["models"]
+    if models:
+        try:
+            several = identify_several([record], models, settings=IdentifySettings(seed=task.asked["seed"]))
+        except RotoridError as error:
+            yield from ((name, str(error)) for name in models)
+        else:
+            for name, one in several.items():
+                if isinstance(one, IdentifiedModel):
+                    yield name, list(_numbers(one))
+                else:
+                    reasons = [finding.message for finding in one.findings if finding.severity == "error"]
+                    yield name, reasons[0] if reasons else "The data do not support it."
+    if task.asked["review"]:
+        try:
+            yield REVIEW, list(_measures(record))
+        except InsufficientDataError as error:
+            yield REVIEW, str(error)
+
+
+def _numbers(model: IdentifiedModel) -> Iterator[dict[str, Any]]:
+    kinds = ",".join(sorted({finding.kind for finding in model.findings if finding.severity == "warning"}))
+    motors = dict(model.motors.derived) if model.motors is not None else {}
+    estimates: dict[str, Any] = {
+        name: one for name, one in model.parameters.items() if one.status == "free" and one.std is not None
+    }
+    for name, one in {**estimates, **motors}.items():
+        random = one.std_random if isinstance(one, ParameterEstimate) else one.std
+        yield {
+            "parameter": name,
+            "value": one.value,
+            "std": one.std,
+            "std_random": one.std if random is None else random,
+            "lower": _or_nan(getattr(one, "lower", None)),
+            "upper": _or_nan(getattr(one, "upper", None)),
+            "unit": one.unit,
+            "findings": kinds,
+        }
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _measures(record: FlightRecord) -> Iterator[dict[str, Any]]:
+    """The numbers of a review with their errors, by the path that its document gives them."""
+    from rotorid.pipeline.review.review import review
+
+    seen = review(record, models=False)
+    groups: dict[str, Mapping[str, Quantity]] = {
+        **{f"loops.{name}": loop.numbers for name, loop in seen.loops.items()},
+        **{f"margins.{axis}": margin.numbers for axis, margin in seen.margins.items()},
+        "battery": seen.flight.battery,
+        "noise": seen.noise.numbers,
+        "motors": {**seen.motors.means, **seen.motors.numbers},
+    }
+    if seen.flight.hover_throttle is not None:
+        groups["flight"] = {"hover_throttle": seen.flight.hover_throttle}
+    kinds = ",".join(sorted({finding.kind for finding in seen.findings if finding.severity == "warning"}))
+    for group, numbers in groups.items():
+        for name, one in numbers.items():
+            yield {
+                "parameter": f"{group}.{name}",
+                "value": one.value,
+                "std": one.std,
+                "std_random": one.std,
+                "lower": one.lower if math.isfinite(one.lower) else math.nan,
+                "upper": one.upper if math.isfinite(one.upper) else math.nan,
+                "unit": one.unit,
+                "findings": kinds,
+            }
+
+
+def flights_of(record: FlightRecord) -> list[FlightRecord]:
+    """The flights of a log as records of their own; a log with one flight, or none that can be told, as it is.
+
+    Flights are apart where the vehicle stood on the ground for 10 s, and count from 20 s in the air.
+    """
+    try:
+        found = airborne(record).intervals
+    except InsufficientDataError:
+        return [record]
+    joined: list[list[float]] = []
+    for start_s, stop_s in found:
+        if joined and start_s - joined[-1][1] < _ON_THE_GROUND_S:
+            joined[-1][1] = stop_s
+        else:
+            joined.append([start_s, stop_s])
+    flights = [(start, stop) for start, stop in joined if stop - start >= _SHORTEST_FLIGHT_S]
+    if len(flights) < 2:
+        return [record]
+    return [cut(record, start - _MARGIN_S, stop + _MARGIN_S) for start, stop in flights]
+
+
+def cut(record: FlightRecord, start_s: float, stop_s: float) -> FlightRecord:
+    """The part of a record between two times."""
+
+    def topic(one: Topic) -> Topic | None:
+        low, high = np.searchsorted(one.time_s, [start_s, stop_s])
+        if low >= high:
+            return None
+        return replace(one, time_s=one.time_s[low:high], values=one.values[:, low:high])
+
+    def inside(intervals: Any) -> Any:
+        return (
+            None
+            if intervals is None
+            else tuple((max(a, start_s), min(b, stop_s)) for a, b in intervals if a < stop_s and b > start_s)
+        )
+
+    status = record.status
+    return replace(
+        record,
+        topics=tuple(part for one in record.topics if (part := topic(one)) is not None),
+        declared=tuple(one for one in record.declared if one.start_s >= start_s and one.stop_s <= stop_s),
+        status=replace(
+            status,
+            armed=inside(status.armed),
+            in_air=inside(status.in_air),
+            direct_rates=inside(status.direct_rates),
+            modes=tuple(
+                (name, max(a, start_s), min(b, stop_s)) for name, a, b in status.modes if a < stop_s and b > start_s
+            ),
+        ),
+    )

@@ -1,0 +1,61 @@
+"""A worker of a fleet: one log after the other, each a line in and a line out, limited in memory.
+
+The answers go to what was standard output; whatever a library prints goes to standard error.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+import threading
+import time
+from importlib import import_module
+
+
+def main() -> None:
+    """Answer what comes, until nothing comes any more."""
+    memory_bytes, work = int(sys.argv[1]), sys.argv[2]
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ[name] = "1"
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    module, _, function = work.partition(":")
+    answer = getattr(import_module(module), function)
+    from rotorid.fleets.work import Task
+
+    _limit(memory_bytes)
+    import warnings
+
+    warnings.simplefilter("ignore")
+    for line in sys.stdin:
+        told = answer(Task.from_json(json.loads(line)))
+        answers.write(told.as_json() + "\n")
+        answers.flush()
+
+
+def _limit(memory_bytes: int) -> None:
+    """Bound what is asked for beyond what the libraries have taken already."""
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        import resource
+
+        taken = 0
+        with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123
+            taken = int(file.read().split()[0]) * resource.getpagesize()
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        limit = memory_bytes + taken
+        resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _end_with_parent(parent: int) -> None:
+    """A worker whose run is gone has nobody to answer."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(3)
+
+
+if __name__ == "__main__":
+    main()
