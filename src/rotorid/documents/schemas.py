@@ -10,6 +10,7 @@ from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
 from rotorid.documents.export import ExportDocument, ModelsDocument
+from rotorid.documents.fleet import FleetDocument
 from rotorid.documents.flown import FlownDocument
 from rotorid.documents.inspection import InspectDocument, InspectionsDocument
 from rotorid.documents.response import ResponseDocument
@@ -43,6 +44,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.tune_check-1": TuneCheckDocument,
     "rotorid.vehicle-1": VehicleFile,
     "rotorid.stitched-1": StitchedDocument,
+    "rotorid.fleet-1": FleetDocument,
 }
 
 

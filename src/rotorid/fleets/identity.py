@@ -66,7 +66,7 @@ def hidden(identity: bytes, salt: bytes) -> str:
     Examples
     --------
     >>> hidden(b"003A0021", b"salt")
-    'v-a1d0c54b07'
+    'v-d622c93626'
     """
     return f"v-{hashlib.blake2b(identity, key=salt, digest_size=5).hexdigest()}"
 
@@ -145,9 +145,9 @@ def read_named(path: Path | None) -> Named:
             if not log:
                 raise UsageError(f"line {line} of {path} names no log", needed=needed)
             for what, known in found.items():
-                if value := visible((entry.get(what) or "").strip())[:200]:
-                    if known.setdefault(log, value) != value:
-                        raise UsageError(f"{log} came twice in {path}", needed="each log once")
+                value = visible((entry.get(what) or "").strip())[:200]
+                if value and known.setdefault(log, value) != value:
+                    raise UsageError(f"{log} came twice in {path}", needed="each log once")
     except csv.Error as error:
         raise UsageError(f"{path} cannot be read as CSV: {error}", needed=needed) from error
     return Named(**found)

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import optimize, stats
@@ -138,11 +139,11 @@ def random_effects(
     x = np.ones((y.size, 1)) if design is None else np.asarray(design, dtype=np.float64)
     who = np.unique(np.asarray(vehicle), return_inverse=True)[1]
     center = float(np.median(y))
-    scale = float(max(np.std(y), np.median(s), 1e-300))
+    scale = max(float(np.std(y)), float(np.median(s)), 1e-300)
     # An error of exactly zero would let a variance vanish and the likelihood grow without end.
     floor = 1e-4
     likelihood = _Likelihood((y - center) / scale, np.maximum(s / scale, floor), who, x)
-    found = [
+    found: list[Any] = [
         optimize.minimize(likelihood, start, method="L-BFGS-B", bounds=[(0.0, _WIDEST), (0.0, _WIDEST)])
         for start in _STARTS
     ]
@@ -168,10 +169,10 @@ def _profile(cost: Callable[[float, float], float], best: float, other: float, l
 
     def above(one: float) -> float:
         high = max(4.0 * other, 0.5)
-        least = optimize.minimize_scalar(
+        least: Any = optimize.minimize_scalar(
             lambda two: cost(one, float(two)), bounds=(0.0, high), method="bounded", options={"xatol": 1e-4 * high}
         )
-        return float(min(least.fun, cost(one, other))) - lowest - _HALF_CHI2_95
+        return min(float(least.fun), cost(one, other)) - lowest - _HALF_CHI2_95
 
     low = 0.0 if best <= 0.0 or above(0.0) < 0.0 else float(optimize.brentq(above, 0.0, best, xtol=1e-4))
     high = max(2.0 * best, 0.1)

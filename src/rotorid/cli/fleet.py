@@ -1,0 +1,214 @@
+"""``rotorid fleet PATH...``: many logs into one table, and what the fleet says of its vehicles."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rotorid.cli.command import command_line
+from rotorid.cli.console import error_console, output_console, say
+from rotorid.cli.options import Only, Output
+from rotorid.errors import UsageError
+from rotorid.fleets.settings import FleetSettings
+
+if TYPE_CHECKING:
+    from rotorid.documents.fleet import FleetDocument
+    from rotorid.fleets.engines import Engine
+    from rotorid.fleets.fleet import Fleet
+
+FILE, PAGE = "fleet.json", "fleet.html"
+_USUAL_FOLDER = Path("rotorid-out") / "fleet"
+_MOST_LINES = 12
+
+
+def fleet_command(
+    paths: Annotated[
+        list[str],
+        typer.Argument(help="Logs, folders, patterns, archives, or addresses such as s3://bucket/logs."),
+    ],
+    *,
+    settings: FleetSettings,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Let a Dask cluster do it: tcp://HOST:8786.", metavar="ADDRESS")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume/--again", help="Go on from what is in the folder, or do all logs again.")
+    ] = True,
+    output: Annotated[Output, Only("out", "json", "quiet")],
+) -> None:
+    """Read many logs once, identify each, and say what is normal, what differs and what changed."""
+    from rotorid.documents.base import to_json
+    from rotorid.documents.fleet import fleet_document
+    from rotorid.fleets.analysis import analyze
+    from rotorid.fleets.fleet import Fleet
+    from rotorid.fleets.table import JOURNAL
+    from rotorid.io.files import write_atomically
+    from rotorid.report.fleet import render_fleet
+
+    folder = output.out or _USUAL_FOLDER
+    if not resume:
+        _forget(folder / JOURNAL)
+    engine = _engine(scheduler, settings)
+    run = Fleet(paths, settings, folder, engine=engine)
+    try:
+        with _bar(run, quiet=output.quiet) as count:
+            try:
+                for answer in run:
+                    count(bool(answer.rows))
+            except KeyboardInterrupt:
+                # What is done is kept: the tables hold it, and the next run goes on from there.
+                run.write_tables()
+                say(f"rotorid: ended after {len(run.answers)} of {len(run.places)} logs; the same command goes on")
+                raise
+        rows, failed = run.rows(), run.failures()
+        analysis = analyze(rows, groups=run.groups())
+        counted = run.counted()
+        document = fleet_document(
+            analysis,
+            failed=failed,
+            counts={
+                "logs": len(run.places),
+                "done": sum(bool(one.rows) for one in counted),
+                "resumed": run.resumed,
+                "duplicates": run.duplicates,
+                "rows": len(rows),
+                "vehicles": len({row.vehicle for row in rows}),
+            },
+            settings=settings.asked(),
+            command=command_line(),
+        )
+        run.write_tables()
+        write_atomically(folder / PAGE, render_fleet(analysis, document))
+        text = to_json(document)
+        write_atomically(folder / FILE, text)
+    finally:
+        run.close()
+    if output.json:
+        sys.stdout.write(text)
+    elif not output.quiet:
+        _print(document, folder)
+    if not document.done:
+        say("rotorid: no log gave an answer; the reasons are in the table of failures")
+        raise typer.Exit(1)
+
+
+def _forget(journal: Path) -> None:
+    try:
+        journal.unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(f"{journal} cannot be removed: {error.strerror}", needed="a folder of one's own") from error
+
+
+def _engine(scheduler: str | None, settings: FleetSettings) -> Engine | None:
+    if scheduler is None:
+        return None
+    from rotorid.fleets.engines import Cluster, Limits
+
+    if settings.workers is not None:
+        raise UsageError("--workers came with --scheduler", needed="one of them: a cluster has its own workers")
+    return Cluster(scheduler, Limits(memory_bytes=settings.memory_bytes, timeout_s=settings.timeout_s))
+
+
+@contextmanager
+def _bar(run: Fleet, *, quiet: bool) -> Iterator[Any]:
+    """A line with rate, remaining time and failures so far on a terminal; every minute a sentence in a pipe."""
+    total, failures, done = len(run.places), 0, 0
+    console = error_console()
+    if quiet or not console.is_terminal:
+        last = time.monotonic()
+
+        def tell(good: bool) -> None:
+            nonlocal failures, done, last
+            done, failures = done + 1, failures + (not good)
+            if not quiet and time.monotonic() - last > 60.0:
+                last = time.monotonic()
+                say(f"rotorid: {done} of {total} logs, {failures} without an answer")
+
+        yield tell
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("logs"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[failed]}"),
+    )
+    begun = time.monotonic()
+    with Progress(*columns, console=console, transient=True) as shown:
+        task = shown.add_task("logs", total=total, rate="", failed="")
+
+        def count(good: bool) -> None:
+            nonlocal failures, done
+            done, failures = done + 1, failures + (not good)
+            rate = done / max(time.monotonic() - begun, 1e-6)
+            words = f"{failures} without an answer" if failures else ""
+            shown.update(task, completed=done, rate=f"{rate:.2g} a second", failed=words)
+
+        yield count
+
+
+def _print(document: FleetDocument, folder: Path) -> None:
+    console = output_console()
+
+    def plain(text: str) -> None:
+        console.print(text, markup=False, soft_wrap=True)
+
+    whole = {one.log for one in document.failed if not one.model}
+    plain(
+        f"{document.logs} logs of {document.vehicles} vehicles: {document.done} answered, {len(whole)} failed, "
+        f"{document.duplicates} copies, {document.resumed} from earlier runs; {document.rows} rows"
+    )
+    _list(
+        plain,
+        "changed",
+        [f"{one.vehicle}, flight {one.at_flight}: {one.words}{_because(one.usual)}" for one in document.causes],
+    )
+    _list(plain, "slowly changing", [f"{one.vehicle}: {one.parameter} of {one.model}" for one in document.drifts])
+    _list(
+        plain,
+        "differs from the rest",
+        [f"{one.vehicle}: {one.parameter} of {one.model}" for one in document.outliers.vehicles],
+    )
+    _list(
+        plain,
+        "odd flights",
+        [
+            f"{one.vehicle}, flight {one.flight} ({one.log}): {one.parameter} {one.value.value:.4g}, expected {one.expected:.4g}"
+            for one in document.outliers.flights
+        ],
+    )
+    _list(
+        plain,
+        "groups that differ",
+        [
+            f"{one.parameter} of {one.model}: {one.group} against {one.against} {one.difference.value:+.4g} {one.difference.unit}"
+            for one in document.groups
+            if one.found
+        ],
+    )
+    _list(plain, "failed", [f"{one.log}: {one.reason}" for one in document.failed if not one.model])
+    plain(f"page: {folder / PAGE}")
+    plain(f"table: {folder / document.table}")
+
+
+def _because(usual: str) -> str:
+    return f" ({usual}?)" if usual else ""
+
+
+def _list(plain: Any, title: str, lines: Sequence[str]) -> None:
+    if not lines:
+        return
+    plain(f"\n{title}")
+    for line in lines[:_MOST_LINES]:
+        plain(f"  {line}")
+    if len(lines) > _MOST_LINES:
+        plain(f"  and {len(lines) - _MOST_LINES} more, which the page shows")

@@ -1,0 +1,192 @@
+"""The page of ``fleet``: what changed, what is normal, the history of each vehicle, and a table that sorts and filters.
+
+The numbers stand in the page column by column; the page's script draws what is looked at and no more, so that ten
+thousand logs stay smooth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rotorid.data.display import visible
+from rotorid.documents.fleet import FleetDocument, PopulationDocument
+from rotorid.fleets.analysis import FleetAnalysis, History
+from rotorid.report.frame import MISSING, render, significant, unit, with_error
+
+_DIGITS = 7
+_MOST_FAILED = 200
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PopulationRow:
+    """One parameter over the fleet; numbers are text."""
+
+    model: str
+    parameter: str
+    unit: str
+    mean: str
+    between: str
+    within: str
+    normal: str
+    vehicles: int
+    flights: int
+
+
+def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
+    """The page of a fleet as one HTML file.
+
+    Parameters
+    ----------
+    analysis
+        What its table says.
+    document
+        The same as it is written, with what failed.
+    """
+    return render(
+        "fleet.html",
+        pictures=(),
+        further_script="fleet.js",
+        further=_for_script(analysis),
+        title=f"{document.logs} logs of {_count(document.vehicles, 'vehicle')}",
+        sentences=_sentences(document),
+        document=document,
+        populations=[
+            _row(model, name, one) for model, many in document.population.items() for name, one in many.items()
+        ],
+        failed=document.failed[:_MOST_FAILED],
+        more_failed=max(len(document.failed) - _MOST_FAILED, 0),
+        significant=significant,
+        percent=_percent,
+    )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _sentences(document: FleetDocument) -> list[str]:
+    changed = sorted({one.vehicle for one in document.changes})
+    odd = sorted({one.vehicle for one in document.outliers.vehicles})
+    first = (
+        f"{_count(len(changed), 'vehicle')} changed: {_listed(changed)}."
+        if changed
+        else "No vehicle changed from one flight to the next."
+    )
+    said = [first]
+    if odd:
+        said.append(
+            f"{_count(len(odd), 'vehicle')} differ{'s' if len(odd) == 1 else ''} from the rest: {_listed(odd)}."
+        )
+    if drifting := sorted({one.vehicle for one in document.drifts}):
+        said.append(f"Slowly changing: {_listed(drifting)}.")
+    if odd_flights := {(one.vehicle, one.flight) for one in document.outliers.flights}:
+        said.append(f"{_count(len(odd_flights), 'flight')} by itself unlike its neighbors.")
+    whole = {one.log for one in document.failed if not one.model}
+    said.append(
+        f"{_count(document.rows, 'number')} of {_count(document.done, 'log')}"
+        + (f"; {_count(len(whole), 'log')} could not be used" if whole else "")
+        + (
+            f"; {_count(document.duplicates, 'copy').replace('copys', 'copies')} counted once"
+            if document.duplicates
+            else ""
+        )
+        + "."
+    )
+    return said
+
+
+def _listed(names: Sequence[str], most: int = 6) -> str:
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
+
+
+def _percent(value: float | None) -> str:
+    return MISSING if value is None else f"{100.0 * value:+.1f} %".replace("-", "−")
+
+
+def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:
+    low, high = one.normal
+    return PopulationRow(
+        model=model,
+        parameter=name,
+        unit=unit(one.unit),
+        mean=with_error(one.mean.value, one.mean.std),
+        between=_deviation(one.between_std),
+        within=_deviation(one.within_std),
+        normal=f"{significant(low)} to {significant(high)}",
+        vehicles=one.vehicles,
+        flights=one.flights,
+    )
+
+
+def _deviation(one: Any) -> str:
+    if one is None:
+        return MISSING
+    high = MISSING if one.upper is None else significant(one.upper, digits=2)
+    return f"{significant(one.value, digits=2)} ({significant(one.lower, digits=2)} to {high})"
+
+
+def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
+    """Every history by columns; texts that repeat are numbers of a list."""
+    logs: dict[str, int] = {}
+    findings: dict[str, int] = {}
+    vehicles: dict[str, int] = {}
+
+    def number(known: dict[str, int], text: str) -> int:
+        return known.setdefault(visible(text), len(known))
+
+    series = [
+        {
+            "vehicle": number(vehicles, one.vehicle),
+            "model": one.model,
+            "parameter": one.parameter,
+            "unit": unit(one.unit),
+            "log": [number(logs, row.log) for row in one.rows],
+            "time": [row.time_utc for row in one.rows] if any(row.time_utc for row in one.rows) else [],
+            "value": [_short(row.value) for row in one.rows],
+            "std": [_short(row.std) for row in one.rows],
+            "findings": [number(findings, row.findings) for row in one.rows],
+            "changes": [_change(one, k) for k in range(len(one.changes))],
+            "drift": None if one.drift is None else _short(one.drift.slope.value),
+            "odd": [odd.flight for odd in one.odd],
+            "odd_vehicle": one.odd_vehicle is not None,
+        }
+        for one in analysis.histories
+    ]
+    return {
+        "vehicles": list(vehicles),
+        "logs": list(logs),
+        "findings": list(findings),
+        "series": series,
+        "populations": [
+            {
+                "model": model,
+                "parameter": name,
+                "unit": unit(one.mean.unit),
+                "mean": _short(one.mean.value),
+                "low": _short(one.low),
+                "high": _short(one.high),
+            }
+            for (model, name), one in analysis.populations.items()
+        ],
+    }
+
+
+def _change(one: History, number: int) -> Mapping[str, float]:
+    change = one.changes[number]
+    stop = one.changes[number + 1].at_flight if number + 1 < len(one.changes) else len(one.rows) + 1
+    start = one.changes[number - 1].at_flight if number else 1
+    return {
+        "at": change.at_flight,
+        "from": start,
+        "to": stop - 1,
+        "before": _short(change.before.value) or 0.0,
+        "after": _short(change.after.value) or 0.0,
+    }
+
+
+def _short(value: float) -> float | None:
+    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
