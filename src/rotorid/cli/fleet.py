@@ -182,7 +182,8 @@ def _print(document: FleetDocument, folder: Path) -> None:
         plain,
         "odd flights",
         [
-            f"{one.vehicle}, flight {one.flight} ({one.log}): {one.parameter} {one.value.value:.4g}, expected {one.expected:.4g}"
+            f"{one.vehicle}, flight {one.flight} ({one.log}): {one.parameter} {one.value.value:.4g}, "
+            f"expected {one.expected:.4g}"
             for one in document.outliers.flights
         ],
     )
@@ -190,7 +191,8 @@ def _print(document: FleetDocument, folder: Path) -> None:
         plain,
         "groups that differ",
         [
-            f"{one.parameter} of {one.model}: {one.group} against {one.against} {one.difference.value:+.4g} {one.difference.unit}"
+            f"{one.parameter} of {one.model}: {one.group} against {one.against} "
+            f"{one.difference.value:+.4g} {one.difference.unit}"
             for one in document.groups
             if one.found
         ],

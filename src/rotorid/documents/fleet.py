@@ -175,7 +175,12 @@ def fleet_document(
         population.setdefault(model, {})[parameter] = _population(one)
     histories = analysis.histories
     return FleetDocument(
-        **counts,
+        logs=counts["logs"],
+        done=counts["done"],
+        resumed=counts["resumed"],
+        duplicates=counts["duplicates"],
+        rows=counts["rows"],
+        vehicles=counts["vehicles"],
         command=list(command),
         settings=dict(settings),
         failed=[FailedLogDocument.model_validate(one) for one in _plain(failed)],
