@@ -22,7 +22,7 @@ from rotorid.exports.targets import export as export
 from rotorid.fitting.frequency.problem import FrequencyProblem as FrequencyProblem
 from rotorid.fitting.methods import fit as fit
 from rotorid.fitting.problem import Problem as Problem
-from rotorid.fleets.fleet import fleet as fleet
+from rotorid.fleets.runs import fleet as fleet
 from rotorid.io.registry import read as read
 from rotorid.io.registry import write_log as write_log
 from rotorid.models.library import library_model as library_model

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.twins.fleet_flights import Event, write_fleet
 
 from rotorid.fleets import FleetSettings, Row, analyze, fleet, population
 from rotorid.fleets.analysis import FleetAnalysis, History
-from tests.twins.fleet_flights import Event, write_fleet
 
 VEHICLES = FLIGHTS = 20
 PROPELLERS = Event(vehicle=3, flight=9, factors={"thrust": 0.92})

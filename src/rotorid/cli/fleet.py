@@ -20,7 +20,7 @@ from rotorid.fleets.settings import FleetSettings
 if TYPE_CHECKING:
     from rotorid.documents.fleet import FleetDocument
     from rotorid.fleets.engines import Engine
-    from rotorid.fleets.fleet import Fleet
+    from rotorid.fleets.runs import Fleet
 
 FILE, PAGE = "fleet.json", "fleet.html"
 _USUAL_FOLDER = Path("rotorid-out") / "fleet"
@@ -46,7 +46,7 @@ def fleet_command(
     from rotorid.documents.base import to_json
     from rotorid.documents.fleet import fleet_document
     from rotorid.fleets.analysis import analyze
-    from rotorid.fleets.fleet import Fleet
+    from rotorid.fleets.runs import Fleet
     from rotorid.fleets.table import JOURNAL
     from rotorid.io.files import write_atomically
     from rotorid.report.fleet import render_fleet

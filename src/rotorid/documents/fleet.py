@@ -12,7 +12,7 @@ from rotorid import __version__
 from rotorid.documents.base import Document
 from rotorid.documents.review import QuantityDocument
 from rotorid.fleets.analysis import FleetAnalysis, History
-from rotorid.fleets.population import Population
+from rotorid.fleets.populations import Population
 from rotorid.fleets.table import FAILED, TABLE, Failed
 from rotorid.pipeline.summary import finite
 

@@ -6,10 +6,10 @@ from rotorid.fleets.changes import OddFlight as OddFlight
 from rotorid.fleets.engines import Cluster as Cluster
 from rotorid.fleets.engines import Limits as Limits
 from rotorid.fleets.engines import Processes as Processes
-from rotorid.fleets.fleet import Fleet as Fleet
-from rotorid.fleets.fleet import fleet as fleet
-from rotorid.fleets.population import Population as Population
-from rotorid.fleets.population import population as population
+from rotorid.fleets.populations import Population as Population
+from rotorid.fleets.populations import population as population
+from rotorid.fleets.runs import Fleet as Fleet
+from rotorid.fleets.runs import fleet as fleet
 from rotorid.fleets.settings import FleetSettings as FleetSettings
 from rotorid.fleets.table import LogAnswer as LogAnswer
 from rotorid.fleets.table import Row as Row

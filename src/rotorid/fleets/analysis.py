@@ -31,8 +31,8 @@ from rotorid.fleets.changes import (
     steps,
     within_by_neighbors,
 )
-from rotorid.fleets.fleet import order_of
-from rotorid.fleets.population import Population, population, random_effects
+from rotorid.fleets.populations import Population, population, random_effects
+from rotorid.fleets.runs import order_of
 from rotorid.fleets.table import Row
 from rotorid.typing import BoolArray, FloatArray
 

@@ -35,6 +35,7 @@ _LOGS_OF_A_CHILD = 200
 _START_S = 120.0
 _MOST_TRIES = 2
 _PATIENCE_S = 120.0
+_CONNECT_S = 30.0
 _LIBRARIES = ("numpy", "scipy", "numba")
 _WORK = "rotorid.fleets.work:answer"
 
@@ -328,7 +329,7 @@ class Cluster:
                 "a cluster needs Dask", needed="the extra", remedy="pip install 'rotorid[cluster]' brings it"
             ) from error
         self._own = isinstance(self.scheduler, str)
-        self._client = self._connected(30.0) if self._own else self.scheduler
+        self._client = self._connected(_CONNECT_S) if self._own else self.scheduler
         self._require_versions()
 
     def _connected(self, timeout_s: float) -> Any:

@@ -1,0 +1,176 @@
+"""A fleet answers each log once, goes on where it was, and gives the same table however it was carried out."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+from tests.fleet_logs import WORK, row_of, write_logs
+
+from rotorid.errors import ModelError, UsageError
+from rotorid.fleets import Fleet, FleetSettings, Limits, LogAnswer, Processes, fleet
+from rotorid.fleets.table import FAILED, JOURNAL, TABLE, Journal, Row, read_table, write_table
+
+pytest.importorskip("pyarrow")
+SETTINGS = FleetSettings(models=("rate.roll",))
+
+
+def engine(workers: int = 2, timeout_s: float = 60.0) -> Processes:
+    return Processes(workers, Limits(work=WORK, timeout_s=timeout_s, memory_bytes=1 << 30))
+
+
+def run(logs: Path, out: Path, settings: FleetSettings = SETTINGS, *, workers: int = 2) -> Fleet:
+    one = Fleet([logs], settings, out, engine=engine(workers))
+    list(one)
+    one.write_tables()
+    one.close()
+    return one
+
+
+def test_one_process_and_two_give_the_same_bytes(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 12)
+    first = run(tmp_path / "logs", tmp_path / "one", workers=1)
+    run(tmp_path / "logs", tmp_path / "two", workers=2)
+    assert (tmp_path / "one" / TABLE).read_bytes() == (tmp_path / "two" / TABLE).read_bytes()
+    assert [row.value for row in first.rows()] == [100.0 + k for k in range(1, 13)]
+
+
+def test_a_log_once_done_is_not_done_again(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 3)
+    run(tmp_path / "logs", tmp_path / "out")
+    write_logs(tmp_path / "logs", 1, first=9)
+    again = run(tmp_path / "logs", tmp_path / "out")
+    assert (again.resumed, len(again.rows())) == (3, 4)
+    moved = shutil.move(tmp_path / "logs", tmp_path / "elsewhere")
+    assert run(Path(moved), tmp_path / "out").resumed == 4
+
+
+def test_a_log_that_changed_is_done_again_and_so_are_other_questions(tmp_path: Path) -> None:
+    logs = write_logs(tmp_path / "logs", 2)
+    run(tmp_path / "logs", tmp_path / "out")
+    logs[0].write_text("value 500")
+    assert {row.value for row in run(tmp_path / "logs", tmp_path / "out").rows()} == {600.0, 102.0}
+    other = run(tmp_path / "logs", tmp_path / "out", FleetSettings(models=("rate.pitch",)))
+    assert other.resumed == 0
+
+
+def test_copies_count_once(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 3)
+    shutil.copytree(tmp_path / "logs", tmp_path / "logs" / "copy")
+    found = run(tmp_path / "logs", tmp_path / "out")
+    assert (len(found.rows()), found.duplicates) == (3, 3)
+    again = run(tmp_path / "logs", tmp_path / "out")
+    assert (len(again.rows()), again.duplicates) == (3, 3)
+
+
+def test_a_journal_that_was_cut_off_loses_its_last_line_alone(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 4)
+    run(tmp_path / "logs", tmp_path / "out")
+    table = (tmp_path / "out" / TABLE).read_bytes()
+    journal = tmp_path / "out" / JOURNAL
+    journal.write_bytes(journal.read_bytes()[:-40])
+    again = run(tmp_path / "logs", tmp_path / "out")
+    assert again.resumed == 3
+    assert (tmp_path / "out" / TABLE).read_bytes() == table
+
+
+def test_names_and_times_of_a_table_go_before_those_of_folders(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 2)
+    names = tmp_path / "names.csv"
+    names.write_text("log,vehicle,time\nlog-0001.ulg,quad A,2025-01-02\n")
+    settings = FleetSettings(models=("rate.roll",), vehicles=names)
+    rows = run(tmp_path / "logs", tmp_path / "out", settings).rows()
+    assert [(row.vehicle, row.time_utc) for row in rows] == [("quad A", "2025-01-02"), ("logs", "")]
+
+
+def test_rows_come_from_python_and_join_with_pandas(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    write_logs(tmp_path / "logs", 3)
+    frame = pandas.DataFrame(fleet(tmp_path / "logs", settings=SETTINGS, engine=engine()))
+    assert frame.value.sum() == 306.0
+    run(tmp_path / "logs", tmp_path / "out")
+    assert len(pandas.read_parquet(tmp_path / "out" / TABLE).merge(frame, on="log_sha256")) == 3
+
+
+def test_other_readers_of_parquet_read_the_table(tmp_path: Path) -> None:
+    write_table(tmp_path / TABLE, [row_of("a", 1, 2.0), row_of("a", 2, math.nan)], Row)
+    duckdb = pytest.importorskip("duckdb")
+    ((count,),) = duckdb.sql(f"select count(*) from '{tmp_path / TABLE}'").fetchall()
+    assert count == 2
+
+
+def test_the_table_comes_back_as_it_was(tmp_path: Path) -> None:
+    rows = [row_of("a", 1, 2.0), row_of("b", 1, 3.0)]
+    write_table(tmp_path / TABLE, rows, Row)
+    assert read_table(tmp_path / TABLE) == rows
+
+
+def test_an_answer_is_one_line_and_back() -> None:
+    one = LogAnswer(log="a\n", place="a", mark="1", log_sha256="x", settings="s", rows=(row_of("v", 1, 2.0),))
+    assert "\n" not in one.as_json()
+    assert LogAnswer.from_json(one.as_json()) == one
+    with pytest.raises(ValueError, match="no answer"):
+        LogAnswer.from_json("{}")
+
+
+def test_the_early_end_of_an_iteration_leaves_a_journal_to_go_on_from(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 20, "slow")
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine())
+    for count, _ in enumerate(one, start=1):
+        if count == 5:
+            break
+    one.close()
+    assert 5 <= run(tmp_path / "logs", tmp_path / "out").resumed < 20
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 1)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.txt").write_text("mine")
+    with pytest.raises(UsageError, match="holds other files"):
+        Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", [TABLE, JOURNAL])
+def test_a_table_of_another_schema_is_refused(tmp_path: Path, name: str) -> None:
+    write_logs(tmp_path / "logs", 1)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).write_text('{"schema": "somebody/1"}\n')
+    with pytest.raises(UsageError, match=r"schema|no table"):
+        Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
+
+
+def test_two_runs_in_one_folder_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl")
+    write_logs(tmp_path / "logs", 1)
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
+    with pytest.raises(UsageError, match="another run is at work"):
+        Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
+    one.close()
+
+
+def test_an_unknown_model_is_refused_before_any_log_is_read(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 1)
+    with pytest.raises((UsageError, ModelError), match=r"rate\.rol"):
+        Fleet([tmp_path / "logs"], FleetSettings(models=("rate.rol",)), tmp_path / "out")
+
+
+def test_failures_have_a_table_of_their_own(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 2)
+    write_logs(tmp_path / "logs", 1, "unreadable", first=5)
+    found = run(tmp_path / "logs", tmp_path / "out")
+    assert [one.reason for one in found.failures()] == ["This is no flight log."]
+    parquet = pytest.importorskip("pyarrow.parquet")
+    assert parquet.read_table(tmp_path / "out" / FAILED).column("kind").to_pylist() == ["unreadable"]
+
+
+def test_a_journal_without_room_says_so_and_stays_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = Journal(tmp_path / JOURNAL)
+    journal.add(LogAnswer(log="a", place="a", mark="1", log_sha256="x", settings="s"))
+    whole = journal.path.read_bytes()
+    monkeypatch.setattr(LogAnswer, "as_json", lambda _: "\ud800")
+    with pytest.raises((UsageError, UnicodeEncodeError)):
+        journal.add(LogAnswer(log="b", place="b", mark="1", log_sha256="x", settings="s"))
+    assert journal.path.read_bytes() == whole

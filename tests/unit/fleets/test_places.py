@@ -1,0 +1,150 @@
+"""Logs are found wherever they lie, each once; who flew and when is told by names, tables and boards."""
+
+from __future__ import annotations
+
+import gzip
+import zipfile
+from pathlib import Path
+
+import pytest
+from tests.fleet_logs import write_logs
+
+from rotorid.errors import LogError, UsageError
+from rotorid.fleets.identity import board_of, hidden, read_named, read_salt, time_of
+from rotorid.fleets.places import Place, fetched, places_of
+from rotorid.fleets.settings import FleetSettings, parse_memory
+
+
+def names(*paths: object) -> list[str]:
+    return [place.name for place in places_of(paths)]  # type: ignore[arg-type]
+
+
+def test_files_folders_and_patterns(tmp_path: Path) -> None:
+    write_logs(tmp_path / "a", 2)
+    write_logs(tmp_path / "b" / "deep", 1, first=7)
+    (tmp_path / "a" / "notes.docx").write_text("no log")
+    everything = ["log-0001.ulg", "log-0002.ulg", "log-0007.ulg"]
+    assert names(tmp_path) == everything
+    assert names(str(tmp_path / "**" / "*.ulg")) == everything
+    assert names(tmp_path / "a" / "log-0001.ulg", tmp_path / "a") == everything[:2]
+
+
+def test_logs_in_an_archive(tmp_path: Path) -> None:
+    logs = write_logs(tmp_path / "a", 3)
+    with zipfile.ZipFile(tmp_path / "many.zip", "w") as archive:
+        for log in logs:
+            archive.write(log, f"drone/{log.name}")
+    found = places_of([tmp_path / "many.zip"])
+    assert [(place.name, place.folder) for place in found] == [(log.name, "drone") for log in logs]
+    with fetched(found[1]) as log:
+        assert log.read_text() == "value 2"
+    assert not log.exists()
+
+
+def test_addresses_of_a_store(tmp_path: Path) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    store = fsspec.filesystem("memory")
+    for log in write_logs(tmp_path, 2):
+        store.pipe_file(f"/fleet/quad/{log.name}", log.read_bytes())
+    found = places_of(["memory://fleet"])
+    assert [place.name for place in found] == ["log-0001.ulg", "log-0002.ulg"]
+    with fetched(found[0]) as log:
+        assert log.read_text() == "value 1"
+    store.pipe_file("/fleet/quad/log-0001.ulg", b"value 11")
+    assert places_of(["memory://fleet"])[0].mark != found[0].mark
+
+
+@pytest.mark.parametrize("path", ["nowhere", "*.nothing", "nothing://there"])
+def test_nothing_is_one_sentence(path: str) -> None:
+    with pytest.raises(UsageError):
+        places_of([path])
+
+
+def test_an_empty_folder_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="holds no flight log"):
+        places_of([tmp_path])
+
+
+def test_a_damaged_archive_is_an_error_of_its_log(tmp_path: Path) -> None:
+    with pytest.raises(LogError), fetched(Place(address=f"{tmp_path}/gone.zip!a.ulg", mark="")):
+        pass
+
+
+def test_a_changed_file_has_another_mark(tmp_path: Path) -> None:
+    (log,) = write_logs(tmp_path, 1)
+    before = places_of([log])[0].mark
+    log.write_text("value 12345")
+    assert places_of([log])[0].mark != before
+
+
+@pytest.mark.parametrize(
+    ("text", "board"),
+    [
+        (
+            b"ULog\x01\x12\x35\x00\x00\x00I\x20char[24] sys_uuid00020000000034333732510d\x00",
+            b"00020000000034333732510d",
+        ),
+        (b"\xa3\x95\x11xx CubeOrange 0029003A 3137510A 34323731\0", b"0029003A 3137510A 34323731"),
+        (b"H Product:Blackbox\nH DeviceUID:0x3d0040000950334537373420\n", b"3d0040000950334537373420"),
+        (b"H DeviceUID:0x000000000000000000000000\n", b""),
+        (b"nothing at all", b""),
+    ],
+)
+def test_boards(tmp_path: Path, text: bytes, board: bytes) -> None:
+    plain, packed = tmp_path / "log.bin", tmp_path / "log.bin.gz"
+    plain.write_bytes(text)
+    packed.write_bytes(gzip.compress(text))
+    assert board_of(plain) == board
+    assert board_of(packed) == board
+
+
+def test_a_hidden_name_needs_the_salt(tmp_path: Path) -> None:
+    salt = read_salt(tmp_path / "salt")
+    assert read_salt(tmp_path / "salt") == salt
+    assert hidden(b"1234", salt) != hidden(b"1234", read_salt(tmp_path / "other"))
+    assert "1234" not in hidden(b"1234", salt)
+
+
+@pytest.mark.parametrize("name", ["99999999.bin", "2025-13-01.ulg", "log_2025.ulg", "20250000_000000.bin"])
+def test_names_without_a_date(name: str) -> None:
+    assert time_of(name) == ""
+
+
+def test_vehicles_of_a_table(tmp_path: Path) -> None:
+    table = tmp_path / "vehicles.csv"
+    table.write_text("\ufefflog,vehicle,group\na.ulg,quad 1,before\nb.ulg,quad 1,after\n", encoding="utf-8")
+    named = read_named(table)
+    assert named.of(named.vehicle, "x", "a.ulg") == "quad 1"
+    assert named.of(named.group, "b.ulg") == "after"
+    assert named.of(named.time, "a.ulg") == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("file;vehicle\n", "has the columns"),
+        ("", "has the columns"),
+        ("log,vehicle\n,x\n", "names no log"),
+        ("log,vehicle\na,x\na,y\n", "came twice"),
+        ('log,vehicle\n"a,x\n', "CSV"),
+    ],
+)
+def test_wrong_tables_are_one_sentence(tmp_path: Path, text: str, said: str) -> None:
+    table = tmp_path / "vehicles.csv"
+    table.write_text(text)
+    with pytest.raises(UsageError, match=said):
+        read_named(table)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"models": ()}, {"workers": 0}, {"timeout_s": 0.0}, {"memory_bytes": 1}, {"timeout_s": float("nan")}]
+)
+def test_settings_out_of_range(wrong: dict[str, object]) -> None:
+    with pytest.raises(UsageError):
+        FleetSettings(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("text", ["", "4 apples", "-1G", "1e9"])
+def test_sizes_that_are_none(text: str) -> None:
+    with pytest.raises(UsageError, match="memory"):
+        parse_memory(text)
