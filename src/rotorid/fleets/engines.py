@@ -38,6 +38,7 @@ _PATIENCE_S = 120.0
 _CONNECT_S = 30.0
 _LIBRARIES = ("numpy", "scipy", "numba")
 _WORK = "rotorid.fleets.work:answer"
+_READY = b"ready\n"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,13 +109,14 @@ class Child:
         process = self._process
         assert process is not None
         assert process.stdin is not None
-        # The first answer of a child waits for its imports too.
-        allowed_s = self._limits.timeout_s + (_START_S if self._given == 0 else 0.0)
         self._given += 1
         try:
-            process.stdin.write((json.dumps(task.as_json()) + "\n").encode())
-            process.stdin.flush()
-            line = self._answers.get(timeout=allowed_s)
+            # The first log of a child waits for its imports, which are not on its account.
+            line = self._answers.get(timeout=_START_S) if self._given == 1 else _READY
+            if line == _READY:
+                process.stdin.write((json.dumps(task.as_json()) + "\n").encode())
+                process.stdin.flush()
+                line = self._answers.get(timeout=self._limits.timeout_s)
         except queue.Empty:
             self.close()
             raise _DiedError("time", f"It had not ended after {self._limits.timeout_s:g} s.") from None
@@ -419,7 +421,8 @@ class Cluster:
 
     def _finished(self, running: dict[Any, Task]) -> list[Any]:
         """Futures that ended in any way; all of them where the scheduler was lost."""
-        with contextlib.suppress(TimeoutError, self._dask.TimeoutError):
+        passing = TimeoutError, self._dask.TimeoutError, self._dask.CancelledError
+        with contextlib.suppress(*passing), self._client.as_current():
             self._dask.wait(list(running), timeout=2.0, return_when="FIRST_COMPLETED")
         done = [future for future in running if future.status != "pending"]
         if not done and self._client.status not in ("running",):

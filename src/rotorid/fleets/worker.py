@@ -30,6 +30,8 @@ def main() -> None:
     import warnings
 
     warnings.simplefilter("ignore")
+    answers.write("ready\n")
+    answers.flush()
     for line in sys.stdin:
         told = answer(Task.from_json(json.loads(line)))
         answers.write(told.as_json() + "\n")
