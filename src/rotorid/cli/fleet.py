@@ -162,9 +162,9 @@ def _print(document: FleetDocument, folder: Path) -> None:
     def plain(text: str) -> None:
         console.print(text, markup=False, soft_wrap=True)
 
-    whole = {one.log for one in document.failed if not one.model}
+    without = document.logs - document.done - document.duplicates
     plain(
-        f"{document.logs} logs of {document.vehicles} vehicles: {document.done} answered, {len(whole)} failed, "
+        f"{document.logs} logs of {document.vehicles} vehicles: {document.done} answered, {without} without an answer, "
         f"{document.duplicates} copies, {document.resumed} from earlier runs; {document.rows} rows"
     )
     _list(
@@ -197,7 +197,8 @@ def _print(document: FleetDocument, folder: Path) -> None:
             if one.found
         ],
     )
-    _list(plain, "failed", [f"{one.log}: {one.reason}" for one in document.failed if not one.model])
+    refused = [f"{one.log}{f' ({one.model})' if one.model else ''}: {one.reason}" for one in document.failed]
+    _list(plain, "no answer", refused)
     plain(f"page: {folder / PAGE}")
     plain(f"table: {folder / document.table}")
 

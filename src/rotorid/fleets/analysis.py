@@ -398,7 +398,7 @@ def _differences(by_name: Mapping[Name, Sequence[_Series]], groups: Mapping[str,
 
 _POWERS = ("L_roll", "M_pitch", "N_yaw", "Z_thrust", "thrust_slope", "thrust_full")
 _INERTIAS = ("I_xx", "I_yy", "I_zz")
-_LAGS = ("T_motor", "tau", "lag", "delay")
+_LAGS = ("T_motor", "tau_roll", "tau_pitch", "tau_yaw")
 _ALIKE = 0.05
 
 
@@ -410,15 +410,29 @@ def _causes(histories: Sequence[History]) -> tuple[Cause, ...]:
             events[one.vehicle, one.rows[change.at_flight - 1].log].append((one, change))
     found = []
     for (vehicle, log), many in sorted(events.items()):
-        words = ", ".join(f"{one.parameter} {_percent(change)}" for one, change in many)
+        words = ", ".join(
+            f"{name} {_percents([change for one, change in many if one.parameter == name])}"
+            for name in dict.fromkeys(one.parameter for one, _ in many)
+        )
         number = min(change.at_flight for _, change in many)
         found.append(Cause(vehicle=vehicle, at_flight=number, log=log, words=words, usual=_usual(many)))
     return tuple(found)
 
 
-def _percent(change: Change) -> str:
-    ratio = change.ratio
-    return f"{100.0 * (ratio - 1.0):+.1f} %" if math.isfinite(ratio) else "changed"
+def _percents(changes: Sequence[Change]) -> str:
+    """How far a parameter of one or several models went.
+
+    Examples
+    --------
+    >>> before, after = Quantity.normal(2.0, 0.1, "s"), Quantity.normal(2.2, 0.1, "s")
+    >>> _percents([Change(at_flight=3, before=before, after=after, probability=0.001)])
+    '+10.0 %'
+    """
+    ratios = sorted(100.0 * (change.ratio - 1.0) for change in changes if math.isfinite(change.ratio))
+    if not ratios:
+        return "changed"
+    low, high = f"{ratios[0]:+.1f}", f"{ratios[-1]:+.1f}"
+    return f"{low} %" if low == high else f"{low} to {high} %"
 
 
 def _usual(many: Sequence[tuple[History, Change]]) -> str:

@@ -1,0 +1,87 @@
+"""The page of a fleet of ten thousand logs: it draws, filters and sorts, and holds no more lines than can be seen."""
+
+from __future__ import annotations
+
+import json
+import re
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+from tests.browser.chromium import browser, dump
+from tests.fleet_logs import table_of
+
+from rotorid.documents.fleet import fleet_document
+from rotorid.fleets import Row, analyze
+from rotorid.report.fleet import render_fleet
+from rotorid.report.frame import policy
+
+PROBE = """
+document.documentElement.dataset.probe = "waiting";
+setTimeout(() => {
+  const lines = () => Array.from(document.querySelectorAll("#fleet-table tbody tr"))
+    .filter((row) => row.cells.length > 1);
+  const shown = document.getElementById("fleet-shown");
+  const told = { ready: document.documentElement.dataset.fleet, all: shown.textContent, lines: lines().length };
+  const begun = performance.now();
+  const filter = document.getElementById("fleet-filter");
+  filter.value = "v07 roll";
+  filter.dispatchEvent(new Event("input"));
+  told.filtered = shown.textContent;
+  document.querySelectorAll("#fleet-table th button")[6].click();
+  told.sort = document.querySelectorAll("#fleet-table th")[6].getAttribute("aria-sort");
+  told.first = Number(lines()[0].cells[6].textContent);
+  told.second = Number(lines()[1].cells[6].textContent);
+  told.points = document.getElementById("fleet-history").data[0].x.length;
+  told.chosen = document.getElementById("fleet-vehicle").selectedOptions[0].textContent;
+  document.documentElement.dataset.probe = JSON.stringify(told);
+}, 2500);
+"""
+
+
+def page_of(rows: list[Row]) -> str:
+    analysis = analyze(rows)
+    vehicles = len({row.vehicle for row in rows})
+    counts = {
+        "logs": len(rows),
+        "done": len(rows),
+        "resumed": 0,
+        "duplicates": 0,
+        "rows": len(rows),
+        "vehicles": vehicles,
+    }
+    return render_fleet(analysis, fleet_document(analysis, failed=(), counts=counts, settings={}))
+
+
+def test_ten_thousand_logs_stay_smooth(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    values = 100.0 + rng.normal(0, 3.0, (100, 1)) + rng.normal(0, 1.0, (100, 100))
+    values[7, 60:] *= 0.9
+    html = page_of(table_of(values))
+    assert len(html) < 8e6
+    digest = r"sha256-[A-Za-z0-9+/=]+"
+    (added,) = re.findall(digest, policy(PROBE))
+    *_, last = re.findall(digest, html.partition("</head>")[0])
+    html = html.replace(last, f"{last}&#39; &#39;{added}", 1)
+    html = html.replace("</body>", f"<script>{PROBE}</script></body>")
+    page, said = dump(browser(), html, tmp_path)
+    probe = re.search(r'data-probe="([^"]*)"', page)
+    assert probe is not None
+    told = json.loads(unescape(probe[1]))
+    assert not said
+    assert told["ready"] == "drawn"
+    assert told["all"] == "10000 of 10000 lines"
+    assert told["lines"] < 100
+    assert told["filtered"] == "100 of 10000 lines"
+    assert (told["sort"], told["first"] <= told["second"]) == ("ascending", True)
+    assert (told["chosen"], told["points"]) == ("v07 (see changes)", 100)
+
+
+def test_names_of_logs_can_do_nothing(tmp_path: Path) -> None:
+    evil = "</script><script>document.title='owned'</script><img src=x onerror=alert(1)>"
+    rows = table_of([[1.0, 2.0, 3.0, 4.0, 5.0]], findings=evil)
+    rows = [row.__class__(**{**row.__dict__, "log": f"{evil}{k}.ulg", "vehicle": evil}) for k, row in enumerate(rows)]
+    page, said = dump(browser(), page_of(rows), tmp_path)
+    assert not said
+    assert "<title>owned" not in page
+    assert "<img src" not in page
