@@ -314,9 +314,9 @@ def fleet(
     **options
         Fields of :class:`rotorid.fleets.FleetSettings`, which go before ``settings``.
 
-    Yields
-    ------
-    Row
+    Returns
+    -------
+    iterator of Row
         One for each parameter of each model of each flight of each log. What failed is in ``failed.parquet``.
 
     Raises
@@ -330,10 +330,16 @@ def fleet(
     >>> table = pandas.DataFrame(fleet("logs", models=["rate.roll"], out="fleet"))  # doctest: +SKIP
     """
     chosen = replace(settings or FleetSettings(), **options)
+    _require_models(chosen.models)
+    require_parquet()
     listed = [paths] if isinstance(paths, str | Path) else list(paths)
+    return _rows(listed, chosen, None if out is None else Path(out), engine)
+
+
+def _rows(paths: list[str | Path], settings: FleetSettings, out: Path | None, engine: Engine | None) -> Iterator[Row]:
     with contextlib.ExitStack() as stack:
-        folder = Path(out) if out is not None else stack.enter_context(scratch_folder())
-        run = Fleet(listed, chosen, folder, engine=engine)
+        folder = stack.enter_context(scratch_folder()) if out is None else out
+        run = Fleet(paths, settings, folder, engine=engine)
         stack.callback(run.close)
         for answer in run:
             yield from answer.rows
