@@ -1,0 +1,83 @@
+"""Flights with the sticks of a pilot in wind that turns the vehicle, and a payload, a propeller or gusts that come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
+from rotorid.excitation.sticks import everyday_stick
+from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, piloted
+from rotorid.simulation.wind import Wind
+from rotorid.typing import FloatArray
+from rotorid.vehicles.catalog import aircraft
+from rotorid.verification.tracking import RATE_HZ
+
+LATERAL_1_S2 = -2.0
+"""Roll acceleration per m/s of wind from the side (L_v), which the stock vehicle has not."""
+
+
+@cache
+def craft(name: str = "px4_quad") -> Aircraft:
+    stock = aircraft(name)
+    air = np.array(stock.vehicle.aerodynamics)
+    air[3, 1] = LATERAL_1_S2 * stock.vehicle.inertia_kg_m2[0, 0]
+    return piloted(replace(stock, vehicle=replace(stock.vehicle, aerodynamics=air)))
+
+
+def sticks(duration_s: float, level: float, *, seed: int, rate_hz: float, throttle: float = 0.0) -> FlightPlan:
+    levels = {"roll": level, "pitch": level, **({"thrust": throttle} if throttle else {})}
+    inputs = [
+        PlannedInput(
+            axis=axis,  # type: ignore[arg-type]
+            shape="sticks",
+            start_s=0.0,
+            values=everyday_stick(
+                level=size, duration_s=duration_s, sample_rate_hz=rate_hz, rng=np.random.default_rng([seed, place])
+            ),
+            sample_rate_hz=rate_hz,
+            amplitude=size,
+            entry="stick",
+        )
+        for place, (axis, size) in enumerate(levels.items())
+    ]
+    return FlightPlan(name="sticks", inputs=tuple(inputs), trim_s=0.0)
+
+
+def fly(
+    duration_s: float,
+    *,
+    level: float,
+    wind: Wind,
+    seed: int,
+    changes: Mapping[str, float] | None = None,
+    throttle: float = 0.0,
+    name: str = "px4_quad",
+) -> SimulatedFlight:
+    flying = changed(craft(name), changes or {})
+    plan = sticks(duration_s, level, seed=seed, rate_hz=flying.autopilot.rate_hz, throttle=throttle)
+    return fly_multirotor(flying, plan, wind=wind, seed=seed)
+
+
+def columns(flight: SimulatedFlight) -> dict[str, FloatArray]:
+    """What is followed, at the rate of the tracker: means over its steps."""
+    stride = round(flight.sample_rate_hz / RATE_HZ)
+    names = ("roll_command", "p", "roll_stick", "thrust_command")
+    count = flight.samples // stride * stride
+    return {name: np.asarray(flight.columns[name][:count]).reshape(-1, stride).mean(axis=1) for name in names}
+
+
+def joined(*parts: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def prediction(command: FloatArray, *, gain: float, damping: float, lag_s: float, delay_s: float) -> FloatArray:
+    """Roll rate of the model, whose numbers are known."""
+    count = 2 * command.size
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE_HZ)
+    response = gain * np.exp(-1j * omega * delay_s) / ((1j * omega * lag_s + 1.0) * (1j * omega - damping))
+    padded = np.concatenate([command - command[0], np.zeros(count - command.size)])
+    return np.fft.irfft(np.fft.rfft(padded) * response, count)[: command.size]
