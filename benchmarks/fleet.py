@@ -16,9 +16,7 @@ from pathlib import Path
 
 from tests.fleet_logs import WORK, answer, write_logs
 
-from rotorid.fleets import Fleet, FleetSettings, Limits, Processes
-from rotorid.fleets.places import places_of
-from rotorid.fleets.work import Task
+from rotorid.fleets import Fleet, FleetSettings, Limits, Processes, Task, places_of
 
 SETTINGS = FleetSettings(models=("rate.roll",))
 LIMITS = Limits(work=WORK, memory_bytes=1 << 30)

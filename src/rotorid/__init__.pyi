@@ -45,6 +45,7 @@ from rotorid.pipeline.settings import VerifySettings as VerifySettings
 from rotorid.pipeline.several import identify_several as identify_several
 from rotorid.pipeline.simulation import simulate as simulate
 from rotorid.pipeline.stitching import stitch as stitch
+from rotorid.pipeline.tracking import track as track
 from rotorid.pipeline.tuning.proposal import tune as tune
 from rotorid.pipeline.verification import verify as verify
 from rotorid.plot.frequency import bode as bode

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
+from rotorid.data.record import Channel, FlightRecord, Source, Status, Topic
 from rotorid.excitation.sticks import everyday_stick
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, piloted
 from rotorid.simulation.wind import Wind
@@ -56,10 +57,17 @@ def fly(
     changes: Mapping[str, float] | None = None,
     throttle: float = 0.0,
     name: str = "px4_quad",
+    flying: Aircraft | None = None,
 ) -> SimulatedFlight:
-    flying = changed(craft(name), changes or {})
+    flying = changed(flying or craft(name), changes or {})
     plan = sticks(duration_s, level, seed=seed, rate_hz=flying.autopilot.rate_hz, throttle=throttle)
     return fly_multirotor(flying, plan, wind=wind, seed=seed)
+
+
+def payload(share: float = 0.15, name: str = "px4_quad") -> dict[str, float]:
+    """Inertia that a payload adds."""
+    inertia = craft(name).vehicle.inertia_kg_m2
+    return {"I_xx": (1.0 + share) * float(inertia[0, 0]), "I_yy": (1.0 + share) * float(inertia[1, 1])}
 
 
 def columns(flight: SimulatedFlight) -> dict[str, FloatArray]:
@@ -81,3 +89,31 @@ def prediction(command: FloatArray, *, gain: float, damping: float, lag_s: float
     response = gain * np.exp(-1j * omega * delay_s) / ((1j * omega * lag_s + 1.0) * (1j * omega - damping))
     padded = np.concatenate([command - command[0], np.zeros(count - command.size)])
     return np.fft.irfft(np.fft.rfft(padded) * response, count)[: command.size]
+
+
+def record_of(columns: dict[str, FloatArray], *, rate_hz: float = RATE_HZ) -> FlightRecord:
+    """A log of what is followed."""
+    time_s = np.arange(columns["p"].size) / rate_hz
+    units = {"p": "rad/s"}
+    topic = Topic(
+        name="loops",
+        time_s=time_s,
+        channels=tuple(Channel(name=name, unit=units.get(name, "1")) for name in columns),
+        values=np.stack(list(columns.values())),
+    )
+    whole = ((0.0, float(time_s[-1])),)
+    status = Status(vehicle="multirotor", armed=whole, in_air=whole, flagged_in="twin")
+    return FlightRecord(
+        source=Source(name="twin", format="twin", sha256=""),
+        topics=(topic,),
+        status=status,
+        instruments={"roll": ("roll_stick",)},
+    )
+
+
+def with_weak_rotor(share: float, name: str = "px4_quad") -> Aircraft:
+    """One propeller with less thrust."""
+    flying = craft(name)
+    effect = np.array(flying.vehicle.wrench)
+    effect[:, 0] *= 1.0 - share
+    return replace(flying, vehicle=replace(flying.vehicle, effectiveness=effect))

@@ -36,6 +36,7 @@ COMMANDS = {
     "tune": "Propose gains that hold, and write files for the autopilot with a way back.",
     "export": "Write an identified vehicle as files of simulators and tools.",
     "fleet": "Read many logs into one table: what is normal, what differs, what changed.",
+    "track": "Follow a model through a flight: what changed on the way, and when.",
     "lab": "Open a page in the browser where logs are seen, chosen and identified.",
     "run": "Carry out the steps of a project file that the page saved.",
     "models": "List the models of the library, or print one.",

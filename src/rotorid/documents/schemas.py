@@ -18,6 +18,7 @@ from rotorid.documents.result import ResultDocument
 from rotorid.documents.results import ResultsDocument
 from rotorid.documents.review import ReviewDocument, ReviewsDocument
 from rotorid.documents.stitched import StitchedDocument
+from rotorid.documents.track import TrackDocument
 from rotorid.documents.tune import TuneDocument
 from rotorid.documents.tune_check import TuneCheckDocument
 from rotorid.documents.vehicle import VehicleFile
@@ -45,6 +46,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.vehicle-1": VehicleFile,
     "rotorid.stitched-1": StitchedDocument,
     "rotorid.fleet-1": FleetDocument,
+    "rotorid.track-1": TrackDocument,
 }
 
 

@@ -6,6 +6,7 @@ from rotorid.fleets.changes import OddFlight as OddFlight
 from rotorid.fleets.engines import Cluster as Cluster
 from rotorid.fleets.engines import Limits as Limits
 from rotorid.fleets.engines import Processes as Processes
+from rotorid.fleets.places import places_of as places_of
 from rotorid.fleets.populations import Population as Population
 from rotorid.fleets.populations import population as population
 from rotorid.fleets.runs import Fleet as Fleet
@@ -13,3 +14,4 @@ from rotorid.fleets.runs import fleet as fleet
 from rotorid.fleets.settings import FleetSettings as FleetSettings
 from rotorid.fleets.table import LogAnswer as LogAnswer
 from rotorid.fleets.table import Row as Row
+from rotorid.fleets.work import Task as Task

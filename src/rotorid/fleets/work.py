@@ -9,12 +9,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rotorid.data.base import Immutable
 from rotorid.data.display import visible
 from rotorid.data.quantity import Quantity
-from rotorid.data.record import FlightRecord, Topic
+from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, LogError, RotoridError
 from rotorid.fleets.identity import board_of, hidden
 from rotorid.fleets.places import Place, fetched
@@ -24,6 +22,7 @@ from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import ParameterEstimate
 from rotorid.signal.airborne import airborne
+from rotorid.signal.stretch import stretch
 
 REVIEW = "review"
 """What the table calls measures of a review in the place of a model."""
@@ -243,37 +242,4 @@ def flights_of(record: FlightRecord) -> list[FlightRecord]:
     flights = [(start, stop) for start, stop in joined if stop - start >= _SHORTEST_FLIGHT_S]
     if len(flights) < 2:
         return [record]
-    return [cut(record, start - _MARGIN_S, stop + _MARGIN_S) for start, stop in flights]
-
-
-def cut(record: FlightRecord, start_s: float, stop_s: float) -> FlightRecord:
-    """The part of a record between two times."""
-
-    def topic(one: Topic) -> Topic | None:
-        low, high = np.searchsorted(one.time_s, [start_s, stop_s])
-        if low >= high:
-            return None
-        return replace(one, time_s=one.time_s[low:high], values=one.values[:, low:high])
-
-    def inside(intervals: Any) -> Any:
-        return (
-            None
-            if intervals is None
-            else tuple((max(a, start_s), min(b, stop_s)) for a, b in intervals if a < stop_s and b > start_s)
-        )
-
-    status = record.status
-    return replace(
-        record,
-        topics=tuple(part for one in record.topics if (part := topic(one)) is not None),
-        declared=tuple(one for one in record.declared if one.start_s >= start_s and one.stop_s <= stop_s),
-        status=replace(
-            status,
-            armed=inside(status.armed),
-            in_air=inside(status.in_air),
-            direct_rates=inside(status.direct_rates),
-            modes=tuple(
-                (name, max(a, start_s), min(b, stop_s)) for name, a, b in status.modes if a < stop_s and b > start_s
-            ),
-        ),
-    )
+    return [stretch(record, start - _MARGIN_S, stop + _MARGIN_S) for start, stop in flights]

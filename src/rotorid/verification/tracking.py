@@ -21,7 +21,7 @@ Basseville and Nikiforov, "Detection of Abrupt Changes", 1993.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -184,7 +184,7 @@ def track_gain(
     w = _explained(z, s, first)
     gain = float(w[_SETTLED:first] @ p[_SETTLED:first]) / float(w[_SETTLED:first] @ z[_SETTLED:first])
     whitening = _whitening((p - gain * z)[_SETTLED:first])
-    p, z, w = (np.asarray(signal.lfilter(whitening, 1.0, values)) for values in (p, z, w))
+    p, z, w = (_filtered(whitening, [1.0], values) for values in (p, z, w))
     used = slice(_SETTLED, first)
     gain = float(w[used] @ p[used]) / float(w[used] @ z[used])
     blocks = _Blocks(p, z, w, logs if exponent is None else None, gain)
@@ -193,7 +193,7 @@ def track_gain(
     steps = tuple(_steps(blocks, noise, why, step_share, start_s))
     ratio, std = _followed(blocks, noise, why)
     return Tracking(
-        time_s=start_s + BLOCK_S * np.arange(1, whole // _BLOCK + 1),
+        time_s=np.asarray(start_s + BLOCK_S * np.arange(1, whole // _BLOCK + 1), dtype=np.float64),
         ratio=ratio,
         std=std,
         cannot_tell=why,
@@ -211,6 +211,10 @@ def _banded(values: FloatArray) -> FloatArray:
     return np.asarray(signal.sosfilt(sections, values - values[0]))
 
 
+def _filtered(b: Sequence[float] | FloatArray, a: Sequence[float], values: FloatArray) -> FloatArray:
+    return np.asarray(signal.lfilter(np.asarray(b, dtype=np.float64), np.asarray(a, dtype=np.float64), values))
+
+
 def _levels(stick: FloatArray) -> FloatArray:
     """Largest deflection from the middle of the last seconds, at the end of each block."""
     middle = float(np.median(stick))
@@ -226,7 +230,7 @@ def _log_thrust(thrust: FloatArray | None, whole: int, first: int) -> FloatArray
         return np.zeros(whole)
     sections = signal.butter(1, 5.0, fs=RATE_HZ, output="sos")
     smooth = np.asarray(signal.sosfilt(sections, thrust[:whole] - hover)) + hover
-    return np.log(np.clip(smooth / hover, 0.2, 5.0))
+    return np.asarray(np.log(np.clip(smooth / hover, 0.2, 5.0)), dtype=np.float64)
 
 
 def _exponent(predicted: FloatArray, measured: FloatArray, logs: FloatArray, first: int) -> float | None:
@@ -249,11 +253,11 @@ def _exponent(predicted: FloatArray, measured: FloatArray, logs: FloatArray, fir
 def _explained(z: FloatArray, stick: FloatArray, first: int) -> FloatArray:
     """The part of the prediction that the stick explains, by Laguerre filters with weights that the reference gives."""
     pole = math.exp(-_LAGUERRE_RAD_S / RATE_HZ)
-    filtered = signal.lfilter([math.sqrt(1.0 - pole**2)], [1.0, -pole], stick)
+    filtered = _filtered([math.sqrt(1.0 - pole**2)], [1.0, -pole], stick)
     columns = []
     for _ in range(_LAGUERRE):
         columns.append(filtered)
-        filtered = signal.lfilter([-pole, 1.0], [1.0, -pole], filtered)
+        filtered = _filtered([-pole, 1.0], [1.0, -pole], filtered)
     basis = np.stack(columns, axis=1)
     gram = basis[:first].T @ basis[:first]
     gram[np.diag_indices(_LAGUERRE)] += _RIDGE * float(np.trace(gram)) / _LAGUERRE
@@ -264,7 +268,7 @@ def _whitening(rest: FloatArray) -> FloatArray:
     """Coefficients of a filter that makes the residual white, by Yule and Walker."""
     lags = np.array([float(rest[k:] @ rest[: rest.size - k]) for k in range(_WHITENING + 1)])
     lags[0] *= 1.0 + 1e-4
-    return np.r_[1.0, -linalg.solve_toeplitz(lags[:-1], lags[1:])]
+    return np.concatenate([[1.0], -np.asarray(linalg.solve_toeplitz(lags[:-1], lags[1:]), dtype=np.float64)])
 
 
 class _Blocks:

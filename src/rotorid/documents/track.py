@@ -1,0 +1,122 @@
+"""What ``track.json`` holds, schema ``rotorid.track/1``: a model followed through a flight."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.documents.review import QuantityDocument
+from rotorid.pipeline.provenance import Refused
+from rotorid.pipeline.tracking import FlightTracking
+from rotorid.typing import AnyArray
+from rotorid.verification.tracking import BLOCK_S, Why
+
+
+class GainStepDocument(Document):
+    """A step of the gain: when it was found, when it began, gain after it over that of the reference."""
+
+    at_s: float
+    since_s: float
+    ratio: float
+    std: float
+
+
+class TrimStepDocument(Document):
+    """A mean command that moved and stayed."""
+
+    channel: str
+    at_s: float
+    before: float
+    after: float
+    std: float
+
+
+class CannotTellDocument(Document):
+    """A stretch that says nothing: ``stick`` hardly moved, or the ``air`` was rougher than in the reference."""
+
+    start_s: float
+    stop_s: float
+    why: Literal["stick", "air"]
+
+
+class TrackDocument(Document):
+    """``track.json``: a model followed through a flight.
+
+    ``gain`` is that of the end of the flight over that of the reference. ``told_s`` are the seconds that could tell.
+    ``thrust_exponent`` is ``null`` where the power of thrust could not be told, so that other throttles say less.
+    """
+
+    schema_name: Annotated[Literal["rotorid.track/1"], Field(alias="schema")] = "rotorid.track/1"
+    log: str = ""
+    model: str = ""
+    parameters: dict[str, float] = Field(default_factory=dict)
+    given: bool = False
+    instrument: str = ""
+    reference_s: tuple[float, float] | None = None
+    told_s: float = 0.0
+    gain: QuantityDocument | None = None
+    thrust_exponent: float | None = None
+    steps: list[GainStepDocument] = Field(default_factory=list)
+    trims: list[TrimStepDocument] = Field(default_factory=list)
+    cannot_tell: list[CannotTellDocument] = Field(default_factory=list)
+    findings: list[FindingDocument] = Field(default_factory=list)
+    provenance: ProvenanceDocument
+
+
+def track_document(found: FlightTracking | Refused) -> TrackDocument:
+    """What was followed as ``track.json`` holds it; of data that cannot tell, why."""
+    common = {
+        "findings": [FindingDocument.model_validate(one) for one in found.findings],
+        "provenance": ProvenanceDocument.model_validate(found.provenance),
+    }
+    if isinstance(found, Refused):
+        return TrackDocument.model_validate(common)
+    tracking = found.tracking
+    ratio, std = float(tracking.ratio[-1]), float(tracking.std[-1])
+    return TrackDocument.model_validate(
+        {
+            **common,
+            "log": found.log,
+            "model": found.model,
+            "parameters": dict(found.parameters),
+            "given": found.given,
+            "instrument": found.instrument,
+            "reference_s": found.reference_s,
+            "told_s": tracking.told_s,
+            "gain": {"value": ratio, "std": std, "lower": ratio - 2 * std, "upper": ratio + 2 * std, "unit": "1"},
+            "thrust_exponent": tracking.thrust_exponent,
+            "steps": [GainStepDocument.model_validate(one) for one in tracking.steps],
+            "trims": [TrimStepDocument.model_validate(one) for one in found.trims],
+            "cannot_tell": [
+                CannotTellDocument(start_s=start_s, stop_s=stop_s, why=why)
+                for start_s, stop_s, why in silent(found)
+                if why in ("stick", "air")
+            ],
+        }
+    )
+
+
+def silent(found: FlightTracking) -> list[tuple[float, float, Why]]:
+    """Stretches that say nothing, each with its reason."""
+    tracking, parts = found.tracking, []
+    blocks = zip(tracking.time_s, tracking.cannot_tell, strict=True)
+    for why, group in groupby(blocks, key=lambda one: one[1]):
+        if why:
+            times = [float(time_s) for time_s, _ in group]
+            parts.append((times[0] - BLOCK_S, times[-1], why))
+    return parts
+
+
+def track_arrays(found: FlightTracking) -> dict[str, AnyArray]:
+    """What ``track.npz`` holds."""
+    tracking = found.tracking
+    return {
+        "time_s": tracking.time_s,
+        "ratio": tracking.ratio,
+        "std": tracking.std,
+        "level": tracking.level,
+        "rougher": tracking.rougher,
+    }

@@ -1,0 +1,263 @@
+"""A model followed through a flight: whether what was true at its beginning holds to its end.
+
+The gain of a rate model says payload, propellers and battery; the mean commands (trims) say a damaged propeller or a
+center of gravity that moved, which the gain hardly shows: one of four propellers with 8 % less thrust changes the gain
+by 2 % and the roll command at rest at once.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, worst_first
+from rotorid.data.record import AXES, FlightRecord, Maneuver
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.parameter import no_such
+from rotorid.pipeline.identification import identify
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import find_instrument
+from rotorid.pipeline.provenance import Provenance, provenance
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.settings import IdentifySettings, as_records
+from rotorid.pipeline.several import AXIS_OF, settings_of
+from rotorid.signal.airborne import airborne
+from rotorid.signal.clock import resample
+from rotorid.signal.stretch import stretch
+from rotorid.typing import Axis, FloatArray
+from rotorid.verification.tracking import RATE_HZ, Tracking, track_gain
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+_OUTPUTS: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
+
+_FULL: Mapping[str, float] = {"rad": 0.6, "rad/s": 3.0}
+"""What counts as a full stick where a set-point stands for it: 0.3 rad is half a stick."""
+
+TRIM_S = 8.0
+_TRIM_SIGMAS = 4.0
+_TRIM_LEAST = 0.004
+_TRIM_LASTS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrimStep(Immutable):
+    """A mean command that moved and stayed.
+
+    Parameters
+    ----------
+    channel
+        Which.
+    at_s
+        When it was seen.
+    before, after
+        Means over the reference and since.
+    std
+        Of a mean over eight seconds in the reference.
+    """
+
+    channel: str
+    at_s: float
+    before: float
+    after: float
+    std: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightTracking(Immutable):
+    """A model through a flight.
+
+    Parameters
+    ----------
+    log, model, axis
+        What was followed.
+    parameters
+        Of the model: name to value.
+    given
+        Whether the model came from elsewhere and not from the beginning of this flight.
+    instrument
+        What stands for the stick.
+    reference_s
+        Start and stop of what all else is compared with.
+    tracking
+        The gain.
+    trims
+        Mean commands that moved.
+    findings, provenance
+        Remarks, and where all of it came from.
+    """
+
+    log: str
+    model: str
+    axis: Axis
+    parameters: Mapping[str, float]
+    given: bool
+    instrument: str
+    reference_s: tuple[float, float]
+    tracking: Tracking
+    trims: tuple[TrimStep, ...]
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(parameters=self.parameters)
+
+
+def track(
+    record: FlightRecord | str | Path,
+    model: str | IdentifiedModel = "rate.roll",
+    *,
+    first_s: float = 60.0,
+    thrust_exponent: float | None = None,
+    step_share: float | None = None,
+) -> FlightTracking:
+    """Follow the gain of a rate model through a flight.
+
+    Parameters
+    ----------
+    record
+        A log, or its file.
+    model
+        ``rate.roll``, ``rate.pitch`` or ``rate.yaw``, identified on the beginning of the flight, or such a model of the
+        same vehicle that was identified elsewhere.
+    first_s
+        Of the flight, what all else is compared with.
+    thrust_exponent
+        Power of the thrust command by which the gain grows, such as 0.8 for thrust that grows with its square; zero for
+        linear thrust. Where it is not known it is taken from the reference if the throttle moved there.
+    step_share
+        The change that is looked for; 13 % by default, as of a payload that adds 15 % of inertia.
+
+    Raises
+    ------
+    InsufficientDataError
+        The flight is too short, its stick rests, or its beginning does not support the model.
+    UsageError, ModelError
+        A choice is wrong.
+
+    Examples
+    --------
+    >>> found = track("flight.ulg", "rate.roll")  # doctest: +SKIP
+    >>> found.tracking.steps  # doctest: +SKIP
+    """
+    (log,) = as_records(record)
+    name = model if isinstance(model, str) else model.name
+    if name not in AXIS_OF:
+        raise no_such("model that can be followed", name, tuple(AXIS_OF))
+    if step_share is not None and not 0.02 <= step_share <= 0.5:
+        raise UsageError(f"a step of {step_share:g} came", needed="a share from 0.02 to 0.5")
+    axis = AXIS_OF[name]
+    start_s, stop_s = _longest_flight(log)
+    maneuver = Maneuver(axis=axis, kind="other", start_s=start_s, stop_s=stop_s, origin="given")
+    instrument = find_instrument([Flight(log, maneuver)], axis)
+    if instrument is None:
+        raise InsufficientDataError(
+            f"no stick of {axis} is in {log.source.name}",
+            needed="a stick, or a set-point that follows it, beside command and rate",
+            remedy="log the sticks or the set-points of the outer loops",
+        )
+    fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + first_s)
+    _PROGRESS.info(f"following {name}")
+    signals = _signals(log, axis, instrument, start_s, stop_s)
+    z = predicted(fitted, signals["command"])
+    chosen = {} if step_share is None else {"step_share": step_share}
+    tracking = track_gain(
+        z,
+        signals["rate"],
+        signals["stick"],
+        thrust=signals.get("thrust"),
+        thrust_exponent=thrust_exponent,
+        start_s=start_s,
+        reference_s=first_s,
+        **chosen,
+    )
+    return FlightTracking(
+        log=log.source.name,
+        model=name,
+        axis=axis,
+        parameters={key: one.value for key, one in fitted.parameters.items()},
+        given=isinstance(model, IdentifiedModel),
+        instrument=instrument,
+        reference_s=(start_s, start_s + first_s),
+        tracking=tracking,
+        trims=tuple(_trims(log, start_s, stop_s, first_s)),
+        findings=worst_first([*log.findings, *fitted.findings]),
+        provenance=provenance([log], IdentifySettings()),
+    )
+
+
+def _longest_flight(record: FlightRecord) -> tuple[float, float]:
+    flights = airborne(record).intervals
+    if not flights:
+        raise InsufficientDataError(f"{record.source.name} holds no flight", needed="a flight")
+    return max(flights, key=lambda one: one[1] - one[0])
+
+
+def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -> IdentifiedModel:
+    part = stretch(record, start_s, stop_s)
+    return identify(part, name, settings=settings_of(name, [part], IdentifySettings()))
+
+
+def _signals(record: FlightRecord, axis: Axis, instrument: str, start_s: float, stop_s: float) -> dict[str, FloatArray]:
+    """Command, rate, stick and thrust on one clock; the longest stretch without a gap from the beginning."""
+    names = {"command": f"{axis}_command", "rate": _OUTPUTS[axis], "stick": instrument}
+    if "thrust_command" in record.channel_names:
+        names["thrust"] = "thrust_command"
+    auxiliary = [names[key] for key in ("stick", "thrust") if key in names]
+    found = resample(
+        record,
+        channels=(names["command"], names["rate"]),
+        auxiliary=auxiliary,
+        start_s=start_s,
+        stop_s=stop_s,
+        sample_rate_hz=RATE_HZ,
+    ).histories
+    history = max(found, key=lambda one: one.duration_s)
+    full = _FULL.get(record[instrument].unit, 1.0)
+    signals = {key: np.array(history[name]) for key, name in names.items()}
+    signals["stick"] = signals["stick"] / full
+    return signals
+
+
+def predicted(model: IdentifiedModel, command: FloatArray) -> FloatArray:
+    """Rate of a model from its command at the rate of the tracker, from rest."""
+    count = 2 * command.size
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE_HZ)
+    response = model.response(np.maximum(omega, 1e-6))[0, 0]
+    # The mean command is a trim, which turns nothing.
+    moved = np.concatenate([command - np.median(command), np.zeros(count - command.size)])
+    return np.asarray(np.fft.irfft(np.fft.rfft(moved) * response, count)[: command.size])
+
+
+def _trims(record: FlightRecord, start_s: float, stop_s: float, first_s: float) -> Iterator[TrimStep]:
+    """Mean commands that moved by more than those of the reference scatter, and stayed."""
+    for axis in AXES[:3]:
+        name = f"{axis}_command"
+        if name not in record.channel_names:
+            continue
+        track_ = record[name]
+        kept = (track_.time_s >= start_s) & (track_.time_s < stop_s) & np.isfinite(track_.values)
+        number = ((track_.time_s[kept] - start_s) // TRIM_S).astype(np.int64)
+        if not number.size:
+            continue
+        counts = np.bincount(number)
+        means = np.bincount(number, track_.values[kept]) / np.maximum(counts, 1)
+        first = max(int(first_s // TRIM_S), 3)
+        if means.size < first + _TRIM_LASTS:
+            continue
+        before = float(np.mean(means[:first]))
+        std = max(float(np.std(means[:first], ddof=1)), _TRIM_LEAST)
+        off = np.abs(means - before) > _TRIM_SIGMAS * std * math.sqrt(1.0 + 1.0 / first)
+        for k in range(first, means.size - _TRIM_LASTS + 1):
+            part = slice(k, k + _TRIM_LASTS)
+            if off[part].all() and (np.sign(means[part] - before) == np.sign(means[k] - before)).all():
+                after = float(np.mean(means[k:]))
+                yield TrimStep(
+                    channel=name, at_s=start_s + (k + _TRIM_LASTS) * TRIM_S, before=before, after=after, std=std
+                )
+                break

@@ -1,0 +1,69 @@
+"""The page of ``track``: a gain over a flight with its band, steps, trims, and what could not be told."""
+
+from __future__ import annotations
+
+from rotorid.documents.track import TrackDocument, silent, track_document
+from rotorid.pipeline.tracking import FlightTracking
+from rotorid.plot.tracking import followed_gain
+from rotorid.report.frame import Picture, render, significant, with_error
+from rotorid.report.parts import finding_rows
+
+WHY = {"stick": "the stick hardly moved", "air": "the air was rougher than in the reference"}
+
+
+def render_track(found: FlightTracking) -> str:
+    """The page as one HTML file."""
+    document = track_document(found)
+    tracking = found.tracking
+    picture = Picture(
+        key="gain",
+        description=f"Gain of {found.model} over that of the reference, with its band of two standard deviations",
+        figure=followed_gain(
+            tracking.time_s,
+            tracking.ratio,
+            tracking.std,
+            steps=[step.at_s for step in tracking.steps],
+            silent=[(start_s, stop_s) for start_s, stop_s, _ in silent(found)],
+            rougher=tracking.rougher,
+            level=tracking.level,
+        ),
+    )
+    return render(
+        "track.html",
+        pictures=[picture],
+        title=f"{found.model} through {found.log}",
+        sentences=sentences(document),
+        picture=picture,
+        document=document,
+        remarks=finding_rows(document.findings),
+        why=WHY,
+        significant=significant,
+        with_error=with_error,
+    )
+
+
+def sentences(document: TrackDocument) -> list[str]:
+    """What happened, in words; the first is the answer."""
+    steps, said = document.steps, []
+    if steps:
+        said += [
+            f"The gain changed at about {step.since_s:.0f} s to {with_error(step.ratio, step.std)} of the reference "
+            f"(seen at {step.at_s:.0f} s)."
+            for step in steps
+        ]
+    elif document.told_s > 0.0:
+        said.append("No step of the gain was found.")
+    else:
+        said.append("Nothing can be told of this flight after its reference.")
+    said += [
+        f"{trim.channel} at rest moved from {significant(trim.before)} to {significant(trim.after)}, seen at "
+        f"{trim.at_s:.0f} s: a propeller, the center of gravity, or wind that turned."
+        for trim in document.trims
+    ]
+    lost_s = sum(one.stop_s - one.start_s for one in document.cannot_tell)
+    if lost_s > 0.0:
+        reasons = " or ".join(WHY[why] for why in dict.fromkeys(one.why for one in document.cannot_tell))
+        said.append(f"{lost_s:.0f} s cannot tell: {reasons}.")
+    if any(one.why == "air" for one in document.cannot_tell):
+        said.append("Wind rose after the reference: track that part by itself, with a reference of its own.")
+    return said
