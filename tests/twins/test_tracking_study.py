@@ -1,4 +1,4 @@
-"""How soon a payload is seen, how often nothing is taken for one: twelve hours of sticks in wind that turns the vehicle."""
+"""How soon a payload is seen, and how often nothing is taken for one: twelve hours of sticks in wind."""
 
 from __future__ import annotations
 

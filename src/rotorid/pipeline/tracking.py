@@ -31,7 +31,7 @@ from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import resample
 from rotorid.signal.stretch import stretch
 from rotorid.typing import Axis, FloatArray
-from rotorid.verification.tracking import RATE_HZ, Tracking, track_gain
+from rotorid.verification.tracking import RATE_HZ, Tracking, require_length, track_gain
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 _OUTPUTS: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
@@ -153,6 +153,7 @@ def track(
         raise UsageError(f"a step of {step_share:g} came", needed="a share from 0.02 to 0.5")
     axis = AXIS_OF[name]
     start_s, stop_s = _longest_flight(log)
+    require_length(stop_s - start_s, first_s)
     maneuver = Maneuver(axis=axis, kind="other", start_s=start_s, stop_s=stop_s, origin="given")
     instrument = find_instrument([Flight(log, maneuver)], axis)
     if instrument is None:

@@ -58,7 +58,7 @@ _ROUGHER = 2.5
 _FOLLOW_S = 8.0
 _WIDER = 1.5
 _THRUST_UNKNOWN = 0.8
-_LEAST_REFERENCE_S = 30.0
+_LEAST_REFERENCE_S, _LEAST_AFTER_S = 30.0, 5.0
 
 Why: TypeAlias = Literal["", "reference", "stick", "air"]
 """Why a block cannot tell: it is part of the reference, the stick hardly moves, the air is rougher than then."""
@@ -165,11 +165,7 @@ def track_gain(
     """
     whole = measured.size // _BLOCK * _BLOCK
     first = round(reference_s / BLOCK_S) * _BLOCK
-    if reference_s < _LEAST_REFERENCE_S or whole < first + 10 * _BLOCK:
-        raise InsufficientDataError(
-            f"{measured.size / RATE_HZ:.0f} s of flight came with a reference of {reference_s:g} s",
-            needed=f"a reference of {_LEAST_REFERENCE_S:g} s and more, and flight after it",
-        )
+    require_length(measured.size / RATE_HZ, reference_s)
     level = _levels(stick[:whole])
     if float(np.quantile(level[: first // _BLOCK], 0.9)) < LEAST_LEVEL:
         raise InsufficientDataError(
@@ -209,6 +205,22 @@ def _banded(values: FloatArray) -> FloatArray:
     """Causal, as all of this could be done while flying."""
     sections = signal.butter(2, BAND_HZ, "bandpass", fs=RATE_HZ, output="sos")
     return np.asarray(signal.sosfilt(sections, values - values[0]))
+
+
+def require_length(flight_s: float, reference_s: float) -> None:
+    """Refuse a reference that is too short, or a flight that ends with it.
+
+    Raises
+    ------
+    InsufficientDataError
+        It is so.
+    """
+    if not reference_s >= _LEAST_REFERENCE_S or flight_s < reference_s + _LEAST_AFTER_S:
+        raise InsufficientDataError(
+            f"{flight_s:.0f} s of flight came with a reference of {reference_s:g} s",
+            needed=f"a reference of {_LEAST_REFERENCE_S:g} s and more, and {_LEAST_AFTER_S:g} s of flight after it",
+            remedy="name another length of it with --first",
+        )
 
 
 def _filtered(b: Sequence[float] | FloatArray, a: Sequence[float], values: FloatArray) -> FloatArray:
