@@ -31,7 +31,7 @@ from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import resample
 from rotorid.signal.stretch import stretch
 from rotorid.typing import Axis, FloatArray
-from rotorid.verification.tracking import RATE_HZ, Tracking, require_length, track_gain
+from rotorid.verification.tracking import BAND_HZ, RATE_HZ, Tracking, require_length, track_gain
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 _OUTPUTS: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
@@ -200,8 +200,10 @@ def _longest_flight(record: FlightRecord) -> tuple[float, float]:
 
 
 def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -> IdentifiedModel:
+    """A model of the beginning of a flight, over the band in which it will be used."""
     part = stretch(record, start_s, stop_s)
-    return identify(part, name, settings=settings_of(name, [part], IdentifySettings()))
+    low, high = (2.0 * math.pi * edge for edge in BAND_HZ)
+    return identify(part, name, settings=settings_of(name, [part], IdentifySettings(band_rad_s=(low, high))))
 
 
 def _signals(record: FlightRecord, axis: Axis, instrument: str, start_s: float, stop_s: float) -> dict[str, FloatArray]:

@@ -10,8 +10,8 @@ reference). In blocks of half a second
 two cumulative sums of :math:`(\pm \delta N D - \delta^2 D^2 / 2) / v`, each step held within :math:`\pm 3` and each sum
 above zero, ask whether the gain rose or fell by the share :math:`\delta`. A block without excitation counts nothing.
 One is an alarm beyond :math:`\ln` of twice the blocks of an hour: about one false alarm an hour, if the noise is what
-it is held to be. What is not known to hold, a stick that hardly moves or air that became rougher than that of the
-reference, makes a block one that cannot tell.
+it is held to be. After one the gain is measured anew, over eight seconds that can tell. What is not known to hold, a
+stick that hardly moves or air that became rougher than that of the reference, makes a block one that cannot tell.
 
 References
 ----------
@@ -54,6 +54,7 @@ _SHAPE_SHARE = 0.02
 _CLIP = 3.0
 _LEVEL_BLOCKS = 30
 _NOISE_BLOCKS = 40
+_NEW_GAIN_BLOCKS = 16
 _ROUGHER = 2.5
 _FOLLOW_S = 8.0
 _WIDER = 1.5
@@ -332,32 +333,71 @@ def _why(level: FloatArray, rougher: FloatArray, first: int) -> tuple[Why, ...]:
     return tuple(said)
 
 
+class _Sums:
+    """Both cumulative sums against a gain, and since when each has grown."""
+
+    def __init__(self, base: float) -> None:
+        self.base = base
+        self.sums = {1.0: 0.0, -1.0: 0.0}
+        self.since = {1.0: 0, -1.0: 0}
+
+    def forget(self) -> None:
+        self.sums = dict.fromkeys(self.sums, 0.0)
+
+    def add(self, k: int, n: float, d: float, v: float, share: float) -> float | None:
+        """Take one block in; the direction of a step that is beyond the threshold."""
+        share *= self.base
+        for sign in self.sums:
+            grown = (sign * share * n * d - 0.5 * (share * d) ** 2) / max(v, 1e-300)
+            if self.sums[sign] <= 0.0:
+                self.since[sign] = k
+            self.sums[sign] = max(self.sums[sign] + float(np.clip(grown, -_CLIP, _CLIP)), 0.0)
+        sign = max(self.sums, key=lambda one: self.sums[one])
+        return sign if self.sums[sign] > THRESHOLD else None
+
+
 def _steps(blocks: _Blocks, noise: FloatArray, why: tuple[Why, ...], share: float, start_s: float) -> Iterator[Step]:
-    """Alarms of both sums; each begins again after one."""
+    """Alarms of both sums; after each the gain is taken anew, from what came since it changed."""
     v = noise * blocks.w2 + blocks.shape**2
-    sums, since = {1.0: 0.0, -1.0: 0.0}, {1.0: 0, -1.0: 0}
+    sums = _Sums(1.0)
+    found: tuple[int, int] | None = None
+    seen = 0
     for k, cannot in enumerate(why):
         if cannot:
             if cannot == "air":
-                sums = dict.fromkeys(sums, 0.0)
+                sums.forget()
             continue
-        for sign in sums:
-            grown = (sign * share * blocks.n[k] * blocks.d[k] - 0.5 * (share * blocks.d[k]) ** 2) / max(v[k], 1e-300)
-            if sums[sign] <= 0.0:
-                since[sign] = k
-            sums[sign] = max(sums[sign] + float(np.clip(grown, -_CLIP, _CLIP)), 0.0)
-        if max(sums.values()) > THRESHOLD:
-            sign = max(sums, key=lambda one: sums[one])
-            part = slice(since[sign], k + 1)
-            weight = blocks.d[part] ** 2 / np.maximum(v[part], 1e-300)
-            change = float((blocks.n[part] * blocks.d[part] / np.maximum(v[part], 1e-300)).sum() / weight.sum())
-            yield Step(
-                at_s=start_s + BLOCK_S * (k + 1),
-                since_s=start_s + BLOCK_S * since[sign],
-                ratio=1.0 + change,
-                std=_WIDER / math.sqrt(float(weight.sum())),
-            )
-            sums = dict.fromkeys(sums, 0.0)
+        if found is not None:
+            # The new gain is measured before the next step is looked for.
+            seen += 1
+            if seen < _NEW_GAIN_BLOCKS:
+                continue
+            step = _step(blocks, v, why, found[0], found[1], k + 1, start_s)
+            yield step
+            sums, found, seen = _Sums(step.ratio), None, 0
+            continue
+        n = float(blocks.n[k] - (sums.base - 1.0) * blocks.d[k])
+        sign = sums.add(k, n, float(blocks.d[k]), float(v[k]), share)
+        if sign is not None:
+            found = sums.since[sign], k + 1
+    if found is not None:
+        yield _step(blocks, v, why, found[0], found[1], len(why), start_s)
+
+
+def _step(
+    blocks: _Blocks, v: FloatArray, why: tuple[Why, ...], since: int, seen: int, stop: int, start_s: float
+) -> Step:
+    """A step with the gain of the blocks since it began."""
+    part = [k for k in range(since, stop) if not why[k]]
+    weight = 1.0 / np.maximum(v[part], 1e-300)
+    information = float((blocks.d[part] ** 2 * weight).sum())
+    change = float((blocks.n[part] * blocks.d[part] * weight).sum()) / information
+    return Step(
+        at_s=start_s + BLOCK_S * seen,
+        since_s=start_s + BLOCK_S * since,
+        ratio=1.0 + change,
+        std=_WIDER / math.sqrt(information),
+    )
 
 
 def _followed(blocks: _Blocks, noise: FloatArray, why: tuple[Why, ...]) -> tuple[FloatArray, FloatArray]:

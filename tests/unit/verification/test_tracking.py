@@ -86,7 +86,8 @@ def test_a_weak_propeller_moves_the_trim_and_hardly_the_gain(calm: dict[str, np.
     before = twin.columns(twin.fly(120.0, level=0.5, wind=still, seed=5))
     after = twin.columns(twin.fly(60.0, level=0.5, wind=still, seed=6, flying=twin.with_weak_rotor(0.08)))
     livelier = twin.record_of(calm)
-    model = identify(livelier, "rate.roll", settings=settings_of("rate.roll", [livelier], IdentifySettings()))
+    chosen = settings_of("rate.roll", [livelier], IdentifySettings(band_rad_s=(2.0, 38.0)))
+    model = identify(livelier, "rate.roll", settings=chosen)
     found = track(twin.record_of(twin.joined(before, after)), model)
     assert found.given
     assert not found.tracking.steps
