@@ -7,7 +7,7 @@ DEMO   ?= rotorid-out/demo
 # Hundreds of tests start the program: what Python compiled once is kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test checks compiled quick study bench pictures clean
+.PHONY: demo test checks compiled quick study bench pictures docs clean
 
 demo: $(VENV)/.installed
 	$(BIN)/rotorid demo --out $(DEMO)
@@ -41,6 +41,10 @@ bench: $(VENV)/.installed-dev
 # The pictures of the README, taken of the pages of an example in a real browser.
 pictures: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.docs.pictures
+
+# The documentation as a site, in build/site/html; warnings are errors, and nothing is fetched.
+docs: $(VENV)/.installed-dev
+	$(BIN)/python docs/site/build.py build/site
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -117,3 +117,14 @@ def with_weak_rotor(share: float, name: str = "px4_quad") -> Aircraft:
     effect = np.array(flying.vehicle.wrench)
     effect[:, 0] *= 1.0 - share
     return replace(flying, vehicle=replace(flying.vehicle, effectiveness=effect))
+
+
+def with_quadratic_thrust() -> Aircraft:
+    """Thrust that grows with the square of the command, and nothing that straightens it."""
+    stock = craft()
+    rotors = stock.vehicle.rotors
+    curved = replace(
+        stock, vehicle=replace(stock.vehicle, rotors=replace(rotors, thrust=(0.0, 0.0, sum(rotors.thrust))))
+    )
+    # Any change makes the autopilot look for its hover anew.
+    return changed(curved, {"thrust": 1.0})

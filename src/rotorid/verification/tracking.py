@@ -35,7 +35,7 @@ from rotorid.typing import BoolArray, FloatArray
 RATE_HZ = 50.0
 """Of the signals; the band ends well below half of it."""
 
-BAND_HZ = (0.3, 6.0)
+BAND_HZ = (0.5, 6.0)
 STEP_SHARE = 0.13
 """The change that is looked for, 15 % of inertia; larger ones are found sooner."""
 
@@ -181,11 +181,13 @@ def track_gain(
     w = _explained(z, s, first)
     gain = float(w[_SETTLED:first] @ p[_SETTLED:first]) / float(w[_SETTLED:first] @ z[_SETTLED:first])
     whitening = _whitening((p - gain * z)[_SETTLED:first])
+    _, rougher = _noise(p, z, gain, first)
     p, z, w = (_filtered(whitening, [1.0], values) for values in (p, z, w))
     used = slice(_SETTLED, first)
     gain = float(w[used] @ p[used]) / float(w[used] @ z[used])
-    blocks = _Blocks(p, z, w, logs if exponent is None else None, gain)
-    noise, rougher = _noise(p, z, gain, first)
+    blocks = _Blocks(p, z, w, logs if exponent is None else None, gain, rougher)
+    noise, _ = _noise(p, z, gain, first)
+    noise = noise * _scatter(blocks, noise, first)
     why = _why(level, rougher, first)
     steps = tuple(_steps(blocks, noise, why, step_share, start_s))
     ratio, std = _followed(blocks, noise, why)
@@ -287,7 +289,15 @@ def _whitening(rest: FloatArray) -> FloatArray:
 class _Blocks:
     """Sums of each block."""
 
-    def __init__(self, p: FloatArray, z: FloatArray, w: FloatArray, logs: FloatArray | None, gain: float) -> None:
+    def __init__(
+        self,
+        p: FloatArray,
+        z: FloatArray,
+        w: FloatArray,
+        logs: FloatArray | None,
+        gain: float,
+        rougher: FloatArray,
+    ) -> None:
         def summed(values: FloatArray) -> FloatArray:
             return np.asarray(values.reshape(-1, _BLOCK).sum(axis=1))
 
@@ -296,7 +306,9 @@ class _Blocks:
         self.w2 = summed(w * w)
         # Where the power of thrust is not known, a block under other thrust errs by as much as it could be.
         moved = np.zeros(self.n.size) if logs is None else np.abs(logs).reshape(-1, _BLOCK).max(axis=1)
-        self.shape = np.hypot(_SHAPE_SHARE, _THRUST_UNKNOWN * moved) * np.abs(self.d)
+        # Rougher air moves the vehicle as its model does not, and more than by noise.
+        share = _SHAPE_SHARE * np.maximum(rougher, 1.0)
+        self.shape = np.hypot(share, _THRUST_UNKNOWN * moved) * np.abs(self.d)
 
 
 def _noise(p: FloatArray, z: FloatArray, gain: float, first: int) -> tuple[FloatArray, FloatArray]:
@@ -317,6 +329,14 @@ def _noise(p: FloatArray, z: FloatArray, gain: float, first: int) -> tuple[Float
     followed = np.array([float(np.median(found[max(k - _NOISE_BLOCKS, 8) : max(k, 9)])) for k in range(found.size)])
     # A gust counts when it comes, and for as long as it is remembered.
     return np.maximum(np.maximum(followed, found), 0.5 * usual), followed / max(usual, 1e-300)
+
+
+def _scatter(blocks: _Blocks, noise: FloatArray, first: int) -> float:
+    """How much more the sums of the reference scatter than white noise would, one at least."""
+    used = slice(_SETTLED // _BLOCK, first // _BLOCK)
+    expected = noise[used] * blocks.w2[used] + blocks.shape[used] ** 2
+    kept = expected > 0.0
+    return max(float(np.mean(blocks.n[used][kept] ** 2 / expected[kept])), 1.0)
 
 
 def _why(level: FloatArray, rougher: FloatArray, first: int) -> tuple[Why, ...]:
@@ -374,7 +394,9 @@ def _steps(blocks: _Blocks, noise: FloatArray, why: tuple[Why, ...], share: floa
                 continue
             step = _step(blocks, v, why, found[0], found[1], k + 1, start_s)
             yield step
-            sums, found, seen = _Sums(step.ratio), None, 0
+            # What passed by leaves the gain where it was.
+            stays = abs(step.ratio - sums.base) > 0.5 * share * sums.base
+            sums, found, seen = _Sums(step.ratio if stays else sums.base), None, 0
             continue
         n = float(blocks.n[k] - (sums.base - 1.0) * blocks.d[k])
         sign = sums.add(k, n, float(blocks.d[k]), float(v[k]), share)

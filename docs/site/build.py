@@ -1,0 +1,183 @@
+"""The documentation as a site: gather the pages, write what follows from the program, let Sphinx make HTML of it.
+
+``make docs``, or ``python docs/site/build.py OUT``. Nothing is fetched, and a warning is an error. What is generated: a
+page for each command from its options, the table of findings, the list of schemas, and the public names of each
+package with their docstrings.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from typer.main import get_command
+
+from rotorid.cli.app import COMMANDS, app
+from rotorid.data import KINDS
+from rotorid.documents.schemas import SCHEMAS
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+DOCS = ROOT / "docs"
+FACES = (
+    *("rotorid", "rotorid.data", "rotorid.excitation", "rotorid.exports", "rotorid.fitting", "rotorid.fleets"),
+    *("rotorid.models", "rotorid.pipeline", "rotorid.planning", "rotorid.plot", "rotorid.reduction", "rotorid.search"),
+    *("rotorid.signal", "rotorid.simulation", "rotorid.spectral", "rotorid.tuning", "rotorid.uncertainty"),
+    *("rotorid.vehicles", "rotorid.verification"),
+)
+"""Packages whose public names are shown."""
+
+_OUTSIDE = re.compile(r"\[([^\]]+)\]\(((?:\.\./)+(?:src|tests|benchmarks|LICENSE)[^)]*)\)")
+_TOP = ("CHANGELOG.md", "SECURITY.md", "CONTRIBUTING.md")
+_PICTURE = re.compile(r"!\[\s*\]\(")
+_TREE = "```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
+
+
+def gather(source: Path) -> None:
+    """All pages and files of the site in one folder."""
+    skipped = shutil.ignore_patterns("site", "*.1")
+    shutil.copytree(DOCS, source, ignore=skipped)
+    for page in (HERE / "pages").glob("*.md"):
+        shutil.copy(page, source / page.name)
+    shutil.copy(HERE / "conf.py", source / "conf.py")
+    shutil.copytree(HERE / "static", source / "static")
+    for name in _TOP:
+        text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
+        (source / name).write_text(text, encoding="utf-8")
+    for page in source.rglob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        # Files of the project that are no part of the site are named, and not linked.
+        text = _OUTSIDE.sub(lambda found: f"{found[1]} (`{found[2].replace('../', '')}`)", text)
+        up = "../" * (len(page.relative_to(source).parts) - 1)
+        text = re.sub(r"\]\((?:\.\./)*(CHANGELOG|SECURITY|CONTRIBUTING)\.md", rf"]({up}\1.md", text)
+        text = re.sub(r"\]\((?:\.\./)+README\.md[^)]*\)", f"]({up}index.md)", text)
+        page.write_text(text, encoding="utf-8")
+    commands(source / "commands")
+    findings(source / "findings.md")
+    schemas(source / "schemas.md", source / "schemas")
+    names(source / "api")
+    (source / "index.md").write_text(index(source), encoding="utf-8")
+
+
+def commands(folder: Path) -> None:
+    """A page for each command, from the one declaration of its options."""
+    folder.mkdir()
+    group: Any = get_command(app)
+    for name in COMMANDS:
+        command = group.commands[name]
+        lines = [f"# rotorid {name}", "", " ".join((command.help or "").split()), ""]
+        lines += ["```", f"rotorid {name} {' '.join(_usage(command))}", "```", ""]
+        rows = [_option(one) for one in command.params if not getattr(one, "hidden", False)]
+        lines += ["| option | what it does | default |", "|---|---|---|", *rows, ""]
+        (folder / f"{name}.md").write_text("\n".join(lines), encoding="utf-8")
+    listed = [f"| [`rotorid {name}`]({name}.md) | {_cell(words)} |" for name, words in COMMANDS.items()]
+    tree = _TREE.format(caption="Commands", entries="\n".join(COMMANDS))
+    text = "# Commands\n\n| command | what it does |\n|---|---|\n" + "\n".join(listed) + f"\n\n{tree}"
+    (folder / "index.md").write_text(text, encoding="utf-8")
+
+
+def _usage(command: Any) -> Iterator[str]:
+    yield "[OPTIONS]"
+    for one in command.params:
+        if one.param_type_name == "argument":
+            yield (one.metavar or one.name.upper()) + ("..." if one.nargs == -1 and not one.metavar else "")
+
+
+def _option(one: Any) -> str:
+    if one.param_type_name == "argument":
+        return f"| `{(one.metavar or one.name).upper()}` | {_cell(getattr(one, 'help', '') or '')} | |"
+    written = ", ".join(f"`{word}`" for word in (*one.opts, *one.secondary_opts))
+    default = "" if one.default in (None, False, (), []) or callable(one.default) else f"`{one.default}`"
+    return f"| {written} | {_cell(one.help or '')} | {_cell(default)} |"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
+
+
+def findings(page: Path) -> None:
+    """Every kind of finding."""
+    rows = [f"| `{word}` | {kind.severity} | {_cell(kind.meaning)} |" for word, kind in sorted(KINDS.items())]
+    head = "# Findings\n\nWhat a careful engineer would remark; scripts may rely on the words.\n\n| kind | usually | says |\n|---|---|---|\n"
+    page.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+
+
+def schemas(page: Path, folder: Path) -> None:
+    """Every document with what it says of itself, and its schema as a file."""
+    rows = []
+    for name, kind in SCHEMAS.items():
+        told = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+        rows.append(f"| {{download}}`{name} <schemas/{name}.json>` | {_cell(told)} |")
+        json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    head = "# Schemas\n\nJSON schemas of the files that commands write; see [files and schemas](results.md).\n\n| schema | of |\n|---|---|\n"
+    page.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+
+
+def names(folder: Path) -> None:
+    """The public names of each package."""
+    folder.mkdir()
+    for face in FACES:
+        package = importlib.import_module(face)
+        lines = [f"# {face}", "", "```{eval-rst}"]
+        for name in package.__all__:
+            value = getattr(package, name)
+            if not getattr(value, "__doc__", None) or not (isinstance(value, type) or callable(value)):
+                continue
+            kind = "autoclass" if isinstance(value, type) else "autofunction"
+            lines.append(f".. {kind}:: {face}.{name}")
+            if face != "rotorid" and name in importlib.import_module("rotorid").__all__:
+                lines.append("   :no-index:")
+            if isinstance(value, type):
+                lines.append("   :members:")
+            lines.append("")
+        (folder / f"{face}.md").write_text("\n".join([*lines, "```", ""]), encoding="utf-8")
+    listed = "\n".join(f"- [{face}]({face}.md)" for face in FACES)
+    tree = _TREE.format(caption="Packages", entries="\n".join(FACES))
+    (folder / "index.md").write_text(f"# Python names\n\n{listed}\n\n{tree}", encoding="utf-8")
+
+
+PARTS = {
+    "First steps": ("pilot", "developer", "control-engineer", "researcher", "operator", "coming-from", "glossary"),
+    "Questions to a flight": ("what-it-does", "review", "review-loops", "review-noise-motors", "tune", "track", "fleet", "lab"),
+    "Models": ("method", "models", "motors", "time-domain", "searches", "controllers", "forward-flight", "accuracy"),
+    "Flights": ("design", "test-inputs", "simulation", "vehicles", "export", "export-gallery"),
+    "Tutorials": ("tutorials/README",),
+    "Reference": ("commands/index", "api/index", "python", "results", "schemas", "findings", "mapping", "papers"),
+    "The project": ("architecture", "security", "tuning-study", "CHANGELOG", "SECURITY", "CONTRIBUTING"),
+}
+"""Captions of the menu and their pages."""
+
+
+def index(source: Path) -> str:
+    """The first page, with the menu."""
+    text = (HERE / "index.md").read_text(encoding="utf-8")
+    trees = [
+        _TREE.format(caption=caption, entries="\n".join(page for page in pages if (source / f"{page}.md").exists()))
+        for caption, pages in PARTS.items()
+    ]
+    return text + "\n" + "\n".join(trees)
+
+
+def build(out: Path) -> int:
+    """Make the site; the exit code of Sphinx."""
+    source = out / "source"
+    if out.exists():
+        shutil.rmtree(out)
+    out.mkdir(parents=True)
+    gather(source)
+    tutorials = sorted(page.stem for page in (source / "tutorials").glob("*.md") if page.stem != "README")
+    with (source / "tutorials" / "README.md").open("a", encoding="utf-8") as page:
+        page.write("\n" + _TREE.format(caption="Tutorials", entries="\n".join(tutorials)))
+    command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", "-j", "auto"]
+    return subprocess.call([*command, str(source), str(out / "html")])
+
+
+if __name__ == "__main__":
+    sys.exit(build(Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "build" / "site").resolve()))
