@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from tests.twins import track_flights as twin
@@ -21,8 +23,14 @@ def wind(speed_m_s: float, turbulence_m_s: float) -> Wind:
 
 def followed(data: dict[str, FloatArray], **options: float | None) -> Tracking:
     chosen = {"thrust_exponent": 0.0, **options}
-    z = twin.prediction(data["roll_command"], **ROLL)
-    return track_gain(z, data["p"], data["roll_stick"], thrust=data["thrust_command"], **chosen)
+    return track_gain(
+        data["roll_command"],
+        data["p"],
+        data["roll_stick"],
+        predict=partial(twin.prediction, **ROLL),
+        thrust=data["thrust_command"],
+        **chosen,
+    )
 
 
 def alarms(level: float, air: Wind) -> tuple[int, float]:
@@ -61,7 +69,7 @@ def excited_s(level: float, air: Wind) -> FloatArray:
         pytest.param(
             *(0.15, 6.0, 1.0, 10.0, 2.0),
             marks=pytest.mark.xfail(
-                raises=AssertionError, reason="a small stick in strong gusts: 90 % are seen within 25 s, not 10"
+                raises=AssertionError, reason="a small stick in strong gusts: 90 % seen within 14 s, 3 alarms an hour"
             ),
         ),
     ],
@@ -75,9 +83,10 @@ def test_a_payload_is_seen_soon_and_nothing_seldom(
     shown = np.quantile(seconds, [0.5, 0.75, 0.9], method="higher")
     print(f"stick {level}, wind {speed}: {count} alarms in {hours:.2f} h; seen after {shown} s, bar {within_s}")
     # Whatever is missed, this is kept.
-    if np.mean(seconds <= 3.0 * within_s) < 0.9 or count > alarms_h * hours:
+    if np.mean(seconds <= 3.0 * within_s) < 0.9 or count > 2.0 * alarms_h * hours:
         pytest.fail("worse than was measured")
     assert np.mean(seconds <= within_s) >= 0.9
+    assert count <= alarms_h * hours
 
 
 @pytest.mark.slow

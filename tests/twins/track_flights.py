@@ -85,10 +85,9 @@ def joined(*parts: dict[str, FloatArray]) -> dict[str, FloatArray]:
 def prediction(command: FloatArray, *, gain: float, damping: float, lag_s: float, delay_s: float) -> FloatArray:
     """Roll rate of the model, whose numbers are known."""
     count = 2 * command.size
-    omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE_HZ)
+    omega = np.maximum(2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE_HZ), 1e-6)
     response = gain * np.exp(-1j * omega * delay_s) / ((1j * omega * lag_s + 1.0) * (1j * omega - damping))
-    padded = np.concatenate([command - command[0], np.zeros(count - command.size)])
-    return np.fft.irfft(np.fft.rfft(padded) * response, count)[: command.size]
+    return np.fft.irfft(np.fft.rfft(command, count) * response, count)[: command.size]
 
 
 def record_of(columns: dict[str, FloatArray], *, rate_hz: float = RATE_HZ) -> FlightRecord:

@@ -40,6 +40,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = {
     "ros": ("rosbags", "lz4", "zstandard"),
     "lab": ("fastapi", "uvicorn"),
     "cluster": ("dask", "distributed", "fsspec", "pyarrow"),
+    "docs": ("sphinx", "furo", "myst_nb", "latex2mathml"),
 }
 """Extra to the modules that it brings."""
 

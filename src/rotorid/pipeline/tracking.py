@@ -11,6 +11,7 @@ import logging
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -165,12 +166,12 @@ def track(
     fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + first_s)
     _PROGRESS.info(f"following {name}")
     signals = _signals(log, axis, instrument, start_s, stop_s)
-    z = predicted(fitted, signals["command"])
     chosen = {} if step_share is None else {"step_share": step_share}
     tracking = track_gain(
-        z,
+        signals["command"],
         signals["rate"],
         signals["stick"],
+        predict=partial(predicted, fitted),
         thrust=signals.get("thrust"),
         thrust_exponent=thrust_exponent,
         start_s=start_s,
@@ -232,9 +233,7 @@ def predicted(model: IdentifiedModel, command: FloatArray) -> FloatArray:
     count = 2 * command.size
     omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE_HZ)
     response = model.response(np.maximum(omega, 1e-6))[0, 0]
-    # The mean command is a trim, which turns nothing.
-    moved = np.concatenate([command - np.median(command), np.zeros(count - command.size)])
-    return np.asarray(np.fft.irfft(np.fft.rfft(moved) * response, count)[: command.size])
+    return np.asarray(np.fft.irfft(np.fft.rfft(command, count) * response, count)[: command.size])
 
 
 def _trims(record: FlightRecord, start_s: float, stop_s: float, first_s: float) -> Iterator[TrimStep]:

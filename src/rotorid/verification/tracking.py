@@ -21,7 +21,7 @@ Basseville and Nikiforov, "Detection of Abrupt Changes", 1993.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -130,10 +130,11 @@ class Tracking(Immutable):
 
 
 def track_gain(
-    predicted: FloatArray,
+    command: FloatArray,
     measured: FloatArray,
     stick: FloatArray,
     *,
+    predict: Callable[[FloatArray], FloatArray],
     thrust: FloatArray | None = None,
     thrust_exponent: float | None = None,
     start_s: float = 0.0,
@@ -144,10 +145,12 @@ def track_gain(
 
     Parameters
     ----------
-    predicted, measured
-        Rate by the model from the logged command, and as measured, at :data:`RATE_HZ`, shape ``(n,)``.
+    command, measured
+        Command of the axis and rate as logged, at :data:`RATE_HZ`, shape ``(n,)``.
     stick
         What excites the axis and holds no feedback, 1 for full.
+    predict
+        The model: rate of a command, linear.
     thrust
         Thrust command, by a power of which the gain grows where thrust is not linear; ``None`` where it is not logged.
     thrust_exponent
@@ -175,8 +178,12 @@ def track_gain(
             remedy="name a livelier part of the flight as reference, or another axis",
         )
     logs = _log_thrust(thrust, whole, first)
-    exponent = thrust_exponent if thrust_exponent is not None else _exponent(predicted, measured, logs, first)
-    scheduled = predicted[:whole] * np.exp((exponent or 0.0) * logs)
+    moved = command[:whole] - float(np.median(command[:whole]))
+    exponent = thrust_exponent
+    if exponent is None:
+        exponent = _exponent(predict(moved), predict(moved * logs), measured, float(np.std(logs[:first])), first)
+    # Thrust acts on what is asked of the rotors, before it turns the vehicle.
+    scheduled = predict(moved * np.exp((exponent or 0.0) * logs))
     p, z, s = (_banded(values) for values in (measured[:whole], scheduled, stick[:whole]))
     w = _explained(z, s, first)
     gain = float(w[_SETTLED:first] @ p[_SETTLED:first]) / float(w[_SETTLED:first] @ z[_SETTLED:first])
@@ -248,13 +255,13 @@ def _log_thrust(thrust: FloatArray | None, whole: int, first: int) -> FloatArray
     return np.asarray(np.log(np.clip(smooth / hover, 0.2, 5.0)), dtype=np.float64)
 
 
-def _exponent(predicted: FloatArray, measured: FloatArray, logs: FloatArray, first: int) -> float | None:
+def _exponent(
+    predicted: FloatArray, of_thrust: FloatArray, measured: FloatArray, moved: float, first: int
+) -> float | None:
     """Power of thrust, by least squares over the reference; zero where the throttle rested all the time."""
-    if float(np.std(logs)) < 0.02:
-        return 0.0
-    z, zt, p = (
-        _banded(values)[:first] for values in (predicted[:first], predicted[:first] * logs[:first], measured[:first])
-    )
+    if moved < 0.02:
+        return None if float(np.std(of_thrust)) > 0.02 * float(np.std(predicted)) else 0.0
+    z, zt, p = (_banded(values)[:first] for values in (predicted, of_thrust, measured))
     found, *_ = np.linalg.lstsq(np.stack([z, zt], axis=1), p, rcond=None)
     rest = p - found[0] * z - found[1] * zt
     # Errors are colored: a tenth of the samples counts.

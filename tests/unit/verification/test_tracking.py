@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from tests.twins import track_flights as twin
@@ -13,7 +15,7 @@ from rotorid.simulation.wind import Wind
 from rotorid.verification.tracking import RATE_HZ, track_gain
 
 AIR = Wind(north_m_s=2.1, east_m_s=2.1, turbulence_m_s=0.5)
-ROLL = {"gain": 113.1, "damping": -1.0, "lag_s": 0.048, "delay_s": 0.0054}
+PREDICT = partial(twin.prediction, gain=113.1, damping=-1.0, lag_s=0.048, delay_s=0.0054)
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +30,7 @@ def loaded(calm: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def test_a_payload_is_a_step_of_its_size(loaded: dict[str, np.ndarray]) -> None:
-    z = twin.prediction(loaded["roll_command"], **ROLL)
-    found = track_gain(z, loaded["p"], loaded["roll_stick"])
+    found = track_gain(loaded["roll_command"], loaded["p"], loaded["roll_stick"], predict=PREDICT)
     first = found.steps[0]
     assert 120.0 < first.at_s < 132.0
     assert 118.0 <= first.since_s <= first.at_s
@@ -39,8 +40,7 @@ def test_a_payload_is_a_step_of_its_size(loaded: dict[str, np.ndarray]) -> None:
 
 
 def test_without_a_change_there_is_no_step(calm: dict[str, np.ndarray]) -> None:
-    z = twin.prediction(calm["roll_command"], **ROLL)
-    found = track_gain(z, calm["p"], calm["roll_stick"])
+    found = track_gain(calm["roll_command"], calm["p"], calm["roll_stick"], predict=PREDICT)
     assert not found.steps
     assert set(found.cannot_tell) == {"reference", ""}
     told = np.array([not why for why in found.cannot_tell])
@@ -50,14 +50,13 @@ def test_without_a_change_there_is_no_step(calm: dict[str, np.ndarray]) -> None:
 def test_a_stick_at_rest_cannot_tell(calm: dict[str, np.ndarray]) -> None:
     rest = twin.columns(twin.fly(60.0, level=0.04, wind=AIR, seed=8, changes=twin.payload()))
     data = twin.joined(calm, rest)
-    found = track_gain(twin.prediction(data["roll_command"], **ROLL), data["p"], data["roll_stick"])
+    found = track_gain(data["roll_command"], data["p"], data["roll_stick"], predict=PREDICT)
     assert not found.steps
     assert found.cannot_tell[-60:] == ("stick",) * 60
 
 
 def test_noise_and_seeds_do_not_matter_to_repeated_calls(calm: dict[str, np.ndarray]) -> None:
-    z = twin.prediction(calm["roll_command"], **ROLL)
-    one, other = (track_gain(z, calm["p"], calm["roll_stick"]) for _ in range(2))
+    one, other = (track_gain(calm["roll_command"], calm["p"], calm["roll_stick"], predict=PREDICT) for _ in range(2))
     assert (one.ratio == other.ratio).all()
 
 
@@ -65,12 +64,12 @@ def test_noise_and_seeds_do_not_matter_to_repeated_calls(calm: dict[str, np.ndar
 def test_too_short_a_flight_is_refused(calm: dict[str, np.ndarray], seconds: int) -> None:
     part = {name: values[: int(seconds * RATE_HZ)] for name, values in calm.items()}
     with pytest.raises(InsufficientDataError, match="of flight came"):
-        track_gain(part["p"], part["p"], part["roll_stick"])
+        track_gain(part["p"], part["p"], part["roll_stick"], predict=PREDICT)
 
 
 def test_a_reference_without_stick_is_refused(calm: dict[str, np.ndarray]) -> None:
     with pytest.raises(InsufficientDataError, match="the stick moved by"):
-        track_gain(calm["p"], calm["p"], 0.1 * calm["roll_stick"])
+        track_gain(calm["p"], calm["p"], 0.1 * calm["roll_stick"], predict=PREDICT)
 
 
 def test_a_record_is_followed_with_a_model_of_its_beginning(loaded: dict[str, np.ndarray]) -> None:
