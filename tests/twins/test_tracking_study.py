@@ -91,7 +91,7 @@ def test_a_payload_is_seen_soon_and_nothing_seldom(
 
 @pytest.mark.slow
 @pytest.mark.xfail(
-    raises=AssertionError, reason="the reference's filters and gain are those of calm air: 9 alarms an hour, not 0"
+    raises=AssertionError, reason="the reference's filters and gain are those of calm air: 5 alarms an hour of flight, not 0"
 )
 def test_wind_that_rises_is_no_payload() -> None:
     count, hours, silent = 0, 0.0, 0
@@ -105,7 +105,7 @@ def test_wind_that_rises_is_no_payload() -> None:
         silent += found.cannot_tell.count("air")
     print(f"rising wind: {count} alarms in {hours:.2f} h that told, {silent / 7200:.2f} h that cannot tell")
     # Whatever is missed, this is kept.
-    if count > 15.0 * hours or not silent:
+    if count > 24 or not silent:
         pytest.fail("worse than was measured")
     assert count == 0
 

@@ -55,7 +55,7 @@ _CLIP = 3.0
 _LEVEL_BLOCKS = 30
 _NOISE_BLOCKS = 40
 _NEW_GAIN_BLOCKS = 16
-_ROUGHER = 2.5
+_ROUGHER, _CALM_AGAIN = 2.0, 1.3
 _FOLLOW_S = 8.0
 _WIDER = 1.5
 _THRUST_UNKNOWN = 0.8
@@ -348,15 +348,17 @@ def _scatter(blocks: _Blocks, noise: FloatArray, first: int) -> float:
 
 def _why(level: FloatArray, rougher: FloatArray, first: int) -> tuple[Why, ...]:
     said: list[Why] = []
+    rough = False
     for k in range(level.size):
+        # Air that became rough is trusted again when it is nearly as calm as it was.
+        rough = rougher[k] > (_CALM_AGAIN if rough else _ROUGHER)
         if k < first // _BLOCK:
             said.append("reference")
-        elif level[k] < LEAST_LEVEL:
-            said.append("stick")
-        elif rougher[k] > _ROUGHER:
+            rough = False
+        elif rough:
             said.append("air")
         else:
-            said.append("")
+            said.append("stick" if level[k] < LEAST_LEVEL else "")
     return tuple(said)
 
 
