@@ -105,7 +105,8 @@ def _cell(text: str) -> str:
 def findings(page: Path) -> None:
     """Every kind of finding."""
     rows = [f"| `{word}` | {kind.severity} | {_cell(kind.meaning)} |" for word, kind in sorted(KINDS.items())]
-    head = "# Findings\n\nWhat a careful engineer would remark; scripts may rely on the words.\n\n| kind | usually | says |\n|---|---|---|\n"
+    head = "# Findings\n\nWhat a careful engineer would remark; scripts may rely on the words.\n\n"
+    head += "| kind | usually | says |\n|---|---|---|\n"
     page.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
 
 
@@ -116,7 +117,8 @@ def schemas(page: Path, folder: Path) -> None:
         told = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
         rows.append(f"| {{download}}`{name} <schemas/{name}.json>` | {_cell(told)} |")
         json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-    head = "# Schemas\n\nJSON schemas of the files that commands write; see [files and schemas](results.md).\n\n| schema | of |\n|---|---|\n"
+    head = "# Schemas\n\nJSON schemas of the files that commands write; see [files and schemas](results.md).\n\n"
+    head += "| schema | of |\n|---|---|\n"
     page.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
 
 
@@ -145,7 +147,10 @@ def names(folder: Path) -> None:
 
 PARTS = {
     "First steps": ("pilot", "developer", "control-engineer", "researcher", "operator", "coming-from", "glossary"),
-    "Questions to a flight": ("what-it-does", "review", "review-loops", "review-noise-motors", "tune", "track", "fleet", "lab"),
+    "Questions to a flight": (
+        *("what-it-does", "review", "review-loops", "review-noise-motors"),
+        *("tune", "track", "fleet", "lab"),
+    ),
     "Models": ("method", "models", "motors", "time-domain", "searches", "controllers", "forward-flight", "accuracy"),
     "Flights": ("design", "test-inputs", "simulation", "vehicles", "export", "export-gallery"),
     "Tutorials": ("tutorials/README",),
