@@ -153,7 +153,7 @@ PARTS = {
     ),
     "Models": ("method", "models", "motors", "time-domain", "searches", "controllers", "forward-flight", "accuracy"),
     "Flights": ("design", "test-inputs", "simulation", "vehicles", "export", "export-gallery"),
-    "Tutorials": ("tutorials/README",),
+    "Tutorials": ("notebooks/first-steps", "tutorials/README"),
     "Reference": ("commands/index", "api/index", "python", "results", "schemas", "findings", "mapping", "papers"),
     "The project": ("architecture", "security", "tuning-study", "CHANGELOG", "SECURITY", "CONTRIBUTING"),
 }

@@ -278,7 +278,7 @@ def _stride(loop_rate_hz: float) -> int:
     return max(1, int(np.ceil(loop_rate_hz / _TABLE_RATE_HZ - 1e-9)))
 
 
-def write_log(path: Path, flight: SimulatedFlight, *, format: LogFormat) -> None:
+def write_log(path: str | os.PathLike[str], flight: SimulatedFlight, *, format: LogFormat) -> None:
     """Write a flight so that :func:`read` reads it back like any other log.
 
     Parameters
@@ -296,6 +296,7 @@ def write_log(path: Path, flight: SimulatedFlight, *, format: LogFormat) -> None
     UsageError
         There is no such format, a signal holds something that is no number, or the place cannot be written.
     """
+    path = Path(path)
     if format == "ulg":
         from rotorid.io.px4.writer import write_px4
 
