@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -82,7 +83,7 @@ def peers(*, outputs: int, delays: Sequence[int], orders: Sequence[int]) -> Iter
             closest = ((3, 0, delays[-1]),)
             yield Peer("SIPPY ARMAX", closest, _one_by_one(_sippy_polynomials("ARMAX")))
             yield Peer("SIPPY output error", closest, _one_by_one(_sippy_polynomials("OE")))
-    if shutil.which("octave"):
+    if has_octave():
         yield Peer("Octave n4sid", tuned, _octave("model = n4sid(data, n, 's', s);"))
         yield Peer("Octave arx", arx, _octave("model = arx(data, n);"))
 
@@ -90,7 +91,7 @@ def peers(*, outputs: int, delays: Sequence[int], orders: Sequence[int]) -> Iter
 def missing() -> list[str]:
     """Peers that are not installed."""
     absent = [module for module in ("control", "nfoursid", "sippy_unipi", "sympy") if not _is_here(module)]
-    return absent if shutil.which("octave") else [*absent, "octave"]
+    return absent if has_octave() else [*absent, "octave with its control package"]
 
 
 def _is_here(module: str) -> bool:
@@ -183,6 +184,15 @@ def _sippy_polynomials(method: str) -> Callable[..., ComplexArray]:
         return np.asarray(found.G(np.exp(1j * omega * step_s))).reshape(1, 1, -1)
 
     return model
+
+
+@cache
+def has_octave() -> bool:
+    """Whether Octave is here with its control package."""
+    if not shutil.which("octave"):
+        return False
+    command = ["octave", "--no-gui", "--quiet", "--norc", "--eval", "pkg load control"]
+    return subprocess.run(command, check=False, capture_output=True, timeout=OCTAVE_TIMEOUT_S).returncode == 0
 
 
 def _octave(model: str) -> Callable[[Sequence[TimeData], Sequence[Setting], FloatArray], Responses]:

@@ -181,7 +181,13 @@ def build(out: Path) -> int:
     with (source / "tutorials" / "README.md").open("a", encoding="utf-8") as page:
         page.write("\n" + _TREE.format(caption="Tutorials", entries="\n".join(tutorials)))
     command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", "-j", "auto"]
-    return subprocess.call([*command, str(source), str(out / "html")])
+    code = subprocess.call([*command, str(source), str(out / "html")])
+    for page in (out / "html").rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        # What the theme leaves out for those who use a keyboard or a screen reader.
+        text = text.replace('class="caption" role="heading"', 'class="caption" role="heading" aria-level="2"')
+        page.write_text(re.sub(r"<pre>(?=<span)", '<pre tabindex="0">', text), encoding="utf-8")
+    return code
 
 
 if __name__ == "__main__":

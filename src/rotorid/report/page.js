@@ -61,6 +61,10 @@
     details.addEventListener("toggle", () => redraw(all(details)));
   }
   press();
+  // What scrolls sideways can be reached by keyboard.
+  for (const place of document.querySelectorAll(".scroll, pre")) {
+    if (place.scrollWidth > place.clientWidth) place.tabIndex = 0;
+  }
 
   redraw();
   darkness.addEventListener("change", () => redraw());

@@ -27,7 +27,7 @@ def test_every_part_stands_on_the_page_with_its_interval() -> None:
     assert "21.57 to 22.43" in page  # bandwidth at -90 degrees of roll
     assert "The yaw stick rested." in page
     assert "rotorid identify flight.ulg --model rate.roll,rate.pitch" in page
-    assert page.count('role="img"') == len(re.findall(r'data-picture="[^"]+"', page))
+    assert page.count('aria-roledescription="picture"') == len(re.findall(r'data-picture="[^"]+"', page))
 
 
 def test_names_of_a_log_are_text_and_nothing_else() -> None:
