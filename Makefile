@@ -7,7 +7,7 @@ DEMO   ?= rotorid-out/demo
 # Hundreds of tests start the program: what Python compiled once is kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test checks compiled quick study bench pictures docs clean
+.PHONY: demo test checks compiled quick study bench peers pictures docs clean
 
 demo: $(VENV)/.installed
 	$(BIN)/rotorid demo --out $(DEMO)
@@ -36,6 +36,12 @@ study: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope -m slow
 
 bench: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks
+
+# The same work by other tools, as far as they are installed: docs/peers.md.
+peers: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.step_response
 	$(BIN)/python -m benchmarks
 
 # The pictures of the README, taken of the pages of an example in a real browser.
