@@ -17,9 +17,9 @@ from pathlib import Path
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import visible
-from rotorid.errors import UsageError
+from rotorid.errors import LogError, UsageError
 from rotorid.io.documents import read_text
-from rotorid.io.files import compression_of, unpacked
+from rotorid.io.files import beginning
 
 _HEAD_BYTES = 4 << 20
 _MOST_TABLE_BYTES = 64 << 20
@@ -46,12 +46,9 @@ def read_salt(path: Path) -> bytes:
 def board_of(log: Path) -> bytes:
     """Number of the board that wrote a log, empty where the log tells none; it goes nowhere but into a hash."""
     try:
-        with log.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-        if (compression := compression_of(head)) and not head.startswith(b"PK"):
-            with unpacked(log, compression) as plain, plain.open("rb") as file:
-                head = file.read(_HEAD_BYTES)
-    except Exception:
+        head = beginning(log, _HEAD_BYTES)
+    # What is wrong with the file is said by its reader.
+    except (LogError, OSError):
         return b""
     for pattern in (_PX4, _BETAFLIGHT, _ARDUPILOT):
         if (found := pattern.search(head)) is not None:

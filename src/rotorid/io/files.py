@@ -163,6 +163,29 @@ def unpacked(path: Path, compression: str, limits: UnpackLimits | None = None) -
         yield target
 
 
+def beginning(path: Path, most_bytes: int) -> bytes:
+    """The first bytes of a log, unpacked as far as that where it is compressed.
+
+    Raises
+    ------
+    LogError
+        The archive is damaged.
+    OSError
+        The file cannot be read.
+    """
+    with path.open("rb") as file:
+        head = file.read(most_bytes)
+        compression = compression_of(head)
+        if not compression:
+            return head
+        file.seek(0)
+        try:
+            with _stream(file, path.name, compression) as stream:
+                return stream.read(most_bytes)
+        except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
+            raise _damaged(path.name, compression, str(error)) from error
+
+
 def _damaged(name: str, compression: str, reason: str) -> LogError:
     return LogError(
         f"{name} cannot be unpacked as {compression}: {reason}",
