@@ -137,6 +137,14 @@ def _main(
     pass
 
 
+def _print_error(error: RotoridError) -> None:
+    """The error as JSON on standard output, for scripts that read nothing else."""
+    from rotorid.documents.base import to_json
+    from rotorid.documents.error import error_document
+
+    sys.stdout.write(to_json(error_document(error)))
+
+
 def main() -> None:
     """Entry point: errors become one sentence and an exit code."""
     patient_output()
@@ -146,6 +154,8 @@ def main() -> None:
         app(with_review(sys.argv[1:]))
     except RotoridError as error:
         say(f"rotorid: {error}")
+        if "--json" in sys.argv[1:]:
+            _print_error(error)
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, SystemExit) as ended:
         # The command line's own handler turns an interrupt into this code before it comes here.

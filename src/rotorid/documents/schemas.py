@@ -9,6 +9,7 @@ from rotorid.documents.base import Document
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
+from rotorid.documents.error import ErrorDocument
 from rotorid.documents.export import ExportDocument, ModelsDocument
 from rotorid.documents.fleet import FleetDocument
 from rotorid.documents.flown import FlownDocument
@@ -46,6 +47,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.vehicle-1": VehicleFile,
     "rotorid.stitched-1": StitchedDocument,
     "rotorid.fleet-1": FleetDocument,
+    "rotorid.error-1": ErrorDocument,
     "rotorid.track-1": TrackDocument,
 }
 

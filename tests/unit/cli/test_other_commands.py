@@ -137,3 +137,13 @@ def test_demo_identifies_what_flew(demonstrated: Demonstrated) -> None:
     sure = {name: value for name, (value, std) in found.items() if abs(value) > 2.0 * std and truth[name]}
     assert len(sure) >= 15
     assert all(value * truth[name] > 0.0 for name, value in sure.items())
+
+
+@pytest.mark.parametrize("words", [("inspect", "nowhere.ulg"), ("identify", "nowhere.ulg", "--model", "rate.rol")])
+def test_a_refused_call_is_json_too(words: tuple[str, ...]) -> None:
+    ran = rotorid(*words, "--json")
+    told = json.loads(ran.out)
+    assert (ran.code, told["schema"], told["exit_code"]) == (2, "rotorid.error/1", 2)
+    assert ran.err == f"rotorid: {told['message']}\n"
+    assert told["came"]
+    assert told["came"] in told["message"]
