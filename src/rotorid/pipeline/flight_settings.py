@@ -281,7 +281,7 @@ class PlanChoices(Immutable):
         tuple[float, float],
         Option(
             "--band",
-            help="LO:HI in rad/s. [default: 0.6:50; of a vehicle behind set-points what it follows]",
+            help="LO:HI in rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
             parse=parse_band,
         ),
     ] = (0.6, 50.0)

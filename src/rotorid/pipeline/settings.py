@@ -87,17 +87,20 @@ def parse_segments(texts: Sequence[str]) -> "tuple[Maneuver, ...]":
 
 
 def parse_band(text: str) -> tuple[float, float]:
-    """Read ``LO:HI`` in rad/s.
+    """Read ``LO:HI`` in rad/s, or in Hz where that stands behind it.
 
     Examples
     --------
-    >>> parse_band("8:80")
-    (8.0, 80.0)
+    >>> parse_band("8:80"), [round(edge, 3) for edge in parse_band("0.1:8Hz")]
+    ((8.0, 80.0), [0.628, 50.265])
     """
+    plain = text.strip().lower().removesuffix("rad/s").strip()
+    unit = 2.0 * math.pi if plain.endswith("hz") else 1.0
     try:
-        low, high = (float(part) for part in text.split(":"))
+        low, high = (unit * float(part) for part in plain.removesuffix("hz").split(":"))
     except ValueError:
-        raise UsageError(f"the band {text!r} cannot be read", needed="LO:HI in rad/s, such as 1:60") from None
+        needed = "LO:HI in rad/s, such as 1:60, or in Hz, such as 0.2:10Hz"
+        raise UsageError(f"the band {text!r} cannot be read", needed=needed) from None
     return low, high
 
 
@@ -455,7 +458,7 @@ class MeasureSettings(Immutable):
 
     band_rad_s: Annotated[
         tuple[float, float] | None,
-        Option("--band", help="LO:HI in rad/s. [default: what was excited]", parse=parse_band),
+        Option("--band", help="LO:HI in rad/s, or LO:HIHz. [default: what was excited]", parse=parse_band),
     ] = None
     windows_s: Annotated[
         tuple[float, ...], Option("--windows", help="S,S,... window lengths in seconds.", parse=parse_numbers)
