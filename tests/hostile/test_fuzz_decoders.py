@@ -115,6 +115,12 @@ def test_any_mutation_is_a_sound_record_or_one_sentence(name: str, tmp_path: Pat
     search()
 
 
+def test_a_flight_of_which_no_field_is_known_is_left_out(tmp_path: Path) -> None:
+    """Found by the search above: names that were overwritten, in one flight of several."""
+    sample = SAMPLES["blackbox"]()
+    promise(sample, tmp_path, _applied(sample.content, [("overwrite", 172, b"\0"), ("move", 183, (167, 11))]))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("name", OWN)

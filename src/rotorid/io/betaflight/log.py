@@ -97,7 +97,7 @@ def record_of(readable: Sequence[Flight], unread: Sequence[tuple[int, LogError]]
         raise _empty(source.name)
     return FlightRecord(
         source=replace(source, firmware=longest.header.values.get("Firmware revision", "")),
-        topics=topics,
+        topics=tuple(topic for topic in topics if topic.channels),
         parameters=parameters_of(longest.header),
         declared=tuple(maneuver for flight in readable for maneuver in _chirp_maneuvers(flight)),
         instruments=_instruments(topics),
@@ -169,7 +169,9 @@ def _main_topic(flight: Flight, extra: tuple[Row, ...] = ()) -> Topic:
 
 def _topic(name: str, time_s: FloatArray, rows: tuple[Row, ...]) -> Topic:
     channels = tuple(Channel(name=row.name, unit=STANDARD_UNITS[row.name], source=row.source) for row in rows)
-    return Topic(name=name, time_s=time_s, channels=channels, values=np.array([row.values for row in rows]))
+    # A flight of which no field has a name here is one without rows.
+    values = np.array([row.values for row in rows]).reshape(len(rows), time_s.size)
+    return Topic(name=name, time_s=time_s, channels=channels, values=values)
 
 
 def _rows(flight: Flight) -> Iterator[Row]:
