@@ -164,8 +164,9 @@ def _print(document: FleetDocument, folder: Path) -> None:
 
     without = document.logs - document.done - document.duplicates
     plain(
-        f"{document.logs} logs of {document.vehicles} vehicles: {document.done} answered, {without} without an answer, "
-        f"{document.duplicates} copies, {document.resumed} from earlier runs; {document.rows} rows"
+        f"{_count(document.logs, 'log')} of {_count(document.vehicles, 'vehicle')}: {document.done} answered, "
+        f"{without} without an answer, {_count(document.duplicates, 'copy', 'copies')}, "
+        f"{document.resumed} from earlier runs; {_count(document.rows, 'row')}"
     )
     _list(
         plain,
@@ -201,6 +202,10 @@ def _print(document: FleetDocument, folder: Path) -> None:
     _list(plain, "no answer", refused)
     plain(f"page: {folder / PAGE}")
     plain(f"table: {folder / document.table}")
+
+
+def _count(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or f'{one}s'}"
 
 
 def _because(usual: str) -> str:
