@@ -1,7 +1,7 @@
 """The documentation as a site: gather the pages, write what follows from the program, let Sphinx make HTML of it.
 
 ``make docs``, or ``python docs/site/build.py OUT``. Nothing is fetched, and a warning is an error. What is generated: a
-page for each command from its options, the table of findings, the list of schemas, and the public names of each
+page for each command from its options, the list of schemas, and the public names of each
 package with their docstrings.
 """
 
@@ -20,7 +20,6 @@ from typing import Any
 from typer.main import get_command
 
 from rotorid.cli.app import COMMANDS, app
-from rotorid.data import KINDS
 from rotorid.documents.schemas import SCHEMAS
 
 HERE = Path(__file__).resolve().parent
@@ -36,7 +35,6 @@ FACES = (
 
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(((?:\.\./)+(?:src|tests|benchmarks|LICENSE)[^)]*)\)")
 _TOP = ("CHANGELOG.md", "SECURITY.md", "CONTRIBUTING.md")
-_PICTURE = re.compile(r"!\[\s*\]\(")
 _TREE = "```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
 
 
@@ -60,7 +58,6 @@ def gather(source: Path) -> None:
         text = re.sub(r"\]\((?:\.\./)+README\.md[^)]*\)", f"]({up}index.md)", text)
         page.write_text(text, encoding="utf-8")
     commands(source / "commands")
-    findings(source / "findings.md")
     schemas(source / "schemas.md", source / "schemas")
     names(source / "api")
     (source / "index.md").write_text(index(source), encoding="utf-8")
@@ -100,14 +97,6 @@ def _option(one: Any) -> str:
 
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
-
-
-def findings(page: Path) -> None:
-    """Every kind of finding."""
-    rows = [f"| `{word}` | {kind.severity} | {_cell(kind.meaning)} |" for word, kind in sorted(KINDS.items())]
-    head = "# Findings\n\nWhat a careful engineer would remark; scripts may rely on the words.\n\n"
-    head += "| kind | usually | says |\n|---|---|---|\n"
-    page.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
 
 
 def schemas(page: Path, folder: Path) -> None:
@@ -164,7 +153,7 @@ PARTS = {
     ),
     "Flights": ("design", "test-inputs", "simulation", "vehicles", "export", "export-gallery"),
     "Tutorials": ("notebooks/first-steps", "tutorials/README"),
-    "Reference": ("commands/index", "api/index", "python", "results", "schemas", "findings", "mapping", "papers"),
+    "Reference": ("commands/index", "api/index", "python", "results", "schemas", "mapping", "papers"),
     "The project": ("architecture", "security", "tuning-study", "CHANGELOG", "SECURITY", "CONTRIBUTING"),
 }
 """Captions of the menu and their pages."""

@@ -14,6 +14,7 @@ import typer
 from rotorid.cli.command import command_line
 from rotorid.cli.console import error_console, output_console, say
 from rotorid.cli.options import Only, Output
+from rotorid.data.display import counted
 from rotorid.errors import UsageError
 from rotorid.fleets.settings import FleetSettings
 
@@ -164,9 +165,9 @@ def _print(document: FleetDocument, folder: Path) -> None:
 
     without = document.logs - document.done - document.duplicates
     plain(
-        f"{_count(document.logs, 'log')} of {_count(document.vehicles, 'vehicle')}: {document.done} answered, "
-        f"{without} without an answer, {_count(document.duplicates, 'copy', 'copies')}, "
-        f"{document.resumed} from earlier runs; {_count(document.rows, 'row')}"
+        f"{counted(document.logs, 'log')} of {counted(document.vehicles, 'vehicle')}: {document.done} answered, "
+        f"{without} without an answer, {counted(document.duplicates, 'copy', 'copies')}, "
+        f"{document.resumed} from earlier runs; {counted(document.rows, 'row')}"
     )
     _list(
         plain,
@@ -202,10 +203,6 @@ def _print(document: FleetDocument, folder: Path) -> None:
     _list(plain, "no answer", refused)
     plain(f"page: {folder / PAGE}")
     plain(f"table: {folder / document.table}")
-
-
-def _count(number: int, one: str, many: str = "") -> str:
-    return f"{number} {one if number == 1 else many or f'{one}s'}"
 
 
 def _because(usual: str) -> str:

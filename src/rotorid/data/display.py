@@ -133,6 +133,17 @@ def brief(value: Any) -> str:
     return text if len(text) < _WIDTH and "\n" not in text else f"<{type(value).__name__}>"
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number with its noun.
+
+    Examples
+    --------
+    >>> counted(1, "log"), counted(3, "log"), counted(0, "copy", "copies")
+    ('1 log', '3 logs', '0 copies')
+    """
+    return f"{number} {one if number == 1 else many or f'{one}s'}"
+
+
 def cut(text: str, width: int = _WIDTH) -> str:
     """A text on one line of at most ``width`` characters."""
     line = " ".join(text.split()) if "\n" in text else text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -183,7 +182,7 @@ def fleet_document(
         vehicles=counts["vehicles"],
         command=list(command),
         settings=dict(settings),
-        failed=[FailedLogDocument.model_validate(one) for one in _plain(failed)],
+        failed=[FailedLogDocument.model_validate(one) for one in failed],
         population=population,
         changes=[
             ChangeDocument(
@@ -227,26 +226,10 @@ def fleet_document(
             ],
         ),
         groups=[
-            DifferenceDocument(
-                model=one.model,
-                parameter=one.parameter,
-                group=one.group,
-                against=one.against,
-                difference=QuantityDocument.model_validate(one.difference),
-                relative=finite(one.relative),
-                probability=one.probability,
-                found=one.found,
-            )
+            DifferenceDocument.model_validate({**one.__dict__, "relative": finite(one.relative)})
             for one in analysis.differences
         ],
     )
-
-
-def _plain(failed: Sequence[Failed]) -> list[dict[str, Any]]:
-    return [
-        {"log": one.log, "flight": one.flight, "model": one.model, "kind": one.kind, "reason": one.reason}
-        for one in failed
-    ]
 
 
 def _who(one: History) -> dict[str, str]:
@@ -261,7 +244,7 @@ def _population(one: Population) -> PopulationDocument:
             value=value.value,
             std=finite(value.std),
             lower=finite(value.lower),
-            upper=value.upper if math.isfinite(value.upper) else None,
+            upper=finite(value.upper),
             unit=value.unit,
         )
 

@@ -414,6 +414,7 @@ class Cluster:
             try:
                 sent = None if data is None else self._client.scatter(data, hash=False)
                 return self._client.submit(answer_here, task.as_json(), self.limits, sent, pure=False)
+            # While a scheduler restarts, its client raises errors of many kinds: until patience ends all mean "again".
             except Exception:
                 if time.monotonic() > until:
                     raise

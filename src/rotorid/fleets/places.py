@@ -91,16 +91,8 @@ def _behind(path: str) -> Iterator[Place]:
         files = [Path(one) for one in sorted(glob.glob(path, recursive=True))]  # noqa: PTH207 - of any depth, absolute or not
         if not files:
             raise UsageError(f"{path} is not there", needed="a log, a folder of logs, a pattern or an address")
-    for file in files:
-        if file.is_dir() and (archives := sorted(file.rglob("*.zip"))):
-            # A folder may hold archives alone.
-            yield from (place for archive in archives for place in _in_file(archive))
-            if not any(is_log(one) and one.suffix.lower() != ".zip" for one in file.rglob("*")):
-                continue
-        for log in logs_in([file]):
-            if file.is_dir() and log.suffix.lower() == ".zip":
-                continue
-            yield from _in_file(log)
+    for log in logs_in(files, archives=True):
+        yield from _in_file(log)
 
 
 def _in_file(log: Path) -> Iterator[Place]:
@@ -118,6 +110,8 @@ def _members(archive: Path) -> list[tuple[str, int]]:
     try:
         with zipfile.ZipFile(archive) as opened:
             inside = [one for one in opened.infolist() if not one.is_dir()]
+    # What zipfile says of damage, of names and offsets that are none, of methods that it does not know. Its one place
+    # then goes to the reader, which says so in a sentence.
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
         return []
     if len(inside) > _MOST_MEMBERS:
@@ -192,6 +186,7 @@ def fetched(place: Place) -> Iterator[Path]:
                     raise LogError(f"{place.name} grows beyond {_MOST_MEMBER_BYTES >> 30} GiB", needed="a flight log")
                 with opened.open(member) as packed, copy.open("wb") as file:
                     shutil.copyfileobj(packed, file)
+        # KeyError: the member is gone. RuntimeError: it is encrypted. NotImplementedError: a method unknown to zipfile.
         except (OSError, KeyError, zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
             raise LogError(f"{place.name} cannot be unpacked: {error}", needed="an undamaged archive") from error
         yield copy

@@ -96,29 +96,35 @@ class Fleet:
 
     def __iter__(self) -> Iterator[LogAnswer]:
         """Answers as they come, those of earlier runs first; of logs with the same content one."""
-        missing = []
         seen: set[str] = set()
+        for answer in self._answers():
+            named = self.answers[answer.place] = self._with_names(answer)
+            if not named.log_sha256 or named.log_sha256 not in seen:
+                seen.add(named.log_sha256)
+                yield named
+
+    def _answers(self) -> Iterator[LogAnswer]:
+        """Answers as logs gave them: of earlier runs, of the same content elsewhere, and of this run."""
+        missing = []
         for place in self.places:
             known = self._known(place)
             if known is None:
                 missing.append(place)
                 continue
             self.resumed += 1
-            self.answers[place.address] = known
-            if not known.log_sha256 or known.log_sha256 not in seen:
-                seen.add(known.log_sha256)
-                yield self._with_names(known)
-        missing = self._without_copies(missing)
+            yield known
+        missing, moved = self._without_copies(missing)
+        for answer in moved:
+            self.resumed += 1
+            self._journal.add(answer)
+            yield answer
         _PROGRESS.info("reading logs", extra={"done": len(self.places) - len(missing), "total": len(self.places)})
         tasks = (Task(place=one, asked=self.settings.asked(), settings=self._hash, salt=self._salt) for one in missing)
         running = self.engine.run(tasks) if missing else iter(())
         try:
             for answer in running:
                 self._journal.add(answer)
-                self.answers[answer.place] = answer
-                if not answer.log_sha256 or answer.log_sha256 not in seen:
-                    seen.add(answer.log_sha256)
-                    yield self._with_names(answer)
+                yield answer
         finally:
             if isinstance(running, Generator):
                 running.close()
@@ -129,33 +135,31 @@ class Fleet:
         fits = found is not None and found.mark == place.mark and found.version == __version__ and found.done
         return found if fits else None
 
-    def _without_copies(self, places: list[Place]) -> list[Place]:
-        """Places whose content is not known yet: only files of equal size are looked at."""
+    def _without_copies(self, places: list[Place]) -> tuple[list[Place], list[LogAnswer]]:
+        """Places whose content is not known yet, and answers of the others: only files of equal size are looked at."""
         known = {
             one.log_sha256: one
             for one in self._journal.answers.values()
             if one.settings == self._hash and one.version == __version__ and one.done and one.log_sha256
         }
         sizes = Counter(_size(place.mark) for place in self.places)
-        sizes.update(_size(one.mark) for one in known.values() if one.place not in {p.address for p in self.places})
+        here = {place.address for place in self.places}
+        sizes.update(_size(one.mark) for one in known.values() if one.place not in here)
         first: dict[str, Place] = {}
-        left = []
+        left, moved = [], []
         for place in places:
             if sizes[_size(place.mark)] < 2 or place.remote or not Path(place.address).is_file():
                 left.append(place)
                 continue
             content = sha256_of(Path(place.address))
             if content in known:
-                answer = _moved(known[content], place)
-                self._journal.add(answer)
-                self.answers[place.address] = answer
-                self.resumed += 1
+                moved.append(_moved(known[content], place))
             elif content in first:
                 self.copies[place.address] = first[content].address
             else:
                 first[content] = place
                 left.append(place)
-        return left
+        return left, moved
 
     def _with_names(self, answer: LogAnswer) -> LogAnswer:
         """An answer with the names and times that the user gives, else those that the log's name tells."""
@@ -173,7 +177,7 @@ class Fleet:
         counted: dict[str, LogAnswer] = {}
         for address in sorted(self.answers):
             answer = self.answers[address]
-            counted.setdefault(answer.log_sha256 or address, self._with_names(answer))
+            counted.setdefault(answer.log_sha256 or address, answer)
         return list(counted.values())
 
     @property

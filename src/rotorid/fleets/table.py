@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -358,10 +358,3 @@ def require_parquet() -> None:
         raise UsageError(
             "a fleet's table needs pyarrow", needed="the extra", remedy="pip install 'rotorid[parquet]' brings it"
         )
-
-
-def read_answers(journal: Path) -> Iterator[LogAnswer]:
-    """Answers that a journal holds."""
-    found = Journal(journal)
-    found.read()
-    yield from found.answers.values()

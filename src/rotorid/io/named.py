@@ -32,26 +32,37 @@ ENDINGS = frozenset(
 _PACKED = frozenset((".gz", ".xz", ".bz2", ".zip"))
 
 
-def logs_in(paths: Sequence[Path]) -> list[Path]:
+def logs_in(paths: Sequence[Path], *, archives: bool = False) -> list[Path]:
     """The logs behind what was named, each once: of a folder all logs below it, in the order of their names.
 
     A folder that is itself one log, of ``ulog2csv`` files, stays as it is.
+
+    Parameters
+    ----------
+    paths
+        Files and folders.
+    archives
+        Whether a ``.zip`` of any name counts, which may hold many logs.
 
     Raises
     ------
     UsageError
         A folder holds no log.
     """
-    return list(dict.fromkeys(log for path in paths for log in _behind(path)))
+    return list(dict.fromkeys(log for path in paths for log in _behind(path, archives)))
 
 
-def _behind(path: Path) -> Iterator[Path]:
+def _behind(path: Path, archives: bool) -> Iterator[Path]:
     from rotorid.io.px4.folder import is_folder_log
 
     if not path.is_dir() or is_folder_log(path):
         yield path
         return
-    found = sorted(file for file in path.rglob("*") if file.is_file() and is_log(file) and not _hidden(file, path))
+    found = sorted(
+        file
+        for file in path.rglob("*")
+        if file.is_file() and (is_log(file) or (archives and file.suffix.lower() == ".zip")) and not _hidden(file, path)
+    )
     if not found:
         raise UsageError(
             f"{path} holds no flight log", needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not"

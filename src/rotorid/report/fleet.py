@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rotorid.data.display import visible
+from rotorid.data.display import counted, visible
 from rotorid.documents.fleet import FleetDocument, PopulationDocument
 from rotorid.fleets.analysis import FleetAnalysis, History
 from rotorid.report.frame import MISSING, render, significant, unit, with_error
@@ -50,7 +50,7 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         pictures=(),
         further_script="fleet.js",
         further=_for_script(analysis),
-        title=f"{document.logs} logs of {_count(document.vehicles, 'vehicle')}",
+        title=f"{counted(document.logs, 'log')} of {counted(document.vehicles, 'vehicle')}",
         sentences=_sentences(document),
         document=document,
         populations=[
@@ -63,36 +63,28 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
     )
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
 def _sentences(document: FleetDocument) -> list[str]:
     changed = sorted({one.vehicle for one in document.changes})
     odd = sorted({one.vehicle for one in document.outliers.vehicles})
     first = (
-        f"{_count(len(changed), 'vehicle')} changed: {_listed(changed)}."
+        f"{counted(len(changed), 'vehicle')} changed: {_listed(changed)}."
         if changed
         else "No vehicle changed from one flight to the next."
     )
     said = [first]
     if odd:
         said.append(
-            f"{_count(len(odd), 'vehicle')} differ{'s' if len(odd) == 1 else ''} from the rest: {_listed(odd)}."
+            f"{counted(len(odd), 'vehicle')} differ{'s' if len(odd) == 1 else ''} from the rest: {_listed(odd)}."
         )
     if drifting := sorted({one.vehicle for one in document.drifts}):
         said.append(f"Slowly changing: {_listed(drifting)}.")
     if odd_flights := {(one.vehicle, one.flight) for one in document.outliers.flights}:
-        said.append(f"{_count(len(odd_flights), 'flight')} by itself unlike its neighbors.")
+        said.append(f"{counted(len(odd_flights), 'flight')} by itself unlike its neighbors.")
     whole = {one.log for one in document.failed if not one.model}
     said.append(
-        f"{_count(document.rows, 'number')} of {_count(document.done, 'log')}"
-        + (f"; {_count(len(whole), 'log')} could not be used" if whole else "")
-        + (
-            f"; {_count(document.duplicates, 'copy').replace('copys', 'copies')} counted once"
-            if document.duplicates
-            else ""
-        )
+        f"{counted(document.rows, 'number')} of {counted(document.done, 'log')}"
+        + (f"; {counted(len(whole), 'log')} could not be used" if whole else "")
+        + (f"; {counted(document.duplicates, 'copy', 'copies')} counted once" if document.duplicates else "")
         + "."
     )
     return said

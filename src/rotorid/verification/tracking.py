@@ -30,7 +30,7 @@ from scipy import linalg, signal
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError
-from rotorid.typing import BoolArray, FloatArray
+from rotorid.typing import FloatArray
 
 RATE_HZ = 50.0
 """Of the signals; the band ends well below half of it."""
@@ -445,8 +445,3 @@ def _followed(blocks: _Blocks, noise: FloatArray, why: tuple[Why, ...]) -> tuple
             std[k] = _WIDER * math.hypot(math.sqrt(spread) / down, _SHAPE_SHARE)
         std[k] = min(float(std[k]), 10.0)
     return ratio, std
-
-
-def told(tracking: Tracking) -> BoolArray:
-    """Blocks that tell."""
-    return np.array([not why for why in tracking.cannot_tell])

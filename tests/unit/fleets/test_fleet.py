@@ -11,7 +11,7 @@ from tests.fleet_logs import WORK, row_of, write_logs
 
 from rotorid.errors import ModelError, UsageError
 from rotorid.fleets import Fleet, FleetSettings, Limits, LogAnswer, Processes, fleet
-from rotorid.fleets.table import FAILED, JOURNAL, TABLE, Journal, Row, read_table, write_table
+from rotorid.fleets.table import FAILED, JOURNAL, TABLE, Row, read_table, write_table
 
 pytest.importorskip("pyarrow")
 SETTINGS = FleetSettings(models=("rate.roll",))
@@ -166,11 +166,9 @@ def test_failures_have_a_table_of_their_own(tmp_path: Path) -> None:
     assert parquet.read_table(tmp_path / "out" / FAILED).column("kind").to_pylist() == ["unreadable"]
 
 
-def test_a_journal_without_room_says_so_and_stays_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    journal = Journal(tmp_path / JOURNAL)
-    journal.add(LogAnswer(log="a", place="a", mark="1", log_sha256="x", settings="s"))
-    whole = journal.path.read_bytes()
-    monkeypatch.setattr(LogAnswer, "as_json", lambda _: "\ud800")
-    with pytest.raises((UsageError, UnicodeEncodeError)):
-        journal.add(LogAnswer(log="b", place="b", mark="1", log_sha256="x", settings="s"))
-    assert journal.path.read_bytes() == whole
+def test_a_log_that_was_moved_is_in_the_rows_that_come(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 3)
+    run(tmp_path / "logs", tmp_path / "out")
+    moved = shutil.move(tmp_path / "logs", tmp_path / "elsewhere")
+    rows = list(fleet(moved, settings=SETTINGS, out=tmp_path / "out", engine=engine()))
+    assert [row.vehicle for row in rows] == ["elsewhere"] * 3
