@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-import os
 import sys
-import threading
-import time
 from pathlib import Path
+
+from rotorid.io.children import end_with_parent
 
 
 class _Told(logging.Handler):
@@ -34,7 +33,7 @@ def main() -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    end_with_parent()
     log = logging.getLogger("rotorid.progress")
     log.setLevel(logging.INFO)
     log.addHandler(_Told())
@@ -44,13 +43,6 @@ def main() -> None:
     from rotorid.cli.app import main as command
 
     command()
-
-
-def _end_with_parent(parent: int) -> None:
-    """A worker whose server is gone has nobody to answer."""
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os._exit(3)
 
 
 def _read(log: Path, folder: Path) -> None:

@@ -48,10 +48,11 @@ def track_command(
     from rotorid.documents.track import track_arrays, track_document
     from rotorid.io.files import write_atomically, write_npz
     from rotorid.pipeline.provenance import refused
-    from rotorid.pipeline.settings import IdentifySettings
-    from rotorid.pipeline.tracking import track
+    from rotorid.pipeline.tracking import TrackChoices, track
     from rotorid.report.files import to_json, write_together
     from rotorid.report.track import render_track
+
+    choices = TrackChoices(first_s=first, step_share=step, thrust_exponent=thrust_exponent)
 
     def compute(records: Sequence[FlightRecord]) -> FlightTracking:
         return track(records[0], _model(model), first_s=first, thrust_exponent=thrust_exponent, step_share=step)
@@ -76,7 +77,7 @@ def track_command(
         compute=compute,
         write=write,
         refused=lambda error, records: track_document(
-            refused(error, records, IdentifySettings(), otherwise=refusal("not_identifiable", model, str(error)))
+            refused(error, records, choices, otherwise=refusal("not_identifiable", model, str(error)))
         ),
         document=track_document,
         show=_print,

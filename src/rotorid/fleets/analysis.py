@@ -156,7 +156,10 @@ def analyze(rows: Iterable[Row], *, groups: Mapping[str, str] | None = None) -> 
     """
     by_name = _sorted_series(rows)
     spreads = {name: within_by_neighbors([(one.y, one.s) for one in series]) for name, series in by_name.items()}
-    odd = _odd_flights(by_name, spreads)
+    tested = {
+        (name, one.vehicle): odd_flights(one.y, one.s, spreads[name]) for name, many in by_name.items() for one in many
+    }
+    odd = _odd(tested)
     found = _changes(by_name, spreads, odd)
     kept = {
         (name, one.vehicle): ~odd[name, one.vehicle] & _before(found.get((name, one.vehicle)), len(one.rows))
@@ -178,7 +181,7 @@ def analyze(rows: Iterable[Row], *, groups: Mapping[str, str] | None = None) -> 
                     rows=tuple(one.rows),
                     changes=changes,
                     drift=slope,
-                    odd=_said(one, odd[name, one.vehicle], spreads[name]),
+                    odd=_said(one, odd[name, one.vehicle], tested[name, one.vehicle]),
                     odd_vehicle=strange.get((name, one.vehicle)),
                 )
             )
@@ -221,18 +224,12 @@ def _model_std(series: Sequence[_Series]) -> float:
     return math.sqrt(float(np.median(variances)))
 
 
-def _odd_flights(
-    by_name: Mapping[Name, Sequence[_Series]], spreads: Mapping[Name, Spread]
-) -> dict[tuple[Name, str], BoolArray]:
-    entries = [(name, one, odd_flights(one.y, one.s, spreads[name])) for name, many in by_name.items() for one in many]
-    # A flight is one test of its series: the smallest of the series decides, and takes those as small along.
-    least = np.array([float(p.min()) for _, _, p in entries])
+def _odd(tested: Mapping[tuple[Name, str], FloatArray]) -> dict[tuple[Name, str], BoolArray]:
+    """Odd flights of each series: its smallest probability is the one test of it, and takes those as small along."""
+    least = np.array([float(p.min()) for p in tested.values()])
     found = discoveries(least)
     limit = float(least[found].max()) if found.any() else -1.0
-    return {
-        (name, one.vehicle): (p <= limit) if chosen else np.zeros(p.size, dtype=np.bool_)
-        for (name, one, p), chosen in zip(entries, found, strict=True)
-    }
+    return {key: p <= limit for key, p in tested.items()}
 
 
 _Found: TypeAlias = dict[tuple[Name, str], tuple[tuple[Change, ...], Drift | None]]
@@ -349,10 +346,7 @@ def _apart(means: Sequence[tuple[str, float, float]]) -> list[tuple[str, float]]
     return found
 
 
-def _said(one: _Series, odd: BoolArray, spread: Spread) -> tuple[OddFlight, ...]:
-    if not odd.any():
-        return ()
-    p = odd_flights(one.y, one.s, spread)
+def _said(one: _Series, odd: BoolArray, p: FloatArray) -> tuple[OddFlight, ...]:
     found = []
     for k in np.flatnonzero(odd):
         around = [j for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < one.y.size and not odd[j]]

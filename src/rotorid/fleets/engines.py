@@ -12,7 +12,6 @@ import json
 import os
 import platform
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -29,6 +28,7 @@ from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.fleets.table import Failure, LogAnswer
 from rotorid.fleets.work import Task, failure
+from rotorid.io.children import end_session
 from rotorid.io.folders import scratch_folder
 
 _LOGS_OF_A_CHILD = 200
@@ -152,11 +152,7 @@ class Child:
             # What it was about to say of itself is waited for, shortly.
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = process.wait(0.05)
-        with contextlib.suppress(OSError):
-            if hasattr(os, "killpg"):
-                os.killpg(process.pid, signal.SIGKILL)
-            else:
-                process.kill()
+        end_session(process)
         process.wait()
         for stream in (process.stdin, process.stdout):
             if stream is not None:

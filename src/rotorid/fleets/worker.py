@@ -9,9 +9,9 @@ import contextlib
 import json
 import os
 import sys
-import threading
-import time
 from importlib import import_module
+
+from rotorid.io.children import end_with_parent
 
 
 def main() -> None:
@@ -19,7 +19,7 @@ def main() -> None:
     memory_bytes, work = int(sys.argv[1]), sys.argv[2]
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ[name] = "1"
-    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    end_with_parent()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     module, _, function = work.partition(":")
@@ -50,13 +50,6 @@ def _limit(memory_bytes: int) -> None:
         limit = memory_bytes + taken
         resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-def _end_with_parent(parent: int) -> None:
-    """A worker whose run is gone has nobody to answer."""
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os._exit(3)
 
 
 if __name__ == "__main__":

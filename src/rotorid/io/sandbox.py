@@ -8,7 +8,6 @@ and dies; no pickles cross the border. What it could do beyond that it takes fro
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import json
 import os
@@ -24,6 +23,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from rotorid.errors import LogError
+from rotorid.io.children import end_session
 from rotorid.io.confinement import allowed, environment
 from rotorid.io.folders import scratch_folder
 from rotorid.typing import AnyArray
@@ -161,17 +161,8 @@ def _run_child(folder: Path, name: str, limits: Limits) -> int:
             raise _refused(name, f"the parser had not ended after {limits.wall_s:g} s") from None
         finally:
             # Whatever it started ends with it, also where this process is interrupted.
-            _end(child)
-
-
-def _end(child: subprocess.Popen[bytes]) -> None:
-    with contextlib.suppress(OSError):
-        if hasattr(os, "killpg"):
-            # The number of its session is its own; while it is not waited for, or others live in it, it is not reused.
-            os.killpg(child.pid, signal.SIGKILL)
-        else:
-            child.kill()
-    child.wait()
+            end_session(child)
+            child.wait()
 
 
 def _refused(name: str, what: str) -> LogError:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import IO, Literal, TypeAlias
 
 from rotorid.errors import UsageError
+from rotorid.io.children import end_session
 
 State: TypeAlias = Literal["waiting", "running", "done", "refused", "failed", "canceled"]
 
@@ -81,7 +81,7 @@ class Workers:
             job.state = "canceled"
             job.sentence = "It was canceled."
             if job.process is not None:
-                _end(job.process)
+                end_session(job.process)
 
     def close(self) -> None:
         """End all commands, and take none any more."""
@@ -125,7 +125,7 @@ class Workers:
                     start_new_session=True,
                     env={**os.environ, "ROTORID_LAB_PARENT": str(os.getpid())},
                 )
-            clock = threading.Timer(WALL_S, lambda: _end(process))
+            clock = threading.Timer(WALL_S, lambda: end_session(process))
             process = job.process
             clock.daemon = True
             clock.start()
@@ -137,7 +137,7 @@ class Workers:
                 clock.cancel()
                 if process.stderr is not None:
                     process.stderr.close()
-                _end(process)
+                end_session(process)
         if self._was_canceled(job):
             return
         if code == 0:
@@ -166,12 +166,3 @@ def _listen(job: Job, stream: IO[bytes]) -> str:
         elif text:
             last = text[:2000]
     return last
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Kill a worker and its children."""
-    if hasattr(os, "killpg"):
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-    else:
-        process.kill()

@@ -32,7 +32,7 @@ from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import resample
 from rotorid.signal.stretch import stretch
 from rotorid.typing import Axis, FloatArray
-from rotorid.verification.tracking import BAND_HZ, RATE_HZ, Tracking, require_length, track_gain
+from rotorid.verification.tracking import BAND_HZ, RATE_HZ, STEP_SHARE, Tracking, require_length, track_gain
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 _OUTPUTS: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
@@ -44,6 +44,30 @@ TRIM_S = 8.0
 _TRIM_SIGMAS = 4.0
 _TRIM_LEAST = 0.004
 _TRIM_LASTS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackChoices(Immutable):
+    """How a flight is followed; see :func:`track`.
+
+    Raises
+    ------
+    UsageError
+        The step is out of range.
+    """
+
+    first_s: float = 60.0
+    step_share: float = STEP_SHARE
+    thrust_exponent: float | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.02 <= self.step_share <= 0.5:
+            raise UsageError(f"a step of {self.step_share:g} came", needed="a share from 0.02 to 0.5")
+
+    def as_json(self) -> dict[str, float | None]:
+        """All of them by name."""
+        return {"first_s": self.first_s, "step_share": self.step_share, "thrust_exponent": self.thrust_exponent}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +139,7 @@ def track(
     *,
     first_s: float = 60.0,
     thrust_exponent: float | None = None,
-    step_share: float | None = None,
+    step_share: float = STEP_SHARE,
 ) -> FlightTracking:
     """Follow the gain of a rate model through a flight.
 
@@ -150,8 +174,7 @@ def track(
     name = model if isinstance(model, str) else model.name
     if name not in AXIS_OF:
         raise no_such("model that can be followed", name, tuple(AXIS_OF))
-    if step_share is not None and not 0.02 <= step_share <= 0.5:
-        raise UsageError(f"a step of {step_share:g} came", needed="a share from 0.02 to 0.5")
+    choices = TrackChoices(first_s=first_s, step_share=step_share, thrust_exponent=thrust_exponent)
     axis = AXIS_OF[name]
     start_s, stop_s = _longest_flight(log)
     require_length(stop_s - start_s, first_s)
@@ -166,7 +189,6 @@ def track(
     fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + first_s)
     _PROGRESS.info(f"following {name}")
     signals = _signals(log, axis, instrument, start_s, stop_s)
-    chosen = {} if step_share is None else {"step_share": step_share}
     tracking = track_gain(
         signals["command"],
         signals["rate"],
@@ -176,7 +198,7 @@ def track(
         thrust_exponent=thrust_exponent,
         start_s=start_s,
         reference_s=first_s,
-        **chosen,
+        step_share=step_share,
     )
     return FlightTracking(
         log=log.source.name,
@@ -189,7 +211,7 @@ def track(
         tracking=tracking,
         trims=tuple(_trims(log, start_s, stop_s, first_s)),
         findings=worst_first([*log.findings, *fitted.findings]),
-        provenance=provenance([log], IdentifySettings()),
+        provenance=provenance([log], choices),
     )
 
 

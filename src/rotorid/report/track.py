@@ -36,7 +36,7 @@ def render_track(found: FlightTracking) -> str:
         picture=picture,
         document=document,
         remarks=finding_rows(document.findings),
-        why=WHY,
+        step_percent=f"{100.0 * float(str(document.provenance.settings['step_share'])):.0f}",
         significant=significant,
         with_error=with_error,
     )
