@@ -53,6 +53,8 @@ class History(Immutable):
         Of what.
     rows
         In the order of the flights.
+    level
+        Mean of the flights that count: before the first change, without odd ones; ``None`` where none does.
     changes, drift, odd
         What was found in it.
     odd_vehicle
@@ -64,6 +66,7 @@ class History(Immutable):
     parameter: str
     unit: str
     rows: tuple[Row, ...]
+    level: Quantity | None = None
     changes: tuple[Change, ...] = ()
     drift: Drift | None = None
     odd: tuple[OddFlight, ...] = ()
@@ -179,6 +182,7 @@ def analyze(rows: Iterable[Row], *, groups: Mapping[str, str] | None = None) -> 
                     parameter=name[1],
                     unit=one.rows[0].unit,
                     rows=tuple(one.rows),
+                    level=_level(one, kept[name, one.vehicle], spreads[name]),
                     changes=changes,
                     drift=slope,
                     odd=_said(one, odd[name, one.vehicle], tested[name, one.vehicle]),
@@ -213,6 +217,15 @@ def _sorted_series(rows: Iterable[Row]) -> dict[Name, list[_Series]]:
             random = [row.std_random if math.isfinite(row.std_random) else row.std for row in ordered]
             found.setdefault(name, []).append(_Series(vehicle, ordered, y, np.array(random)))
     return found
+
+
+def _level(one: _Series, keep: BoolArray, spread: Spread) -> Quantity | None:
+    """Weighted mean of the flights that count."""
+    if not keep.any():
+        return None
+    weight = 1.0 / np.maximum(one.s[keep] ** 2 + spread.within**2, 1e-300)
+    total = float(weight.sum())
+    return Quantity.normal(float(weight @ one.y[keep]) / total, math.sqrt(1.0 / total), one.rows[0].unit)
 
 
 def _model_std(series: Sequence[_Series]) -> float:
@@ -315,11 +328,9 @@ def _odd_vehicles(
         for name, many in by_name.items():
             means = []
             for one in many:
-                keep = kept[name, one.vehicle]
-                if (name, one.vehicle) in out or not keep.any():
-                    continue
-                weight = 1.0 / np.maximum(one.s[keep] ** 2 + spreads[name].within ** 2, 1e-300)
-                means.append((one.vehicle, float(weight @ one.y[keep] / weight.sum()), 1.0 / float(weight.sum())))
+                level = _level(one, kept[name, one.vehicle], spreads[name])
+                if (name, one.vehicle) not in out and level is not None:
+                    means.append((one.vehicle, level.value, level.std**2))
             if len(means) < _FEWEST_FLIGHTS:
                 continue
             entries += [((name, vehicle), p) for vehicle, p in _apart(means)]

@@ -41,26 +41,10 @@
     fillcolor: style("--accent"), opacity: 0.12, layer: "below", name,
   });
 
-  const mean = (one) => {
-    const stop = one.changes.length ? one.changes[0].at - 1 : one.value.length;
-    let sum = 0;
-    let weight = 0;
-    for (let k = 0; k < stop; k += 1) {
-      if (one.value[k] === null || !(one.std[k] > 0)) continue;
-      const w = 1 / one.std[k] ** 2;
-      sum += w * one.value[k];
-      weight += w;
-    }
-    const value = weight ? sum / weight : one.value[0];
-    let scatter = 0;
-    for (let k = 0; k < stop; k += 1) scatter += (one.value[k] - value) ** 2;
-    const std = Math.max(1 / Math.sqrt(weight || 1), stop > 1 ? Math.sqrt(scatter / (stop - 1) / stop) : 0);
-    return { value, std };
-  };
-
   const drawPopulation = () => {
     const one = chosen();
-    const many = of(one).map((two) => ({ ...mean(two), series: two })).sort((a, b) => a.value - b.value);
+    const many = of(one).filter((two) => two.level)
+      .map((two) => ({ value: two.level[0], std: two.level[1], series: two })).sort((a, b) => a.value - b.value);
     const words = (two) => vehicles[two.series.vehicle];
     const group = (keep, symbol, color, name) => {
       const part = many.map((two, k) => [two, k]).filter(([two]) => keep(two));

@@ -141,6 +141,7 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
             "value": [_short(row.value) for row in one.rows],
             "std": [_short(row.std) for row in one.rows],
             "findings": [number(findings, row.findings) for row in one.rows],
+            "level": None if one.level is None else [_short(one.level.value), _short(one.level.std)],
             "changes": [_change(one, k) for k in range(len(one.changes))],
             "drift": None if one.drift is None else _short(one.drift.slope.value),
             "odd": [odd.flight for odd in one.odd],
