@@ -79,7 +79,8 @@ def _sentences(document: FleetDocument) -> list[str]:
     if drifting := sorted({one.vehicle for one in document.drifts}):
         said.append(f"Slowly changing: {_listed(drifting)}.")
     if odd_flights := {(one.vehicle, one.flight) for one in document.outliers.flights}:
-        said.append(f"{counted(len(odd_flights), 'flight')} by itself unlike its neighbors.")
+        are = "is" if len(odd_flights) == 1 else "are"
+        said.append(f"{counted(len(odd_flights), 'flight')} {are} unlike those before and after.")
     whole = {one.log for one in document.failed if not one.model}
     said.append(
         f"{counted(document.rows, 'number')} of {counted(document.done, 'log')}"
