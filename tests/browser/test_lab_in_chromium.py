@@ -3,89 +3,372 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-import shutil
+import signal
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from tests.browser.chromium import browser
+from tests.browser.lab_page import HEIGHT, WIDTH, LabPage, at_terminal, chromium, serving
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
 pytest.importorskip("fastapi", reason="the extra lab is not installed")
+
+SWEEP_S = (34.0, 80.0)
+"""Where the example sweeps roll, on the clock of its log."""
 
 SHOTS = os.environ.get("ROTORID_SHOTS")
 
 
+@pytest.fixture(scope="module")
+def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated log."""
+    folder = tmp_path_factory.mktemp("example") / "flown"
+    subprocess.run(
+        [sys.executable, "-m", "rotorid", "example", "px4", "--out", str(folder), "--quiet"], check=True, timeout=300
+    )
+    return folder / "flight.ulg"
+
+
+@pytest.fixture(scope="module")
+def shared_browser() -> Iterator[Any]:
+    with chromium() as started:
+        yield started
+
+
 @pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
-    environment = {**os.environ, "TMPDIR": str(tmp_path)}
-    command = [sys.executable, "-m", "rotorid", "lab", "--no-browser"]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
-    try:
-        assert server.stdout is not None
-        yield server.stdout.readline().strip()
-    finally:
-        server.terminate()
-        server.communicate(timeout=5)
-    assert not list(tmp_path.glob("rotorid-lab-*")), "the private folder goes away"
+def lab(shared_browser: Any, tmp_path: Path) -> Iterator[LabPage]:
+    """An empty lab before the screen; whatever a test does, the console stays empty."""
+    private = tmp_path / "private"
+    private.mkdir()
+    with serving(private=private) as (address, _):
+        yield from _opened(shared_browser, address)
+
+
+@pytest.fixture
+def with_log(shared_browser: Any, tmp_path: Path, example: Path) -> Iterator[LabPage]:
+    """A lab that shows the example."""
+    private = tmp_path / "private"
+    private.mkdir()
+    with serving(example, private=private) as (address, _):
+        for lab in _opened(shared_browser, address):
+            lab.wait_for_tracks()
+            yield lab
+
+
+def _opened(started: Any, address: str) -> Iterator[LabPage]:
+    context = started.new_context(viewport={"width": WIDTH, "height": HEIGHT})
+    lab = LabPage(context.new_page())
+    lab.page.goto(address)
+    yield lab
+    context.close()
+    assert lab.told == []
+
+
+def _brush(lab: LabPage, start: float, stop: float) -> None:
+    box = lab.page.locator("#tracks .u-over").first.bounding_box()
+    lab.drag((lab.at(start), box["y"] + 40), (lab.at(stop), box["y"] + 40))
+    lab.page.wait_for_selector("#segments li")
+
+
+def _from_drop_to_export(lab: LabPage, log: Path, tmp_path: Path, span: tuple[float, float]) -> None:
+    lab.drop(log)
+    lab.wait_for_tracks()
+    _brush(lab, *span)
+    lab.page.click("#more summary")
+    for place, text in (("#inputs", "roll_command"), ("#outputs", "p")):
+        lab.fill(place, text)
+    lab.page.click("#run-response")
+    assert lab.ended(1) == "done"
+    for place in ("#inputs", "#outputs"):
+        lab.fill(place, "")
+    lab.fill("#model", "rate.roll")
+    lab.page.click("#run-identify")
+    assert lab.ended(2) == "done"
+    assert lab.page.locator("#step-2 .bodes .uplot").count() == 4
+    lab.page.click("#step-2 button:text-is('Tune')")
+    assert lab.ended(3) == "done"
+    lab.page.select_option("#step-2 select[aria-label='target of the export']", "json")
+    lab.page.click("#step-2 button:text-is('Export')")
+    assert lab.ended(4) == "done"
+    # The same words at a terminal give the same numbers, to the last digit.
+    folders: dict[str, str] = {}
+    for step, compared in (
+        (1, ("responses", "loops")),
+        (2, ("parameters", "cost", "poles", "matrices", "correlation")),
+        (3, ("axes", "files")),
+        (4, ("quantities", "round_trip")),
+    ):
+        words = [str(log) if word == log.name else folders.get(word, word) for word in lab.command(step)]
+        folders[f"step-{step}"] = str(tmp_path / f"again-{step}")
+        again, shown = json.loads(at_terminal(words, out=tmp_path / f"again-{step}")), lab.document(step)
+        found = [key for key in compared if key in again]
+        assert found
+        for key in found:
+            assert shown[key] == again[key], (step, key)
+
+
+def test_from_a_dropped_log_to_an_export(lab: LabPage, example: Path, tmp_path: Path) -> None:
+    _from_drop_to_export(lab, example, tmp_path, SWEEP_S)
 
 
 @pytest.mark.slow
-def test_from_a_dropped_log_to_an_export(address: str, shared_data: Path, tmp_path: Path) -> None:
-    log = shared_data / "px4_sitl" / "verify.ulg.xz"
-    told: list[str] = []
-    with playwright.sync_playwright() as p:
-        chromium = p.chromium.launch(executable_path=shutil.which("chromium") or browser(), args=["--no-sandbox"])
-        page = chromium.new_page(viewport={"width": 1300, "height": 900})
-        page.set_default_timeout(60000)
-        page.on("console", lambda m: told.append(m.text) if m.type in ("error", "warning") else None)
-        page.on("pageerror", lambda e: told.append(str(e)))
-        page.goto(address)
-        page.set_input_files("#file", log)
-        page.wait_for_selector("#tracks .u-over >> nth=1")
-        box = page.locator("#tracks .u-over").first.bounding_box()
-        assert box is not None
-        span = 106.412 - 12.008
-        for k, second in enumerate((40.0, 52.0)):
-            page.mouse.move(box["x"] + box["width"] * (second - 12.008) / span, box["y"] + 40)
-            (page.mouse.down if k == 0 else page.mouse.up)()
-        page.wait_for_selector("#segments li")
-        page.fill("#inputs", "roll_command")
-        page.fill("#outputs", "p")
-        page.press("#outputs", "Tab")
-        page.click("#run-response")
-        page.wait_for_selector("#step-1[data-state=done]")
-        page.select_option("#model", "rate.roll")
-        page.click("#run-identify")
-        page.wait_for_selector("#step-2[data-state=done]")
-        command = page.text_content("#step-2 code").split()
-        page.click("#step-2 button:text-is('Tune')")
-        page.wait_for_selector("#step-3[data-state=done]")
-        page.click("#step-2 button:text-is('Export')")
-        page.wait_for_selector("#step-4[data-state=done]")
-        shown = page.evaluate("fetch('/api/steps/2').then(r => r.json())")["document"]
-        assert page.locator("#step-2 .uplot").count() == 4
-        overflow = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
-        for width in (1300, 400):
-            page.set_viewport_size({"width": width, "height": 900})
-            for theme in ("light", "dark"):
-                page.emulate_media(color_scheme=theme)
-                if width == 400:
-                    page.reload()
-                    page.wait_for_selector("#step-4[data-state=done]")
-                    assert not page.evaluate(overflow)
-                if SHOTS:
-                    page.screenshot(path=f"{SHOTS}/lab-{width}-{theme}.png", full_page=True)
-        chromium.close()
-    assert told == []
-    words = [str(log) if word == "verify.ulg.xz" else word for word in command[1:]]
-    words[words.index("--out") + 1] = str(tmp_path / "again")
-    done = subprocess.run(
-        [sys.executable, "-m", "rotorid", *words, "--json", "--quiet"], capture_output=True, text=True, check=True
+def test_from_a_dropped_flight_of_px4_to_an_export(lab: LabPage, shared_data: Path, tmp_path: Path) -> None:
+    _from_drop_to_export(lab, shared_data / "px4_sitl" / "verify.ulg.xz", tmp_path, (40.0, 52.0))
+
+
+def test_hands_and_keys(with_log: LabPage) -> None:
+    lab, page = with_log, with_log.page
+    whole = lab.view()
+    over = page.locator("#tracks .u-over").first
+    box = over.bounding_box()
+    # The wheel zooms about the place under it, and a double click shows the whole log again.
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 30)
+    for _ in range(4):
+        page.mouse.wheel(0, -100)
+    lab.until("document.querySelector('#spectral-span').textContent.length > 0")
+    start, stop = lab.view()
+    assert (stop - start) / (whole[1] - whole[0]) == pytest.approx(0.8**4, rel=0.02)
+    assert start + stop == pytest.approx(sum(whole), abs=0.3)
+    over.dblclick()
+    assert lab.view() == whole
+    over.focus()
+    for key in ("+", "ArrowRight", "-", "0"):
+        page.keyboard.press(key)
+    assert lab.view() == whole
+    # A brushed segment has edges for the mouse and for the keyboard; every change is one step back.
+    _brush(lab, 50.0, 80.0)
+    (first,) = lab.choices()["segments"]
+    assert first["start_s"] == pytest.approx(50.0, abs=0.4)
+    edge = page.locator("#tracks .edge[data-side=stop_s]").first
+    place = edge.bounding_box()
+    middle = place["x"] + place["width"] / 2
+    second = (whole[1] - whole[0]) / box["width"]
+    lab.drag((middle, place["y"] + 20), (middle + 60, place["y"] + 20))
+    (dragged,) = lab.choices()["segments"]
+    assert dragged["start_s"] == first["start_s"]
+    assert dragged["stop_s"] == pytest.approx(first["stop_s"] + 60 * second, abs=0.3)
+    edge.focus()
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Shift+ArrowLeft")
+    assert lab.choices()["segments"][0]["stop_s"] == pytest.approx(dragged["stop_s"] - 1.1, abs=1e-6)
+    for _ in range(2):
+        page.keyboard.press("Control+z")
+    assert lab.choices()["segments"] == [dragged]
+    page.click("#undo")
+    assert lab.choices()["segments"] == [first]
+    page.click("#redo")
+    assert lab.choices()["segments"] == [dragged]
+    lab.until("document.querySelector('#command').textContent.includes('--segment')")
+    # A page that is loaded again knows what was chosen.
+    page.reload()
+    lab.wait_for_tracks()
+    assert lab.choices()["segments"] == [dragged]
+    page.click("#segments button")
+    assert lab.choices()["segments"] == []
+
+
+def test_what_is_seen(with_log: LabPage) -> None:
+    lab, page = with_log, with_log.page
+    page.fill("#channel", "motor_1")
+    page.press("#channel", "Enter")
+    page.wait_for_selector("#tracks .track:has-text('motor_1')")
+    page.click("#spectrum")
+    page.wait_for_selector("#spectra .uplot")
+    page.click("#spectrogram")
+    page.wait_for_selector("#spectra canvas.gram")
+    page.click("#found summary")
+    page.click("#excitations button:text-is('Look') >> nth=0")
+    start, stop = lab.view()
+    page.click("#whole")
+    assert stop - start < lab.view()[1] - lab.view()[0]
+    page.fill("#channel", "no_such")
+    page.press("#channel", "Enter")
+    lab.until("document.querySelector('#message').textContent.includes('no_such is no channel')")
+    page.click("#keys")
+    assert page.is_visible("#keyboard")
+
+
+def test_results_beside_each_other_and_units(with_log: LabPage, example: Path) -> None:
+    lab, page = with_log, with_log.page
+    lab.fill("#model", "rate.roll")
+    page.click("#run-identify")
+    assert lab.ended(1) == "done"
+    # A drag on a response chooses the band, in either unit.
+    page.select_option("#units", "hz")
+    page.wait_for_selector("#step-1 .u-legend:has-text('Hz')")
+    picture = page.locator("#step-1 .bodes .u-over").first
+    picture.scroll_into_view_if_needed()
+    box = picture.bounding_box()
+    lab.drag((box["x"] + 0.35 * box["width"], box["y"] + 50), (box["x"] + 0.75 * box["width"], box["y"] + 50))
+    low, high = lab.choices()["band"]
+    assert 1.0 < low < high < 120.0
+    assert float(page.input_value("#low")) == pytest.approx(low / (2.0 * math.pi), rel=1e-3)
+    page.select_option("#units", "rad")
+    assert float(page.input_value("#low")) == pytest.approx(low, rel=1e-3)
+    page.select_option("#scale", "linear")
+    page.click("body", position={"x": 5, "y": 300})
+    page.keyboard.press("i")
+    assert lab.ended(2) == "done"
+    head = page.text_content("#comparison thead")
+    assert "1. rate.roll" in head
+    assert "2. rate.roll" in head
+    # Segments stay with the log on whose clock they are; another log judges the model, and closed it is gone.
+    lab.drop(example.with_name("flight.ulg"))
+    lab.until("document.querySelectorAll('#logs li').length === 2")
+    page.wait_for_selector("#others select")
+    page.locator("#logs li button").nth(2).click()
+    lab.wait_for_tracks()
+    _brush(lab, 50.0, 80.0)
+    page.locator("#logs li button").first.click()
+    lab.until("document.querySelectorAll('#segments li').length === 0")
+    lab.until("document.querySelector('#logs li').dataset.shown !== undefined")
+    if not page.is_visible("#others select"):
+        page.click("#more summary")
+    page.select_option("#others select", "unseen")
+    assert lab.choices()["unseen"] == [2]
+    lab.until("document.querySelector('#command').textContent.includes('--verify')")
+    page.click("button[aria-label='close flight.ulg'] >> nth=1")
+    lab.until("document.querySelectorAll('#logs li').length === 1")
+    lab.fill("#model", "rate.pitch")
+    lab.until("document.querySelector('#command').textContent.includes('rate.pitch')")
+    assert "--verify" not in page.text_content("#command")
+
+
+def test_everybody_can_use_it(with_log: LabPage) -> None:
+    lab, page = with_log, with_log.page
+    page.click("#run-review")
+    assert lab.ended(1) == "done"
+    lab.fill("#model", "rate.roll")
+    page.click("#run-identify")
+    assert lab.ended(2) == "done"
+    for theme in ("light", "dark"):
+        page.emulate_media(color_scheme=theme)
+        page.reload()
+        lab.wait_for_tracks()
+        lab.ended(2)
+        assert lab.violations() == []
+        for width in (WIDTH, 400):
+            page.set_viewport_size({"width": width, "height": HEIGHT})
+            lab.until("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+            if SHOTS:
+                page.screenshot(path=f"{SHOTS}/lab-{width}-{theme}.png", full_page=True)
+        page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    page.click("#theme")
+    assert page.get_attribute("html", "data-theme") == "light"
+
+
+def test_a_report_opens_in_an_origin_of_its_own(with_log: LabPage) -> None:
+    lab, page = with_log, with_log.page
+    page.click("#run-review")
+    assert lab.ended(1) == "done"
+    with page.context.expect_page() as opened:
+        page.click("#step-1 a:text-is('Open the report')")
+    report = opened.value
+    report.wait_for_selector("h1")
+    assert report.evaluate("self.origin") == "null"
+    told = report.evaluate("fetch('/api/state').then((answer) => answer.status, () => 'refused')")
+    assert told == "refused"
+
+
+def test_a_killed_worker_and_a_canceled_one_are_said(with_log: LabPage) -> None:
+    lab, page = with_log, with_log.page
+    lab.fill("#model", "rate.roll,rate.pitch,rate.yaw,axis.roll,axis.pitch,hover.full")
+    page.click("#run-identify")
+    page.wait_for_selector("#step-1[data-state=running]")
+    page.wait_for_timeout(1500)
+    (worker,) = _workers()
+    os.kill(worker, signal.SIGKILL)
+    assert lab.ended(1) == "failed"
+    assert "signal 9" in page.text_content("#step-1 .told")
+    page.click("#run-identify")
+    page.wait_for_selector("#step-2[data-state=running]")
+    page.click("#step-2 button:text-is('Cancel')")
+    assert lab.ended(2) == "canceled"
+    lab.fill("#model", "rate.roll")
+    page.click("#run-identify")
+    assert lab.ended(3) == "done"
+
+
+def _workers() -> list[int]:
+    """Process numbers of fits that run in this test's lab."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (place / "cmdline").read_bytes().split(b"\0")
+            parent = int((place / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            grandparent = int(Path(f"/proc/{parent}/stat").read_text().rsplit(")", 1)[1].split()[1])
+        except (OSError, IndexError, ValueError):
+            continue
+        if b"rotorid.cli.lab_worker" in words and b"identify" in words and grandparent == os.getpid():
+            found.append(int(place.name))
+    return found
+
+
+def test_a_session_is_reopened_and_runs_without_the_page(
+    with_log: LabPage, shared_browser: Any, example: Path, tmp_path: Path
+) -> None:
+    lab, page = with_log, with_log.page
+    _brush(lab, *SWEEP_S)
+    lab.fill("#model", "rate.roll")
+    page.click("#run-identify")
+    assert lab.ended(1) == "done"
+    first = lab.document(1)["parameters"]
+    with page.expect_download() as saved:
+        page.click("#project")
+    place = tmp_path / "again"
+    place.mkdir()
+    (place / example.name).symlink_to(example)
+    saved.value.save_as(place / "rotorid.toml")
+    assert tomllib.loads((place / "rotorid.toml").read_text(encoding="utf-8"))["logs"] == [example.name]
+    private = tmp_path / "private-2"
+    private.mkdir()
+    with serving(place / "rotorid.toml", private=private) as (address, _):
+        for other in _opened(shared_browser, address):
+            other.wait_for_tracks()
+            other.page.click("#opener")
+            other.page.click("#waiting")
+            assert other.ended(1) == "done"
+            assert other.document(1)["parameters"] == first
+    subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "rotorid",
+            "run",
+            str(place / "rotorid.toml"),
+            "--out",
+            str(tmp_path / "ran"),
+            "--quiet",
+        ],
+        check=True,
     )
-    again = json.loads(done.stdout)
-    for key in ("parameters", "cost", "poles", "matrices"):
-        assert shown[key] == again[key]
+    ran = json.loads((tmp_path / "ran" / "step-1" / "result.json").read_text(encoding="utf-8"))
+    assert ran["parameters"] == first
+
+
+@pytest.mark.slow
+def test_the_demonstration_is_one_click_away(lab: LabPage) -> None:
+    lab.page.click("#demo")
+    lab.wait_for_tracks()
+    assert "flight.ulg" in lab.page.text_content("#logs")
+
+
+def test_what_is_being_typed_is_not_taken_away(with_log: LabPage) -> None:
+    lab, page = with_log, with_log.page
+    page.click("#more summary")
+    page.click("#inputs")
+    page.keyboard.type("roll_")
+    # Another choice and another unit draw the panel anew.
+    page.evaluate("document.querySelector('#reduce').click()")
+    page.evaluate("document.querySelector('#units').dispatchEvent(new Event('change'))")
+    lab.until("document.querySelector('#command').textContent.includes('--reduce')")
+    page.keyboard.type("command")
+    page.keyboard.press("Tab")
+    assert lab.choices()["inputs"] == "roll_command"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,7 @@ def lab_command(
     ] = False,
 ) -> None:
     """Open a page on this machine where logs are seen, chosen and identified with the mouse."""
+    from rotorid.cli.preferences import CHOICES, preferences
     from rotorid.lab.server import serve
 
     def show(address: str) -> None:
@@ -32,4 +34,6 @@ def lab_command(
         if not no_browser:
             typer.launch(address)
 
-    serve(given, host=host, port=port, token=token, show=show)
+    told = asdict(preferences())
+    looks = {name: told[name] for name in CHOICES if told[name] is not None}
+    serve(given, host=host, port=port, token=token, show=show, preferred=looks)

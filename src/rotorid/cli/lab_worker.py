@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import math
 import sys
 from pathlib import Path
 
@@ -16,11 +17,20 @@ class _Told(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """One line."""
-        told = {
-            "words": record.getMessage(),
-            "done": getattr(record, "done", None),
-            "total": getattr(record, "total", None),
-        }
+        if (cost := getattr(record, "cost", None)) is not None:
+            if math.isfinite(cost):
+                self._tell({"cost": cost})
+            return
+        self._tell(
+            {
+                "words": record.getMessage(),
+                "done": getattr(record, "done", None),
+                "total": getattr(record, "total", None),
+            }
+        )
+
+    @staticmethod
+    def _tell(told: dict[str, object]) -> None:
         sys.stderr.write(json.dumps({"progress": told}) + "\n")
         sys.stderr.flush()
 
@@ -35,7 +45,7 @@ def main() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     end_with_parent()
     log = logging.getLogger("rotorid.progress")
-    log.setLevel(logging.INFO)
+    log.setLevel(logging.DEBUG)
     log.addHandler(_Told())
     if sys.argv[1] == "read":
         _read(Path(sys.argv[2]), Path(sys.argv[3]))

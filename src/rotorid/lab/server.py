@@ -14,16 +14,20 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from rotorid.errors import RotoridError, UsageError
-from rotorid.lab.session import UPLOAD_BYTES, OpenLog, Ran, Session, curves, document, listed
+from rotorid.lab.session import ALL_UPLOAD_BYTES, UPLOAD_BYTES, OpenLog, Ran, Session, curves, document, listed
 from rotorid.lab.steps import Step, read_project
+from rotorid.lab.workers import Job
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
 
 STATIC = Path(__file__).resolve().parent / "static"
 BODY_BYTES = 1 << 16
@@ -32,8 +36,12 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+# A report carries its own scripts: they run in an origin of their own, which may ask this server for nothing.
+_REPORT_POLICY = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
 _HEADERS = (
-    (b"content-security-policy", _POLICY.encode()),
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
     (b"cross-origin-opener-policy", b"same-origin"),
@@ -81,7 +89,9 @@ class Guard:
             if message["type"] == "http.response.start":
                 begun = True
                 kept = [(name, value) for name, value in message.get("headers", []) if name.lower() != b"server"]
-                message["headers"] = [*kept, *_HEADERS]
+                own = any(name == b"content-security-policy" for name, _ in kept)
+                policy = [] if own else [(b"content-security-policy", _POLICY.encode())]
+                message["headers"] = [*kept, *policy, *_HEADERS]
             await send(message)
 
         headers: dict[bytes, list[bytes]] = {}
@@ -91,10 +101,7 @@ class Guard:
         if len(hosts) != 1 or hosts[0] not in self._hosts:
             await _say(answer, 421, "This server has another name.")
             return
-        origins = [value.decode("latin-1").lower() for value in headers.get(b"origin", [])]
-        site = headers.get(b"sec-fetch-site", [b"none"])[0]
-        foreign = any(origin != f"http://{hosts[0]}" for origin in origins)
-        if foreign or (scope["method"] not in ("GET", "HEAD") and site not in (b"same-origin", b"none")):
+        if self._is_foreign(scope["method"], hosts[0], headers):
             await _say(answer, 403, "Another page asked.")
             return
         given = parse_qs(scope["query_string"].decode("latin-1"), max_num_fields=20) if _few(scope) else {}
@@ -117,6 +124,14 @@ class Guard:
             # What went wrong is this server's own matter: the page gets a sentence, no traceback.
             if not begun:
                 await _say(answer, 500, "The server could not answer that.")
+
+    @staticmethod
+    def _is_foreign(method: str, host: str, headers: dict[bytes, list[bytes]]) -> bool:
+        """Whether a page of another origin asked, or had its visitor's browser ask."""
+        origins = [value.decode("latin-1").lower() for value in headers.get(b"origin", [])]
+        site = headers.get(b"sec-fetch-site", [b"none"])[0]
+        own = all(origin == f"http://{host}" for origin in origins)
+        return not own or (method not in ("GET", "HEAD") and site not in (b"same-origin", b"none"))
 
     def _is_token(self, *given: str) -> bool:
         return len(given) == 1 and hmac.compare_digest(given[0].encode("utf-8", "replace"), self._token.encode())
@@ -169,8 +184,15 @@ class Chosen(BaseModel):
     name: str = Field(max_length=4096)
 
 
-def lab_app(session: Session, *, token: str, hosts: frozenset[str], cookie: str = "rotorid_lab") -> App:
-    """The guarded application of a session."""
+def lab_app(
+    session: Session,
+    *,
+    token: str,
+    hosts: frozenset[str],
+    cookie: str = "rotorid_lab",
+    preferred: Mapping[str, str] | None = None,
+) -> App:
+    """The guarded application of a session; ``preferred`` is how the page looks first."""
     from fastapi import FastAPI, Request
     from fastapi.exceptions import RequestValidationError
     from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Response
@@ -193,16 +215,6 @@ def lab_app(session: Session, *, token: str, hosts: frozenset[str], cookie: str 
     app.add_exception_handler(ValidationError, wrong)
     app.add_exception_handler(UnicodeError, wrong)
 
-    def log_of(number: int) -> OpenLog:
-        if not 1 <= number <= len(session.logs):
-            raise UsageError(f"log {number} came", needed=f"one of the {len(session.logs)} that are open")
-        return session.logs[number - 1]
-
-    def ran_of(number: int) -> Ran:
-        if not 1 <= number <= len(session.steps):
-            raise UsageError(f"step {number} came", needed=f"one of the {len(session.steps)} there are")
-        return session.steps[number - 1]
-
     @app.get("/")
     def page() -> Response:
         return FileResponse(STATIC / "index.html")
@@ -210,18 +222,36 @@ def lab_app(session: Session, *, token: str, hosts: frozenset[str], cookie: str 
     @app.get("/api/state")
     def state() -> Response:
         logs = [
-            {"name": one.name, "state": one.job.state, "told": one.job.told, "share": one.job.share}
-            | {"sentence": one.job.sentence}
+            {"name": one.name, "seen": one.tracks is not None}
+            | _told(one.job)
+            | ({"state": "closed"} if one.closed else {})
             for one in session.logs
-            if one.job is not None
         ]
         steps = [
-            {"step": one.step.model_dump(mode="json"), "command": one.shown, "state": one.job.state}
-            | {"told": one.job.told, "share": one.job.share, "sentence": one.job.sentence}
+            {"step": one.step.model_dump(mode="json"), "command": one.shown, "seconds": one.job.seconds}
+            | {"costs": one.job.costs[-200:]}
+            | _told(one.job)
             for one in session.steps
         ]
         waiting = [one.model_dump(mode="json") for one in session.waiting]
-        return JSONResponse({"logs": logs, "steps": steps, "waiting": waiting, "folder": session.root is not None})
+        told = {"logs": logs, "steps": steps, "waiting": waiting, "folder": session.root is not None}
+        return JSONResponse(told | {"preferred": dict(preferred or {})})
+
+    _add_logs(app, session)
+    _add_steps(app, session)
+    app.mount("/static", StaticFiles(directory=STATIC, follow_symlink=False))
+    return Guard(app, token=token, hosts=hosts, cookie=cookie)
+
+
+def _add_logs(app: "FastAPI", session: Session) -> None:
+    """Routes that open logs, and show what is in them."""
+    from fastapi import Request
+    from fastapi.responses import JSONResponse, Response
+
+    def log_of(number: int) -> OpenLog:
+        if not 1 <= number <= len(session.logs) or session.logs[number - 1].closed:
+            raise UsageError(f"log {number} came", needed=f"one of the {len(session.logs)} that are open")
+        return session.logs[number - 1]
 
     @app.get("/api/folder")
     def folder() -> Response:
@@ -241,21 +271,37 @@ def lab_app(session: Session, *, token: str, hosts: frozenset[str], cookie: str 
     async def upload(request: Request, name: str) -> Response:
         from anyio import open_file
 
+        too_much = UsageError("more came than a session keeps", needed="a log to be closed")
+        if session.uploaded_bytes() + int(request.headers.get("content-length", 0)) > ALL_UPLOAD_BYTES:
+            raise too_much
         path = session.upload_path(name)
         try:
             async with await open_file(path, "xb") as file:
                 async for part in request.stream():
                     await file.write(part)
+            # A request without a length says only now how much it was.
+            if session.uploaded_bytes() > ALL_UPLOAD_BYTES:
+                raise too_much
         except BaseException:
             path.unlink(missing_ok=True)
             raise
-        session.open(path, path.name)
+        try:
+            session.open(path, path.name)
+        except UsageError:
+            path.unlink(missing_ok=True)
+            raise
         return JSONResponse({"log": len(session.logs)})
+
+    @app.delete("/api/logs/{number}")
+    def close(number: int) -> Response:
+        session.close_log(log_of(number))
+        return JSONResponse({})
 
     @app.get("/api/logs/{number}")
     def log(number: int) -> Response:
         tracks = _tracks(log_of(number))
-        return JSONResponse({"channels": tracks.channels, "inspection": tracks.inspection})
+        told = {"channels": tracks.channels, "span_s": tracks.span_s, "inspection": tracks.inspection()}
+        return JSONResponse(told)
 
     @app.get("/api/logs/{number}/track")
     def track(number: int, channel: int, start: float, stop: float, points: int = 1000) -> Response:
@@ -270,6 +316,20 @@ def lab_app(session: Session, *, token: str, hosts: frozenset[str], cookie: str 
     @app.get("/api/logs/{number}/spectrogram")
     def spectrogram(number: int, channel: int, start: float, stop: float) -> Response:
         return JSONResponse(_tracks(log_of(number), channel).spectrogram(channel, start, stop))
+
+
+def _add_steps(app: "FastAPI", session: Session) -> None:
+    """Routes that carry out commands, and hand out what they wrote."""
+    from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+
+    def ran_of(number: int) -> Ran:
+        if not 1 <= number <= len(session.steps):
+            raise UsageError(f"step {number} came", needed=f"one of the {len(session.steps)} there are")
+        return session.steps[number - 1]
+
+    @app.get("/api/models")
+    def models() -> Response:
+        return JSONResponse(session.models())
 
     @app.post("/api/preview")
     def preview(step: Step) -> Response:
@@ -306,6 +366,11 @@ def lab_app(session: Session, *, token: str, hosts: frozenset[str], cookie: str 
             content_disposition_type="attachment",
         )
 
+    @app.get("/api/steps/{number}/report")
+    def report(number: int) -> Response:
+        page = session.report(ran_of(number))
+        return FileResponse(page, media_type="text/html", headers={"content-security-policy": _REPORT_POLICY})
+
     @app.get("/api/project")
     def project() -> Response:
         return Response(
@@ -314,8 +379,12 @@ def lab_app(session: Session, *, token: str, hosts: frozenset[str], cookie: str 
             headers={"Content-Disposition": 'attachment; filename="rotorid.toml"'},
         )
 
-    app.mount("/static", StaticFiles(directory=STATIC, follow_symlink=False))
-    return Guard(app, token=token, hosts=hosts, cookie=cookie)
+
+def _told(job: Job | None) -> dict[str, Any]:
+    """How far a job is; one that is about to begin waits."""
+    if job is None:
+        return {"state": "waiting", "told": "", "share": None, "sentence": ""}
+    return {"state": job.state, "told": job.told, "share": job.share, "sentence": job.sentence}
 
 
 def _tracks(log: OpenLog, channel: int = 0) -> Any:
@@ -352,8 +421,16 @@ def _is_loopback(host: str) -> bool:
     return host == "localhost"
 
 
-def serve(given: Path | None, *, host: str, port: int, token: str | None, show: Callable[[str], None]) -> None:
-    """Serve a session until it is interrupted; ``show`` is handed the address.
+def serve(
+    given: Path | None,
+    *,
+    host: str,
+    port: int,
+    token: str | None,
+    show: Callable[[str], None],
+    preferred: Mapping[str, str] | None = None,
+) -> None:
+    """Serve a session until it is interrupted; ``show`` is handed the address, ``preferred`` is how the page looks.
 
     Raises
     ------
@@ -387,7 +464,9 @@ def serve(given: Path | None, *, host: str, port: int, token: str | None, show: 
             hosts = {f"{named}:{port}".lower()}
             if _is_loopback(host):
                 hosts |= {f"127.0.0.1:{port}", f"localhost:{port}"}
-            app = lab_app(session, token=token, hosts=frozenset(hosts), cookie=f"rotorid_lab_{port}")
+            app = lab_app(
+                session, token=token, hosts=frozenset(hosts), cookie=f"rotorid_lab_{port}", preferred=preferred
+            )
             config = uvicorn.Config(
                 app, log_level="critical", access_log=False, timeout_graceful_shutdown=1, limit_concurrency=200,
                 timeout_keep_alive=30, h11_max_incomplete_event_size=1 << 15, ws="none", lifespan="off",

@@ -24,6 +24,7 @@ from rotorid.lab.workers import Job, Workers
 MOST_LOGS = 20
 _DRAWN = ("omega_rad_s", "values", "coherence", "random_error", "inputs", "outputs", "model", "fitted")
 UPLOAD_BYTES = 2 << 30
+ALL_UPLOAD_BYTES = 8 << 30
 _ENDINGS = re.compile(
     r"\.(ulg|bin|log|bbl|bfl|tlog|csv|mat|npz|parquet|bag|mcap|db3|px4log|txt|usd)(\.(gz|xz|bz2|zip))?$"
 )
@@ -38,7 +39,16 @@ class OpenLog:
     words: str
     folder: Path
     job: Job | None = None
-    tracks: Tracks | None = None
+    closed: bool = False
+    _tracks: Tracks | None = None
+
+    @property
+    def tracks(self) -> Tracks | None:
+        """Its channels, from the moment that they are read."""
+        if self._tracks is None and not self.closed:
+            with contextlib.suppress(OSError, ValueError, KeyError):
+                self._tracks = Tracks(self.folder)
+        return self._tracks
 
 
 @dataclass(eq=False)
@@ -67,6 +77,7 @@ class Session:
         self.logs: list[OpenLog] = []
         self.steps: list[Ran] = []
         self.waiting: tuple[Step, ...] = ()
+        self._models: Job | None = None
         self._lock = threading.Lock()
 
     def close(self) -> None:
@@ -115,21 +126,41 @@ class Session:
             Too many logs are open.
         """
         with self._lock:
-            if len(self.logs) >= MOST_LOGS:
-                raise UsageError(f"{MOST_LOGS} logs are open", needed="fewer")
+            if sum(not one.closed for one in self.logs) >= MOST_LOGS:
+                raise UsageError(f"{MOST_LOGS} logs are open", needed="one of them to be closed")
             log = OpenLog(path.name, path, words, self.place / f"log-{len(self.logs) + 1}")
             log.folder.mkdir()
             self.logs.append(log)
 
-        def keep(job: Job) -> None:
-            if job.state == "done":
-                try:
-                    log.tracks = Tracks(log.folder)
-                except (OSError, ValueError, KeyError):
-                    job.state, job.sentence = "failed", "What was read of the log could not be kept."
-
-        log.job = self.workers.start(["read", str(path.resolve()), str(log.folder)], log.folder, then=keep)
+        try:
+            log.job = self.workers.start(["read", str(path.resolve()), str(log.folder)], log.folder)
+        except UsageError:
+            # Logs keep their numbers: what could not be opened is one that is closed.
+            log.closed = True
+            raise
         return log
+
+    def close_log(self, log: OpenLog) -> None:
+        """Forget a log: what was read of it and, where it was uploaded, the file go away; results stay.
+
+        Raises
+        ------
+        UsageError
+            A command that may read it has not ended.
+        """
+        if any(not one.job.ended.is_set() for one in self.steps):
+            raise UsageError("a command runs", needed="it to end before a log is closed")
+        if log.job is not None:
+            self.workers.cancel(log.job)
+            log.job.ended.wait(5.0)
+        log.closed, log._tracks = True, None
+        shutil.rmtree(log.folder, ignore_errors=True)
+        if log.path.is_relative_to(self.place):
+            shutil.rmtree(log.path.parent, ignore_errors=True)
+
+    def uploaded_bytes(self) -> int:
+        """Of all uploads that are kept."""
+        return sum(one.stat().st_size for one in self.place.glob("upload-*/*"))
 
     def upload_path(self, name: str) -> Path:
         """Where an upload of this name goes: the last part of the name alone, in a folder of its own."""
@@ -147,7 +178,17 @@ class Session:
             if job.state == "done" and flight.is_file():
                 self.open(flight, "flight.ulg")
 
-        return self.workers.start(["demo", "--out", "out", "--quiet"], folder, then=then)
+        return self.workers.start(["demo", "--keep-log", "--out", "out", "--quiet"], folder, then=then)
+
+    def models(self) -> Any:
+        """What ``rotorid models`` lists."""
+        with self._lock:
+            if self._models is None:
+                self._models = self.workers.start(["models", "--json"], self.place / "models")
+        self._models.ended.wait(30.0)
+        with contextlib.suppress(OSError, ValueError):
+            return json.loads(self._models.output.read_bytes())
+        return {"models": []}
 
     def run(self, step: Step) -> Ran:
         """Start a step.
@@ -162,7 +203,8 @@ class Session:
                 raise UsageError(f"{MOST_STEPS} steps were made", needed="a new session")
             number = len(self.steps) + 1
             folder = self.place / f"step-{number}"
-            real = arguments(step, [str(one.path.resolve()) for one in self.logs], self._results(shown=False))
+            files = ["" if one.closed else str(one.path.resolve()) for one in self.logs]
+            real = arguments(step, files, self._results(shown=False))
             shown = arguments(step, [one.words for one in self.logs], self._results(shown=True))
             out = "out"
             job = self.workers.start([*real, "--out", out, "--json", "--quiet"], folder)
@@ -199,6 +241,19 @@ class Session:
         if ran.job.state != "done" or not ran.folder.is_dir():
             return []
         return sorted(one for one in ran.folder.rglob("*") if one.is_file() and not one.is_symlink())
+
+    def report(self, ran: Ran) -> Path:
+        """The page that a step wrote.
+
+        Raises
+        ------
+        UsageError
+            It wrote none.
+        """
+        found = next((one for one in self.files(ran) if one.suffix == ".html"), None)
+        if found is None:
+            raise UsageError("this step wrote no page", needed="a review, an identification, a tuning or the like")
+        return found
 
 
 def document(ran: Ran) -> Any:

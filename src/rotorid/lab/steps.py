@@ -51,6 +51,8 @@ class Step(BaseModel):
     outputs: tuple[Name, ...] = Field(default=(), max_length=12)
     instrument: tuple[Name, ...] = Field(default=(), max_length=12)
     band_rad_s: tuple[Number, Number] | None = None
+    reduce: bool = False
+    method: Literal["auto", "frequency", "output_error", "prediction_error", "equation_error"] = "auto"
     robustness: Number | None = None
     noise: Number | None = None
     keep: tuple[Literal["P", "I", "D", "A"], ...] = ()
@@ -100,6 +102,8 @@ def arguments(step: Step, logs: Sequence[str], results: Sequence[str]) -> list[s
             raise UsageError("identify came without a model", needed="one of rotorid models")
         words += ["--model", ",".join(step.models)]
         words += [word for number in step.verify for word in ("--verify", _of(logs, number, "log"))]
+        words += ["--reduce"] if step.reduce else []
+        words += ["--method", step.method] if step.method != "auto" else []
     if step.verb in ("identify", "response"):
         for segment in step.segments:
             words += ["--segment", f"{segment.axis}:{segment.start_s:.12g}:{segment.stop_s:.12g}"]
@@ -158,6 +162,8 @@ def project_text(project: Project) -> str:
 
 
 def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{name} = {_toml(one)}" for name, one in value.items()) + " }"
     if isinstance(value, list | tuple):

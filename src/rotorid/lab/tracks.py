@@ -1,4 +1,7 @@
-"""Tracks of a log as plain arrays in a folder: written by a worker, mapped by the server."""
+"""Tracks of a log as plain arrays in a folder: written by a worker, mapped by the server.
+
+The channels stand there as soon as they are read, and are drawn while what ``inspect`` says of them is still computed.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import numpy as np
 from rotorid.lab.pyramid import Pyramid
 from rotorid.typing import FloatArray
 
-TRACKS = "tracks.json"
+TRACKS, INSPECTION = "tracks.json", "inspection.json"
 _LONGEST = 1 << 19
 
 
@@ -35,8 +38,17 @@ def write_tracks(log: Path, folder: Path) -> None:
         np.save(folder / f"{number}.values.npy", topic.values)
         for row, channel in enumerate(topic.channels):
             rows.append({"name": channel.name, "unit": channel.unit, "topic": topic.name, "file": number, "row": row})
-    inspection = json.loads(to_json(inspect_document(inspect(record))))
-    (folder / TRACKS).write_text(json.dumps({"channels": rows, "inspection": inspection}), encoding="utf-8")
+    times = [topic.time_s for topic in record.topics if topic.time_s.size]
+    span = [min(float(one[0]) for one in times), max(float(one[-1]) for one in times)] if times else [0.0, 1.0]
+    _keep(folder / TRACKS, json.dumps({"channels": rows, "span_s": span}))
+    _keep(folder / INSPECTION, to_json(inspect_document(inspect(record))))
+
+
+def _keep(file: Path, text: str) -> None:
+    """Write a file that another process finds whole or not at all."""
+    half = file.with_suffix(".half")
+    half.write_text(text, encoding="utf-8")
+    half.replace(file)
 
 
 class Tracks:
@@ -46,8 +58,16 @@ class Tracks:
         told = json.loads((folder / TRACKS).read_text(encoding="utf-8"))
         self._folder = folder
         self.channels: list[dict[str, Any]] = told["channels"]
-        self.inspection: dict[str, Any] = told["inspection"]
+        self.span_s: list[float] = told["span_s"]
         self._pyramids: dict[int, Pyramid] = {}
+
+    def inspection(self) -> dict[str, Any] | None:
+        """What ``inspect`` says of the log, as soon as it does."""
+        try:
+            told: dict[str, Any] = json.loads((self._folder / INSPECTION).read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+        return told
 
     def samples(self, number: int) -> tuple[FloatArray, FloatArray]:
         """Times and values of a channel."""

@@ -45,6 +45,14 @@ class Job:
     process: subprocess.Popen[bytes] | None = None
     ended: threading.Event = field(default_factory=threading.Event)
     started_s: float = 0.0
+    ended_s: float | None = None
+    costs: list[float] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """How long it has run, or ran."""
+        until = time.monotonic() if self.ended_s is None else self.ended_s
+        return round(until - self.started_s, 1) if self.started_s else 0.0
 
 
 class Workers:
@@ -103,7 +111,7 @@ class Workers:
         except OSError as error:
             job.state, job.sentence = "failed", f"The worker could not run: {error.strerror}."
         finally:
-            job.share = None
+            job.share, job.ended_s = None, time.monotonic()
             if then is not None:
                 then(job)
             job.ended.set()
@@ -161,6 +169,9 @@ def _listen(job: Job, stream: IO[bytes]) -> str:
         if text.startswith('{"progress"'):
             with contextlib.suppress(ValueError, TypeError, KeyError, ZeroDivisionError):
                 told = json.loads(text)["progress"]
+                if "cost" in told:
+                    job.costs = [*job.costs[-999:], float(told["cost"])]
+                    continue
                 job.told = str(told["words"])[:300]
                 job.share = float(told["done"]) / float(told["total"]) if told.get("total") else None
         elif text:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
 import re
 import subprocess
 import sys
+import threading
 import time
-import warnings
+import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.lab.lab_client import HOST, TOKEN, client_of, lab_session
 
 from rotorid.errors import UsageError
 from rotorid.lab import server as lab_server
@@ -26,52 +29,15 @@ from rotorid.lab.workers import Workers
 pytest.importorskip("fastapi", reason="the extra lab is not installed")
 httpx = pytest.importorskip("httpx", reason="httpx is not installed")
 
-TOKEN = "a" * 32
-HOST = "127.0.0.1:1234"
-
-
-class _Still(Workers):
-    """Workers that only take down what they would run."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.words: list[list[str]] = []
-
-    def start(self, words, folder, *, then=None):  # type: ignore[no-untyped-def]
-        from rotorid.lab.workers import Job
-
-        self.words.append(list(words))
-        job = Job(list(words), folder, state="refused", output=folder / "output.json")
-        job.ended.set()
-        return job
-
 
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
-    root = tmp_path / "root"
-    root.mkdir()
-    (root / "a.ulg").write_bytes(b"no log")
-    (tmp_path / "outside.ulg").write_bytes(b"secret")
-    (root / "link.ulg").symlink_to(tmp_path / "outside.ulg")
-    made = Session(root, workers=_Still())
-    yield made
-    made.close()
-
-
-def _client(session: Session, *, cookie: str | None = TOKEN, host: str = HOST):  # type: ignore[no-untyped-def]
-    with warnings.catch_warnings():
-        # It would rather have httpx2, and takes httpx.
-        warnings.simplefilter("ignore", UserWarning)
-        warnings.simplefilter("ignore", DeprecationWarning)
-        from starlette.testclient import TestClient
-
-    app = lab_server.lab_app(session, token=TOKEN, hosts=frozenset({HOST}))
-    cookies = {} if cookie is None else {"rotorid_lab": cookie}
-    return TestClient(app, base_url=f"http://{host}", cookies=cookies, follow_redirects=False)
+    with lab_session(tmp_path) as made:
+        yield made
 
 
 def test_the_token_of_the_address_becomes_a_cookie(session: Session) -> None:
-    client = _client(session, cookie=None)
+    client = client_of(session, cookie=None)
     assert client.get("/").status_code == 401
     assert client.get(f"/api/state?token={TOKEN}").status_code == 401
     assert client.get("/?token=wrong").status_code == 401
@@ -84,7 +50,7 @@ def test_the_token_of_the_address_becomes_a_cookie(session: Session) -> None:
 
 @pytest.mark.parametrize("cookie", [None, "", "wrong", TOKEN + "a", TOKEN[:-1]])
 def test_nothing_is_told_without_the_token(session: Session, cookie: str | None) -> None:
-    client = _client(session, cookie=cookie)
+    client = client_of(session, cookie=cookie)
     for path in ("/", "/api/state", "/static/lab.js", "/api/project"):
         assert client.get(path).status_code == 401
     assert client.post("/api/steps", json={"verb": "review", "logs": [1]}).status_code == 401
@@ -92,23 +58,23 @@ def test_nothing_is_told_without_the_token(session: Session, cookie: str | None)
 
 @pytest.mark.parametrize("host", ["evil.example:1234", "127.0.0.1:1235", "127.0.0.1"])
 def test_another_name_is_refused(session: Session, host: str) -> None:
-    assert _client(session).get("/api/state", headers={"host": host}).status_code == 421
+    assert client_of(session).get("/api/state", headers={"host": host}).status_code == 421
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1:1234", "http://127.0.0.1:1"])
 def test_another_origin_is_refused(session: Session, origin: str) -> None:
-    client = _client(session)
+    client = client_of(session)
     assert client.get("/api/state", headers={"origin": origin}).status_code == 403
     assert client.get("/api/state", headers={"origin": f"http://{HOST}"}).status_code == 200
 
 
 def test_a_request_that_another_site_made_is_refused(session: Session) -> None:
-    answer = _client(session).post("/api/demo", headers={"sec-fetch-site": "cross-site"})
+    answer = client_of(session).post("/api/demo", headers={"sec-fetch-site": "cross-site"})
     assert answer.status_code == 403
 
 
 def test_no_script_but_the_own_runs(session: Session) -> None:
-    answer = _client(session).get("/")
+    answer = client_of(session).get("/")
     policy = answer.headers["content-security-policy"]
     assert "default-src 'none'" in policy
     assert "script-src 'self';" in policy
@@ -120,7 +86,7 @@ def test_no_script_but_the_own_runs(session: Session) -> None:
 
 
 def test_uploads_are_limited_and_go_away(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    client = _client(session)
+    client = client_of(session)
     monkeypatch.setattr(lab_server, "UPLOAD_BYTES", 1000)
     assert client.post("/api/upload?name=a.ulg", content=b"x" * 1001).status_code == 413
     assert client.post("/api/upload?name=a.ulg", content=(b"x" * 600 for _ in range(2))).status_code == 413
@@ -133,7 +99,7 @@ def test_uploads_are_limited_and_go_away(session: Session, monkeypatch: pytest.M
 
 
 def test_large_bodies_are_refused(session: Session) -> None:
-    assert _client(session).post("/api/steps", content=b"[" * 70_000).status_code == 413
+    assert client_of(session).post("/api/steps", content=b"[" * 70_000).status_code == 413
 
 
 @pytest.mark.parametrize(
@@ -142,7 +108,7 @@ def test_large_bodies_are_refused(session: Session) -> None:
      "./a.ulg", "sub/../a.ulg", "//a.ulg", "a.ulg/"],
 )  # fmt: skip
 def test_no_path_leads_outside_the_folder(session: Session, name: str) -> None:
-    client = _client(session)
+    client = client_of(session)
     assert client.post("/api/open", json={"name": name}).status_code == 400
     assert client.get("/api/folder").json() == ["a.ulg"]
     assert session.logs == []
@@ -158,11 +124,11 @@ def test_an_upload_stays_in_its_folder(session: Session, name: str) -> None:
 @pytest.mark.parametrize("path", ["/static/../server.py", "/static/%2e%2e/server.py", "/static/..%2fserver.py",
                                   "/static//etc/passwd", "/static/%00", "/docs", "/openapi.json"])  # fmt: skip
 def test_only_the_own_files_are_served(session: Session, path: str) -> None:
-    assert _client(session).get(path).status_code in (400, 404, 422)
+    assert client_of(session).get(path).status_code in (400, 404, 422)
 
 
 def test_hostile_requests_cost_a_sentence(session: Session, tmp_path: Path) -> None:
-    client = _client(session)
+    client = client_of(session)
     before = sorted(tmp_path.rglob("*"))
     rng = np.random.default_rng(0)
     words = ["../x", "\0", "1e999", "NaN", "-1", "9" * 40, "a" * 3000, "%00", "{}", "[]", "'; --", "<script>", "🚁"]
@@ -284,3 +250,43 @@ def test_the_first_line_is_the_address_and_an_interrupt_ends_it(tmp_path: Path) 
         assert done.returncode == 2
         assert done.stdout == ""
         assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_looking_on_leaves_nothing_behind(session: Session) -> None:
+    """A page that asks again and again: neither memory of the lab nor threads grow."""
+    client = client_of(session)
+    tracemalloc.start()
+    try:
+        sizes = []
+        for _ in range(3):
+            for _ in range(100):
+                assert client.get("/api/state").status_code == 200
+                client.post("/api/preview", json={"verb": "review", "logs": [1]})
+            gc.collect()
+            own = tracemalloc.take_snapshot().filter_traces([tracemalloc.Filter(True, "*/rotorid/lab/*")])
+            sizes.append((sum(one.size for one in own.statistics("filename")), threading.active_count()))
+    finally:
+        tracemalloc.stop()
+    assert sizes[2][0] - sizes[0][0] < 1 << 14
+    assert sizes[2][1] <= sizes[0][1]
+
+
+def test_a_log_that_finds_no_place_shifts_no_other(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    client = client_of(session)
+    assert client.post("/api/open", json={"name": "a.ulg"}).status_code == 200
+    with monkeypatch.context() as full:
+        full.setattr(session.workers, "start", _no_place)
+        assert client.post("/api/open", json={"name": "a.ulg"}).status_code == 400
+    assert client.post("/api/open", json={"name": "a.ulg"}).status_code == 200
+    assert [one["state"] for one in client.get("/api/state").json()["logs"]] == ["refused", "closed", "refused"]
+
+
+def _no_place(*_: object, **__: object) -> None:
+    raise UsageError("20 commands run or wait", needed="one of them to end")
+
+
+def test_an_upload_without_a_length_counts_too(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lab_server, "ALL_UPLOAD_BYTES", 1000)
+    answer = client_of(session).post("/api/upload?name=a.ulg", content=(b"x" * 600 for _ in range(2)))
+    assert answer.status_code == 400
+    assert session.uploaded_bytes() == 0

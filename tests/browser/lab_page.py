@@ -1,0 +1,160 @@
+"""The lab as somebody before the screen uses it: a server, a page in a real browser, and what one does there."""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tests.browser.chromium import browser
+
+WIDTH, HEIGHT = 1300, 900
+ENDED = ":is([data-state=done],[data-state=refused],[data-state=failed],[data-state=canceled])"
+
+
+@contextmanager
+def serving(*given: str | Path, private: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A lab with its address; its private folder lies in ``private`` and is gone afterwards."""
+    environment = {**os.environ, "TMPDIR": str(private)}
+    command = [sys.executable, "-m", "rotorid", "lab", "--no-browser", *map(str, given)]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    try:
+        assert server.stdout is not None
+        yield server.stdout.readline().strip(), server
+    finally:
+        server.terminate()
+        server.communicate(timeout=10)
+    assert not list(private.glob("rotorid-lab-*")), "the private folder goes away"
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """A browser without a window."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(
+            executable_path=shutil.which("chromium") or browser(), args=["--no-sandbox"]
+        )
+        yield started
+        started.close()
+
+
+@dataclass
+class LabPage:
+    """A page of the lab, and all that it wrote to the console."""
+
+    page: Any
+    told: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.page.set_default_timeout(90_000)
+        self.page.on("console", lambda m: self.told.append(m.text) if m.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda e: self.told.append(str(e)))
+
+    def drop(self, *files: Path) -> None:
+        """Let files fall onto the page, as a file manager does."""
+        given = [(file.name, base64.b64encode(file.read_bytes()).decode()) for file in files]
+        self.page.evaluate(
+            """(files) => {
+              const transfer = new DataTransfer();
+              for (const [name, text] of files) {
+                transfer.items.add(new File([Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0))], name));
+              }
+              for (const kind of ["dragover", "drop"]) {
+                document.body.dispatchEvent(
+                  new DragEvent(kind, { dataTransfer: transfer, bubbles: true, cancelable: true }));
+              }
+            }""",
+            given,
+        )
+
+    def wait_for_tracks(self, count: int = 1) -> None:
+        """Until so many tracks are drawn, and the log is inspected."""
+        self.page.wait_for_selector(f"#tracks .u-over >> nth={count - 1}")
+        self.until("document.querySelectorAll('#models .mark.good').length > 0")
+
+    def until(self, expression: str) -> None:
+        """Wait for something to hold; the page's own policy forbids Playwright's way of waiting in it."""
+        last = time.monotonic() + 90.0
+        while not self.page.evaluate(expression):
+            assert time.monotonic() < last, expression
+            self.page.wait_for_timeout(50)
+
+    def at(self, second: float) -> float:
+        """The place of a time on the first track, in pixels."""
+        box = self.page.locator("#tracks .u-over").first.bounding_box()
+        start, stop = self.view()
+        return float(box["x"] + box["width"] * (second - start) / (stop - start))
+
+    def view(self) -> tuple[float, float]:
+        """What the tracks show, in seconds."""
+        text = self.page.text_content("#spectral-span")
+        segments = self.page.evaluate("JSON.parse(sessionStorage.getItem('choices') ?? '{}').segments ?? []")
+        assert not segments, "the words are of the last segment where there is one"
+        start, stop = re.findall(r"-?[\d.]+", text)
+        return float(start), float(stop)
+
+    def drag(self, start: tuple[float, float], stop: tuple[float, float]) -> None:
+        """Press, move in steps, and let go."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        mouse.down()
+        for k in range(1, 5):
+            mouse.move(*(a + (b - a) * k / 4 for a, b in zip(start, stop, strict=True)))
+        mouse.up()
+
+    def choices(self) -> dict[str, Any]:
+        """What is chosen."""
+        chosen: dict[str, Any] = self.page.evaluate("JSON.parse(sessionStorage.getItem('choices'))")
+        return chosen
+
+    def fill(self, place: str, text: str) -> None:
+        """Type into a field and leave it."""
+        self.page.fill(place, text)
+        self.page.press(place, "Tab")
+
+    def ended(self, step: int) -> str:
+        """Wait for a step; how it ended."""
+        self.page.wait_for_selector(f"#step-{step}{ENDED}")
+        return str(self.page.get_attribute(f"#step-{step}", "data-state"))
+
+    def document(self, step: int) -> Any:
+        """What a step printed."""
+        return self.page.evaluate(f"fetch('/api/steps/{step}').then((answer) => answer.json())")["document"]
+
+    def command(self, step: int) -> list[str]:
+        """The command line under a step, without the program's name."""
+        return str(self.page.text_content(f"#step-{step} code")).split()[1:]
+
+    def violations(self) -> list[str]:
+        """What axe-core finds against WCAG 2 A and AA."""
+        return violations(self.page)
+
+
+def violations(page: Any) -> list[str]:
+    """What axe-core finds on a page against WCAG 2 A and AA."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    rules = {"runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa"]}, "resultTypes": ["violations"]}
+    found = Axe().run(page, options=rules).response["violations"]
+    return [f"{one['id']}: {node['html'][:200]}" for one in found for node in one["nodes"]]
+
+
+def at_terminal(words: Sequence[str], *, out: Path) -> str:
+    """Standard output of a command with another place for its results."""
+    command = list(words)
+    command[command.index("--out") + 1] = str(out)
+    done = subprocess.run(
+        [sys.executable, "-m", "rotorid", *command, "--json", "--quiet"], capture_output=True, text=True, check=True
+    )
+    return done.stdout
