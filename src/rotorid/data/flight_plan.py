@@ -193,7 +193,7 @@ class SimulatedFlight(Immutable):
     vehicle
         What flew.
     autopilot
-        Whose controller flew it: ``px4``, ``ardupilot`` or ``simple``.
+        Whose controller flew it: ``px4``, ``ardupilot``, ``betaflight`` or ``simple``.
     sample_rate_hz
         Rate of the control loop.
     time_s

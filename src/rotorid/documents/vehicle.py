@@ -157,7 +157,7 @@ class AutopilotTable(Document):
     """
 
     base: str | None = None
-    kind: Literal["px4", "ardupilot", "simple"] | None = None
+    kind: Literal["px4", "ardupilot", "betaflight", "simple"] | None = None
     rate_hz: float | None = None
     angle_1_s: Triple | None = None
     rate_limit_rad_s: Triple | None = None

@@ -243,9 +243,9 @@ def _reader_of(head: bytes, name: str) -> tuple[Reader, Any]:
     raise LogError(f"{name} is {came}", needed=f"a flight log: {_READ}", remedy=remedy)
 
 
-LogFormat: TypeAlias = Literal["ulg", "bin", "csv"]
+LogFormat: TypeAlias = Literal["ulg", "bin", "bbl", "csv"]
 
-START_S: Mapping[LogFormat, float] = MappingProxyType({"ulg": 30.0, "bin": 60.0, "csv": 0.0})
+START_S: Mapping[LogFormat, float] = MappingProxyType({"ulg": 30.0, "bin": 60.0, "bbl": 20.0, "csv": 0.0})
 """Time since boot at which the first sample is stamped: autopilots have run for a while when a flight begins."""
 
 _TABLE_RATE_HZ = 500.0
@@ -259,7 +259,7 @@ def format_of(autopilot: str) -> LogFormat:
     >>> format_of("px4"), format_of("ardupilot"), format_of("simple")
     ('ulg', 'bin', 'csv')
     """
-    formats: Mapping[str, LogFormat] = {"px4": "ulg", "ardupilot": "bin"}
+    formats: Mapping[str, LogFormat] = {"px4": "ulg", "ardupilot": "bin", "betaflight": "bbl"}
     return formats.get(autopilot, "csv")
 
 
@@ -288,8 +288,8 @@ def write_log(path: str | os.PathLike[str], flight: SimulatedFlight, *, format: 
     flight
         The flight.
     format
-        ``ulg`` as PX4 would have logged it, ``bin`` as ArduPilot, or ``csv``: every channel at the rate of the loop, or
-        at the next part of it that is 500 Hz or less.
+        ``ulg`` as PX4 would have logged it, ``bin`` as ArduPilot, ``bbl`` as Betaflight, or ``csv``: every channel at
+        the rate of the loop, or at the next part of it that is 500 Hz or less.
 
     Raises
     ------
@@ -305,6 +305,10 @@ def write_log(path: str | os.PathLike[str], flight: SimulatedFlight, *, format: 
         from rotorid.io.ardupilot.writer import write_ardupilot
 
         write_ardupilot(path, flight, start_s=START_S["bin"])
+    elif format == "bbl":
+        from rotorid.io.betaflight.writer import write_betaflight
+
+        write_betaflight(path, flight, start_s=START_S["bbl"])
     elif format == "csv":
         from rotorid.io.tables.csv import write_csv
 

@@ -119,11 +119,25 @@ _ENTRIES = (
         next=(
             "rotorid review {log}",
             "rotorid identify {log} --model rate.roll,rate.pitch,rate.yaw --out {folder}/model",
-            "rotorid tune {folder}/model --out {folder}/gains",
+            "rotorid tune {folder}/model {log} --out {folder}/gains",
         ),
         sweeps={"roll": 0.22, "pitch": 0.22, "yaw": 0.43, "thrust": 0.1},
         doublets={"roll": 0.5, "pitch": 0.5, "yaw": 0.36, "thrust": 0.5},
         shape="logarithmic_sweep",
+    ),
+    Example(
+        name="betaflight",
+        about="a racing quadrotor of 5 inches under Betaflight, swept by stick on four axes; a .bbl",
+        vehicle="betaflight_quad",
+        file="flight.bbl",
+        next=(
+            "rotorid review {log}",
+            "rotorid identify {log} --model rate.roll,rate.pitch,rate.yaw --out {folder}/model",
+            "rotorid tune {folder}/model --out {folder}/gains",
+        ),
+        sweeps={"roll": 0.5, "pitch": 0.5, "yaw": 0.35, "thrust": 0.4},
+        doublets={"roll": 0.4, "pitch": 0.4, "yaw": 0.35, "thrust": 0.4},
+        entry="stick",
     ),
     Example(
         name="rig",

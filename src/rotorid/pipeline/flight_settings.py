@@ -605,7 +605,7 @@ class SimulateChoices(Immutable):
     runs: Annotated[int, Option("--runs", help="Flights, each with its own wind, noise and draws.")] = 1
     format: Annotated[
         "LogFormat | None",
-        Option("--format", help="ulg, bin or csv. [default: that of the vehicle's autopilot]"),
+        Option("--format", help="ulg, bin, bbl or csv. [default: that of the vehicle's autopilot]"),
     ] = None
     stick: Annotated[float, Option("--stick", help="Largest deflection with --plan everyday; 1 is full stick.")] = 0.5
     speed_m_s: Annotated[
@@ -668,7 +668,7 @@ class SimulateChoices(Immutable):
     @property
     def file_names(self) -> tuple[str, ...]:
         """Names of the logs."""
-        ending = {"ulg": "ulg", "bin": "BIN", "csv": "csv"}[self.log_format]
+        ending = {"ulg": "ulg", "bin": "BIN", "bbl": "bbl", "csv": "csv"}[self.log_format]
         if self.runs == 1:
             return (f"flight.{ending}",)
         digits = len(str(self.runs))

@@ -33,7 +33,7 @@ from rotorid.signal.motors import Linearization
 from rotorid.simulation.multirotor import Control, Multirotor, plain
 from rotorid.typing import FloatArray
 
-Kind: TypeAlias = Literal["px4", "ardupilot", "simple"]
+Kind: TypeAlias = Literal["px4", "ardupilot", "betaflight", "simple"]
 Three: TypeAlias = tuple[float, float, float]
 
 _NONE: Three = (0.0, 0.0, 0.0)
@@ -112,7 +112,8 @@ class Autopilot(Immutable):
     Parameters
     ----------
     kind
-        Whose manner: ``px4``, ``ardupilot`` or ``simple``; decides the mixer unless one is given, and the log.
+        Whose manner: ``px4``, ``ardupilot``, ``betaflight`` or ``simple``; decides the mixer unless one is given, and
+        the log.
     rate_hz
         Of all loops.
     rates, guidance

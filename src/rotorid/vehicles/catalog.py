@@ -17,6 +17,7 @@ from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.typing import Axis
 from rotorid.vehicles import ardupilot as ardupilot_quad
 from rotorid.vehicles import bebop as bebop_flight
+from rotorid.vehicles import betaflight as betaflight_quad
 from rotorid.vehicles import crazyflie, forward, gazebo
 from rotorid.vehicles import hummingbird as hummingbird_flight
 from rotorid.vehicles import px4 as px4_quad
@@ -117,6 +118,12 @@ _ENTRIES: tuple[VehicleEntry, ...] = (
         ),
     ),
     VehicleEntry(
+        name="betaflight_quad",
+        summary="racing quadrotor of 5 inches and 0.62 kg, with Betaflight's controllers at 1 kHz",
+        source=betaflight_quad.SOURCE,
+        make=betaflight_quad.aircraft,
+    ),
+    VehicleEntry(
         name="crazyflie",
         summary="Crazyflie 2.x of 27 g, with its firmware's rate controllers at 500 Hz",
         source=crazyflie.SOURCE,
@@ -205,8 +212,8 @@ def aircraft_names() -> tuple[str, ...]:
 
     Examples
     --------
-    >>> aircraft_names()
-    ('ardupilot_quad', 'bebop', 'crazyflie', 'forward_quad', 'hummingbird', 'iris', 'px4_quad', 's500', 'x500')
+    >>> aircraft_names()[:5]
+    ('ardupilot_quad', 'bebop', 'betaflight_quad', 'crazyflie', 'forward_quad')
     """
     return tuple(name for name, entry in VEHICLES.items() if entry.make is not None)
 

@@ -136,7 +136,7 @@ def _empty(name: str) -> LogError:
 
 
 FRD = (1.0, -1.0, -1.0)
-_STICK_SPAN = 500.0
+STICK_SPAN = 500.0
 _LEAST_CORRELATION = 0.5
 _CONTROLLER_SCALE = 1000.0
 """What the mixer divides the sums of the controllers by to make parts of the motors' range of them."""
@@ -185,7 +185,7 @@ def _rows(flight: Flight) -> Iterator[Row]:
         yield from _body(flight, "accSmooth", "ax ay az", STANDARD_GRAVITY_M_S2 / header.number("acc_1G"))
     setpoint = "setpoint" if "setpoint[0]" in flight.fields else "axisRate"
     yield from _body(flight, setpoint, "p_setpoint q_setpoint r_setpoint", _DEGREE * tenths)
-    yield from _body(flight, "rcCommand", "roll_stick pitch_stick yaw_stick", tenths / _STICK_SPAN)
+    yield from _body(flight, "rcCommand", "roll_stick pitch_stick yaw_stick", tenths / STICK_SPAN)
     if "rcCommand[3]" in flight.fields:
         throttle = _float(flight, "rcCommand[3]") * tenths
         yield Row("thrust_stick", "rcCommand[3]", (throttle - 1000.0) / 1000.0)

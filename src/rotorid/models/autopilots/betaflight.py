@@ -75,6 +75,7 @@ def read(
         Share of the throttle that was flown, which moves TPA and the low-pass of the derivative.
     """
     version = version_of(firmware)
+    parameters = {**_as_in_header(parameters), **parameters}
     if axis not in _AXES or f"{axis}PID_P" not in parameters or version is None or version < OLDEST:
         return None
     index, yaw = _AXES[axis], axis == "yaw"
@@ -112,6 +113,23 @@ def read(
         ends=ends,
         notes=tuple(_notes(parameters, throttle, yaw=yaw)),
     )
+
+
+def _as_in_header(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Settings by the names of the header, from those of the command line, which results keep.
+
+    Examples
+    --------
+    >>> _as_in_header({"p_roll": 40.0, "d_min_yaw": 0.0, "dterm_lpf1_dyn_max_hz": 150.0})
+    {'rollPID_P': 40.0, 'd_min_2': 0.0, 'dterm_lpf1_dyn_hz_1': 150.0}
+    """
+    names = {f"{letter.lower()}_{axis}": f"{axis}PID_{letter}" for axis in _AXES for letter in "PID"}
+    numbered = {"f": "ff_weight", "d_min": "d_min", "d_max": "d_max"}
+    names |= {f"{word}_{axis}": f"{name}_{k}" for axis, k in _AXES.items() for word, name in numbered.items()}
+    names |= {"p_level": "levelPID_P", "angle_p_gain": "levelPID_P"}
+    ends = enumerate(("dyn_min_hz", "dyn_max_hz"))
+    names |= {f"{first}_{word}": f"{first}_dyn_hz_{k}" for k, word in ends for first in ("dterm_lpf1", "dterm_lowpass")}
+    return {names[name]: float(value) for name, value in parameters.items() if name in names}
 
 
 def _derivatives(parameters: Mapping[str, float], index: int, d: float) -> tuple[float, float]:

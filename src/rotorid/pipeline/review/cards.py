@@ -8,6 +8,8 @@ from typing import Literal, TypeAlias
 
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
+from rotorid.pipeline.preparation.selection import RICH_KINDS
+from rotorid.pipeline.provenance import LoggedManeuver
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.flown import RATE_OF
 from rotorid.pipeline.review.values import LoopReview, MarginReview, MotorReview, NoiseReview, Review
@@ -220,8 +222,14 @@ def _models(review: Review) -> Card:
         sentence = "No model of the vehicle can be identified from it; below stands what to fly or log."
         return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
     number = f"{len(stands)} model{'s' if len(stands) > 1 else ''}"
-    sentence = f"Identified with intervals: {', '.join(stands)}. A sweep would make them several times as certain."
+    sentence = f"Identified with intervals: {', '.join(stands)}."
+    if not any(one.kind in RICH_KINDS for name in stands for one in _maneuvers_of(review.models[name])):
+        sentence += " A sweep would make them several times as certain."
     return Card(key="models", title=title, state="good", number=number, sentence=sentence)
+
+
+def _maneuvers_of(model: object) -> tuple[LoggedManeuver, ...]:
+    return model.provenance.maneuvers if isinstance(model, IdentifiedModel) else ()
 
 
 def _pm(quantity: Quantity, factor: float = 1.0) -> str:

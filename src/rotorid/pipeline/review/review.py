@@ -35,7 +35,12 @@ from rotorid.typing import Axis
 
 _PROGRESS = logs.getLogger("rotorid.progress")
 _STEPS = ("flight", "logging", "loops", "margins", "noise", "motors", "models")
-_VEHICLES = {"PX4": "px4_quad", "ArduPilot": "ardupilot_quad", "ArduCopter": "ardupilot_quad"}
+_VEHICLES = {
+    "PX4": "px4_quad",
+    "ArduPilot": "ardupilot_quad",
+    "ArduCopter": "ardupilot_quad",
+    "Betaflight": "betaflight_quad",
+}
 """Whose files and loops a plan for this autopilot is made with, unless the user has a vehicle of his own."""
 
 Part = TypeVar("Part")

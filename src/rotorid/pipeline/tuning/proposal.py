@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, Findings, refusal, remark, warn, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.settings import AxisController
@@ -211,6 +212,26 @@ class TuningProposal(Immutable):
 
     def __post_init__(self) -> None:
         self._set(axes=self.axes, files=self.files, rollback_files=self.rollback_files)
+
+    def __repr__(self) -> str:
+        return lines_of(self._head, self._rows)
+
+    def _repr_html_(self) -> str:
+        said = Findings(self.findings)._repr_html_() if self.findings else ""
+        return html_table(self._head, ["axis", "parameter", "flown", "proposed"], self._rows) + said
+
+    @property
+    def _head(self) -> str:
+        return f"gains of {self.autopilot}: {'to change' if self.changed else 'they stay'}"
+
+    @property
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        return [
+            (axis, name, f"{before:.4g}", f"{after:.4g}")
+            for axis, one in self.axes.items()
+            for name, (before, after) in one.parameters.items()
+            if after != before
+        ]
 
     @property
     def changed(self) -> bool:
