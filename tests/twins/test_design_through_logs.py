@@ -47,7 +47,7 @@ def planned(case: Case) -> Designed:
 
 
 def flown(case: Case, told: Designed, folder: Path, runs: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Value and stated deviation of every parameter that all identifications keep, over flights of other seeds."""
+    """Value and stated random deviation of every parameter that all flights of other seeds keep."""
     choices = SimulateChoices(vehicle=case.vehicle, plan=told.planned.plan, wind=case.wind, runs=runs + 1, seed=7)
     found = []
     for number in range(runs):
@@ -57,13 +57,16 @@ def flown(case: Case, told: Designed, folder: Path, runs: int) -> dict[str, tupl
         log.unlink()
     kept = [name for name, one in found[0].items() if all(f[name].status == "free" for f in found) and one.std]
     return {
-        name: (np.array([f[name].value for f in found]), np.array([f[name].std for f in found], dtype=np.float64))
+        name: (
+            np.array([f[name].value for f in found]),
+            np.array([f[name].std_random for f in found], dtype=np.float64),
+        )
         for name in kept
     }
 
 
 def ratios(case: Case, folder: Path, runs: int) -> dict[str, tuple[float, float]]:
-    """Predicted over mean stated deviation, and over the scatter of the estimates."""
+    """Predicted over mean stated random deviation, and over the scatter of the estimates."""
     told = planned(case)
     prediction = told.told[0].prediction
     assert prediction is not None

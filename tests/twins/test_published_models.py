@@ -79,7 +79,6 @@ MISSED = {
     "hover.longitudinal": "parameters that the lowest frequencies alone show scatter up to 1.6 times as much as stated",
     "hover.lateral": "several parameters cover 82 to 89 % only: errors do not factor as stated where every output "
     "has shares of the windows of its own",
-    "axis.pitch": "intervals are up to a third too wide: residuals count as too large where weights know the errors",
     "rig.roll": "intervals are up to twice too wide: long windows see each frequency of a sweep once",
 }
 

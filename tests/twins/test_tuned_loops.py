@@ -18,6 +18,7 @@ import pytest
 import rotorid
 from rotorid.data.record import AXES
 from rotorid.documents.tune_check import load_foretold
+from rotorid.errors import InsufficientDataError
 from rotorid.pipeline import (
     PlanChoices,
     SimulateChoices,
@@ -139,7 +140,7 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
 
 FLEET = [
     (vehicle, factors, seed)
-    for vehicle in ("px4_quad", "x500", "iris", "ardupilot_quad")
+    for vehicle in ("px4_quad", "iris", "ardupilot_quad")
     for seed, factors in enumerate([(0.5, 0.5, 0.5), (1.0, 1.0, 1.0), (0.7, 1.5, 0.4), (1.3, 0.6, 1.2)], start=11)
 ]
 
@@ -166,6 +167,17 @@ def test_a_fleet_is_not_destabilized(tmp_path: Path) -> None:
     print(f"inside {100.0 * np.mean(inside):.0f} %, largest M_s {max(peaks):.2f}")
     assert np.mean(np.array(peaks) <= 1.75) >= 0.98
     assert np.mean(inside) >= 0.93
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(
+    strict=True,
+    raises=InsufficientDataError,
+    reason="its speed modes reach up to 2 rad/s, and sweeps from 1 rad/s show them: a rate model has no place for "
+    "them, costs 108 to 149 and is refused with the advice to narrow the band; from 2 rad/s up it holds",
+)
+def test_a_swept_x500_is_tuned_without_a_band_of_its_own(tmp_path: Path) -> None:
+    flown_twice("x500", (1.0, 1.0, 1.0), tmp_path, seed=12)
 
 
 @pytest.mark.parametrize("vehicle", ["px4_quad", "ardupilot_quad"])

@@ -96,7 +96,7 @@ def test_identify_chooses_the_order_and_keeps_the_table() -> None:
     assert document.orders is not None
     assert document.orders.order == 2
     assert len(document.orders.held_out) == 5
-    again = identified_model(document)
+    again = identified_model(document, None)
     assert again.fit.orders == found.fit.orders
 
 
