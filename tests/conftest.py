@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+# No test looks as somebody prefers it.
+os.environ["ROTORID_SETTINGS"] = ""
+
 HERE = Path(__file__).resolve().parent
 
 

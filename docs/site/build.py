@@ -152,8 +152,8 @@ PARTS = {
         "peers",
     ),
     "Flights": ("design", "test-inputs", "simulation", "vehicles", "export", "export-gallery"),
-    "Tutorials": ("notebooks/first-steps", "tutorials/README"),
-    "Reference": ("commands/index", "api/index", "python", "results", "schemas", "mapping", "papers"),
+    "Tutorials": ("notebooks/first-steps", "notebooks/betaflight-gains", "tutorials/README"),
+    "Reference": ("commands/index", "api/index", "python", "results", "schemas", "mapping", "preferences", "papers"),
     "The project": ("architecture", "security", "tuning-study", "CHANGELOG", "SECURITY", "CONTRIBUTING"),
 }
 """Captions of the menu and their pages."""

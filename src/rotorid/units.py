@@ -6,6 +6,7 @@ The vocabulary holds what flight logs really contain. An unknown unit is an erro
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -107,3 +108,46 @@ def parse_unit(text: str) -> Unit:
             f"the unit {text!r} is not known", needed=f"one of {', '.join(UNITS)}", remedy="correct the unit"
         )
     return UNITS[name]
+
+
+_MEASURE = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.DOTALL)
+
+
+def read_measure(text: str, si: str | None = None, *, name: str = "") -> float:
+    """A number as a person writes it, in SI: with a unit behind it, or in SI already.
+
+    Parameters
+    ----------
+    text
+        Such as ``20cm``, ``5 ms``, ``0.2``.
+    si
+        The SI unit that is wanted; any where none is named.
+    name
+        Of the option, for the error.
+
+    Raises
+    ------
+    UsageError
+        It is no finite number, its unit is not known, of something else, or may mean two things.
+
+    Examples
+    --------
+    >>> read_measure("20cm", "m"), read_measure("0.2", "m"), round(read_measure("8 Hz", "rad/s"), 3)
+    (0.2, 0.2, 50.265)
+    """
+    wanted = "a number" if si is None else f"a number in {si}, or with its unit behind it"
+    found = _MEASURE.fullmatch(text.strip())
+    if found is None:
+        raise UsageError(f"{name} {text!r}".strip() + " came", needed=wanted)
+    number, written = float(found[1]), found[2].strip()
+    if not math.isfinite(number):
+        raise UsageError(f"{name} {text!r}".strip() + " came", needed=wanted)
+    if not written:
+        return number
+    if si is None and written == "g":
+        raise UsageError(f"{name} {text!r}".strip() + " came, grams or gravity", needed="kg, or m/s^2")
+    unit = parse_unit(written)
+    if si is not None and unit.si != si:
+        raise UsageError(f"{name} {text!r}".strip() + f" came, which is in {unit.si}", needed=wanted)
+    # Decimal factors of ten are written as they are read: 20 cm is 0.2 m.
+    return float(f"{number * unit.factor:.15g}")

@@ -78,7 +78,7 @@ def test_what_is_injected_is_refused(chromium: str, tmp_path: Path, injected: st
     topic = Topic(name="gyro", time_s=time_s, channels=channels, values=columns["p"][None])
     record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256="ab"), topics=(topic,))
     html = render_inspection(record, inspect(record))
-    changed = html.replace("<main>", f"<main>{injected}", 1)
+    changed = html.replace('<main id="main" tabindex="-1">', f"<main>{injected}", 1)
     assert changed != html
 
     elements, console = dump(chromium, changed, tmp_path)

@@ -27,7 +27,7 @@ def test_pictures_are_drawn_and_hostile_text_stays_text(chromium: str, tmp_path:
 def test_injected_script_would_be_refused(chromium: str, tmp_path: Path) -> None:
     """The policy holds even if escaping failed somewhere."""
     html = render_sections([identification()], title="t")
-    injected = html.replace("<main>", "<main><script>document.title = 'run'</script>", 1)
+    injected = html.replace('<main id="main" tabindex="-1">', "<main><script>document.title = 'run'</script>", 1)
     assert injected != html
     elements, console = dump(chromium, injected, tmp_path)
     assert "<title>t</title>" in elements

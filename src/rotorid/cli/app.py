@@ -6,6 +6,7 @@ errors come without the options of all the others.
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from rotorid import __version__
 from rotorid.cli.console import listen, patient_output, say, spare_warnings
@@ -60,6 +61,37 @@ _WORDS: dict[str, Any] = {
 }
 
 
+OPTION_GROUPS = {
+    "Models": "model inputs outputs pair weight weights decoupled fix known tie free constant reduce speed-damping",
+    "Data": "map segment shift correct-filters correct-sensors low-pass",
+    "Responses": "band windows input-windows composition taper overlap coherence estimate instrument",
+    "Fit": "method hold pieces starts search evaluations runs bootstrap seed",
+    "Models in physical parameters": "layout arm curve rotor-diameter",
+    "Judging": "verify cross-validate",
+    "Results": "out json quiet force figures tables pdf open",
+}
+"""Headings of ``--help`` for commands with many options, and the options below each."""
+_MANY = 12
+
+
+class Grouped(TyperCommand):
+    """A command that lists its options under headings where there are many."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Arguments, then options by what they are about, then those without a heading."""
+        headings = {f"--{name}": title for title, names in OPTION_GROUPS.items() for name in names.split()}
+        told = [(one, record) for one in self.get_params(ctx) if (record := one.get_help_record(ctx)) is not None]
+        many = len(told) > _MANY
+        sections: dict[str, list[Any]] = {title: [] for title in ("Arguments", *OPTION_GROUPS, "Options")}
+        for parameter, record in told:
+            heading = next((headings[name] for name in parameter.opts if many and name in headings), "Options")
+            sections["Arguments" if parameter.param_type_name == "argument" else heading].append(record)
+        for title, rows in sections.items():
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+
 class Commands(Mapping[str, Any]):
     """The commands by name, each loaded when it is looked up."""
 
@@ -75,9 +107,29 @@ class Commands(Mapping[str, Any]):
         from rotorid.cli.options import with_options
 
         command = getattr(import_module(f"rotorid.cli.{name}"), f"{name}_command")
+        if name != "doctor":
+            # It says itself what is wrong with the file of preferences.
+            command = as_preferred(command)
         alone = typer.Typer(add_completion=False, **_WORDS)
-        alone.command(name, context_settings=_WORDS["context_settings"])(with_options(command))
+        alone.command(name, cls=Grouped, context_settings=_WORDS["context_settings"])(with_options(command))
         return typer.main.get_command(alone)
+
+
+def as_preferred(command: Any) -> Any:
+    """A command whose pages look as the person at this machine prefers."""
+
+    @functools.wraps(command)
+    def run(*given: Any, **named: Any) -> None:
+        from rotorid.cli.preferences import preferences
+
+        preferred = preferences()
+        if preferred.frequency or preferred.magnitude or preferred.theme:
+            from rotorid.report.frame import Appearance, appearance
+
+            appearance.set(Appearance(preferred.frequency, preferred.magnitude, preferred.theme))
+        command(*given, **named)
+
+    return run
 
 
 class Group(TyperGroup):

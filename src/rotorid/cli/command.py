@@ -75,6 +75,7 @@ def carry_out(
     from rotorid.report.files import result_kind
 
     target = target_folder(output.out, folder, result_kind(file), force=output.force)
+    require_printing(paper)
     records: list[FlightRecord] = []
     try:
         with progress(quiet=output.quiet):
@@ -86,6 +87,7 @@ def carry_out(
                 write(made.place, result)
                 if paper is not None and publication is not None and (paper.figures or paper.tables):
                     illustrate(made.place, publication(result), paper)
+                print_if_asked(made.place, paper)
     except InsufficientDataError as error:
         why = with_command(refused(error, records))
         if output.json:
@@ -104,6 +106,23 @@ def illustrate(folder: Path, publication: Publication, paper: ForPaper) -> None:
 
     tell("drawing the figures")
     write_publication(folder, publication, figures=paper.figures, tables=paper.tables)
+
+
+def require_printing(paper: ForPaper | None) -> None:
+    """Refuse ``--pdf`` before any work where no browser prints."""
+    if paper is not None and paper.pdf:
+        from rotorid.report.printing import require_browser
+
+        require_browser()
+
+
+def print_if_asked(folder: Path, paper: ForPaper | None) -> None:
+    """Print the pages of a folder where ``--pdf`` was given."""
+    if paper is not None and paper.pdf:
+        from rotorid.report.printing import print_pages
+
+        tell("printing")
+        print_pages(folder)
 
 
 def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightRecord]:

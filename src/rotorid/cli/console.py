@@ -79,6 +79,7 @@ _asked = threading.Event()
 def listen() -> None:
     """End on SIGINT and SIGTERM as on Ctrl-C, so that temporary files are removed."""
     _asked.clear()
+    sys.unraisablehook = _unraisable
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
 
@@ -95,6 +96,12 @@ def check() -> None:
         raise KeyboardInterrupt
 
 
+def _unraisable(lost: sys.UnraisableHookArgs) -> None:
+    """Say nothing of an interrupt that a callback of a library lost: :func:`check` raises it again."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+
+
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
     _asked.set()
     raise KeyboardInterrupt
@@ -105,6 +112,8 @@ tell = _PROGRESS.info
 """Say what is being done: seen where :func:`progress` shows it."""
 
 _PIPE_WIDTH = 240
+_NAME = "rotorid:"
+_STYLES = {"warning": "bold yellow", "error": "bold red"}
 
 
 def error_console() -> Console:
@@ -133,8 +142,11 @@ def _console(**options: Any) -> Console:
 
 
 def say(text: str) -> None:
-    """A plain sentence to standard error."""
-    print(visible(text).replace("\n", "\\n"), file=sys.stderr)
+    """A plain sentence to standard error; on a terminal the name of the program in color."""
+    shown = visible(text).replace("\n", "\\n")
+    if shown.startswith(_NAME) and sys.stderr.isatty() and "NO_COLOR" not in os.environ:
+        shown = f"\033[1;31m{_NAME}\033[0m{shown.removeprefix(_NAME)}"
+    print(shown, file=sys.stderr)
 
 
 def say_refused(
@@ -154,7 +166,8 @@ def print_findings(findings: Sequence[Finding | FindingDocument]) -> None:
     console = output_console()
     said = dict.fromkeys((f.severity, f.kind, f.message) for f in findings if f.severity != "info")
     for severity, kind, message in said:
-        console.print(f"[bold]{severity}[/bold] {kind}: ", end="")
+        console.print(severity, style=_STYLES.get(severity, "bold"), end="")
+        console.print(f" {kind}: ", end="")
         console.print(message, markup=False)
 
 
@@ -218,8 +231,10 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
             # Names come from the user's files: brackets in them are no markup.
             handler = _Status(lambda text: status.update(Text(text)))
         before = logger.level, logger.propagate
+        handler.setLevel(logging.INFO)
         logger.addHandler(handler)
-        logger.setLevel(logging.INFO)
+        # The lab listens to every step of a fit.
+        logger.setLevel(min(logger.level or logging.INFO, logging.INFO))
         logger.propagate = False
         try:
             yield logger.info
@@ -244,9 +259,11 @@ def default_folder(logs: Path | Sequence[Path], what: str) -> Path:
     >>> default_folder([Path("a.BIN"), Path("b.BIN"), Path("c.BIN")], "delay").as_posix()
     'rotorid-out/a-and-2-more-delay'
     """
+    from rotorid.cli.preferences import results_folder
+
     first, *more = [_stem(log) for log in ([logs] if isinstance(logs, Path) else logs)]
     others = "" if not more else f"-{more[0]}" if len(more) == 1 else f"-and-{len(more)}-more"
-    return Path("rotorid-out") / _file_name(f"{first}{others}-{what}")
+    return results_folder() / _file_name(f"{first}{others}-{what}")
 
 
 def _file_name(text: str) -> str:

@@ -13,6 +13,7 @@ import typer
 from rotorid.cli.command import with_command
 from rotorid.cli.console import progress, say, tell
 from rotorid.cli.options import Output
+from rotorid.cli.preferences import results_folder
 
 if TYPE_CHECKING:
     from rotorid.pipeline.demo import Demonstration
@@ -24,6 +25,10 @@ _INTERVAL_STDS = 1.96
 def demo_command(
     *,
     seed: Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")] = 0,
+    keep_log: Annotated[
+        bool,
+        typer.Option("--keep-log", help="Keep the log of the flight, 56 MB; rotorid example px4 writes a smaller one."),
+    ] = False,
     output: Output,
 ) -> None:
     """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
@@ -33,7 +38,7 @@ def demo_command(
     from rotorid.pipeline.demo import LOG_NAME, fly_demo, identify_demo
     from rotorid.report.files import result_kind, write_overview_report, write_results
 
-    target = target_folder(output.out, Path("rotorid-out") / "demo", result_kind("demo"), force=output.force)
+    target = target_folder(output.out, results_folder() / "demo", result_kind("demo"), force=output.force)
     with progress(quiet=output.quiet), making(target) as made:
         folder = made.place
         log = folder / LOG_NAME
@@ -50,6 +55,8 @@ def demo_command(
             from rotorid.plot.paper import overview_png
 
             write_atomically(folder / "overview.png", overview_png(demo.identifications))
+        if not keep_log:
+            log.unlink()
     if output.json:
         from rotorid.documents.result import result_document
 
@@ -92,7 +99,8 @@ def _print(demo: Demonstration, folder: Path) -> None:
         f"± is one standard deviation; {hold} of {len(distances)} intervals of 95 % hold the truth. That is the exact\n"
         "linearization of the vehicle in hover and still air."
     )
-    console.print(f"log:    {folder / LOG_NAME}", soft_wrap=True, markup=False)
+    if (folder / LOG_NAME).exists():
+        console.print(f"log:    {folder / LOG_NAME}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
     if not (folder / "overview.png").exists():
         say("For a picture too: pip install 'rotorid[figures]'.")

@@ -13,6 +13,7 @@ import typer
 from rotorid.cli.command import command_line
 from rotorid.cli.console import print_findings, progress, tell
 from rotorid.cli.options import Output
+from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
 from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
 
@@ -77,7 +78,7 @@ def design_command(
         gains_source="" if gains is None else gains.name,
         **design,
     )
-    default = Path("rotorid-out") / f"{choices.entry.name}-design"
+    default = results_folder() / f"{choices.entry.name}-design"
     target = target_folder(output.out, default, result_kind("design.json"), force=output.force)
     with progress(quiet=output.quiet):
         designed = plan_flights(choices)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def example_command(
     name: Annotated[
-        str | None, typer.Argument(help="px4, ardupilot, rig or bebop; without one they are listed.")
+        str | None, typer.Argument(help="px4, ardupilot, betaflight, rig or bebop; without one they are listed.")
     ] = None,
     *,
     seed: Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")] = 0,

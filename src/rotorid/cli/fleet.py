@@ -14,6 +14,7 @@ import typer
 from rotorid.cli.command import command_line
 from rotorid.cli.console import error_console, output_console, say
 from rotorid.cli.options import Only, Output
+from rotorid.cli.preferences import results_folder
 from rotorid.data.display import counted
 from rotorid.errors import UsageError
 from rotorid.fleets.settings import FleetSettings
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from rotorid.fleets.runs import Fleet
 
 FILE, PAGE = "fleet.json", "fleet.html"
-_USUAL_FOLDER = Path("rotorid-out") / "fleet"
 _MOST_LINES = 12
 
 
@@ -52,7 +52,7 @@ def fleet_command(
     from rotorid.io.files import write_atomically
     from rotorid.report.fleet import render_fleet
 
-    folder = output.out or _USUAL_FOLDER
+    folder = output.out or results_folder() / "fleet"
     if not resume:
         _forget(folder / JOURNAL)
     engine = _engine(scheduler, settings)

@@ -179,6 +179,7 @@ def _identify_several(
         logs,
         mapping=map,
         output=output,
+        paper=paper,
         folder=default_folder(logs, "+".join(Path(name).stem if "/" in name else name for name in models)),
         file=RESULTS,
         compute=compute,

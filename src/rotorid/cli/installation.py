@@ -84,7 +84,7 @@ def examine(*, self_test: bool = True, json: bool = False) -> bool:
         Whether to print JSON instead of lines.
     """
     checks: list[Check] = []
-    for look in (_python, _core, _extras, _machine, _cache, _sandbox, *((_self_test,) if self_test else ())):
+    for look in (_python, _core, _extras, _machine, _cache, _settings, _sandbox, *((_self_test,) if self_test else ())):
         found = _without_fail(look)
         checks += found
         if not json:
@@ -242,6 +242,22 @@ _PROTECTIONS: Mapping[str, str] = {
     "network": "it reaches no network",
     "processes": "it starts no programs",
 }
+
+
+def _settings() -> list[Check]:
+    """The file of preferences, where there is one."""
+    from rotorid.cli.preferences import place, read_preferences
+    from rotorid.errors import UsageError
+
+    file = place()
+    if file is None or not file.is_file():
+        return [Check(group="settings", name="preferences", state="ok", said="none")]
+    try:
+        read_preferences(file)
+    except UsageError as error:
+        remedy = f"mend or remove {file}"
+        return [Check(group="settings", name="preferences", state="broken", said=str(error), remedy=remedy)]
+    return [Check(group="settings", name="preferences", state="ok", said=str(file))]
 
 
 def _sandbox() -> list[Check]:

@@ -14,6 +14,10 @@ from typing import Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get
 import typer
 
 from rotorid.pipeline.settings import Option
+from rotorid.units import read_measure
+
+UNITS_OF_NAMES = {"_rad_s": "rad/s", "_m_s": "m/s", "_kg": "kg", "_rad": "rad", "_m": "m", "_s": "s", "_v": "V"}
+"""The SI unit of a field by how its name ends; numbers of such fields may come with another unit of the same kind."""
 
 Logs: TypeAlias = Annotated[
     list[Path],
@@ -72,6 +76,8 @@ class ForPaper:
         Kind of file of every picture; ``None`` writes none.
     tables
         Kinds of file of every table.
+    pdf
+        Print the pages, too.
     """
 
     figures: Annotated[
@@ -80,6 +86,9 @@ class ForPaper:
     tables: Annotated[
         Any, Option("--tables", help="Write every table as csv, tex or both (csv,tex), into tables.", parse=_formats)
     ] = ()
+    pdf: Annotated[
+        bool, Option("--pdf", help="Print the page as PDF too, by Chromium, Chrome or Edge on this machine.")
+    ] = False
 
 
 class Only:
@@ -102,6 +111,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """
     parameters: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], Mapping[str, Option]]] = {}
+    units: dict[str, str] = {}
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
         kind, whole, only = _settings(parameter.annotation)
         if kind is None:
@@ -112,11 +122,15 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
             options = {name: options[name] for name in only}
         parameters += [_parameter(item, options[item.name]) for item in fields(kind) if item.name in options]
         groups[parameter.name] = kind if whole else dict, options
+        units |= {item.name: si for item in fields(kind) if item.name in options and (si := _unit(item)) is not None}
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
         for name, (make, options) in groups.items():
             read = {field: given.pop(field) for field in options}
+            for field in read.keys() & units.keys():
+                if isinstance(read[field], str):
+                    read[field] = read_measure(read[field], units[field], name=options[field].name)
             given[name] = make(**_parsed(read, options))
         command(**given)
 
@@ -142,6 +156,8 @@ def _parameter(item: "Field[Any]", option: Option) -> inspect.Parameter:
     """What the command line reads for a field."""
     required = item.default is MISSING and item.default_factory is MISSING
     default = item.default if item.default is not MISSING and option.parse is None else None
+    if default is not None and _unit(item) is not None:
+        default = f"{default:g}"
     if option.parse is not None:
         default = option.default or (item.default if isinstance(item.default, str) else None)
     return inspect.Parameter(
@@ -149,9 +165,23 @@ def _parameter(item: "Field[Any]", option: Option) -> inspect.Parameter:
         inspect.Parameter.KEYWORD_ONLY,
         default=inspect.Parameter.empty if required else default,
         annotation=Annotated[
-            _read_as(item, option), typer.Option(option.name, help=option.help, metavar=option.metavar)
+            _read_as(item, option), typer.Option(option.name, help=option.help, metavar=option.metavar or _words(item))
         ],
     )
+
+
+def _words(item: "Field[Any]") -> str | None:
+    """The few words that a field takes, as ``--help`` lists them."""
+    kind = get_args(item.type)[0]
+    kind = next((part for part in get_args(kind) if get_origin(part) is Literal), kind)
+    return "|".join(map(str, get_args(kind))) if get_origin(kind) is Literal else None
+
+
+def _unit(item: "Field[Any]") -> str | None:
+    """The SI unit of a number, which the name of its field ends with."""
+    if get_args(item.type)[0] not in (float, float | None):
+        return None
+    return next((si for end, si in UNITS_OF_NAMES.items() if item.name.endswith(end)), None)
 
 
 def _read_as(item: "Field[Any]", option: Option) -> Any:
@@ -159,6 +189,8 @@ def _read_as(item: "Field[Any]", option: Option) -> Any:
     if option.repeats:
         return list[str] | None
     kind = get_args(item.type)[0]
+    if _unit(item) is not None:
+        return str | None
     if option.parse is None and get_origin(kind) is not Literal and not isinstance(kind, ForwardRef):
         return kind
     return str | None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.command import read_logs
+from rotorid.cli.command import print_if_asked, read_logs, require_printing
 from rotorid.cli.console import default_folder, output_console, progress, say, tell
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.io.named import logs_in
@@ -35,7 +35,7 @@ def review_command(
     models: Annotated[bool, typer.Option("--models/--no-models", help="Identify models too; the longest part.")] = True,
     show: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
     output: Output,
-    paper: Annotated[ForPaper, Only("figures")],
+    paper: Annotated[ForPaper, Only("figures", "pdf")],
 ) -> None:
     """Say everything that ordinary flights tell: loops, steps, margins, models, noise, motors."""
     from rotorid.documents.base import to_json
@@ -46,6 +46,7 @@ def review_command(
 
     files = logs_in(logs)
     target = target_folder(output.out, default_folder(files, "review"), result_kind(FILE), force=output.force)
+    require_printing(paper)
     with progress(quiet=output.quiet):
         seen = [review(record, models=models) for record in read_logs(files, map)]
         tell("writing the page")
@@ -55,6 +56,7 @@ def review_command(
             if paper.figures is not None:
                 _write_figures(made.place / "figures", seen, paper.figures)
             _write(made.place, text, page, seen)
+            print_if_asked(made.place, paper)
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:

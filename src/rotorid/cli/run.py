@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from rotorid.cli.console import say
+from rotorid.cli.preferences import results_folder
 
 
 def run_command(
@@ -26,7 +27,7 @@ def run_command(
     logs = [str((project.parent / name).resolve()) for name in read.logs]
     if missing := [name for name, path in zip(read.logs, logs, strict=True) if not Path(path).exists()]:
         raise UsageError(f"{missing[0]} of {project.name} does not exist", needed="the logs beside the project file")
-    place = (out or Path("rotorid-out") / project.stem).resolve()
+    place = (out or results_folder() / project.stem).resolve()
     results: list[str] = []
     worst = 0
     for number, step in enumerate(read.steps, start=1):

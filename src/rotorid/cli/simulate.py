@@ -12,6 +12,7 @@ import typer
 from rotorid.cli.command import carry_out, command_line
 from rotorid.cli.console import default_folder, print_findings, progress
 from rotorid.cli.options import ForPaper, Map, Output
+from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
 from rotorid.errors import UsageError
 from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices, plan_choices
@@ -80,14 +81,14 @@ def simulate_command(
     if plan not in (None, _NO_PLAN, EVERYDAY) and like is None and (models := _fliers(vehicle)):
         _fly_plan(models, Path(plan or ""), vehicle, seed=flight["seed"], output=output, paper=paper)
         return
-    if paper.figures or paper.tables:
-        raise UsageError("--figures or --tables came for a simulated log", needed="them with --log, or with identify")
+    if paper.figures or paper.tables or paper.pdf:
+        raise UsageError("--figures, --tables or --pdf came for a simulated log", needed="--log, or identify")
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind, to_json, write_rig_simulation, write_simulation
 
     named = named_vehicle(vehicle, like=like, given=flight.get("changes"))
-    default = Path("rotorid-out") / named.entry.name
+    default = results_folder() / named.entry.name
     target = target_folder(output.out, default, result_kind("simulation.json"), force=output.force)
     if named.entry.name == RIG and named.entry.make is None:
         _refuse_of_the_rig(plan, air, flight)
@@ -213,7 +214,7 @@ def _fly_plan(
     carry_out(
         [],
         output=output,
-        folder=Path("rotorid-out") / f"flown-{Path(results[0]).resolve().name}",
+        folder=results_folder() / f"flown-{Path(results[0]).resolve().name}",
         file=FLOWN,
         compute=lambda _: fly_plan(models, wanted, settings=FlySettings(seed=seed)),
         write=lambda folder, flown: write_flown(folder, flown, title=f"{flown.model.name} through {wanted.name}"),

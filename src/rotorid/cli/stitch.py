@@ -9,6 +9,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.options import Map, Output
+from rotorid.cli.preferences import results_folder
 
 if TYPE_CHECKING:
     from rotorid.documents.stitched import StitchedDocument
@@ -50,7 +51,7 @@ def stitch_command(
         log or (),
         mapping=map,
         output=output,
-        folder=Path("rotorid-out") / "stitch",
+        folder=results_folder() / "stitch",
         file=JSON,
         compute=lambda records: stitch(models, records, controllers=controllers, seed=seed),
         write=lambda folder, found: write_stitched(folder, found, title=f"{len(models)} models over speed"),

@@ -10,7 +10,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import Map, Output
+from rotorid.cli.options import ForPaper, Map, Only, Output
 from rotorid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def tune_command(
     seed: Annotated[int, typer.Option("--seed", help="Of the draws of likely plants.")] = 0,
     map: Map = None,
     output: Output,
+    paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Propose gains that hold for every likely plant, and write files for the autopilot with a way back."""
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
@@ -86,6 +87,7 @@ def tune_command(
         logs,
         mapping=map,
         output=output,
+        paper=paper,
         folder=default_folder(logs or given, "tune"),
         file=TUNE,
         compute=lambda records: tune(models, records, settings=settings),

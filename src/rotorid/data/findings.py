@@ -163,6 +163,11 @@ KINDS: Mapping[str, Kind] = {
     "band_below_crossover": Kind(
         "warning", "Not seen where the loop acts", "A plant was seen only up to about the crossover of its loop."
     ),
+    "band_beside_excitation": Kind(
+        "warning",
+        "The band leaves most of the excitation out",
+        "A band that was given drops most of what was excited: perhaps Hz were meant and rad/s taken.",
+    ),
     "beyond_limits": Kind(
         "warning", "Beyond limits", "With the amplitudes given by hand a plan passes its limits in simulation."
     ),

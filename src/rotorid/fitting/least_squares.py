@@ -6,6 +6,7 @@ others that they met are kept beside it.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -92,6 +93,7 @@ class Solution(Immutable):
 
 Residuals: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
+_PROGRESS = logging.getLogger("rotorid.progress")
 LARGEST_DAMPING = 1e14
 _NO_DOUBT = 1e-6
 """Of a cost: two ways to sum it up differ by less."""
@@ -179,6 +181,7 @@ class LevenbergMarquardt:
                 small_gain = cost - new_cost <= self.tolerance * (1e-6 + cost) and damping <= 1e-2
                 theta, residual, jacobian, cost = trial, new_residual, new_jacobian, new_cost
                 trace.append(cost)
+                _PROGRESS.debug("a step of a fit", extra={"cost": cost})
                 damping = max(damping / 9.0, 1e-12)
                 if small_step or small_gain:
                     outcome = Outcome.CONVERGED

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, U
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.io.documents import read_text
+from rotorid.units import read_measure
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord, Maneuver
@@ -148,15 +149,16 @@ def parse_fix(texts: Sequence[str]) -> dict[str, float]:
 
     Examples
     --------
-    >>> parse_fix(("L_p=-2",))
-    {'L_p': -2.0}
+    >>> parse_fix(("L_p=-2", "arm=20cm"))
+    {'L_p': -2.0, 'arm': 0.2}
     """
     fixed = {}
     for name, value in _assignments(texts, "NAME=VALUE, such as L_p=-2").items():
         try:
-            fixed[name] = float(value)
-        except ValueError:
-            raise UsageError(f"{f'{name}={value}'!r} cannot be read", needed="NAME=VALUE, such as L_p=-2") from None
+            fixed[name] = read_measure(value)
+        except UsageError:
+            needed = "NAME=VALUE with a finite number, such as L_p=-2 or arm=20cm"
+            raise UsageError(f"{f'{name}={value}'!r} cannot be read", needed=needed) from None
     return fixed
 
 

@@ -217,6 +217,8 @@ def template(*, dark: bool = False) -> dict[str, Any]:
 
 
 _GAP_PX = 34.0
+_LEAST_SPAN = 1e-3
+"""Of a vertical axis, in its unit and as a share of what is drawn."""
 # The tools of the page stand in the corner above the legend.
 _TOP_PX, _BOTTOM_PX = 72.0, 46.0
 _LEGEND_PX, _LEGEND_ROW_PX, _SYMBOL_PX, _LETTER_PX = 860.0, 30.0, 45.0, 6.5
@@ -286,13 +288,27 @@ def stacked(panels: Sequence[Panel], *, x_axis: Mapping[str, Any]) -> Figure:
     for number, panel in enumerate(panels, start=1):
         axis = "y" if number == 1 else f"y{number}"
         bottom = max(top - panel.height_px / inner, 0.0)
-        layout[f"yaxis{axis[1:]}"] = {"domain": [round(bottom, 5), round(top, 5)], "anchor": "x", **panel.axis}
+        own = {"domain": [round(bottom, 5), round(top, 5)], "anchor": "x"}
+        layout[f"yaxis{axis[1:]}"] = {**own, **_least_span(panel), **panel.axis}
         annotations.append(_label(panel.label, top))
         traces += [{**trace, "xaxis": "x", "yaxis": axis} for trace in panel.traces]
         shapes += _shapes(panel, axis)
         top = bottom - _GAP_PX / inner
     layout["xaxis"] = {"anchor": axis, "domain": [0, 1], **x_axis}
     return Figure(data=traces, layout=layout)
+
+
+def _least_span(panel: Panel) -> dict[str, Any]:
+    """What keeps an axis from being spanned by the rounding of a computer, where values hardly differ."""
+    values = np.array([y for trace in panel.traces for y in trace.get("y") or () if isinstance(y, int | float)])
+    if not values.size or panel.axis.get("type") == "log" or "range" in panel.axis:
+        return {}
+    low, high = float(values.min()), float(values.max())
+    least = max(_LEAST_SPAN, _LEAST_SPAN * max(abs(low), abs(high)))
+    if high - low >= least:
+        return {}
+    middle = 0.5 * (low + high)
+    return {"autorangeoptions": {"include": [middle - least, middle + least]}}
 
 
 def _legend_rows(panels: Sequence[Panel]) -> int:

@@ -306,6 +306,8 @@ _CORNERS = 48
 _ROOM = 1.18
 _LABELED = 0.9
 _FAR = 20.0
+_LEAST_REACH = 0.1
+"""In 1/s: a pole at rest is drawn at rest, and not on the rounding of a computer."""
 """So many times further than the poles reach lines go on, since equal scales may show more of the plane than asked."""
 
 
@@ -343,7 +345,7 @@ def s_plane(
     spread = np.full(poles.shape, complex(np.nan, np.nan)) if std is None else std
     _require(poles, spread, words)
     labels = list(words) or [f"{pole.real:.4g} {pole.imag:+.4g}j".replace("-", "−") for pole in poles.tolist()]
-    reach = max(float(np.abs(poles).max(initial=0.0)), 1e-6)
+    reach = max(float(np.abs(poles).max(initial=0.0)), _LEAST_REACH)
     grows = poles.real > 0.0
     across, up = _ranges(poles, reach)
     traces = [*_damping_lines(reach, left=-across[0], top=up[1]), *_ellipses(poles, spread)]

@@ -74,10 +74,13 @@ def responses(
     seen_rad_s
         Where the plant was measured.
     """
+    # An axis without an angle loop answers its set-point by nothing, which has no place in decibels.
+    with np.errstate(divide="ignore"):
+        bands = {name: tuple(20.0 * np.log10(edge) for edge in band) for name, band in found.items()}
     traces = [
         trace
-        for name, band in found.items()
-        for trace in _traces(omega_rad_s, tuple(20.0 * np.log10(edge) for edge in band), name, "%{x:.3~g} rad/s")  # type: ignore[arg-type]
+        for name, band in bands.items()
+        for trace in _traces(omega_rad_s, band, name, "%{x:.3~g} rad/s")  # type: ignore[arg-type]
     ]
     panel = Panel(label=label, traces=traces, height_px=260, shaded=[seen_rad_s])
     return stacked(

@@ -11,12 +11,14 @@ import base64
 import hashlib
 import json
 import math
+import re
 import shlex
 from collections.abc import Iterable, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import product
-from typing import TYPE_CHECKING, Any, Protocol, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
 
 from rotorid import __version__
 from rotorid.plot.curves import Frequency, Magnitude
@@ -110,6 +112,20 @@ def _layout(figure: Figure) -> dict[str, Any]:
     return {key: value for key, value in figure["layout"].items() if key != "template"}
 
 
+class Appearance(NamedTuple):
+    """How a page looks first: a person's preference, where there is one."""
+
+    frequency: str | None = None
+    magnitude: str | None = None
+    theme: str | None = None
+
+    def attributes(self) -> dict[str, str]:
+        """Of the page's root, where style and script look."""
+        return {f"data-{name}": value for name, value in self._asdict().items() if value is not None}
+
+
+appearance: ContextVar[Appearance] = ContextVar("appearance", default=Appearance())  # noqa: B039 - it is a tuple
+
 # Characters that could end a script element or start a comment; inside JSON strings they may be written as escapes.
 _ESCAPES = {character: f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
@@ -146,9 +162,10 @@ def render(
         lstrip_blocks=True,
     )
     environment.filters["shell"] = shlex.join
-    return environment.get_template(name).render(
+    page = environment.get_template(name).render(
         **values,
         version=__version__,
+        root=appearance.get().attributes(),
         policy=policy(library, script, *([own] if own else [])),
         style=Markup(asset("style.css")),
         library=Markup(library),
@@ -163,6 +180,37 @@ def render(
             }
         ),
     )
+    # Headings are of the page alone; what stands in its scripts is left as it is.
+    body, scripts, rest = page.partition('<script type="application/json"')
+    return without_gaps(body) + scripts + rest
+
+
+_HEADING = re.compile(r"<(/?)h([1-6])(?=[\s>])")
+
+
+def without_gaps(page: str) -> str:
+    """A page whose headings follow each other without a gap, for those who go from one to the next.
+
+    The same part has another depth on a page of one result and on one of several. A heading that is lifted keeps its
+    look by a class of its written name.
+
+    Examples
+    --------
+    >>> without_gaps("<h1>A</h1><h3>B</h3><h4>C</h4><h3>D</h3>")
+    '<h1>A</h1><h2 class="h3">B</h2><h3 class="h4">C</h3><h2 class="h3">D</h2>'
+    """
+    above: list[int] = []
+
+    def lifted(found: re.Match[str]) -> str:
+        written = int(found[2])
+        if not found[1]:
+            while above and above[-1] >= written:
+                above.pop()
+            above.append(written)
+        level = len(above)
+        return f"<{found[1]}h{level}" + ("" if found[1] or level == written else f' class="h{written}"')
+
+    return _HEADING.sub(lifted, page)
 
 
 def json_for_script(value: Any) -> Markup:
@@ -204,6 +252,7 @@ MISSING = "–"
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MOST_PERCENT = 1000.0
+_ROUNDING = 1e-12
 _PLAIN_FROM, _PLAIN_TO = 1e-3, 1e6
 _POWERS = {"^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
 
@@ -211,14 +260,19 @@ _POWERS = {"^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
 def with_error(value: float | None, std: float | None) -> str:
     """A value with its standard deviation, both rounded at the digit that the deviation supports.
 
-    The deviation keeps one digit, or two when it begins with 1 or 2. Without a deviation four digits are shown.
+    The deviation keeps one digit, or two when it begins with 1 or 2. Without a deviation, or with one that is the
+    rounding of a computer alone, four digits are shown.
 
     Examples
     --------
+    >>> with_error(1.0, 1e-16)
+    '1'
     >>> with_error(436.83, 3.14), with_error(-4.312, 0.187), with_error(2.5e-5, 1.2e-6), with_error(9.80665, None)
     ('437 ± 3', '−4.31 ± 0.19', '(2.50 ± 0.12)·10⁻⁵', '9.807')
     """
     if std is None or value is None or not math.isfinite(std) or not math.isfinite(value) or std <= 0.0:
+        return significant(value, digits=4)
+    if std < _ROUNDING * abs(value):
         return significant(value, digits=4)
     largest = max(abs(value), std)
     power = 0 if _PLAIN_FROM <= largest < _PLAIN_TO else math.floor(math.log10(largest))

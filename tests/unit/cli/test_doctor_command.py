@@ -29,7 +29,7 @@ def test_a_sound_installation_is_sound() -> None:
     assert ran.code == 0
     assert told["schema"] == installation.SCHEMA
     assert told["sound"]
-    assert {"version", "library", "extra", "machine", "cache", "sandbox", "self test"} == {
+    assert {"version", "library", "extra", "machine", "cache", "settings", "sandbox", "self test"} == {
         check["group"] for check in told["checks"]
     }
 

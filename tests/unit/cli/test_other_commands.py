@@ -111,13 +111,13 @@ def demonstrated(tmp_path_factory: pytest.TempPathFactory) -> Demonstrated:
     return Demonstrated(rotorid("demo", "--out", folder, "--json"), folder)
 
 
-def test_demo_writes_a_log_that_reads_two_results_and_one_report(demonstrated: Demonstrated) -> None:
+def test_demo_writes_two_results_and_one_report_and_leaves_no_log(demonstrated: Demonstrated) -> None:
     ran, folder = demonstrated
     assert (ran.code, ran.err) == (0, "")
     models = [document["model"] for document in json.loads(ran.out)]
     assert models == ["hover.lateral", "hover.longitudinal"]
-    assert {path.name for path in folder.iterdir()} >= {"flight.ulg", "report.html", *models}
-    assert read(folder / "flight.ulg").source.format == "PX4 ULog"
+    assert {path.name for path in folder.iterdir()} >= {"report.html", *models}
+    assert not list(folder.glob("*.ulg"))
 
 
 def test_demo_identifies_what_flew(demonstrated: Demonstrated) -> None:

@@ -312,9 +312,36 @@ def _measured(
             *data_quality(flights, segments, inputs, agreement),
             *(finding for plan in _different(windows) for finding in plan.findings),
             *((no_instrument(inputs),) if unknown else ()),
+            *_beside_excitation(settings.band_rad_s, flights),
         ),
     )
     return without_known_filters(measured, flights) if settings.correct_filters else measured
+
+
+_LEAST_KEPT = 0.4
+"""Share of the octaves that were excited, below which a band that was given is remarked on."""
+
+
+def _beside_excitation(band_rad_s: tuple[float, float] | None, flights: Sequence[Flight]) -> tuple[Finding, ...]:
+    """A remark where a band that was given drops most of what was excited, as one in Hz does that is taken as rad/s."""
+    excited = [m.band_rad_s for _, m in flights if m.band_rad_s is not None]
+    if band_rad_s is None or not excited:
+        return ()
+    low, high = min(one[0] for one in excited), max(one[1] for one in excited)
+    octaves = float(np.log2(high / low)) if high > low > 0.0 else 0.0
+    kept = max(float(np.log2(min(high, band_rad_s[1]) / max(low, band_rad_s[0]))), 0.0)
+    if octaves <= 0.0 or kept >= _LEAST_KEPT * octaves:
+        return ()
+    hertz = f"{band_rad_s[0]:g}:{band_rad_s[1]:g}Hz"
+    return (
+        warn(
+            "band_beside_excitation",
+            "--band",
+            f"The band of {band_rad_s[0]:.3g} to {band_rad_s[1]:.3g} rad/s keeps {100.0 * kept / octaves:.0f} % of the "
+            f"octaves that were excited, {low:.3g} to {high:.3g} rad/s. If Hz were meant: --band {hertz}.",
+            kept_percent=100.0 * kept / octaves,
+        ),
+    )
 
 
 def _joined(
