@@ -641,6 +641,28 @@ class SimulateChoices(Immutable):
         if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
             raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
         self._set(changes=self.changes, vary=self.vary)
+        if self.entry.make is not None and self.log_format == "bbl":
+            self._require_betaflight()
+
+    def _require_betaflight(self) -> None:
+        """Refuse a blackbox log of what Betaflight does not fly so: the log names no rotors, they are told by order."""
+        from rotorid.models.rotors import library_layout
+
+        craft = self.entry.aircraft
+        turned = craft.autopilot.parameters.get("yaw_motors_reversed") == 1.0
+        wanted = library_layout("quad.x.betaflight.reversed" if turned else "quad.x.betaflight")
+        rotors = craft.vehicle.rotors.layout
+        alike = rotors.rotors == wanted.rotors and bool(
+            (rotors.positions[:, :2] * wanted.positions[:, :2] > 0.0).all() and (rotors.spins == wanted.spins).all()
+        )
+        if craft.autopilot.kind != "betaflight" or not alike:
+            raise UsageError(
+                f"the format bbl came for {self.entry.name}, which flies under {craft.autopilot.kind} with "
+                f"{rotors.rotors} rotors{'' if alike else ' in another order'}",
+                needed="Betaflight's controllers and four rotors in its order: rear right, front right, rear left, "
+                "front left",
+                remedy="--format csv, or the autopilot's own",
+            )
 
     @property
     def entry(self) -> "VehicleEntry":

@@ -225,3 +225,18 @@ def test_the_bebop_shows_its_interface_alone(tmp_path: Path) -> None:
     steps = np.diff(record.topics[0].time_s)
     assert np.median(steps) == pytest.approx(0.05, abs=0.005)
     assert np.std(steps) > 0.0
+
+
+def test_a_blackbox_log_is_of_betaflight_alone(tmp_path: Path) -> None:
+    toml = rotorid("vehicles", "betaflight_quad", "--toml").out
+    (tmp_path / "as_it_is.toml").write_text(toml.replace('"betaflight_quad"', '"mine"'))
+    other = rotorid("vehicles", "px4_quad", "--toml").out
+    (tmp_path / "turned.toml").write_text(other.replace('kind = "px4"', 'kind = "betaflight"'))
+    out = tmp_path / "out"
+    for vehicle in ("px4_quad", "ardupilot_quad", "crazyflie", tmp_path / "turned.toml"):
+        ran = rotorid("simulate", vehicle, *HOVER, "--format", "bbl", "--out", out)
+        assert (ran.code, out.exists()) == (2, False), vehicle
+        assert "Betaflight" in ran.err
+    assert rotorid("simulate", tmp_path / "turned.toml", *HOVER, "--format", "csv", "--out", out).code == 0
+    assert rotorid("simulate", tmp_path / "as_it_is.toml", *HOVER, "--out", out).code == 0
+    assert (out / "flight.bbl").is_file()

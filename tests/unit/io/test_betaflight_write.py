@@ -11,6 +11,7 @@ from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.errors import UsageError
 from rotorid.io import read, write_log
 from rotorid.io.betaflight.blackbox import decode
+from rotorid.io.betaflight.writer import write_betaflight
 from rotorid.models.autopilots import axis_controller
 from rotorid.models.rotors import layout_of
 from rotorid.vehicles.betaflight import RATE_HZ, SETTINGS, betaflight_autopilot, layout
@@ -106,4 +107,25 @@ def test_what_is_no_number_is_refused(value: float, tmp_path: Path) -> None:
     )
     with pytest.raises(UsageError):
         write_log(tmp_path / "a.bbl", flight, format="bbl")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "motors"), [("px4", 4), ("ardupilot", 4), ("betaflight", 6), ("betaflight", 3), ("simple", 0)]
+)
+def test_what_betaflight_does_not_fly_so_is_refused(autopilot: str, motors: int, tmp_path: Path) -> None:
+    columns = {"p": [0.0], **{f"motor_{number}": [0.5] for number in range(1, motors + 1)}}
+    flight = SimulatedFlight(vehicle="demo", autopilot=autopilot, sample_rate_hz=1000.0, time_s=[0.0], columns=columns)
+    with pytest.raises(UsageError, match="four motors"):
+        write_log(tmp_path / "a.bbl", flight, format="bbl")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("start_s", [40_020.0, -1.0])
+def test_a_time_beyond_the_clock_of_a_log_is_refused(start_s: float, tmp_path: Path) -> None:
+    flight = SimulatedFlight(
+        vehicle="demo", autopilot="betaflight", sample_rate_hz=1000.0, time_s=[0.0], columns={"p": [0.0]}
+    )
+    with pytest.raises(UsageError, match="clock"):
+        write_betaflight(tmp_path / "a.bbl", flight, start_s=start_s)
     assert not list(tmp_path.iterdir())
