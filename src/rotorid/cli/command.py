@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -10,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rotorid.cli.console import progress, say_refused, tell
+from rotorid.cli.console import progress, say, say_refused, tell
 from rotorid.data.display import visible
 
 if TYPE_CHECKING:
     from rotorid.cli.options import ForPaper, Output
     from rotorid.data.record import FlightRecord
     from rotorid.errors import InsufficientDataError
+    from rotorid.io.folders import Target
     from rotorid.report.publication import Publication
 
 
@@ -71,11 +73,9 @@ def carry_out(
     """
     from rotorid.documents.base import to_json
     from rotorid.errors import InsufficientDataError
-    from rotorid.io.folders import making, target_folder
-    from rotorid.report.files import result_kind
+    from rotorid.io.folders import making
 
-    target = target_folder(output.out, folder, result_kind(file), force=output.force)
-    require_printing(paper)
+    target = target_of(output, folder, file, paper)
     records: list[FlightRecord] = []
     try:
         with progress(quiet=output.quiet):
@@ -108,6 +108,34 @@ def illustrate(folder: Path, publication: Publication, paper: ForPaper) -> None:
     write_publication(folder, publication, figures=paper.figures, tables=paper.tables)
 
 
+def target_of(output: Output, default: Path, file: str, paper: ForPaper | None = None) -> Target:
+    """Where a command's results go, with pages on paper among them; checked before any work is done.
+
+    Parameters
+    ----------
+    output, paper
+        What the user wants to be written.
+    default
+        The folder, unless the user names another.
+    file
+        By which a result is known again.
+
+    Raises
+    ------
+    UsageError
+        Foreign files are in the way, the folder cannot be written, or no browser prints.
+    """
+    from rotorid.io.folders import target_folder
+    from rotorid.report.files import result_kind
+
+    kind = result_kind(file)
+    printed = ["*.pdf"]
+    require_printing(paper)
+    if paper is not None and paper.pdf:
+        printed += [f"{name.removesuffix('.html')}.pdf" for name in kind.files if re.fullmatch(r"[^*/]+\.html", name)]
+    return target_folder(output.out, default, replace(kind, files=(*kind.files, *printed)), force=output.force)
+
+
 def require_printing(paper: ForPaper | None) -> None:
     """Refuse ``--pdf`` before any work where no browser prints."""
     if paper is not None and paper.pdf:
@@ -117,12 +145,16 @@ def require_printing(paper: ForPaper | None) -> None:
 
 
 def print_if_asked(folder: Path, paper: ForPaper | None) -> None:
-    """Print the pages of a folder where ``--pdf`` was given."""
+    """Print the pages of a folder where ``--pdf`` was given; a result is none the worse for a page that is not."""
     if paper is not None and paper.pdf:
+        from rotorid.errors import UsageError
         from rotorid.report.printing import print_pages
 
         tell("printing")
-        print_pages(folder)
+        try:
+            print_pages(folder)
+        except (UsageError, OSError) as error:
+            say(f"rotorid: {error}; all else is written")
 
 
 def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightRecord]:

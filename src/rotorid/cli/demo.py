@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.command import with_command
+from rotorid.cli.command import print_if_asked, target_of, with_command
 from rotorid.cli.console import progress, say, tell
-from rotorid.cli.options import Output
+from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
 
 if TYPE_CHECKING:
@@ -30,15 +30,16 @@ def demo_command(
         typer.Option("--keep-log", help="Keep the log of the flight, 56 MB; rotorid example px4 writes a smaller one."),
     ] = False,
     output: Output,
+    paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
     from rotorid.io.files import write_atomically
-    from rotorid.io.folders import making, target_folder
+    from rotorid.io.folders import making
     from rotorid.io.registry import read
     from rotorid.pipeline.demo import LOG_NAME, fly_demo, identify_demo
-    from rotorid.report.files import result_kind, write_overview_report, write_results
+    from rotorid.report.files import write_overview_report, write_results
 
-    target = target_folder(output.out, results_folder() / "demo", result_kind("demo"), force=output.force)
+    target = target_of(output, results_folder() / "demo", "demo", paper)
     with progress(quiet=output.quiet), making(target) as made:
         folder = made.place
         log = folder / LOG_NAME
@@ -55,6 +56,7 @@ def demo_command(
             from rotorid.plot.paper import overview_png
 
             write_atomically(folder / "overview.png", overview_png(demo.identifications))
+        print_if_asked(folder, paper)
         if not keep_log:
             log.unlink()
     if output.json:

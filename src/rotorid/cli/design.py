@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rotorid.cli.command import command_line
+from rotorid.cli.command import command_line, print_if_asked, target_of
 from rotorid.cli.console import print_findings, progress, tell
-from rotorid.cli.options import Output
+from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
 from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
@@ -51,13 +51,14 @@ def design_command(
     plan: Annotated[dict[str, Any], PlanChoices],
     air: Air,
     output: Output,
+    paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
     from rotorid.documents.vehicle import named_vehicle
-    from rotorid.io.folders import making, target_folder
+    from rotorid.io.folders import making
     from rotorid.io.registry import read
     from rotorid.pipeline.designs import design as plan_flights
-    from rotorid.report.files import require_autopilot, result_kind, to_json, write_design
+    from rotorid.report.files import require_autopilot, to_json, write_design
 
     require_autopilot(autopilot)
     named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
@@ -79,12 +80,13 @@ def design_command(
         **design,
     )
     default = results_folder() / f"{choices.entry.name}-design"
-    target = target_folder(output.out, default, result_kind("design.json"), force=output.force)
+    target = target_of(output, default, "design.json", paper)
     with progress(quiet=output.quiet):
         designed = plan_flights(choices)
         tell("writing the files")
         with making(target) as made:
             document = write_design(made.place, choices, designed, autopilot=autopilot, command=command_line())
+            print_if_asked(made.place, paper)
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:

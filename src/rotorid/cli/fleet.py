@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rotorid.cli.command import command_line
+from rotorid.cli.command import command_line, print_if_asked, require_printing
 from rotorid.cli.console import error_console, output_console, say
-from rotorid.cli.options import Only, Output
+from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
 from rotorid.data.display import counted
 from rotorid.errors import UsageError
@@ -42,6 +42,7 @@ def fleet_command(
         bool, typer.Option("--resume/--again", help="Go on from what is in the folder, or do all logs again.")
     ] = True,
     output: Annotated[Output, Only("out", "json", "quiet")],
+    paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Read many logs once, identify each, and say what is normal, what differs and what changed."""
     from rotorid.documents.base import to_json
@@ -50,8 +51,10 @@ def fleet_command(
     from rotorid.fleets.runs import Fleet
     from rotorid.fleets.table import JOURNAL
     from rotorid.io.files import write_atomically
+    from rotorid.io.folders import scratch_folder
     from rotorid.report.fleet import render_fleet
 
+    require_printing(paper)
     folder = output.out or results_folder() / "fleet"
     if not resume:
         _forget(folder / JOURNAL)
@@ -85,11 +88,18 @@ def fleet_command(
             command=command_line(),
         )
         run.write_tables()
-        write_atomically(folder / PAGE, render_fleet(analysis, document))
+        page = render_fleet(analysis, document)
+        write_atomically(folder / PAGE, page)
         text = to_json(document)
         write_atomically(folder / FILE, text)
     finally:
         run.close()
+    # Beside other pages of the folder, which are nobody's wish.
+    with scratch_folder() as scratch:
+        write_atomically(scratch / PAGE, page)
+        print_if_asked(scratch, paper)
+        for printed in scratch.glob("*.pdf"):
+            write_atomically(folder / printed.name, printed.read_bytes())
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:

@@ -6,14 +6,16 @@ import re
 import shlex
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+from rotorid.cli.command import print_if_asked, target_of
 from rotorid.cli.console import progress, tell
-from rotorid.cli.options import Logs, Map, Only, Output
+from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.errors import UsageError
 from rotorid.io.named import logs_in
 
@@ -47,8 +49,11 @@ def inspect_command(
         typer.Option("--out", help="Folder for inspect.json and report.html. [default: nothing is written]"),
     ] = None,
     output: Annotated[Output, Only("json", "quiet", "force")],
+    paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Say what is in logs and what they can support: channels, rates, gaps, excitations."""
+    if paper.pdf and out is None:
+        raise UsageError("--pdf came without --out", needed="a folder for the page that is printed")
     files = logs_in(logs)
     if len(files) > 1:
         if plot is not None or out is not None:
@@ -60,7 +65,7 @@ def inspect_command(
         _inspect_several(files, map, output)
         return
     (log,) = files
-    from rotorid.io.folders import making, target_folder
+    from rotorid.io.folders import making
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
 
@@ -71,9 +76,7 @@ def inspect_command(
         require_suffix(plot)
         require_replaceable(plot, force=output.force)
     if out is not None:
-        from rotorid.report.files import result_kind
-
-        target = target_folder(out, out, result_kind(FILE), force=output.force)
+        target = target_of(replace(output, out=out), out, FILE, paper)
     with progress(quiet=output.quiet):
         record = read(log, mapping=map)
         tell("inspecting")
@@ -83,6 +86,7 @@ def inspect_command(
     if out is not None:
         with making(target) as made:
             _write(made.place, record, inspection)
+            print_if_asked(made.place, paper)
     if output.json:
         from rotorid.documents.base import to_json
         from rotorid.documents.inspection import inspect_document

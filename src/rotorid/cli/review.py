@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.command import print_if_asked, read_logs, require_printing
+from rotorid.cli.command import print_if_asked, read_logs, target_of
 from rotorid.cli.console import default_folder, output_console, progress, say, tell
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.io.named import logs_in
@@ -39,14 +39,12 @@ def review_command(
 ) -> None:
     """Say everything that ordinary flights tell: loops, steps, margins, models, noise, motors."""
     from rotorid.documents.base import to_json
-    from rotorid.io.folders import making, target_folder
+    from rotorid.io.folders import making
     from rotorid.pipeline.review.review import review, told_anything
-    from rotorid.report.files import result_kind
     from rotorid.report.review import render_reviews
 
     files = logs_in(logs)
-    target = target_folder(output.out, default_folder(files, "review"), result_kind(FILE), force=output.force)
-    require_printing(paper)
+    target = target_of(output, default_folder(files, "review"), FILE, paper)
     with progress(quiet=output.quiet):
         seen = [review(record, models=models) for record in read_logs(files, map)]
         tell("writing the page")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.command import carry_out
-from rotorid.cli.options import Map, Output
+from rotorid.cli.options import ForPaper, Map, Only, Output
 from rotorid.cli.preferences import results_folder
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def stitch_command(
     seed: Annotated[int, typer.Option("--seed", help="Of the draws behind the spread of a flight.")] = 0,
     map: Map = None,
     output: Output,
+    paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Stitch models that were identified at several speeds into one over speed."""
     from rotorid.documents.stitched import read_models, stitched_document
@@ -51,6 +52,7 @@ def stitch_command(
         log or (),
         mapping=map,
         output=output,
+        paper=paper,
         folder=results_folder() / "stitch",
         file=JSON,
         compute=lambda records: stitch(models, records, controllers=controllers, seed=seed),

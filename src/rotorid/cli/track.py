@@ -10,7 +10,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import Log, Map, Output
+from rotorid.cli.options import ForPaper, Log, Map, Only, Output
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
@@ -42,6 +42,7 @@ def track_command(
     ] = None,
     map: Map = None,
     output: Output,
+    paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Follow a model through a flight: payload dropped, propellers damaged, battery sagging."""
     from rotorid.data.findings import refusal
@@ -72,6 +73,7 @@ def track_command(
         [log],
         mapping=map,
         output=output,
+        paper=paper,
         folder=default_folder(log, f"track-{name}"),
         file=FILE,
         compute=compute,

@@ -81,7 +81,7 @@ def tune_command(
     )
     models, logs = _told_apart(given)
     if check is not None:
-        _check(check, models, logs, settings, map, output)
+        _check(check, models, logs, settings, map, output, paper)
         return
     carry_out(
         logs,
@@ -105,6 +105,7 @@ def _check(
     settings: TuneSettings,
     map: Path | None,
     output: Output,
+    paper: ForPaper,
 ) -> None:
     """Compare a flight with what was foretold of it."""
     from rotorid.documents.tune_check import CHECK, load_foretold, refused_check_document, tune_check_document
@@ -119,6 +120,7 @@ def _check(
         logs,
         mapping=map,
         output=output,
+        paper=paper,
         folder=default_folder(logs, "check"),
         file=CHECK,
         compute=lambda records: check_tuning(foretold, records, models, settings=settings),

@@ -15,7 +15,7 @@ from rotorid.cli.app import COMMANDS, OPTION_GROUPS, app
 from rotorid.data.record import Maneuver
 from rotorid.errors import UsageError
 from rotorid.pipeline.preparation.measure import _beside_excitation
-from rotorid.report.printing import BROWSERS, print_pages, require_browser
+from rotorid.report.printing import BROWSERS, print_pages
 from rotorid.units import read_measure
 
 
@@ -91,15 +91,6 @@ def test_a_band_beside_the_excitation_is_remarked_on() -> None:
     for band in ((1.0, 40.0), (2.0, 20.0), None):
         assert _beside_excitation(band, flights) == ()  # type: ignore[arg-type]
     assert _beside_excitation((200.0, 300.0), flights)[0].numbers["kept_percent"] == 0.0  # type: ignore[arg-type]
-
-
-def test_without_a_browser_printing_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("rotorid.report.printing.shutil.which", lambda _: None)
-    monkeypatch.setattr("rotorid.report.printing._PLACES", {})
-    with pytest.raises(UsageError, match="no browser that prints was found"):
-        require_browser()
-    answer = CliRunner().invoke(app, ["review", str(tmp_path / "none.ulg"), "--pdf"])
-    assert isinstance(answer.exception, UsageError)
 
 
 def test_a_page_is_printed(tmp_path: Path) -> None:
