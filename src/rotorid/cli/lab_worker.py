@@ -36,7 +36,11 @@ class _Told(logging.Handler):
 
 
 def main() -> None:
-    """Limit this process, then do what the words say."""
+    """Limit this process, then do what the words say; whatever goes wrong is said in the last line."""
+    from rotorid.cli.console import say
+    from rotorid.errors import RotoridError
+    from rotorid.lab.workers import SAID_WHY
+
     memory_bytes = int(sys.argv.pop(1))
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
@@ -47,25 +51,35 @@ def main() -> None:
     log = logging.getLogger("rotorid.progress")
     log.setLevel(logging.DEBUG)
     log.addHandler(_Told())
-    if sys.argv[1] == "read":
-        _read(Path(sys.argv[2]), Path(sys.argv[3]))
+    try:
+        _do(sys.argv[1:])
+    except RotoridError as error:
+        say(f"rotorid: {error}")
+        sys.exit(error.exit_code)
+    except MemoryError:
+        say(f"rotorid: it needed more memory than the {memory_bytes / 2**30:g} GiB that a command has")
+        sys.exit(SAID_WHY)
+    except Exception as error:
+        say(f"rotorid: {type(error).__name__}: {error}")
+        sys.exit(SAID_WHY)
+
+
+def _do(words: list[str]) -> None:
+    """Read a log into a folder, fly one first, or carry out a command."""
+    if words[0] in ("read", "fly"):
+        log, folder = Path(words[1]), Path(words[2])
+        if words[0] == "fly":
+            from rotorid.pipeline.demo import fly_demo
+
+            logging.getLogger("rotorid.progress").info("flying")
+            fly_demo(log, seed=0)
+        from rotorid.lab.tracks import write_tracks
+
+        write_tracks(log, folder)
         return
     from rotorid.cli.app import main as command
 
     command()
-
-
-def _read(log: Path, folder: Path) -> None:
-    """Write the tracks of a log as arrays, and its inspection."""
-    from rotorid.cli.console import say
-    from rotorid.errors import RotoridError
-    from rotorid.lab.tracks import write_tracks
-
-    try:
-        write_tracks(log, folder)
-    except RotoridError as error:
-        say(f"rotorid: {error}")
-        sys.exit(error.exit_code)
 
 
 if __name__ == "__main__":

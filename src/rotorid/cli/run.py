@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -24,21 +25,19 @@ def run_command(
     from rotorid.lab.steps import arguments, read_project
 
     read = read_project(project)
-    logs = [str((project.parent / name).resolve()) for name in read.logs]
+    logs = [str(project.parent / name) for name in read.logs]
     if missing := [name for name, path in zip(read.logs, logs, strict=True) if not Path(path).exists()]:
         raise UsageError(f"{missing[0]} of {project.name} does not exist", needed="the logs beside the project file")
-    place = (out or results_folder() / project.stem).resolve()
+    place = out or results_folder() / project.stem
     results: list[str] = []
     worst = 0
     for number, step in enumerate(read.steps, start=1):
-        words = arguments(step, logs, results)
         folder = place / f"step-{number}"
+        words = [*arguments(step, logs, results), "--out", str(folder)]
         if not quiet:
-            say(f"step {number}: rotorid {' '.join(arguments(step, read.logs, [Path(one).name for one in results]))}")
-        code = subprocess.run(
-            [sys.executable, "-m", "rotorid", *words, "--out", str(folder), *(["--quiet"] if quiet else [])],
-            check=False,
-        ).returncode
+            say(f"step {number}: {shlex.join(['rotorid', *words])}")
+        command = [sys.executable, "-m", "rotorid", *words, *(["--quiet"] if quiet else [])]
+        code = subprocess.run(command, check=False).returncode
         results.append(str(folder) if code == 0 else "")
         worst = max(worst, abs(code))
     if worst:

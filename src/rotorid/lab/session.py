@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -10,7 +11,8 @@ import secrets
 import shutil
 import tempfile
 import threading
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,27 +20,34 @@ import numpy as np
 
 from rotorid.errors import UsageError
 from rotorid.lab.steps import MOST_STEPS, Project, Step, arguments, project_text
-from rotorid.lab.tracks import Tracks
+from rotorid.lab.tracks import Tracks, listed
 from rotorid.lab.workers import Job, Workers
 
 MOST_LOGS = 20
-_DRAWN = ("omega_rad_s", "values", "coherence", "random_error", "inputs", "outputs", "model", "fitted")
-UPLOAD_BYTES = 2 << 30
 ALL_UPLOAD_BYTES = 8 << 30
+MOST_CHOICES, MOST_ENTRIES, MOST_DEPTH = 1000, 20_000, 6
+_DRAWN = ("omega_rad_s", "values", "coherence", "random_error", "inputs", "outputs", "model", "fitted")
 _ENDINGS = re.compile(
     r"\.(ulg|bin|log|bbl|bfl|tlog|csv|mat|npz|parquet|bag|mcap|db3|px4log|txt|usd)(\.(gz|xz|bz2|zip))?$"
 )
+_NAME_BYTES = 200
 
 
 @dataclass(eq=False)
 class OpenLog:
-    """A log of the session: its file, what is shown of it, and the job that reads it."""
+    """A log of the session: its file, what is shown of it, and the job that reads it.
 
+    ``name`` is what the page and a project file call it, ``words`` how a command line names it; ``note`` says where the
+    name is not that of the file.
+    """
+
+    number: int
     name: str
-    path: Path
     words: str
+    path: Path
     folder: Path
-    job: Job | None = None
+    job: Job
+    note: str = ""
     closed: bool = False
     _tracks: Tracks | None = None
 
@@ -50,15 +59,28 @@ class OpenLog:
                 self._tracks = Tracks(self.folder)
         return self._tracks
 
+    @property
+    def size_bytes(self) -> int | None:
+        """Of its file, as long as there is one."""
+        with contextlib.suppress(OSError):
+            return self.path.stat().st_size
+        return None
+
 
 @dataclass(eq=False)
 class Ran:
-    """A step with its job and the folder of its results."""
+    """A step with its job, the folder of its results, and the command line that does the same."""
 
+    number: int
     step: Step
     job: Job
     folder: Path
-    shown: list[str] = field(default_factory=list)
+    shown: Sequence[str] = ()
+
+    @property
+    def may_stand(self) -> bool:
+        """Whether it has a result, or still can have one."""
+        return self.job.state in ("done", "running", "waiting")
 
 
 class Session:
@@ -71,39 +93,63 @@ class Session:
     """
 
     def __init__(self, root: Path | None = None, *, workers: Workers | None = None) -> None:
+        self._given_root = root
         self.root = None if root is None else root.resolve()
         self.place = Path(tempfile.mkdtemp(prefix="rotorid-lab-"))
         self.workers = workers or Workers()
         self.logs: list[OpenLog] = []
         self.steps: list[Ran] = []
         self.waiting: tuple[Step, ...] = ()
+        self.following = False
+        self._places: list[int] = []
+        self._uploads: dict[Path, int] = {}
         self._models: Job | None = None
-        self._lock = threading.Lock()
+        self._closed = False
+        self._lock = threading.RLock()
 
     def close(self) -> None:
         """End all workers and remove the private folder."""
+        self._closed = True
         self.workers.close()
         shutil.rmtree(self.place, ignore_errors=True)
 
-    def choices(self) -> list[str]:
-        """Logs below the folder given at start, by their paths in it; links that lead out of it are not among them."""
-        if self.root is None:
-            return []
-        found = []
-        for folder, folders, files in os.walk(self.root):
-            folders[:] = sorted(one for one in folders if not one.startswith("."))
-            for name in sorted(files):
-                path = Path(folder) / name
-                if not name.startswith(".") and _ENDINGS.search(name.lower()) and self._inside(path):
-                    found.append(path.relative_to(self.root).as_posix())
-                if len(found) >= 1000:
-                    return found
-        return found
+    # Logs
 
-    def _inside(self, path: Path) -> bool:
+    def choices(self) -> list[str]:
+        """Logs below the folder given at start, by their paths in it; links that lead out of it are not among them.
+
+        So many as a page can show, of a folder that is looked through in a moment; any other is dropped on the page.
+        Names that are no text are left out.
+        """
+        found: list[str] = []
+        left = MOST_ENTRIES
+        folders = [] if self.root is None else [self.root]
+        for _ in range(MOST_DEPTH):
+            below: list[Path] = []
+            for folder in folders:
+                for entry in _entries(folder, left):
+                    left -= 1
+                    if entry.is_dir(follow_symlinks=False):
+                        below.append(Path(entry.path))
+                    elif self.root is not None:
+                        name = Path(entry.path).relative_to(self.root).as_posix()
+                        found += [name] if self._named(name) is not None else []
+            folders = below
+        return sorted(found)[:MOST_CHOICES]
+
+    def _named(self, name: str) -> Path | None:
+        """The file of a log of the folder given at start, with no link in its path; nothing where it is none."""
+        path = Path(name)
+        plain = path.as_posix() == name and not path.anchor and not any(part.startswith(".") for part in path.parts)
+        if self.root is None or not plain or not _ENDINGS.search(name.lower()) or _text(name) != name:
+            return None
         with contextlib.suppress(OSError, ValueError, RuntimeError):
-            return self.root is not None and path.resolve(strict=True).is_relative_to(self.root) and path.is_file()
-        return False
+            return self._inside(self.root / path)
+        return None
+
+    def _inside(self, path: Path) -> Path | None:
+        real = path.resolve(strict=True)
+        return real if self.root is not None and real.is_relative_to(self.root) and real.is_file() else None
 
     def choose(self, name: str) -> OpenLog:
         """Open a log of the folder given at start.
@@ -113,32 +159,51 @@ class Session:
         UsageError
             There is no such log inside it.
         """
-        if self.root is None or name not in self.choices():
+        path = self._named(name)
+        if path is None or self._given_root is None:
             raise UsageError("a path that is no log of this folder came", needed="one of those that are listed")
-        return self.open(self.root / name, name)
+        return self.open(path, name, words=str(self._given_root / name))
 
-    def open(self, path: Path, words: str) -> OpenLog:
-        """Read a file in a worker; ``words`` is how a command line would name it.
+    def open(self, path: Path, name: str, *, words: str | None = None) -> OpenLog:
+        """Read a file in a worker; ``words`` is how a command line names it, if not by its name.
 
         Raises
         ------
         UsageError
             Too many logs are open.
         """
+        return self._open("read", path, name, words)
+
+    def demo(self) -> OpenLog:
+        """Fly the demonstration and open its log, or the one that flies already."""
+        with self._lock:
+            flies = (one for one in self.logs if one.job.words[0] == "fly" and not one.job.ended.is_set())
+            return next(flies, None) or self._open("fly", None, "flight.ulg", None)
+
+    def _open(self, verb: str, path: Path | None, name: str, words: str | None) -> OpenLog:
         with self._lock:
             if sum(not one.closed for one in self.logs) >= MOST_LOGS:
                 raise UsageError(f"{MOST_LOGS} logs are open", needed="one of them to be closed")
-            log = OpenLog(path.name, path, words, self.place / f"log-{len(self.logs) + 1}")
-            log.folder.mkdir()
+            number = len(self.logs) + 1
+            folder = self.place / f"log-{number}"
+            folder.mkdir(exist_ok=True)
+            path = path or folder / name
+            given, name = _text(name), self._free(_text(name), path)
+            note = f"Another log is called {given}: this one is {name} here and in the project file."
+            words = name if words is None else _text(words)
+            job = self.workers.start([verb, str(path.absolute()), str(folder)], folder)
+            log = OpenLog(number, name, words, path, folder, job, "" if name == given else note)
             self.logs.append(log)
-
-        try:
-            log.job = self.workers.start(["read", str(path.resolve()), str(log.folder)], log.folder)
-        except UsageError:
-            # Logs keep their numbers: what could not be opened is one that is closed.
-            log.closed = True
-            raise
         return log
+
+    def _free(self, name: str, path: Path) -> str:
+        """The name, with a number where another file of the session has it."""
+        used = {number for ran in self.steps for number in (*ran.step.logs, *ran.step.verify)}
+        taken = {one.name for one in self.logs if one.path != path and (not one.closed or one.number in used)}
+        found = _ENDINGS.search(name.lower())
+        cut = found.start() if found else len(name)
+        numbered = (f"{name[:cut]}-{k}{name[cut:]}" for k in itertools.count(2))
+        return next(one for one in itertools.chain([name], numbered) if one not in taken)
 
     def close_log(self, log: OpenLog) -> None:
         """Forget a log: what was read of it and, where it was uploaded, the file go away; results stay.
@@ -148,46 +213,64 @@ class Session:
         UsageError
             A command that may read it has not ended.
         """
-        if any(not one.job.ended.is_set() for one in self.steps):
-            raise UsageError("a command runs", needed="it to end before a log is closed")
-        if log.job is not None:
-            self.workers.cancel(log.job)
-            log.job.ended.wait(5.0)
-        log.closed, log._tracks = True, None
+        with self._lock:
+            if any(not one.job.ended.is_set() for one in self.steps):
+                raise UsageError("a command runs", needed="it to end before a log is closed")
+            log.closed, log._tracks = True, None
+        self.workers.cancel(log.job)
+        log.job.ended.wait(5.0)
         shutil.rmtree(log.folder, ignore_errors=True)
-        if log.path.is_relative_to(self.place):
-            shutil.rmtree(log.path.parent, ignore_errors=True)
+        if log.path in self._uploads:
+            self.drop_upload(log.path)
+
+    # Uploads
+
+    def upload_path(self, name: str) -> tuple[Path, str]:
+        """Where an upload goes, in a folder of its own, and what it is called: the last part of the name that came."""
+        called = re.sub(r"[\x00-\x1f\x7f\ud800-\udfff]", "", re.split(r"[/\\]", name)[-1]).strip(". ")
+        called = called.encode()[-_NAME_BYTES:].decode(errors="ignore") or "log"
+        path = self.place / f"upload-{secrets.token_hex(8)}" / re.sub(r'[<>:"|?*]', "_", called)
+        path.parent.mkdir(mode=0o700)
+        with self._lock:
+            self._uploads[path] = 0
+        return path, called
+
+    def take_in(self, path: Path, count: int, *, announced: int = 0) -> None:
+        """Count what comes of an upload; what is ``announced`` must have room too.
+
+        Raises
+        ------
+        UsageError
+            It would be more than a session keeps.
+        """
+        with self._lock:
+            if sum(self._uploads.values()) + count + announced > ALL_UPLOAD_BYTES:
+                raise UsageError("more came than a session keeps", needed="a log to be closed")
+            self._uploads[path] += count
+
+    def drop_upload(self, path: Path) -> None:
+        """Remove an upload with its folder."""
+        shutil.rmtree(path.parent, ignore_errors=True)
+        with self._lock:
+            self._uploads.pop(path, None)
 
     def uploaded_bytes(self) -> int:
         """Of all uploads that are kept."""
-        return sum(one.stat().st_size for one in self.place.glob("upload-*/*"))
+        with self._lock:
+            return sum(self._uploads.values())
 
-    def upload_path(self, name: str) -> Path:
-        """Where an upload of this name goes: the last part of the name alone, in a folder of its own."""
-        last = re.sub(r"[^\w.+-]", "_", re.split(r"[/\\]", name)[-1], flags=re.ASCII).lstrip(".")[-120:] or "log"
-        folder = self.place / f"upload-{secrets.token_hex(8)}"
-        folder.mkdir(mode=0o700)
-        return folder / last
-
-    def demo(self) -> Job:
-        """Fly the demonstration, and open its log."""
-        folder = self.place / f"demo-{secrets.token_hex(4)}"
-
-        def then(job: Job) -> None:
-            flight = folder / "out" / "flight.ulg"
-            if job.state == "done" and flight.is_file():
-                self.open(flight, "flight.ulg")
-
-        return self.workers.start(["demo", "--keep-log", "--out", "out", "--quiet"], folder, then=then)
+    # Steps
 
     def models(self) -> Any:
-        """What ``rotorid models`` lists."""
+        """What ``rotorid models`` lists; asked for again where that failed."""
         with self._lock:
-            if self._models is None:
+            if self._models is None or (self._models.ended.is_set() and self._models.state != "done"):
                 self._models = self.workers.start(["models", "--json"], self.place / "models")
-        self._models.ended.wait(30.0)
-        with contextlib.suppress(OSError, ValueError):
-            return json.loads(self._models.output.read_bytes())
+            job = self._models
+        job.ended.wait(30.0)
+        if job.state == "done":
+            with contextlib.suppress(OSError, ValueError):
+                return json.loads(job.output.read_bytes())
         return {"models": []}
 
     def run(self, step: Step) -> Ran:
@@ -199,41 +282,88 @@ class Session:
             It names what does not exist, or too many were started.
         """
         with self._lock:
-            if len(self.steps) >= MOST_STEPS:
-                raise UsageError(f"{MOST_STEPS} steps were made", needed="a new session")
+            self._require_room()
             number = len(self.steps) + 1
+            files = ["" if one.closed else str(one.path.absolute()) for one in self.logs]
+            real = arguments(step, files, [str(ran.folder) if ran.job.state == "done" else "" for ran in self.steps])
             folder = self.place / f"step-{number}"
-            files = ["" if one.closed else str(one.path.resolve()) for one in self.logs]
-            real = arguments(step, files, self._results(shown=False))
-            shown = arguments(step, [one.words for one in self.logs], self._results(shown=True))
-            out = "out"
-            job = self.workers.start([*real, "--out", out, "--json", "--quiet"], folder)
-            ran = Ran(step, job, folder / out, ["rotorid", *shown, "--out", f"step-{number}"])
+            job = self.workers.start([*real, "--out", "out", "--json", "--quiet"], folder)
+            ran = Ran(number, step, job, folder / "out", self.preview(step))
             self.steps.append(ran)
         return ran
 
+    def _require_room(self) -> None:
+        if len(self.steps) >= MOST_STEPS:
+            raise UsageError(f"{MOST_STEPS} steps were made", needed="a new session")
+
     def preview(self, step: Step) -> list[str]:
         """The command line of a step that is not started."""
-        shown = arguments(step, [one.words for one in self.logs], self._results(shown=True))
-        return ["rotorid", *shown, "--out", f"step-{len(self.steps) + 1}"]
+        logs = ["" if one.closed else one.words for one in self.logs]
+        results = [f"step-{ran.number}" if ran.job.state == "done" else "" for ran in self.steps]
+        return ["rotorid", *arguments(step, logs, results), "--out", f"step-{len(self.steps) + 1}"]
 
-    def _results(self, *, shown: bool) -> list[str]:
-        """Folders of steps that stand; empty where one does not."""
+    def follow(self) -> None:
+        """Run the steps of the project that was opened, one after the other, whoever looks on."""
+        with self._lock:
+            if self.following or not self.waiting:
+                return
+            self.following = True
+        threading.Thread(target=self._follow, daemon=True).start()
+
+    def _follow(self) -> None:
+        try:
+            while self.waiting and not self._closed and len(self.steps) < MOST_STEPS:
+                with self._lock:
+                    step = self._planned()[0]
+                    try:
+                        ran = self.run(step)
+                    except UsageError as error:
+                        number = len(self.steps) + 1
+                        job = Job([], self.place / f"step-{number}")
+                        job.end("refused", str(error))
+                        ran = Ran(number, step, job, job.folder / "out", ["rotorid", step.verb])
+                        self.steps.append(ran)
+                    self._places.append(ran.number)
+                    self.waiting = self.waiting[1:]
+                ran.job.ended.wait()
+        finally:
+            self.following = False
+
+    def _planned(self) -> list[Step]:
+        """Steps of the project that were not begun, with the numbers that earlier ones have, or will have, here."""
+        to_come = range(len(self.steps) + 1, len(self.steps) + len(self.waiting) + 1)
+        places = dict(enumerate((*self._places, *to_come), start=1))
         return [
-            (f"step-{number}" if shown else str(ran.folder)) if ran.job.state == "done" else ""
-            for number, ran in enumerate(self.steps, start=1)
+            step.model_copy(update={"results": tuple(places.get(number, 0) for number in step.results)})
+            for step in self.waiting
         ]
 
     def project(self) -> str:
-        """The session as a project file: all logs, and the steps that stand."""
-        kept = [number for number, ran in enumerate(self.steps, start=1) if ran.job.state == "done"]
-        new = {old: place for place, old in enumerate(kept, start=1)}
+        """The session as a project file: the steps that stand or are to come, the logs of these and the open ones."""
+        with self._lock:
+            planned = enumerate(self._planned(), start=len(self.steps) + 1)
+            rows = [*((ran.number, ran.step) for ran in self.steps if ran.may_stand), *planned]
+            new: dict[int, int] = {}
+            kept: list[Step] = []
+            for number, step in rows:
+                if all(one in new for one in step.results):
+                    new[number] = len(new) + 1
+                    kept.append(step)
+            used = {number for step in kept for number in (*step.logs, *step.verify)}
+            logs = [one for one in self.logs if one.number in used or (one.job.state == "done" and not one.closed)]
+        place = {log.number: k for k, log in enumerate(logs, start=1)}
         steps = [
-            one.model_copy(update={"results": tuple(new[number] for number in one.results)})
-            for one in (self.steps[number - 1].step for number in kept)
+            step.model_copy(
+                update={
+                    "results": tuple(new[number] for number in step.results),
+                    "logs": tuple(place[number] for number in step.logs),
+                    "verify": tuple(place[number] for number in step.verify),
+                }
+            )
+            for step in kept
         ]
         return project_text(
-            Project(schema="rotorid.project/1", logs=tuple(one.words for one in self.logs), steps=tuple(steps))
+            Project(schema="rotorid.project/1", logs=tuple(one.name for one in logs), steps=tuple(steps))
         )
 
     def files(self, ran: Ran) -> list[Path]:
@@ -243,17 +373,34 @@ class Session:
         return sorted(one for one in ran.folder.rglob("*") if one.is_file() and not one.is_symlink())
 
     def report(self, ran: Ran) -> Path:
-        """The page that a step wrote.
+        """The page that a step wrote; where it wrote several, the one that tells of all.
 
         Raises
         ------
         UsageError
             It wrote none.
         """
-        found = next((one for one in self.files(ran) if one.suffix == ".html"), None)
-        if found is None:
+        pages = [one for one in self.files(ran) if one.suffix == ".html"]
+        if not pages:
             raise UsageError("this step wrote no page", needed="a review, an identification, a tuning or the like")
-        return found
+        return min(pages, key=lambda one: (len(one.parts), one.name != "report.html", one))
+
+
+def _entries(folder: Path, most: int) -> list[os.DirEntry[str]]:
+    """What is in a folder and is not hidden, in the order of the names; nothing of one that cannot be looked into."""
+    found: list[os.DirEntry[str]] = []
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if len(found) >= most:
+                break
+            if not entry.name.startswith("."):
+                found.append(entry)
+    return sorted(found, key=lambda one: one.name)
+
+
+def _text(name: str) -> str:
+    """A name of a file as text, whatever bytes it has."""
+    return re.sub(r"[\ud800-\udfff]", "\ufffd", name)
 
 
 def document(ran: Ran) -> Any:
@@ -263,9 +410,15 @@ def document(ran: Ran) -> Any:
     return None
 
 
-def curves(ran: Ran) -> dict[str, list[Any]]:
-    """Arrays of a step's ``responses.npz`` as numbers; those of complex numbers as real and imaginary part."""
-    path = ran.folder / "responses.npz"
+def parts(folder: Path) -> dict[str, dict[str, list[Any]]]:
+    """What :func:`curves` finds in each folder below that of a step, which is one for each of several models."""
+    found = sorted(folder.glob("*/responses.npz"))
+    return {one.parent.name: curves(one.parent) for one in found}
+
+
+def curves(folder: Path) -> dict[str, list[Any]]:
+    """Arrays of a ``responses.npz`` as numbers; those of complex numbers as real and imaginary part."""
+    path = folder / "responses.npz"
     told: dict[str, list[Any]] = {}
     if not path.is_file():
         return told
@@ -279,11 +432,3 @@ def curves(ran: Ran) -> dict[str, list[Any]]:
             elif values.dtype.kind == "U":
                 told[name] = values.tolist()
     return told
-
-
-def listed(values: Any) -> Any:
-    """Numbers that fit into JSON: what is not finite is nothing."""
-    array = np.asarray(values, dtype=float)
-    plain = array.astype(object)
-    plain[~np.isfinite(array)] = None
-    return plain.tolist()

@@ -13,15 +13,29 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rotorid.errors import UsageError
 
 SCHEMA: Final = "rotorid.project/1"
 MOST_STEPS = 100
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,60}$")]
-Model = Annotated[str, Field(pattern=r"^[a-z_]{1,30}[.:][A-Za-z0-9_./]{1,60}$")]
+
+def _matching(pattern: str, needed: str) -> AfterValidator:
+    """Texts of a form, refused in words."""
+
+    def checked(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise ValueError(f"{text[:80]!r} came; needed: {needed}")
+        return text
+
+    return AfterValidator(checked)
+
+
+Name = Annotated[str, _matching(r"[A-Za-z][A-Za-z0-9_]{0,60}", "a name of letters, digits and _, such as p or motor_1")]
+Model = Annotated[
+    str, _matching(r"[a-z_]{1,30}[.:][A-Za-z0-9_./]{1,60}", "a model of the list, such as rate.roll or hover.full")
+]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -66,6 +80,8 @@ class Step(BaseModel):
         for name in self.models:
             if name.endswith((".toml", "/")) or ".." in name:
                 raise ValueError(f"the model {name} is a file")
+        if self.band_rad_s is not None and not self.band_rad_s[0] < self.band_rad_s[1]:
+            raise ValueError("a band came that ends before it begins; needed: a low edge, and a high one above it")
         return self
 
 
@@ -128,7 +144,18 @@ def arguments(step: Step, logs: Sequence[str], results: Sequence[str]) -> list[s
 def _of(paths: Sequence[str], number: int, what: str) -> str:
     if not 1 <= number <= len(paths) or not paths[number - 1]:
         raise UsageError(f"{what} {number} came", needed=f"one of the {len(paths)} there are")
-    return paths[number - 1]
+    path = paths[number - 1]
+    # A command would take it for an option.
+    return f"./{path}" if path.startswith("-") else path
+
+
+def first_wrong(errors: Sequence[Any]) -> str:
+    """The first thing that pydantic found wrong, in words that name the field."""
+    first = errors[0]
+    field = ".".join(str(part) for part in first["loc"] if part not in ("body", "query", "path"))
+    came = first.get("input")
+    told = f", {came!r} came"[:100] if isinstance(came, str | int | float) and "came;" not in first["msg"] else ""
+    return f"{field or 'the whole'}: {first['msg'].removeprefix('Value error, ')}{told}"
 
 
 class Project(BaseModel):
@@ -189,6 +216,5 @@ def read_project(path: Path) -> Project:
         why = getattr(error, "strerror", None) or re.sub(r"\s+", " ", str(error))
         raise UsageError(f"{path.name} cannot be read: {why}", needed="a project file of rotorid lab") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise UsageError(f"{path.name}: {where}: {first['msg']}", needed="a project file of rotorid lab") from None
+        wrong = first_wrong(error.errors())
+        raise UsageError(f"{path.name}: {wrong}", needed="a project file of rotorid lab") from None

@@ -6,16 +6,25 @@ The channels stand there as soon as they are read, and are drawn while what ``in
 from __future__ import annotations
 
 import json
+import logging
+import threading
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rotorid.lab.pyramid import Pyramid
-from rotorid.typing import FloatArray
+from rotorid.lab.pyramid import Pyramid, extremes_of
+from rotorid.typing import BoolArray, FloatArray, IntArray
 
 TRACKS, INSPECTION = "tracks.json", "inspection.json"
-_LONGEST = 1 << 19
+_LONGEST, _FEWEST = 1 << 21, 16
+_MOST_PIECES, _MOST_COLUMNS, _MOST_ROWS = 200, 400, 128
+_GAP = 4.0
+"""Samples that are further apart than so many of them usually are have a gap between them."""
+
+_PROGRESS = logging.getLogger("rotorid.progress")
 
 
 def write_tracks(log: Path, folder: Path) -> None:
@@ -31,6 +40,7 @@ def write_tracks(log: Path, folder: Path) -> None:
     from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
 
+    _PROGRESS.info("reading")
     record = read(log)
     rows: list[dict[str, Any]] = []
     for number, topic in enumerate(record.topics):
@@ -41,6 +51,7 @@ def write_tracks(log: Path, folder: Path) -> None:
     times = [topic.time_s for topic in record.topics if topic.time_s.size]
     span = [min(float(one[0]) for one in times), max(float(one[-1]) for one in times)] if times else [0.0, 1.0]
     _keep(folder / TRACKS, json.dumps({"channels": rows, "span_s": span}))
+    _PROGRESS.info("looking for flights and excitations")
     _keep(folder / INSPECTION, to_json(inspect_document(inspect(record))))
 
 
@@ -51,15 +62,56 @@ def _keep(file: Path, text: str) -> None:
     half.replace(file)
 
 
+def listed(values: Any) -> Any:
+    """Numbers that fit into JSON: what is not finite is nothing."""
+    array = np.asarray(values, dtype=float)
+    plain = array.astype(object)
+    plain[~np.isfinite(array)] = None
+    return plain.tolist()
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """Finite samples of an interval, and how many of them there are in a second."""
+
+    time_s: FloatArray
+    values: FloatArray
+    rate_hz: float
+
+    @cached_property
+    def gaps(self) -> IntArray:
+        """Numbers of the samples that have a gap behind them."""
+        return np.flatnonzero(np.diff(self.time_s) > _GAP / self.rate_hz)
+
+    def pieces(self) -> list[FloatArray]:
+        """The values on an even grid, one piece between any two gaps; the longest where there are many."""
+        edges = np.concatenate([[0], self.gaps + 1, [self.time_s.size]])
+        longest = np.argsort(-np.diff(edges), kind="stable")[:_MOST_PIECES]
+        return [self._even(int(edges[k]), int(edges[k + 1])) for k in longest]
+
+    def _even(self, first: int, last: int) -> FloatArray:
+        time_s = self.time_s[first:last]
+        count = int((time_s[-1] - time_s[0]) * self.rate_hz) + 1
+        even: FloatArray = np.interp(time_s[0] + np.arange(count) / self.rate_hz, time_s, self.values[first:last])
+        return even
+
+    def whole(self, start_s: FloatArray, stop_s: FloatArray) -> BoolArray:
+        """Whether there is no gap between two times, for several pairs of them."""
+        first = np.searchsorted(self.time_s, start_s, side="right") - 1
+        last = np.searchsorted(self.time_s, stop_s)
+        whole: BoolArray = np.searchsorted(self.gaps, first) == np.searchsorted(self.gaps, last)
+        return whole
+
+
 class Tracks:
-    """Channels of a log that was read, mapped from a folder, with the pyramids of those that were looked at."""
+    """Channels of a log that was read, mapped from a folder, as are the pyramids of those that were looked at."""
 
     def __init__(self, folder: Path) -> None:
         told = json.loads((folder / TRACKS).read_text(encoding="utf-8"))
         self._folder = folder
         self.channels: list[dict[str, Any]] = told["channels"]
         self.span_s: list[float] = told["span_s"]
-        self._pyramids: dict[int, Pyramid] = {}
+        self._lock = threading.Lock()
 
     def inspection(self) -> dict[str, Any] | None:
         """What ``inspect`` says of the log, as soon as it does."""
@@ -69,58 +121,88 @@ class Tracks:
             return None
         return told
 
-    def samples(self, number: int) -> tuple[FloatArray, FloatArray]:
+    def _samples(self, number: int) -> tuple[FloatArray, FloatArray]:
         """Times and values of a channel."""
         row = self.channels[number]
-        time_s = np.load(self._folder / f"{row['file']}.time.npy", mmap_mode="r", allow_pickle=False)
-        values = np.load(self._folder / f"{row['file']}.values.npy", mmap_mode="r", allow_pickle=False)
+        time_s, values = (_mapped(self._folder / f"{row['file']}.{kind}.npy") for kind in ("time", "values"))
         return time_s, values[row["row"]]
 
     def pyramid(self, number: int) -> Pyramid:
-        """Of a channel; the last few that were looked at are kept."""
-        found = self._pyramids.pop(number, None) or Pyramid(*self.samples(number))
-        self._pyramids[number] = found
-        while len(self._pyramids) > 12:
-            self._pyramids.pop(next(iter(self._pyramids)), None)
-        return found
+        """Of a channel; its levels are made when it is first looked at."""
+        time_s, values = self._samples(number)
+        file = self._folder / f"{number}.levels.npy"
+        with self._lock:
+            if not file.exists():
+                half = file.with_suffix(".half.npy")
+                np.save(half, extremes_of(values))
+                half.replace(file)
+        return Pyramid(time_s, values, _mapped(file))
 
-    def cut(self, number: int, start_s: float, stop_s: float) -> tuple[FloatArray, float]:
-        """Finite samples of an interval, on an even grid, and their rate in Hz; at most half a million."""
-        time_s, values = self.samples(number)
-        first, last = np.searchsorted(time_s, [start_s, stop_s])
-        last = min(int(last), int(first) + _LONGEST)
+    def cut(self, number: int, start_s: float, stop_s: float) -> Cut | None:
+        """Finite samples of an interval, at most two million from its start; nothing where there are too few."""
+        time_s, values = self._samples(number)
+        first, last = (int(place) for place in np.searchsorted(time_s, [start_s, stop_s]))
+        last = min(last, first + _LONGEST)
         t, y = np.array(time_s[first:last]), np.array(values[first:last], dtype=float)
         t, y = t[np.isfinite(y)], y[np.isfinite(y)]
-        if t.size < 16:
-            return np.empty(0), 0.0
-        rate = 1.0 / float(np.median(np.diff(t)))
-        grid = np.arange(t[0], t[-1], 1.0 / rate)[:_LONGEST]
-        return np.interp(grid, t, y), rate
+        if t.size < _FEWEST:
+            return None
+        spacing_s = float(np.median(np.diff(t)))
+        return Cut(t, y, 1.0 / spacing_s) if spacing_s > np.finfo(float).eps else None
 
     def spectrum(self, number: int, start_s: float, stop_s: float) -> dict[str, Any]:
-        """One-sided power spectral density in unit²/Hz (Welch, Hann, half overlapping) over frequency in rad/s."""
+        """One-sided power spectral density in unit²/Hz (Welch, Hann, half overlapping) over frequency in rad/s.
+
+        ``start_s`` and ``stop_s`` are where the samples begin and end that it is of.
+        """
         from scipy.signal import welch
 
-        y, rate = self.cut(number, start_s, stop_s)
-        if y.size < 16:
-            return {"frequency_rad_s": [], "density": []}
-        frequency, density = welch(y, fs=rate, nperseg=min(y.size, max(256, y.size // 8)), detrend="constant")
-        return {"frequency_rad_s": (2.0 * np.pi * frequency[1:]).tolist(), "density": density[1:].tolist()}
+        cut = self.cut(number, start_s, stop_s)
+        pieces = [] if cut is None else cut.pieces()
+        longest = max((one.size for one in pieces), default=0)
+        if cut is None or longest < _FEWEST:
+            return {"start_s": start_s, "stop_s": stop_s, "frequency_rad_s": [], "density": []}
+        length = min(longest, max(256, sum(one.size for one in pieces) // 8))
+        taken = [one for one in pieces if one.size >= length]
+        with np.errstate(all="ignore"):
+            found = [welch(one, fs=cut.rate_hz, nperseg=length, detrend="constant") for one in taken]
+            counts = [1 + 2 * (one.size - length) // length for one in taken]
+            density = np.average([one for _, one in found], axis=0, weights=counts)
+        return {
+            "start_s": float(cut.time_s[0]),
+            "stop_s": float(cut.time_s[-1]),
+            "frequency_rad_s": listed(2.0 * np.pi * found[0][0][1:]),
+            "density": listed(density[1:]),
+        }
 
     def spectrogram(self, number: int, start_s: float, stop_s: float) -> dict[str, Any]:
-        """The same over time, in dB: at most 400 columns of 128 rows."""
-        from scipy.signal import spectrogram
+        """The same over time, in dB: at most 400 columns of 128 rows, with nothing where there is a gap."""
+        from scipy.signal import periodogram
 
-        y, rate = self.cut(number, start_s, stop_s)
-        if y.size < 64:
-            return {"time_s": [], "frequency_rad_s": [], "density_db": []}
-        length = min(256, y.size // 4)
-        step = max(length // 2, y.size // 400)
-        f, t, density = spectrogram(y, fs=rate, nperseg=length, noverlap=max(length - step, 0), detrend="constant")
-        density = density[1:129, :400]
-        decibels = 10.0 * np.log10(np.maximum(density, 1e-30))
+        cut = self.cut(number, start_s, stop_s)
+        longest = 0 if cut is None else max(one.size for one in cut.pieces())
+        if cut is None or longest < 4 * _FEWEST:
+            return {"start_s": start_s, "stop_s": stop_s, "time_s": [], "frequency_rad_s": [], "density_db": []}
+        first, last = float(cut.time_s[0]), float(cut.time_s[-1])
+        length = min(2 * _MOST_ROWS, longest // 4)
+        half_s = 0.5 * (length - 1) / cut.rate_hz
+        count = min(_MOST_COLUMNS, 1 + int((last - first - 2.0 * half_s) / half_s))
+        centers = np.linspace(first + half_s, last - half_s, count)
+        grid = centers[:, None] + np.linspace(-half_s, half_s, length)
+        windows = np.interp(grid, cut.time_s, cut.values)
+        with np.errstate(all="ignore"):
+            f, density = periodogram(windows, fs=cut.rate_hz, window="hann", detrend="constant")
+            decibels = 10.0 * np.log10(np.maximum(density[:, 1 : _MOST_ROWS + 1], 1e-30))
+        decibels[~cut.whole(centers - half_s, centers + half_s)] = np.nan
         return {
-            "time_s": (start_s + t[:400]).tolist(),
-            "frequency_rad_s": (2.0 * np.pi * f[1:129]).tolist(),
-            "density_db": np.round(decibels, 2).tolist(),
+            "start_s": first,
+            "stop_s": last,
+            "time_s": listed(centers),
+            "frequency_rad_s": listed(2.0 * np.pi * f[1 : _MOST_ROWS + 1]),
+            "density_db": listed(np.round(decibels.T, 2)),
         }
+
+
+def _mapped(file: Path) -> FloatArray:
+    array: FloatArray = np.load(file, mmap_mode="r", allow_pickle=False)
+    return array

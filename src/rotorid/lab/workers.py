@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Literal, TypeAlias
+from typing import IO, Final, Literal, TypeAlias
 
 from rotorid.errors import UsageError
 from rotorid.io.children import end_session
@@ -27,8 +26,11 @@ State: TypeAlias = Literal["waiting", "running", "done", "refused", "failed", "c
 MOST_RUNNING, MOST_WAITING = 2, 20
 MEMORY_BYTES = 4 << 30
 WALL_S = 3600.0
+SAID_WHY: Final = 3
+"""Code of a worker that could not go on, and has said why in its last line."""
 _MOST_OUTPUT = 64 << 20
 _MOST_LINE = 1 << 16
+_END_S = 10.0
 
 
 @dataclass(eq=False)
@@ -41,7 +43,6 @@ class Job:
     told: str = ""
     share: float | None = None
     sentence: str = ""
-    output: Path = Path()
     process: subprocess.Popen[bytes] | None = None
     ended: threading.Event = field(default_factory=threading.Event)
     started_s: float = 0.0
@@ -49,10 +50,23 @@ class Job:
     costs: list[float] = field(default_factory=list)
 
     @property
+    def output(self) -> Path:
+        """What it prints."""
+        return self.folder / "output.json"
+
+    @property
     def seconds(self) -> float:
         """How long it has run, or ran."""
         until = time.monotonic() if self.ended_s is None else self.ended_s
         return round(until - self.started_s, 1) if self.started_s else 0.0
+
+    def end(self, state: State, sentence: str = "") -> None:
+        """Settle how it ended; what was said first holds."""
+        if not self.ended.is_set():
+            if self.state != "canceled":
+                self.state, self.sentence = state, sentence
+            self.share, self.ended_s = None, time.monotonic()
+            self.ended.set()
 
 
 class Workers:
@@ -60,105 +74,118 @@ class Workers:
 
     def __init__(self, *, memory_bytes: int = MEMORY_BYTES, most_running: int = MOST_RUNNING) -> None:
         self._memory_bytes = memory_bytes
-        self._places = threading.Semaphore(most_running)
+        self._free = most_running
         self._jobs: list[Job] = []
-        self._lock = threading.Lock()
+        self._changed = threading.Condition()
         self._closed = False
 
-    def start(self, words: Sequence[str], folder: Path, *, then: Callable[[Job], None] | None = None) -> Job:
-        """Run a command in a folder of its own as soon as a place is free; ``then`` is called when it ended.
+    def start(self, words: Sequence[str], folder: Path) -> Job:
+        """Run a command in a folder as soon as a place is free.
 
         Raises
         ------
         UsageError
             Too many wait already.
         """
-        job = Job(list(words), folder, output=folder / "output.json")
-        with self._lock:
-            if self._closed or sum(not one.ended.is_set() for one in self._jobs) >= MOST_WAITING:
+        job = Job(list(words), folder)
+        with self._changed:
+            self._jobs = [one for one in self._jobs if not one.ended.is_set()]
+            if self._closed or len(self._jobs) >= MOST_WAITING:
                 raise UsageError(f"{MOST_WAITING} commands run or wait", needed="one of them to end")
-            self._jobs = [one for one in self._jobs if not one.ended.is_set()] + [job]
-        threading.Thread(target=self._run, args=(job, then), daemon=True).start()
+            self._jobs.append(job)
+        threading.Thread(target=self._run, args=(job,), daemon=True).start()
         return job
 
     def cancel(self, job: Job) -> None:
-        """End a command with everything that it started."""
-        with self._lock:
+        """End a command with everything that it started; one that waits has ended with that."""
+        with self._changed:
             if job.ended.is_set():
                 return
-            job.state = "canceled"
-            job.sentence = "It was canceled."
+            job.state, job.sentence = "canceled", "It was canceled."
             if job.process is not None:
                 end_session(job.process)
+            elif job.started_s == 0.0:
+                job.end("canceled")
+            self._changed.notify_all()
 
     def close(self) -> None:
-        """End all commands, and take none any more."""
-        with self._lock:
+        """End all commands, wait until they have, and take none any more."""
+        with self._changed:
             self._closed = True
             jobs = list(self._jobs)
         for job in jobs:
             self.cancel(job)
+        last = time.monotonic() + _END_S
+        for job in jobs:
+            job.ended.wait(max(last - time.monotonic(), 0.0))
 
-    @staticmethod
-    def _was_canceled(job: Job) -> bool:
-        """Another thread may have said so."""
-        return job.state == "canceled"
-
-    def _run(self, job: Job, then: Callable[[Job], None] | None) -> None:
+    def _run(self, job: Job) -> None:
+        """Wait for a place, then carry out a command that nobody canceled meanwhile."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._free > 0 or job.ended.is_set())
+            if job.ended.is_set():
+                return
+            self._free -= 1
+            job.state, job.started_s = "running", time.monotonic()
         try:
-            with self._places:
-                self._carry_out(job)
-        except OSError as error:
-            job.state, job.sentence = "failed", f"The worker could not run: {error.strerror}."
+            self._carry_out(job)
+        except (OSError, ValueError) as error:
+            job.end("failed", f"The worker could not run: {getattr(error, 'strerror', None) or error}.")
         finally:
-            job.share, job.ended_s = None, time.monotonic()
-            if then is not None:
-                then(job)
-            job.ended.set()
+            with self._changed:
+                self._free += 1
+                job.end("failed", "The worker could not run.")
+                self._changed.notify_all()
 
     def _carry_out(self, job: Job) -> None:
-        job.folder.mkdir(parents=True, exist_ok=True)
-        with job.output.open("wb") as output:
-            with self._lock:
-                if job.state == "canceled" or self._closed:
-                    job.state = "canceled"
-                    return
-                job.state, job.started_s = "running", time.monotonic()
-                job.process = subprocess.Popen(
+        with self._changed:
+            if job.state == "canceled":
+                return
+            # The private folder may be gone, and does not come back for a command.
+            job.folder.mkdir(mode=0o700, exist_ok=True)
+            with job.output.open("wb") as output:
+                job.process = process = subprocess.Popen(
                     [sys.executable, "-m", "rotorid.cli.lab_worker", str(self._memory_bytes), *job.words],
                     stdin=subprocess.DEVNULL,
                     stdout=output,
                     stderr=subprocess.PIPE,
                     cwd=job.folder,
                     start_new_session=True,
-                    env={**os.environ, "ROTORID_LAB_PARENT": str(os.getpid())},
                 )
-            clock = threading.Timer(WALL_S, lambda: end_session(process))
-            process = job.process
-            clock.daemon = True
-            clock.start()
-            try:
+        late = threading.Event()
+
+        def end_late() -> None:
+            late.set()
+            end_session(process)
+
+        clock = threading.Timer(WALL_S, end_late)
+        clock.daemon = True
+        clock.start()
+        try:
+            with process:
                 assert process.stderr is not None
                 last = _listen(job, process.stderr)
-                code = process.wait()
-            finally:
-                clock.cancel()
-                if process.stderr is not None:
-                    process.stderr.close()
-                end_session(process)
-        if self._was_canceled(job):
-            return
-        if code == 0:
-            job.state = "done"
-        elif code in (1, 2):
-            job.state = "refused"
-            job.sentence = last.removeprefix("rotorid: ") or "It was refused."
+        finally:
+            clock.cancel()
+            end_session(process)
+        if late.is_set():
+            job.end("failed", f"It was ended after {WALL_S / 60.0:g} minutes, the most that a command has.")
+        elif job.output.stat().st_size > _MOST_OUTPUT:
+            job.end("failed", "The answer is too large for the page.")
         else:
-            job.state = "failed"
-            why = f"signal {-code}" if code < 0 else f"code {code}"
-            job.sentence = f"The worker ended with {why}; nothing else is lost, and it may be started again."
-        if job.output.stat().st_size > _MOST_OUTPUT:
-            job.state, job.sentence = "failed", "The answer is too large for the page."
+            job.end(*_how(process.returncode, last.removeprefix("rotorid: ")))
+
+
+def _how(code: int, last: str) -> tuple[State, str]:
+    """How a worker ended, by its code and the last line that it wrote."""
+    if code == 0:
+        return "done", ""
+    if code in (1, 2):
+        return "refused", last or "It was refused."
+    if code == SAID_WHY and last:
+        return "failed", last
+    why = f"signal {-code}" if code < 0 else f"code {code}"
+    return "failed", f"The worker ended with {why}; nothing else is lost, and it may be started again."
 
 
 def _listen(job: Job, stream: IO[bytes]) -> str:

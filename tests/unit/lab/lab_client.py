@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rotorid.lab import server as lab_server
-from rotorid.lab.session import Session
+from rotorid.lab.session import OpenLog, Session
+from rotorid.lab.tracks import write_tracks
 from rotorid.lab.workers import Job, Workers
 
-TOKEN = "a" * 32
+TOKEN, SECRET = "a" * 32, "b" * 32
 HOST = "127.0.0.1:1234"
 
 
@@ -23,10 +26,10 @@ class StillWorkers(Workers):
         super().__init__()
         self.words: list[list[str]] = []
 
-    def start(self, words, folder, *, then=None):  # type: ignore[no-untyped-def]
+    def start(self, words: Sequence[str], folder: Path) -> Job:
         self.words.append(list(words))
-        job = Job(list(words), folder, state="refused", output=folder / "output.json")
-        job.ended.set()
+        job = Job(list(words), folder)
+        job.end("refused")
         return job
 
 
@@ -45,7 +48,17 @@ def lab_session(place: Path, workers: Workers | None = None) -> Iterator[Session
         made.close()
 
 
-def client_of(session: Session, *, cookie: str | None = TOKEN, host: str = HOST) -> Any:
+def seen(session: Session, table: str | None = None) -> OpenLog:
+    """A log of the session that is read: by default one channel for a second at 1 kHz."""
+    file = session.place / f"table-{len(session.logs)}.csv"
+    samples = (f"{k / 1000},{np.sin(0.3 * k)}" for k in range(1000))
+    file.write_text(table or "\n".join(["time [s],p [rad/s]", *samples]), encoding="utf-8")
+    log = session.open(file, file.name)
+    write_tracks(file, log.folder)
+    return log
+
+
+def client_of(session: Session, *, cookie: str | None = SECRET, host: str = HOST, once: bool = False) -> Any:
     """A client of the guarded application."""
     with warnings.catch_warnings():
         # It would rather have httpx2, and takes httpx.
@@ -53,6 +66,6 @@ def client_of(session: Session, *, cookie: str | None = TOKEN, host: str = HOST)
         warnings.simplefilter("ignore", DeprecationWarning)
         from starlette.testclient import TestClient
 
-    app = lab_server.lab_app(session, token=TOKEN, hosts=frozenset({HOST}))
+    app = lab_server.lab_app(session, token=TOKEN, secret=SECRET, hosts=frozenset({HOST}), once=once)
     cookies = {} if cookie is None else {"rotorid_lab": cookie}
     return TestClient(app, base_url=f"http://{host}", cookies=cookies, follow_redirects=False)

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.unit.lab.lab_client import HOST, TOKEN, StillWorkers, client_of, lab_session
+from tests.unit.lab.lab_client import HOST, SECRET, StillWorkers, client_of, lab_session
 
 from rotorid.errors import UsageError
+from rotorid.lab import guard
 from rotorid.lab import server as lab_server
 from rotorid.lab import session as lab_session_module
 from rotorid.lab import workers as lab_workers
@@ -37,7 +38,7 @@ def _no_token(session: Session) -> bool:
 
 
 def _no_one_asks_for_the_token(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(lab_server.Guard, "_is_token", lambda *_: True)
+    patch.setattr(guard, "_is", lambda *_: True)
 
 
 def _another_name(session: Session) -> bool:
@@ -50,12 +51,12 @@ class _AllHosts(frozenset[str]):
 
 
 def _any_name_will_do(patch: pytest.MonkeyPatch) -> None:
-    made = lab_server.Guard.__init__
+    made = guard.Guard.__init__
 
-    def init(self: Any, app: Any, *, token: str, hosts: Any, cookie: str) -> None:
-        made(self, app, token=token, hosts=_AllHosts(), cookie=cookie)
+    def init(self: Any, app: Any, **named: Any) -> None:
+        made(self, app, **named | {"hosts": _AllHosts()})
 
-    patch.setattr(lab_server.Guard, "__init__", init)
+    patch.setattr(guard.Guard, "__init__", init)
 
 
 def _another_page(session: Session) -> bool:
@@ -69,7 +70,7 @@ def _another_site(session: Session) -> bool:
 
 
 def _any_page_may_ask(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(lab_server.Guard, "_is_foreign", staticmethod(lambda *_: False))
+    patch.setattr(guard.Guard, "_is_foreign", staticmethod(lambda *_: False))
 
 
 def _foreign_script(session: Session) -> bool:
@@ -78,7 +79,7 @@ def _foreign_script(session: Session) -> bool:
 
 
 def _no_policy(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(lab_server, "_POLICY", "default-src *")
+    patch.setattr(guard, "_OWN_PAGE", ((b"content-security-policy", b"default-src *"),))
 
 
 def _report_with_rights(session: Session) -> bool:
@@ -90,7 +91,7 @@ def _report_with_rights(session: Session) -> bool:
     (folder / "report.html").write_text("<script>fetch('/api/state')</script>")
     job = StillWorkers().start(["review"], folder)
     job.state = "done"
-    session.steps.append(Ran(Step(verb="review", logs=(1,)), job, folder))
+    session.steps.append(Ran(1, Step(verb="review", logs=(1,)), job, folder))
     answer = client_of(session).get("/api/steps/1/report")
     assert answer.status_code == 200
     policy = answer.headers["content-security-policy"]
@@ -106,7 +107,7 @@ def _long_body(session: Session) -> bool:
 
 
 def _bodies_of_any_length(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(lab_server, "BODY_BYTES", 1 << 40)
+    patch.setattr(guard, "BODY_BYTES", 1 << 40)
 
 
 def _large_upload(session: Session) -> bool:
@@ -114,7 +115,7 @@ def _large_upload(session: Session) -> bool:
 
 
 def _uploads_of_any_size(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(lab_server, "UPLOAD_BYTES", 1 << 40)
+    patch.setattr(guard, "UPLOAD_BYTES", 1 << 40)
 
 
 def _upload_that_lies(session: Session) -> bool:
@@ -124,7 +125,7 @@ def _upload_that_lies(session: Session) -> bool:
 
 
 def _nobody_counts(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(lab_server, "_limited", lambda receive, _: receive)
+    patch.setattr(guard, "_limited", lambda receive, _: receive)
 
 
 def _many_uploads(session: Session) -> bool:
@@ -133,7 +134,7 @@ def _many_uploads(session: Session) -> bool:
 
 
 def _uploads_without_end(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(lab_server, "ALL_UPLOAD_BYTES", 1 << 40)
+    patch.setattr(lab_session_module, "ALL_UPLOAD_BYTES", 1 << 40)
 
 
 def _link_outward(session: Session) -> bool:
@@ -141,7 +142,7 @@ def _link_outward(session: Session) -> bool:
 
 
 def _links_are_followed(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(Session, "_inside", lambda _, path: path.is_file())
+    patch.setattr(Session, "_inside", lambda _, path: path if path.is_file() else None)
 
 
 def _path_outward(session: Session) -> bool:
@@ -158,10 +159,11 @@ def _name_outward(session: Session) -> bool:
 
 
 def _names_as_they_come(patch: pytest.MonkeyPatch) -> None:
-    def upload_path(self: Session, name: str) -> Path:
-        folder = self.place / "upload"
-        folder.mkdir()
-        return folder / name
+    def upload_path(self: Session, name: str) -> tuple[Path, str]:
+        path = self.place / "upload" / name
+        (self.place / "upload").mkdir()
+        self._uploads[path] = 0
+        return path, name
 
     patch.setattr(Session, "upload_path", upload_path)
 
@@ -193,13 +195,13 @@ GUARDS: dict[str, tuple[Attack, Remove]] = {
 }
 
 
-@pytest.mark.parametrize("guard", GUARDS)
+@pytest.mark.parametrize("name", GUARDS)
 def test_a_guard_holds_off_what_comes_through_without_it(
-    guard: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    attack, remove = GUARDS[guard]
-    monkeypatch.setattr(lab_server, "UPLOAD_BYTES", 2000)
-    monkeypatch.setattr(lab_server, "ALL_UPLOAD_BYTES", 3000)
+    attack, remove = GUARDS[name]
+    monkeypatch.setattr(guard, "UPLOAD_BYTES", 2000)
+    monkeypatch.setattr(lab_session_module, "ALL_UPLOAD_BYTES", 3000)
     # What breaks out of the private folder lands in the test's own.
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with lab_session(tmp_path / "guarded") as session:
@@ -256,10 +258,10 @@ def test_a_command_that_wants_too_much_memory_ends_alone(tmp_path: Path) -> None
 
 def test_tokens_are_compared_in_constant_time_and_whole(tmp_path: Path) -> None:
     with lab_session(tmp_path) as session:
-        for wrong in (TOKEN[:-1], TOKEN + "a", TOKEN.upper(), "é" * 32):
+        for wrong in (SECRET[:-1], SECRET + "b", SECRET.upper(), "é" * 32):
             client = client_of(session, cookie=None)
             assert client.get("/api/state", headers={"cookie": f"rotorid_lab={wrong}".encode()}).status_code == 401
-        twice = f"rotorid_lab={TOKEN}; rotorid_lab={TOKEN}"
+        twice = f"rotorid_lab={SECRET}; rotorid_lab={SECRET}"
         assert client_of(session, cookie=None).get("/api/state", headers={"cookie": twice}).status_code == 401
         assert client_of(session, host=HOST).get("/api/state").status_code == 200
 
