@@ -17,7 +17,7 @@ from rotorid.data import FlightRecord, Topic
 from rotorid.data.ranges import MEASURED, TURNING, range_of
 from rotorid.typing import FloatArray
 
-ValueFault = Literal["nan", "huge", "negative huge", "zero", "flipped", "hundredfold", "stuck"]
+ValueFault = Literal["nan", "huge", "negative huge", "zero", "flipped", "hundredfold", "stuck", "beyond"]
 StampFault = Literal["stamp zero", "stamp back", "stamp ahead"]
 VALUE_FAULTS: tuple[ValueFault, ...] = get_args(ValueFault)
 STAMP_FAULTS: tuple[StampFault, ...] = get_args(StampFault)
@@ -25,7 +25,7 @@ STAMP_FAULTS: tuple[StampFault, ...] = get_args(StampFault)
 SAYING = frozenset({"impossible_value", "clock_disorder", "gap"})
 _SLOWEST_HZ = 15.0
 """Slower than this one sample may be a motion, and only impossible values are told apart."""
-_HIDDEN_STEPS, _HIDDEN_ROUGHNESS, _HIDDEN_LEVELS = 12.0, 10.0, 12.0
+_HIDDEN_STEPS, _HIDDEN_ROUGHNESS, _HIDDEN_LEVELS = 12.0, 10.0, 2.5
 """What a wrong sample may differ by and stay: a little more than the limits of the screen."""
 _SURROUNDINGS = 20
 
@@ -89,6 +89,7 @@ def _wrong(values: FloatArray, sample: int) -> Mapping[str, float]:
         "flipped": -sound,
         "hundredfold": 100.0 * sound,
         "stuck": float(values[sample - 1]),
+        "beyond": (2.5 + 6.5 * (sample % 97) / 97.0) * float(np.nanmax(np.abs(values))),
     }
 
 

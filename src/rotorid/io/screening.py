@@ -14,8 +14,9 @@ sorting of stamps that are in disorder):
   shock of an accelerometer is rough for several samples and stays.
 - A measured value that otherwise changes from sample to sample cannot stand still for half a second between motions:
   its sensor or its estimator hung. What it shows before the first motion and after the last one may be rest.
-- A command may jump; but a single sample ten times as far from the median as all others of the channel is none, nor is
-  a single negative output of a motor that otherwise turns forward.
+- A command may jump; but a sample that jumps as no measured value can, twice as far from the median as the rest of the
+  channel, is none, unless another message tells of a jump at that time. Nor is a single sample ten times as far as all
+  others, wherever it stands, or a single negative output of a motor that otherwise turns forward.
 
 Nothing is repaired: a sample is left out and counted in a finding. A channel that is mostly impossible is left out as a
 whole, since what remains of it is no better. Of the parameters those stay that :mod:`rotorid.io.parameters` lists.
@@ -59,6 +60,11 @@ _SAMPLED = 20_000
 _STILL_S, _FEWEST_STILL, _LIVELY = 0.5, 25, 0.9
 """So long, and so many samples, are equal in a channel of which outside of such stretches this share changes."""
 _GIANT, _MOST_GIANTS = 10.0, 5
+_FAR, _SAME_TIME = 2.0, 1.5
+"""A command may jump for one sample, but not so many times as far as it goes otherwise. Jumps within so many samples
+of each other are at the same time."""
+_SENSED = ("_raw", "_filtered")
+"""Ends of the names of what sensors see, before and behind filters; steps of theirs may be rest, jumps are none."""
 _OUTPUTS = frozenset(f"motor_{number}" for number in range(1, MOTORS + 1))
 _BACKWARD = 0.05
 """A motor that stands may be logged a little below its idle."""
@@ -90,7 +96,7 @@ def screened(record: FlightRecord) -> FlightRecord:
     topics: list[Topic] = []
     findings = list(stamp_findings)
     for topic in kept:
-        parts, remarks = _possible(topic)
+        parts, remarks = _possible(topic, kept)
         topics += parts
         findings += remarks
     if not any(topic.time_s.size and topic.channels for topic in topics):
@@ -299,16 +305,11 @@ class _Faults:
         return not numbers or int(np.sum(self.outside)) > _MOSTLY * numbers
 
 
-def _possible(topic: Topic) -> tuple[list[Topic], list[Finding]]:
-    """The topic without impossible samples; channels that lose many of their own stand alone."""
+def _possible(topic: Topic, topics: Sequence[Topic]) -> tuple[list[Topic], list[Finding]]:
+    """The topic, one of some, without impossible samples; channels that lose many of their own stand alone."""
     if not topic.time_s.size:
         return [topic], []
-    usual = topic.sample_rate_hz >= _SLOWEST_HZ
-    faults = [
-        _faults(channel, values, topic.sample_rate_hz if usual else None)
-        for channel, values in zip(topic.channels, topic.values, strict=True)
-    ]
-    faulty = [fault for fault in faults if fault is not None]
+    faulty = [fault for row in range(len(topic.channels)) if (fault := _faults(topic, row, topics)) is not None]
     if not faulty:
         return [topic], []
     findings = [*(finding for fault in faulty for finding in _said(topic, fault)), *_empty(topic, faulty)]
@@ -327,8 +328,9 @@ def _possible(topic: Topic) -> tuple[list[Topic], list[Finding]]:
     return [_chosen(topic, ~bad.get(topic.channels[alike[0]].name, none), alike) for alike in groups.values()], findings
 
 
-def _faults(channel: Channel, values: FloatArray, rate_hz: float | None) -> _Faults | None:
-    """What of a channel cannot be, or ``None`` where nothing is wrong; without a rate its course says nothing."""
+def _faults(topic: Topic, row: int, topics: Sequence[Topic]) -> _Faults | None:
+    """What of a channel cannot be, or ``None`` where nothing is wrong."""
+    channel, values, rate_hz = topic.channels[row], topic.values[row], topic.sample_rate_hz
     low, high = range_of(channel) or (-np.inf, np.inf)
     # A comparison with a NaN is false; one pass tells that all is well.
     least, most = float(values.min()), float(values.max())
@@ -337,11 +339,16 @@ def _faults(channel: Channel, values: FloatArray, rate_hz: float | None) -> _Fau
     with np.errstate(invalid="ignore"):
         outside = no_number if sound else ((values < low) | (values > high)) & ~no_number
     alone, still = np.zeros((2, values.size), dtype=np.bool_)
-    if rate_hz is not None:
-        inside = None if sound else np.flatnonzero(~(no_number | outside))
-        known = values if inside is None else values[inside]
-        for mask, found in ((alone, _lone_samples(known, channel.name)), (still, _still(known, channel.name, rate_hz))):
-            mask[found if inside is None else inside[found]] = True
+    if rate_hz >= _SLOWEST_HZ:
+        inside = slice(None) if sound else np.flatnonzero(~(no_number | outside))
+        known, time_s = values[inside], topic.time_s[inside]
+        lone = _lone_samples(known, channel.name)
+        if not _is_sensed(channel.name):
+            elsewhere = [other for other in topics if other is not topic]
+            told = [place for place in _far(known, channel.name).tolist() if not _is_told(time_s[place], elsewhere)]
+            lone = np.union1d(lone, told).astype(np.int64)
+        for mask, found in ((alone, lone), (still, _still(known, channel.name, rate_hz))):
+            mask[np.arange(values.size)[inside][found]] = True
     if sound and not alone.any() and not still.any():
         return None
     return _Faults(channel=channel, no_number=no_number, outside=outside, lone=alone, still=still)
@@ -372,25 +379,61 @@ def _lone_samples(values: FloatArray, name: str) -> IntArray:
     none = np.empty(0, dtype=np.int64)
     if values.size < _FEWEST:
         return none
+    steps, out = _outstanding(values, name)
+    # A giant stands out by half of its distance, and at most two of them span the whole range.
+    found = _giants(values, out, name) if float(out.max()) > 0.25 * float(np.ptp(values)) else none
+    if name in _OUTPUTS:
+        found = np.union1d(found, _reversed(values, out))
+    if _is_sensed(name):
+        found = np.union1d(found, _jumps(steps, out))
+    return found.astype(np.int64)
+
+
+def _is_sensed(name: str) -> bool:
+    return name in MEASURED or name.endswith(_SENSED) or name.startswith("motor_speed_")
+
+
+def _jumps(steps: FloatArray, out: FloatArray) -> IntArray:
+    """Indices of samples that jump out of a course that is smooth around them, and are back one sample later."""
+    none = np.empty(0, dtype=np.int64)
+    limit = _STEPS * _ordinary(np.abs(steps))
+    places = np.flatnonzero(out > limit) if limit > 0.0 else none
+    # Many of them are how this sensor is, or what the vehicle went through.
+    if places.size > _FEW * (steps.size + 1):
+        return none
+    return np.array([place + 1 for place in places.tolist() if _is_alone(steps, out, place)], dtype=np.int64)
+
+
+def _far(values: FloatArray, name: str) -> IntArray:
+    """Indices of jumps that lie far beyond all other samples."""
+    if values.size < _FEWEST:
+        return np.empty(0, dtype=np.int64)
+    places = _jumps(*_outstanding(values, name))
+    distance = np.abs(values - np.median(values))
+    return places[distance[places] > _FAR * float(np.delete(distance, places).max())] if places.size else places
+
+
+def _is_told(time_s: float, topics: Sequence[Topic]) -> bool:
+    """Whether other messages tell of a jump at this time: then a controller made it, and no damage of one message."""
+    for topic in topics:
+        if topic.time_s.size < _FEWEST or topic.sample_rate_hz < _SLOWEST_HZ:
+            continue
+        near = np.abs(topic.time_s - time_s) * topic.sample_rate_hz < _SAME_TIME
+        for channel, values in zip(topic.channels, topic.values, strict=True):
+            if near.any() and not _is_sensed(channel.name) and near[_jumps(*_outstanding(values, channel.name))].any():
+                return True
+    return False
+
+
+def _outstanding(values: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
+    """The steps of a channel, and how far each inner sample stands out from both of its neighbors."""
     steps = np.diff(values)
     if name in TURNING:
         steps = _less_a_turn(steps)
     sizes = np.abs(steps)
-    # How far each inner sample stands out from both of its neighbors.
     out = np.minimum(sizes[:-1], sizes[1:])
     out *= (steps[:-1] > 0.0) != (steps[1:] > 0.0)
-    farthest = float(out.max())
-    # A giant stands out by half of its distance, and at most two of them span the whole range.
-    found = _giants(values, out, name) if farthest > 0.25 * float(np.ptp(values)) else none
-    if name in _OUTPUTS:
-        found = np.union1d(found, _reversed(values, out))
-    if name in MEASURED:
-        ordinary = _ordinary(sizes)
-        places = np.flatnonzero(out > _STEPS * ordinary) if farthest > _STEPS * ordinary > 0.0 else none
-        # Many of them are how this sensor is, or what the vehicle went through.
-        if places.size <= _FEW * values.size:
-            found = np.union1d(found, [place + 1 for place in places.tolist() if _is_alone(steps, out, place)])
-    return found.astype(np.int64)
+    return steps, out
 
 
 def _reversed(values: FloatArray, out: FloatArray) -> IntArray:

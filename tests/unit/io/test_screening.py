@@ -97,6 +97,45 @@ def test_a_mixer_input_beyond_one_stays() -> None:
     assert screened(record) is record
 
 
+def smooth(**values: float) -> FloatArray:
+    """A command of 0.1 at most, some samples replaced: ``at_100=0.6``."""
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(SAMPLES)
+    command = 0.1 * np.sin(2.0 * np.pi * 0.7 * TIME_S) + noise
+    for place, value in values.items():
+        command[int(place.removeprefix("at_"))] = value
+    return np.asarray(command)
+
+
+@pytest.mark.parametrize(
+    "channel", ["roll_command", "roll_stick", "p_setpoint", "roll_excitation", "motor_1", "p_raw", "motor_speed_1"]
+)
+def test_jumps_of_a_few_times_the_largest_command_are_left_out_together(channel: str) -> None:
+    wrong = smooth(at_500=0.6, at_1234=-0.9, at_2000=0.3, at_3000=0.6)
+    record = screened(flight(**{channel: wrong}))
+    assert record[channel].values.tolist() == np.delete(wrong, [500, 1234, 2000, 3000]).tolist()
+    (finding,) = record.findings
+    assert (finding.kind, finding.where, finding.numbers["lone"]) == ("impossible_value", channel, 4.0)
+
+
+def test_a_jump_within_what_a_command_does_otherwise_stays() -> None:
+    record = flight(roll_command=smooth(at_1234=0.18))
+    assert screened(record) is record
+
+
+@pytest.mark.parametrize(("also", "lost"), [(1234, 0), (1240, 1)])
+def test_a_jump_of_which_another_message_tells_stays(also: int, lost: int) -> None:
+    """A stick that is let go for one sample: the set-point jumps, and the command with it."""
+    record = flight(p_setpoint=smooth(at_1234=0.6))
+    command = Topic(
+        name="OUT",
+        time_s=TIME_S + 1e-3,
+        channels=(Channel(name="pitch_command", unit=STANDARD_UNITS["pitch_command"]),),
+        values=smooth(**{f"at_{also}": 0.18})[None],
+    )
+    found = screened(FlightRecord(source=record.source, topics=(*record.topics, command)))
+    assert found["p_setpoint"].values.size == SAMPLES - lost
+
+
 @pytest.mark.parametrize("length", [3, 8, 40])
 def test_a_shock_of_the_accelerometer_stays(length: int) -> None:
     """A hit rings for several samples, at 200 Hz too."""
