@@ -33,6 +33,7 @@ UNITS: Mapping[str, Unit] = {
     "ms": Unit("s", 1e-3),
     "us": Unit("s", 1e-6),
     "ns": Unit("s", 1e-9),
+    "min": Unit("s", 60.0),
     "m": Unit("m"),
     "cm": Unit("m", 1e-2),
     "mm": Unit("m", 1e-3),
@@ -54,6 +55,7 @@ UNITS: Mapping[str, Unit] = {
     "rad/s^2": Unit("rad/s^2"),
     "deg/s^2": Unit("rad/s^2", _DEGREE),
     "Hz": Unit("rad/s", _TURN),
+    "kHz": Unit("rad/s", 1e3 * _TURN),
     "V": Unit("V"),
     "mV": Unit("V", 1e-3),
     "A": Unit("A"),
@@ -69,6 +71,8 @@ _ALIASES: Mapping[str, str] = {
     "radians": "rad",
     "seconds": "s",
     "µs": "us",
+    "hz": "Hz",
+    "khz": "kHz",
     "m/s/s": "m/s^2",
     "m/s2": "m/s^2",
     "m/s²": "m/s^2",
@@ -110,20 +114,57 @@ def parse_unit(text: str) -> Unit:
     return UNITS[name]
 
 
+def writable(unit: str) -> str:
+    """A unit that a person may write behind a number; ``1`` in place of one that is no word of :data:`UNITS`.
+
+    Examples
+    --------
+    >>> writable("kg"), writable("kg m^2")
+    ('kg', '1')
+    """
+    return unit if unit in UNITS else "1"
+
+
 _MEASURE = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.DOTALL)
 
 
-def read_measure(text: str, si: str | None = None, *, name: str = "") -> float:
-    """A number as a person writes it, in SI: with a unit behind it, or in SI already.
+class Measure(float):
+    """A number in SI whose unit was written behind it.
+
+    Parameters
+    ----------
+    value
+        In SI.
+    si
+        Its SI unit; empty where none was written.
+
+    Examples
+    --------
+    >>> Measure(0.02, "s"), Measure(0.02, "s").si
+    (0.02, 's')
+    """
+
+    si: str
+
+    def __new__(cls, value: float, si: str = "") -> Measure:
+        """A float that knows its unit."""
+        made = super().__new__(cls, value)
+        made.si = si
+        return made
+
+
+def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: str = "") -> float:
+    """A number as a person writes it: with a unit behind it, or alone.
 
     Parameters
     ----------
     text
         Such as ``20cm``, ``5 ms``, ``0.2``.
-    si
-        The SI unit that is wanted; any where none is named.
-    name
-        Of the option, for the error.
+    unit
+        What the answer is in, and a number that stands alone. Without one the answer is a :class:`Measure`, and a
+        number that stands alone is in SI.
+    came, needed
+        For the error, in place of the text and of a number in this unit.
 
     Raises
     ------
@@ -134,20 +175,89 @@ def read_measure(text: str, si: str | None = None, *, name: str = "") -> float:
     --------
     >>> read_measure("20cm", "m"), read_measure("0.2", "m"), round(read_measure("8 Hz", "rad/s"), 3)
     (0.2, 0.2, 50.265)
+    >>> read_measure("0.25kHz", "Hz"), read_measure("20 deg", "deg")
+    (250.0, 20.0)
     """
-    wanted = "a number" if si is None else f"a number in {si}, or with its unit behind it"
+    quoted = came or f"{text!r} came"
+    alone = "a number" if unit in (None, "1") else f"a number in {unit}, or with its unit behind it"
     found = _MEASURE.fullmatch(text.strip())
-    if found is None:
-        raise UsageError(f"{name} {text!r}".strip() + " came", needed=wanted)
+    if found is None or not math.isfinite(float(found[1])):
+        raise UsageError(quoted, needed=needed or alone)
     number, written = float(found[1]), found[2].strip()
-    if not math.isfinite(number):
-        raise UsageError(f"{name} {text!r}".strip() + " came", needed=wanted)
+    wanted = None if unit is None else parse_unit(unit)
     if not written:
-        return number
-    if si is None and written == "g":
-        raise UsageError(f"{name} {text!r}".strip() + " came, grams or gravity", needed="kg, or m/s^2")
-    unit = parse_unit(written)
-    if si is not None and unit.si != si:
-        raise UsageError(f"{name} {text!r}".strip() + f" came, which is in {unit.si}", needed=wanted)
+        return number if wanted is not None else Measure(number)
+    why = f"{quoted}, which is" if quoted.endswith(" came") else f"{quoted}: {text.strip()!r} is"
+    if written == "g" and (wanted is None or wanted.si == "kg"):
+        raise UsageError(f"{why} grams or gravity", needed="kg, or m/s^2")
+    try:
+        given = parse_unit(written)
+    except UsageError as error:
+        raise UsageError(f"{quoted}: {error.came}", needed=error.needed, remedy=error.remedy) from None
+    if wanted is not None and given.si != wanted.si:
+        raise UsageError(f"{why} in {given.si}", needed=needed or alone)
     # Decimal factors of ten are written as they are read: 20 cm is 0.2 m.
-    return float(f"{number * unit.factor:.15g}")
+    value = float(f"{number * (given.factor / (wanted.factor if wanted else 1.0)):.15g}")
+    return value if wanted is not None else Measure(value, given.si)
+
+
+def read_measures(text: str, unit: str, between: str, *, came: str = "", needed: str = "") -> tuple[float, ...]:
+    """Numbers with a sign between them; where one unit alone is written, it is that of all of them.
+
+    Parameters
+    ----------
+    text
+        Such as ``0.1:8Hz`` or ``10,5``.
+    unit, came, needed
+        As for :func:`read_measure`.
+    between
+        The sign.
+
+    Raises
+    ------
+    UsageError
+        As :func:`read_measure`.
+
+    Examples
+    --------
+    >>> read_measures("1:60", "rad/s", ":"), read_measures("500ms,2s", "s", ","), read_measures("500,200ms", "s", ",")
+    ((1.0, 60.0), (0.5, 2.0), (0.5, 0.2))
+    """
+    parts = [part.strip() for part in text.split(between)]
+    found = [_MEASURE.fullmatch(part) for part in parts]
+    written = {one[2].strip() for one in found if one is not None} - {""}
+    shared = written.pop() if len(written) == 1 else ""
+    return tuple(
+        read_measure(
+            f"{part} {shared}" if one is not None and not one[2].strip() else part, unit, came=came, needed=needed
+        )
+        for part, one in zip(parts, found, strict=True)
+    )
+
+
+def require_units(given: Mapping[str, float], units: Mapping[str, str], *, option: str) -> None:
+    """Refuse numbers that were given in a unit of something else.
+
+    Parameters
+    ----------
+    given
+        By name; those without a unit are in SI.
+    units
+        SI units by name, as far as they are known.
+    option
+        For the error.
+
+    Raises
+    ------
+    UsageError
+        A unit is of something else, or nobody knows yet what the name is in.
+
+    Examples
+    --------
+    >>> require_units({"m": Measure(1.4, "kg"), "L_p": -2.0}, {"m": "kg"}, option="--fix")
+    """
+    for name, value in given.items():
+        written = value.si if isinstance(value, Measure) else ""
+        if written and written != units.get(name):
+            needed = f"{name} in {units[name]}" if name in units else f"{name} in SI, without a unit behind it"
+            raise UsageError(f"{option} {name} came in {written}", needed=needed)

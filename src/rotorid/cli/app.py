@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
@@ -19,7 +20,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from rotorid import __version__
 from rotorid.cli.console import listen, patient_output, say, spare_warnings
-from rotorid.errors import RotoridError
+from rotorid.errors import RotoridError, UsageError
 from rotorid.io.named import ENDINGS
 
 COMMANDS = {
@@ -61,17 +62,9 @@ _WORDS: dict[str, Any] = {
 }
 
 
-OPTION_GROUPS = {
-    "Models": "model inputs outputs pair weight weights decoupled fix known tie free constant reduce speed-damping",
-    "Data": "map segment shift correct-filters correct-sensors low-pass",
-    "Responses": "band windows input-windows composition taper overlap coherence estimate instrument",
-    "Fit": "method hold pieces starts search evaluations runs bootstrap seed",
-    "Models in physical parameters": "layout arm curve rotor-diameter",
-    "Judging": "verify cross-validate",
-    "Results": "out json quiet force figures tables pdf open",
-}
-"""Headings of ``--help`` for commands with many options, and the options below each."""
 _MANY = 12
+"""Options beyond which a command lists them under headings."""
+_LAST = ("Results", "Options")
 
 
 class Grouped(TyperCommand):
@@ -79,17 +72,20 @@ class Grouped(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Arguments, then options by what they are about, then those without a heading."""
-        headings = {f"--{name}": title for title, names in OPTION_GROUPS.items() for name in names.split()}
         told = [(one, record) for one in self.get_params(ctx) if (record := one.get_help_record(ctx)) is not None]
         many = len(told) > _MANY
-        sections: dict[str, list[Any]] = {title: [] for title in ("Arguments", *OPTION_GROUPS, "Options")}
+        sections: dict[str, list[Any]] = {"Arguments": []}
         for parameter, record in told:
-            heading = next((headings[name] for name in parameter.opts if many and name in headings), "Options")
-            sections["Arguments" if parameter.param_type_name == "argument" else heading].append(record)
-        for title, rows in sections.items():
-            if rows:
+            heading = (getattr(parameter, "rich_help_panel", None) if many else None) or "Options"
+            heading = "Arguments" if parameter.param_type_name == "argument" else heading
+            # Several of a kind are written as one; what an argument is its help says.
+            name = re.sub(r"<list\[(\w+)\]>", lambda kind: f"<{kind[1].lower()}>", record[0])
+            name = re.sub(r"(?<=\S) <\w+>$", "", name) if heading == "Arguments" else name
+            sections.setdefault(heading, []).append((name, record[1]))
+        for title in (*(title for title in sections if title not in _LAST), *_LAST):
+            if sections.get(title):
                 with formatter.section(title):
-                    formatter.write_dl(rows)
+                    formatter.write_dl(sections[title])
 
 
 class Commands(Mapping[str, Any]):
@@ -123,11 +119,16 @@ def as_preferred(command: Any) -> Any:
         from rotorid.cli.preferences import preferences
 
         preferred = preferences()
-        if preferred.frequency or preferred.magnitude or preferred.theme:
-            from rotorid.report.frame import Appearance, appearance
+        if not (preferred.frequency or preferred.magnitude or preferred.theme):
+            command(*given, **named)
+            return
+        from rotorid.report.frame import Appearance, appearance
 
-            appearance.set(Appearance(preferred.frequency, preferred.magnitude, preferred.theme))
-        command(*given, **named)
+        before = appearance.set(Appearance(preferred.frequency, preferred.magnitude, preferred.theme))
+        try:
+            command(*given, **named)
+        finally:
+            appearance.reset(before)
 
     return run
 
@@ -189,12 +190,40 @@ def _main(
     pass
 
 
-def _print_error(error: RotoridError) -> None:
-    """The error as JSON on standard output, for scripts that read nothing else."""
-    from rotorid.documents.base import to_json
-    from rotorid.documents.error import error_document
+_Refused: type[Any] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+"""What the parser of the command line raises; Typer names the kinds of it alone."""
 
-    sys.stdout.write(to_json(error_document(error)))
+
+def _print_error(error: RotoridError) -> None:
+    """One sentence; and JSON on standard output where that was asked for, for scripts that read nothing else."""
+    say(f"rotorid: {error}")
+    if "--json" in sys.argv[1:]:
+        from rotorid.documents.base import to_json
+        from rotorid.documents.error import error_document
+
+        sys.stdout.write(to_json(error_document(error)))
+
+
+def _parsed(words: list[str]) -> int:
+    """Do what the words say, and tell the exit code.
+
+    Raises
+    ------
+    UsageError
+        The parser does not understand them.
+    """
+    try:
+        return int(app(words, standalone_mode=False) or 0)
+    except _Refused as error:
+        context = getattr(error, "ctx", None)
+        if error.__class__.__name__ == "NoArgsIsHelpError":
+            error.show()
+            return int(error.exit_code)
+        message = " ".join(error.format_message().split()).rstrip(".")
+        raise UsageError(
+            f"{message[:1].lower()}{message[1:]}",
+            needed=f"what {context.command_path if context else 'rotorid'} --help lists",
+        ) from None
 
 
 def main() -> None:
@@ -203,18 +232,17 @@ def main() -> None:
     listen()
     spare_warnings()
     try:
-        app(with_review(sys.argv[1:]))
+        try:
+            code = _parsed(with_review(sys.argv[1:]))
+        except KeyboardInterrupt:
+            code = _INTERRUPTED
+        # The parser turns an interrupt into this code, too.
+        if code == _INTERRUPTED:
+            say("rotorid: interrupted; files that were complete stay, and no file is left half written")
+        sys.exit(code)
     except RotoridError as error:
-        say(f"rotorid: {error}")
-        if "--json" in sys.argv[1:]:
-            _print_error(error)
+        _print_error(error)
         sys.exit(error.exit_code)
-    except (KeyboardInterrupt, SystemExit) as ended:
-        # The command line's own handler turns an interrupt into this code before it comes here.
-        if isinstance(ended, SystemExit) and ended.code != _INTERRUPTED:
-            raise
-        say("rotorid: interrupted; files that were complete stay, and no file is left half written")
-        sys.exit(_INTERRUPTED)
     except BrokenPipeError:
         # Who reads has read enough; what Python would still flush at the end has nowhere to go.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -144,9 +144,12 @@ def _console(**options: Any) -> Console:
 def say(text: str) -> None:
     """A plain sentence to standard error; on a terminal the name of the program in color."""
     shown = visible(text).replace("\n", "\\n")
-    if shown.startswith(_NAME) and sys.stderr.isatty() and "NO_COLOR" not in os.environ:
-        shown = f"\033[1;31m{_NAME}\033[0m{shown.removeprefix(_NAME)}"
-    print(shown, file=sys.stderr)
+    if not (shown.startswith(_NAME) and sys.stderr.isatty()):
+        print(shown, file=sys.stderr)
+        return
+    from rich.text import Text
+
+    error_console().print(Text.assemble((_NAME, "bold red"), shown.removeprefix(_NAME)), soft_wrap=True)
 
 
 def say_refused(

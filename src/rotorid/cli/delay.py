@@ -26,10 +26,22 @@ def delay_command(
     logs: Logs,
     *,
     input: Annotated[
-        str | None, typer.Option("--input", help="CHANNEL that drives. [default: every set-point that moves]")
+        str | None,
+        typer.Option(
+            "--input",
+            metavar="CHANNEL",
+            rich_help_panel="Channels",
+            help="What drives. [default: every set-point that moves]",
+        ),
     ] = None,
     answer: Annotated[
-        str | None, typer.Option("--output", help="CHANNEL that answers. [default: what the set-point is of]")
+        str | None,
+        typer.Option(
+            "--output",
+            metavar="CHANNEL",
+            rich_help_panel="Channels",
+            help="What answers. [default: what the set-point is of]",
+        ),
     ] = None,
     settings: MeasureSettings,
     map: Map = None,

@@ -12,7 +12,7 @@ import typer
 
 from rotorid.cli.command import command_line, print_if_asked, target_of
 from rotorid.cli.console import print_findings, progress, tell
-from rotorid.cli.options import ForPaper, Only, Output
+from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
 from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
@@ -23,11 +23,16 @@ if TYPE_CHECKING:
     from rotorid.vehicles.catalog import VehicleEntry
 
 
+_AUTOPILOTS = ("px4", "ardupilot", "betaflight")
+_KINDS = ("sweep", "log_sweep", "multisine", "binary", "doublet", "2-1-1", "3-2-1-1")
+
+
 def design_command(
     kinds: Annotated[
         list[str],
         typer.Argument(
             metavar="KIND...",
+            autocompletion=one_of(_KINDS),
             help="sweep, log_sweep, multisine, binary, doublet, 2-1-1 or 3-2-1-1. Several are compared.",
         ),
     ],
@@ -36,17 +41,41 @@ def design_command(
         list[str],
         typer.Option(
             "--vehicle",
+            metavar="NAME|FILE.toml|RESULT",
+            autocompletion=one_of(vehicle_names),
+            rich_help_panel="Vehicle and autopilot",
             help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or a result of identify; "
             "several results join. Repeatable.",
         ),
     ],
-    like: Annotated[str | None, typer.Option("--like", help=LIKE_HELP)] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like",
+            metavar="NAME",
+            autocompletion=one_of(vehicle_names),
+            rich_help_panel="Vehicle and autopilot",
+            help=LIKE_HELP,
+        ),
+    ] = None,
     design: Annotated[dict[str, Any], DesignChoices],
     gains: Annotated[
-        Path | None, typer.Option("--gains", help="A log of your own autopilot, whose gains will fly.")
+        Path | None,
+        typer.Option(
+            "--gains",
+            rich_help_panel="Vehicle and autopilot",
+            help="A log of your own autopilot, whose gains will fly.",
+        ),
     ] = None,
     autopilot: Annotated[
-        str | None, typer.Option("--for", help="px4, ardupilot or betaflight: whose files. [default: the vehicle's]")
+        str | None,
+        typer.Option(
+            "--for",
+            metavar="|".join(_AUTOPILOTS),
+            autocompletion=one_of(_AUTOPILOTS),
+            rich_help_panel="Vehicle and autopilot",
+            help="Whose files. [default: the vehicle's]",
+        ),
     ] = None,
     plan: Annotated[dict[str, Any], PlanChoices],
     air: Air,

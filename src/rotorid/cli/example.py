@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,15 +12,24 @@ import typer
 
 from rotorid.cli.command import command_line
 from rotorid.cli.console import output_console, progress
-from rotorid.cli.options import Output
+from rotorid.cli.options import Output, one_of
 
 if TYPE_CHECKING:
     from rotorid.pipeline.examples import Example
 
 
+def _names() -> Iterable[str]:
+    from rotorid.pipeline.examples import EXAMPLES
+
+    return EXAMPLES
+
+
 def example_command(
     name: Annotated[
-        str | None, typer.Argument(help="px4, ardupilot, betaflight, rig or bebop; without one they are listed.")
+        str | None,
+        typer.Argument(
+            autocompletion=one_of(_names), help="px4, ardupilot, betaflight, rig or bebop; without one they are listed."
+        ),
     ] = None,
     *,
     seed: Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")] = 0,

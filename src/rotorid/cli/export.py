@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +11,7 @@ import typer
 
 from rotorid.cli.command import command_line
 from rotorid.cli.console import default_folder, output_console, print_findings, progress, tell
-from rotorid.cli.options import Output
+from rotorid.cli.options import Output, measured, one_of
 
 if TYPE_CHECKING:
     from rotorid.documents.export import DrawsDocument, ExportDocument
@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from rotorid.pipeline.joined import JoinedVehicle
 
 FILE = "export.json"
+
+
+def _targets() -> Iterable[str]:
+    from rotorid.exports.targets import TARGETS
+
+    return TARGETS
 
 
 def export_command(
@@ -29,28 +35,63 @@ def export_command(
     to: Annotated[
         str,
         typer.Option(
-            help="px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, matlab, control, fmu or json.", metavar="TARGET"
+            "--to",
+            metavar="TARGET",
+            help="px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, matlab, control, fmu or json.",
+            autocompletion=one_of(_targets),
+            rich_help_panel="What is written",
         ),
     ],
     known: Annotated[
         list[str] | None,
-        typer.Option("--set", help="NAME=VALUE that the results do not hold, such as m=1.4. Repeatable."),
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            rich_help_panel="Vehicle",
+            help="What the results do not hold, such as m=1.4. Repeatable.",
+        ),
     ] = None,
     layout: Annotated[
-        str | None, typer.Option("--layout", help="quad.x, ... or FILE.toml of rotors, where results hold none.")
+        str | None,
+        typer.Option(
+            "--layout",
+            metavar="NAME|FILE.toml",
+            rich_help_panel="Vehicle",
+            help="quad.x, ..., or a file of rotors, where results hold none.",
+        ),
     ] = None,
-    name: Annotated[str, typer.Option("--name", help="Of the vehicle in files.")] = "vehicle",
+    name: Annotated[
+        str, typer.Option("--name", metavar="NAME", rich_help_panel="What is written", help="Of the vehicle in files.")
+    ] = "vehicle",
     delay_as_lag: Annotated[
-        bool, typer.Option("--delay-as-lag", help="Add the delay to the lag, where a target has no delay.")
+        bool,
+        typer.Option(
+            "--delay-as-lag",
+            rich_help_panel="What is written",
+            help="Add the delay to the lag, where a target has no delay.",
+        ),
     ] = False,
     pade: Annotated[
-        int | None, typer.Option("--pade", help="Order of a Padé approximation: delays as states of a state space.")
+        int | None,
+        typer.Option(
+            "--pade",
+            rich_help_panel="What is written",
+            help="Order of a Padé approximation: delays as states of a state space.",
+        ),
     ] = None,
     sample_rate: Annotated[
-        float | None, typer.Option("--sample-rate", help="Hz of discrete state spaces. [default: continuous]")
+        float | None,
+        measured("--sample-rate", "Hz", "Of discrete state spaces. [default: continuous]", heading="What is written"),
     ] = None,
     draws: Annotated[
-        int, typer.Option("--draws", help="Write so many vehicles more, drawn from the covariance.", min=0, max=10000)
+        int,
+        typer.Option(
+            "--draws",
+            rich_help_panel="What is written",
+            help="Write so many vehicles more, drawn from the covariance.",
+            min=0,
+            max=10000,
+        ),
     ] = 0,
     seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
     output: Output,
@@ -61,13 +102,14 @@ def export_command(
     from rotorid.documents.results import load_results
     from rotorid.exports.targets import export, export_draws, joined, target_named
     from rotorid.io.folders import making, target_folder
-    from rotorid.pipeline.settings import chosen_layout, parse_fix, require_seed
+    from rotorid.pipeline.flight_settings import parse_changes
+    from rotorid.pipeline.settings import chosen_layout, require_seed
     from rotorid.report.files import result_kind
 
     target_named(to)
     require_seed(seed)
     choices = _choices(name, delay_as_lag=delay_as_lag, pade=pade, sample_rate_hz=sample_rate)
-    given, rotors = parse_fix(known or []), None if layout is None else chosen_layout(layout)
+    given, rotors = parse_changes(known or []), None if layout is None else chosen_layout(layout)
     target = target_folder(output.out, default_folder(results, f"export-{to}"), result_kind(FILE), force=output.force)
     with progress(quiet=output.quiet):
         models = load_results(results)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean, stdev
@@ -12,9 +12,10 @@ import typer
 
 from rotorid.cli.command import carry_out, read_logs, with_command
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import ForPaper, Logs, Map, Output
+from rotorid.cli.options import ForPaper, Logs, Map, Output, models_known, one_of
 from rotorid.errors import UsageError
-from rotorid.pipeline.settings import ALL, MODEL, IdentifySettings, motor_choices, parse_names
+from rotorid.pipeline.settings import ALL, HOVER, MODEL, IdentifySettings, motor_choices, parse_names
+from rotorid.units import require_units
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,25 +35,42 @@ def identify_command(
         list[str],
         typer.Option(
             "--model",
+            metavar="NAME|FILE.toml,...",
+            autocompletion=one_of(models_known),
+            rich_help_panel="Models",
             help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml. Several with commas or "
             "repeated; all: every one that the logs may support.",
         ),
     ],
     *,
     verify: Annotated[
-        list[Path] | None, typer.Option("--verify", help="A log kept unseen, to judge the model on. Repeatable.")
+        list[Path] | None,
+        typer.Option(
+            "--verify", rich_help_panel="Judging", help="A log kept unseen, to judge the model on. Repeatable."
+        ),
     ] = None,
     inputs: Annotated[
         str | None,
-        typer.Option("--inputs", help="CHANNEL,... of response.*, transfer:m/n and black_box:N or auto."),
+        typer.Option(
+            "--inputs",
+            metavar="CHANNEL,...",
+            rich_help_panel="Models",
+            help="Of response.*, transfer:m/n and black_box:N or auto.",
+        ),
     ] = None,
     decoupled: Annotated[
-        bool, typer.Option("--decoupled", help="A black box for each input and its output, side by side.")
+        bool,
+        typer.Option(
+            "--decoupled", rich_help_panel="Models", help="A black box for each input and its output, side by side."
+        ),
     ] = False,
     cross_validate: Annotated[
         str | None,
         typer.Option(
             "--cross-validate",
+            metavar="each|leave_one_out",
+            autocompletion=one_of(["each", "leave_one_out"]),
+            rich_help_panel="Judging",
             help="each: identify on each log alone, score on all others. leave_one_out: on all but one, score on that "
             "one.",
         ),
@@ -91,6 +109,8 @@ def identify_command(
     if nonlinear is not None:
         _require_nonlinear(nonlinear, settings, kind=cross_validate, inputs=inputs, decoupled=decoupled)
     motors = motor_choices(model_name, settings, beside={"cross validate": cross_validate, "inputs": inputs})
+    if nonlinear is not None or motors is not None:
+        _require_units([nonlinear or model_name], settings)
     wanted: str | LinearStructure | NonlinearStructure = nonlinear or (
         model_name if motors else _wanted(model_name, settings, inputs=inputs, decoupled=decoupled)
     )
@@ -153,11 +173,16 @@ def _identify_several(
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
     from rotorid.documents.results import RESULTS, ResultsDocument, results_document
-    from rotorid.pipeline.several import identify_several, none_stands, require_known_by_any
+    from rotorid.pipeline.preparation.resolve import require_known
+    from rotorid.pipeline.several import identify_several, none_stands, own_choices, require_known_by_any
     from rotorid.report.several import write_several
 
     asked: str | list[LinearStructure | str] = ALL if models == [ALL] else [_named(name, settings) for name in models]
+    _require_units(() if isinstance(asked, str) else asked, settings)
     if not isinstance(asked, str):
+        for structure in asked:
+            if not isinstance(structure, str):
+                require_known(structure, own_choices(structure, settings))
         require_known_by_any(asked, settings)
     found: list[SeveralModels] = []
 
@@ -193,15 +218,28 @@ def _identify_several(
 
 
 def _named(name: str, settings: IdentifySettings) -> LinearStructure | str:
-    """One of several models, checked against the choices that it has."""
-    from rotorid.pipeline.preparation.resolve import finds_its_channels, require_known, resolve_model
-    from rotorid.pipeline.several import own_choices
+    """One of several models."""
+    from rotorid.pipeline.preparation.resolve import finds_its_channels, resolve_model
 
     if name == MODEL or finds_its_channels(name):
         return name
-    structure = resolve_model(name, outputs=settings.outputs)
-    require_known(structure, own_choices(structure, settings))
-    return structure
+    return resolve_model(name, outputs=settings.outputs)
+
+
+def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure], settings: IdentifySettings) -> None:
+    """Refuse values to hold in units of something else; of models that wait for the logs, as far as these are known."""
+    from rotorid.models.motors import motor_parameters
+    from rotorid.models.physical import PHYSICAL_UNITS
+
+    units: dict[str, str] = {}
+    for model in models:
+        if isinstance(model, str):
+            units |= PHYSICAL_UNITS if model == HOVER else {}
+            of_motors = motor_parameters(known={"kappa": 1.0}) if model == MODEL else ()
+            units |= {one.name: one.unit for one in of_motors}
+        else:
+            units |= {one.name: one.unit for one in model.parameters}
+    require_units(settings.fix, units, option="--fix")
 
 
 def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:
@@ -210,8 +248,10 @@ def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decou
 
     drivers = parse_names(inputs) if inputs else ()
     if finds_its_channels(model, drivers):
+        _require_units([model], settings)
         return model
     structure = resolve_model(model, inputs=drivers, outputs=settings.outputs, decoupled=decoupled)
+    _require_units([structure], settings)
     require_known(structure, settings)
     return structure
 

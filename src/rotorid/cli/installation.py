@@ -246,18 +246,16 @@ _PROTECTIONS: Mapping[str, str] = {
 
 def _settings() -> list[Check]:
     """The file of preferences, where there is one."""
-    from rotorid.cli.preferences import place, read_preferences
+    from rotorid.cli.preferences import Preferences, place, preferences
     from rotorid.errors import UsageError
 
     file = place()
-    if file is None or not file.is_file():
-        return [Check(group="settings", name="preferences", state="ok", said="none")]
     try:
-        read_preferences(file)
+        said = "none" if preferences() == Preferences() else str(file)
     except UsageError as error:
         remedy = f"mend or remove {file}"
         return [Check(group="settings", name="preferences", state="broken", said=str(error), remedy=remedy)]
-    return [Check(group="settings", name="preferences", state="ok", said=str(file))]
+    return [Check(group="settings", name="preferences", state="ok", said=said)]
 
 
 def _sandbox() -> list[Check]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from rotorid.cli.options import Json
+from rotorid.cli.options import Json, models_known, one_of
 from rotorid.pipeline.settings import MODEL, parse_names
 
 if TYPE_CHECKING:
@@ -61,10 +61,18 @@ _RESPONSES = _Listed(
 
 def models_command(
     name: Annotated[
-        str | None, typer.Argument(help="A model, to print as the TOML text that --model reads. [default: list all]")
+        str | None,
+        typer.Argument(
+            autocompletion=one_of(models_known),
+            help="A model, to print as the TOML text that --model reads. [default: list all]",
+        ),
     ] = None,
-    inputs: Annotated[str | None, typer.Option("--inputs", help="CHANNEL,... of a model without its own.")] = None,
-    outputs: Annotated[str | None, typer.Option("--outputs", help="CHANNEL,... of a model without its own.")] = None,
+    inputs: Annotated[
+        str | None, typer.Option("--inputs", metavar="CHANNEL,...", help="Of a model without its own.")
+    ] = None,
+    outputs: Annotated[
+        str | None, typer.Option("--outputs", metavar="CHANNEL,...", help="Of a model without its own.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """List the models of the library, or print one to begin a model of your own with."""

@@ -2,22 +2,90 @@
 
 A command is a function. Where one of its arguments is a class of settings, :func:`with_options` puts an option for
 every field with an :class:`~rotorid.pipeline.settings.Option` in its place, and hands the command the settings.
+
+A number may come with its unit, words of a short list are completed by the shell.
 """
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get_origin
 
 import typer
 
-from rotorid.pipeline.settings import Option
+from rotorid.pipeline.settings import Option, parse_names
 from rotorid.units import read_measure
 
 UNITS_OF_NAMES = {"_rad_s": "rad/s", "_m_s": "m/s", "_kg": "kg", "_rad": "rad", "_m": "m", "_s": "s", "_v": "V"}
 """The SI unit of a field by how its name ends; numbers of such fields may come with another unit of the same kind."""
+
+_CALLED = {
+    "rad/s": "RAD/S",
+    "m/s": "M/S",
+    "kg": "KG",
+    "rad": "RAD",
+    "m": "METERS",
+    "s": "SECONDS",
+    "V": "VOLTS",
+    "Hz": "HZ",
+}
+
+
+def measured(name: str, unit: str, help: str, *, heading: str | None = None) -> Any:
+    """An option that is a number in a unit, or comes with another one of the same kind.
+
+    Parameters
+    ----------
+    name, help, heading
+        As of an :class:`~rotorid.pipeline.settings.Option`.
+    unit
+        Of the number that the command is given.
+    """
+
+    def number(text: Any) -> float:
+        return read_measure(str(text), unit, came=f"{name} {str(text)!r} came")
+
+    return typer.Option(name, help=help, parser=number, metavar=_CALLED[unit], rich_help_panel=heading)
+
+
+def one_of(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What the shell completes a word to, the last one where several have commas between them.
+
+    Parameters
+    ----------
+    words
+        All that there are, or what lists them.
+
+    Examples
+    --------
+    >>> one_of(["hann", "half_sine"])("ha"), one_of(["roll", "pitch"])("roll,p")
+    (['hann', 'half_sine'], ['roll,pitch'])
+    """
+
+    def complete(incomplete: str) -> list[str]:
+        done, comma, begun = incomplete.rpartition(",")
+        known = words() if callable(words) else words
+        return [f"{done}{comma}{word}" for word in known if word.startswith(begun)]
+
+    return complete
+
+
+def vehicle_names() -> Iterable[str]:
+    """Vehicles of the library."""
+    from rotorid.vehicles.catalog import VEHICLES
+
+    return VEHICLES
+
+
+def models_known() -> Iterable[str]:
+    """Models of the library that need no more than their name."""
+    from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, model_names, nonlinear_model_names
+    from rotorid.pipeline.settings import ALL, HOVER, MODEL
+
+    return dict.fromkeys((*model_names(), *RATE_AXES, *nonlinear_model_names(), MODEL, HOVER, *RESPONSE_MODELS, ALL))
+
 
 Logs: TypeAlias = Annotated[
     list[Path],
@@ -29,7 +97,8 @@ Log: TypeAlias = Annotated[
     Path, typer.Argument(help="A flight log: PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more.")
 ]
 Map: TypeAlias = Annotated[
-    Path | None, typer.Option("--map", help="TOML file that names the channels of any other source.")
+    Path | None,
+    typer.Option("--map", help="TOML file that names the channels of any other source.", rich_help_panel="Data"),
 ]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")]
 
@@ -48,10 +117,16 @@ class Output:
         Overwrite what is not rotorid's.
     """
 
-    out: Annotated[Path | None, Option("--out", help="Folder for the results. [default: rotorid-out/NAME]")] = None
-    json: Annotated[bool, Option("--json", help="Print the result as JSON and nothing else.")] = False
-    quiet: Annotated[bool, Option("--quiet", help="Say nothing but errors.")] = False
-    force: Annotated[bool, Option("--force", help="Overwrite files at --out that are not rotorid's.")] = False
+    out: Annotated[
+        Path | None, Option("--out", heading="Results", help="Folder for the results. [default: rotorid-out/NAME]")
+    ] = None
+    json: Annotated[bool, Option("--json", heading="Results", help="Print the result as JSON and nothing else.")] = (
+        False
+    )
+    quiet: Annotated[bool, Option("--quiet", heading="Results", help="Say nothing but errors.")] = False
+    force: Annotated[
+        bool, Option("--force", heading="Results", help="Overwrite files at --out that are not rotorid's.")
+    ] = False
 
 
 def _format(text: str) -> str:
@@ -81,13 +156,31 @@ class ForPaper:
     """
 
     figures: Annotated[
-        Any, Option("--figures", help="Write every picture as svg, pdf or png too, into figures.", parse=_format)
+        Any,
+        Option(
+            "--figures",
+            heading="Results",
+            words=("svg", "pdf", "png"),
+            help="Write every picture too, into figures.",
+            parse=_format,
+        ),
     ] = None
     tables: Annotated[
-        Any, Option("--tables", help="Write every table as csv, tex or both (csv,tex), into tables.", parse=_formats)
+        Any,
+        Option(
+            "--tables",
+            heading="Results",
+            metavar="csv|tex|csv,tex",
+            words=("csv", "tex"),
+            help="Write every table too, into tables.",
+            parse=_formats,
+        ),
     ] = ()
     pdf: Annotated[
-        bool, Option("--pdf", help="Print the page as PDF too, by Chromium, Chrome or Edge on this machine.")
+        bool,
+        Option(
+            "--pdf", heading="Results", help="Print the page as PDF too, by Chromium, Chrome or Edge on this machine."
+        ),
     ] = False
 
 
@@ -111,7 +204,6 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """
     parameters: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], Mapping[str, Option]]] = {}
-    units: dict[str, str] = {}
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
         kind, whole, only = _settings(parameter.annotation)
         if kind is None:
@@ -122,15 +214,11 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
             options = {name: options[name] for name in only}
         parameters += [_parameter(item, options[item.name]) for item in fields(kind) if item.name in options]
         groups[parameter.name] = kind if whole else dict, options
-        units |= {item.name: si for item in fields(kind) if item.name in options and (si := _unit(item)) is not None}
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
         for name, (make, options) in groups.items():
             read = {field: given.pop(field) for field in options}
-            for field in read.keys() & units.keys():
-                if isinstance(read[field], str):
-                    read[field] = read_measure(read[field], units[field], name=options[field].name)
             given[name] = make(**_parsed(read, options))
         command(**given)
 
@@ -156,25 +244,36 @@ def _parameter(item: "Field[Any]", option: Option) -> inspect.Parameter:
     """What the command line reads for a field."""
     required = item.default is MISSING and item.default_factory is MISSING
     default = item.default if item.default is not MISSING and option.parse is None else None
-    if default is not None and _unit(item) is not None:
-        default = f"{default:g}"
     if option.parse is not None:
         default = option.default or (item.default if isinstance(item.default, str) else None)
     return inspect.Parameter(
         item.name,
         inspect.Parameter.KEYWORD_ONLY,
         default=inspect.Parameter.empty if required else default,
-        annotation=Annotated[
-            _read_as(item, option), typer.Option(option.name, help=option.help, metavar=option.metavar or _words(item))
-        ],
+        annotation=Annotated[_read_as(item, option), _declared(item, option)],
     )
 
 
-def _words(item: "Field[Any]") -> str | None:
-    """The few words that a field takes, as ``--help`` lists them."""
+def _declared(item: "Field[Any]", option: Option) -> Any:
+    """The option as Typer knows it."""
+    if option.parse is None and (unit := _unit(item)) is not None:
+        return measured(option.name, unit, option.help, heading=option.heading)
+    words = option.words or _words(item)
+    called = option.metavar or "|".join(words) or ("NAME,..." if option.parse is parse_names else None)
+    return typer.Option(
+        option.name,
+        help=option.help,
+        metavar=called,
+        rich_help_panel=option.heading,
+        autocompletion=one_of(words) if words else None,
+    )
+
+
+def _words(item: "Field[Any]") -> tuple[str, ...]:
+    """The few words that a field takes by its type."""
     kind = get_args(item.type)[0]
     kind = next((part for part in get_args(kind) if get_origin(part) is Literal), kind)
-    return "|".join(map(str, get_args(kind))) if get_origin(kind) is Literal else None
+    return tuple(map(str, get_args(kind))) if get_origin(kind) is Literal else ()
 
 
 def _unit(item: "Field[Any]") -> str | None:
@@ -189,8 +288,6 @@ def _read_as(item: "Field[Any]", option: Option) -> Any:
     if option.repeats:
         return list[str] | None
     kind = get_args(item.type)[0]
-    if _unit(item) is not None:
-        return str | None
     if option.parse is None and get_origin(kind) is not Literal and not isinstance(kind, ForwardRef):
         return kind
     return str | None

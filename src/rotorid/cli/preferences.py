@@ -12,6 +12,7 @@ it is empty)::
 from __future__ import annotations
 
 import os
+import re
 import sys
 from dataclasses import dataclass
 from functools import cache
@@ -71,7 +72,16 @@ def preferences() -> Preferences:
         The file cannot be read, or holds a key or a word that is not known.
     """
     file = place()
-    return Preferences() if file is None or not file.is_file() else read_preferences(file)
+    if file is None:
+        return Preferences()
+    named = "ROTORID_SETTINGS" in os.environ
+    try:
+        # Not asked for, and not there.
+        if not named and not file.exists():
+            return Preferences()
+    except OSError as error:
+        raise _unreadable(file, error.strerror or str(error)) from None
+    return read_preferences(file)
 
 
 def read_preferences(file: Path) -> Preferences:
@@ -87,24 +97,44 @@ def read_preferences(file: Path) -> Preferences:
     try:
         if file.stat().st_size > _MOST_BYTES:
             raise UsageError(f"{file} is larger than a file of settings", needed="a few lines")
-        told = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        why = getattr(error, "strerror", None) or " ".join(str(error).split())
+        text = file.read_text(encoding="utf-8")
+        told = tomllib.loads(text)
+    # ValueError is Python's word for a name that no file can have, too.
+    except (OSError, ValueError) as error:
+        raise _unreadable(file, getattr(error, "strerror", None) or " ".join(str(error).split())) from None
+    if unknown := [key for key in told if key not in (*CHOICES, "out")]:
+        named = " and ".join(f"{key!r}{_line(text, key)}" for key in unknown)
         raise UsageError(
-            f"the settings in {file} cannot be read: {why}", needed="lines such as theme = 'dark'"
-        ) from None
-    return Preferences(**{key: _checked(file, key, value) for key, value in told.items()})
+            f"{file} sets {named}, which {'is' if len(unknown) == 1 else 'are'} not known",
+            needed=f"one of {', '.join((*CHOICES, 'out'))}",
+        )
+    return Preferences(
+        **{key: _checked(key, value, f"{file} sets {{}}{_line(text, key)}") for key, value in told.items()}
+    )
 
 
-def _checked(file: Path, key: str, value: Any) -> Any:
-    if key == "out" and isinstance(value, str) and value:
-        return Path(value).expanduser()
-    if key in CHOICES and value in CHOICES[key]:
-        return value
-    if key not in (*CHOICES, "out"):
-        raise UsageError(f"{file} sets {key!r}, which is not known", needed=f"one of {', '.join((*CHOICES, 'out'))}")
+def _unreadable(file: Path, why: str) -> UsageError:
+    return UsageError(f"the settings in {file} cannot be read: {why}", needed="lines such as theme = 'dark'")
+
+
+def _line(text: str, key: str) -> str:
+    """Where a key is set, as a person looks for it."""
+    written = re.compile(rf"""\s*\[*\s*["']?{re.escape(key)}["']?\s*[=.\]]""")
+    number = next((number for number, line in enumerate(text.splitlines(), start=1) if written.match(line)), None)
+    return "" if number is None else f" in line {number}"
+
+
+def _checked(key: str, value: Any, said: str) -> Any:
+    """A value that its key can have; ``said`` is the error, with room for both."""
     wanted = "a folder" if key == "out" else " or ".join(repr(word) for word in CHOICES[key])
-    raise UsageError(f"{file} sets {key} = {value!r}", needed=wanted)
+    if key == "out" and isinstance(value, str) and value and "\0" not in value:
+        try:
+            return Path(value).expanduser()
+        except RuntimeError:
+            wanted = "a folder that there can be: nobody's home is known by this name"
+    elif key in CHOICES and value in CHOICES[key]:
+        return value
+    raise UsageError(said.format(f"{key} = {value!r}"), needed=wanted)
 
 
 def results_folder() -> Path:

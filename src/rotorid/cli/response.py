@@ -24,12 +24,19 @@ def response_command(
         str | None,
         typer.Option(
             "--inputs",
-            help="CHANNEL,... that drive, such as roll_command. [default: the set-points in which excitations stand]",
+            metavar="CHANNEL,...",
+            rich_help_panel="Channels",
+            help="What drives, such as roll_command. [default: the set-points in which excitations stand]",
         ),
     ] = None,
     outputs: Annotated[
         str | None,
-        typer.Option("--outputs", help="CHANNEL,... that answer, such as p,ay. [default: what answers the set-points]"),
+        typer.Option(
+            "--outputs",
+            metavar="CHANNEL,...",
+            rich_help_panel="Channels",
+            help="What answers, such as p,ay. [default: what answers the set-points]",
+        ),
     ] = None,
     settings: ResponseSettings,
     map: Map = None,

@@ -11,7 +11,7 @@ import typer
 
 from rotorid.cli.command import carry_out, command_line
 from rotorid.cli.console import default_folder, print_findings, progress
-from rotorid.cli.options import ForPaper, Map, Output
+from rotorid.cli.options import ForPaper, Map, Output, measured, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import LIKE_HELP, say_taken
 from rotorid.errors import UsageError
@@ -35,15 +35,28 @@ def simulate_command(
         list[str],
         typer.Argument(
             metavar="VEHICLE...|RESULT...",
+            autocompletion=one_of(vehicle_names),
             help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or results of identify.",
         ),
     ],
     *,
-    like: Annotated[str | None, typer.Option("--like", help=LIKE_HELP)] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like",
+            metavar="NAME",
+            autocompletion=one_of(vehicle_names),
+            rich_help_panel="Vehicle and autopilot",
+            help=LIKE_HELP,
+        ),
+    ] = None,
     plan: Annotated[
         str | None,
         typer.Option(
             "--plan",
+            metavar="FILE|everyday|none",
+            autocompletion=one_of([EVERYDAY, _NO_PLAN]),
+            rich_help_panel="Flight",
             help="plan.json of rotorid design, everyday for ordinary flying by stick, or none for a hover. [default: a "
             "sweep and two doublets on every axis; of a vehicle behind set-points random binary signals on all]",
         ),
@@ -52,17 +65,28 @@ def simulate_command(
         list[Path] | None,
         typer.Option(
             "--log",
+            rich_help_panel="Through a log",
             help="Fly results of identify through the inputs of this log, beside what was measured there. Repeatable.",
         ),
     ] = None,
     map: Map = None,
     segment: Annotated[
         list[str] | None,
-        typer.Option("--segment", help="AXIS:START:STOP of --log to fly, in log seconds. Repeatable."),
+        typer.Option(
+            "--segment",
+            metavar="AXIS:START:STOP",
+            rich_help_panel="Through a log",
+            help="A stretch of --log to fly, in log seconds. Repeatable.",
+        ),
     ] = None,
     pieces: Annotated[
         float | None,
-        typer.Option("--pieces", help="With --log: seconds after which a simulation begins anew. [default: by model]"),
+        measured(
+            "--pieces",
+            "s",
+            "With --log: after what time a simulation begins anew. [default: by model]",
+            heading="Through a log",
+        ),
     ] = None,
     flight: Annotated[dict[str, Any], SimulateChoices],
     air: Air,

@@ -10,7 +10,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import ForPaper, Log, Map, Only, Output
+from rotorid.cli.options import ForPaper, Log, Map, Only, Output, measured, one_of
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
@@ -26,11 +26,14 @@ def track_command(
     *,
     model: Annotated[
         str,
-        typer.Option("--model", help="rate.roll, rate.pitch or rate.yaw; or a result of identify of the same vehicle."),
+        typer.Option(
+            "--model",
+            metavar="NAME|RESULT",
+            autocompletion=one_of(["rate.roll", "rate.pitch", "rate.yaw"]),
+            help="rate.roll, rate.pitch or rate.yaw; or a result of identify of the same vehicle.",
+        ),
     ] = "rate.roll",
-    first: Annotated[
-        float, typer.Option("--first", help="Seconds of the flight that all else is compared with.")
-    ] = 60.0,
+    first: Annotated[float, measured("--first", "s", "The part of the flight that all else is compared with.")] = 60.0,
     step: Annotated[float, typer.Option("--step", help="Change of the gain that is looked for, as a share.")] = 0.13,
     thrust_exponent: Annotated[
         float | None,

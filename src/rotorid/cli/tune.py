@@ -10,7 +10,7 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import ForPaper, Map, Only, Output
+from rotorid.cli.options import ForPaper, Map, Only, Output, one_of
 from rotorid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -33,30 +33,75 @@ def tune_command(
         ),
     ],
     *,
-    axes: Annotated[str | None, typer.Option("--axes", help="AXIS,... to look at. [default: roll,pitch,yaw]")] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            "--axes",
+            metavar="AXIS,...",
+            autocompletion=one_of(["roll", "pitch", "yaw"]),
+            rich_help_panel="Gains",
+            help="To look at. [default: roll,pitch,yaw]",
+        ),
+    ] = None,
     robustness: Annotated[
-        float, typer.Option("--robustness", help="Largest sensitivity peak M_s of every loop; less is softer.")
+        float,
+        typer.Option(
+            "--robustness", rich_help_panel="Gains", help="Largest sensitivity peak M_s of every loop; less is softer."
+        ),
     ] = 1.7,
     noise: Annotated[
-        float, typer.Option("--noise", help="Noise of the motors at most, as a factor on that of the flown gains.")
+        float,
+        typer.Option(
+            "--noise",
+            rich_help_panel="Gains",
+            help="Noise of the motors at most, as a factor on that of the flown gains.",
+        ),
     ] = 2.0,
     keep: Annotated[
-        str | None, typer.Option("--keep", help="GAIN,... that stay, of P, I, D and A (the angle).")
+        str | None,
+        typer.Option(
+            "--keep",
+            metavar="GAIN,...",
+            autocompletion=one_of(_GAINS),
+            rich_help_panel="Gains",
+            help="Those that stay, of P, I, D and A (the angle).",
+        ),
     ] = None,
-    only: Annotated[str | None, typer.Option("--only", help="GAIN,... that may change; all others stay.")] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(
+            "--only",
+            metavar="GAIN,...",
+            autocompletion=one_of(_GAINS),
+            rich_help_panel="Gains",
+            help="Those that may change; all others stay.",
+        ),
+    ] = None,
     filters: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="A filter that is to be flown, by the firmware's name."),
+        typer.Option(
+            "--set",
+            rich_help_panel="Gains",
+            metavar="NAME=VALUE",
+            help="A filter that is to be flown, by the firmware's name.",
+        ),
     ] = None,
     check: Annotated[
         Path | None,
         typer.Option(
-            "--check", metavar="PROPOSAL", help="Folder that tune wrote: whether these logs fly as it foretold."
+            "--check",
+            rich_help_panel="Judging",
+            metavar="PROPOSAL",
+            help="Folder that tune wrote: whether these logs fly as it foretold.",
         ),
     ] = None,
     scale: Annotated[
         float | None,
-        typer.Option("--scale", help="How many times larger a helicopter of full scale is, for its guidelines."),
+        typer.Option(
+            "--scale",
+            rich_help_panel="Judging",
+            help="How many times larger a helicopter of full scale is, for its guidelines.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the draws of likely plants.")] = 0,
     map: Map = None,
@@ -65,11 +110,12 @@ def tune_command(
 ) -> None:
     """Propose gains that hold for every likely plant, and write files for the autopilot with a way back."""
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
+    from rotorid.pipeline.flight_settings import parse_assignments
     from rotorid.pipeline.settings import parse_names
     from rotorid.pipeline.tuning.proposal import TUNED_AXES, TuneSettings, refused_tuning, tune
 
     stay = _staying(keep, only)
-    changed = _filters(filters or ())
+    changed = parse_assignments(filters or (), option="--set", units={})
     settings = TuneSettings(
         axes=parse_names(axes) if axes else TUNED_AXES,  # type: ignore[arg-type]
         robustness=robustness,
@@ -131,26 +177,6 @@ def _check(
         document=tune_check_document,
         show=_print_check,
     )
-
-
-def _filters(given: Sequence[str]) -> dict[str, float]:
-    """NAME=VALUE words as numbers by name.
-
-    Raises
-    ------
-    UsageError
-        A word is none.
-    """
-    found = {}
-    for word in given:
-        name, equals, value = word.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals or not name.strip():
-            raise UsageError(f"--set {word} came", needed="NAME=VALUE, such as IMU_DGYRO_CUTOFF=40")
-    return found
 
 
 def _staying(keep: str | None, only: str | None) -> tuple[str, ...]:

@@ -4,41 +4,46 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rotorid.cli.console import say
-from rotorid.cli.options import Json
-from rotorid.pipeline.flight_settings import parse_assignments
+from rotorid.cli.options import Json, one_of, vehicle_names
+from rotorid.pipeline.flight_settings import parse_changes
 
 if TYPE_CHECKING:
     from rotorid.documents.vehicle import NamedVehicle
 
 SCHEMA = "rotorid.vehicles/1"
 LIKE_HELP = "For results: a vehicle whose autopilot, sensors and missing numbers it has."
-_set = partial(parse_assignments, option="--set")
 
 
 def vehicles_command(
     vehicles: Annotated[
-        list[str] | None, typer.Argument(metavar="[VEHICLE]...", help="With --toml: a name, or results of one vehicle.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[VEHICLE]...",
+            autocompletion=one_of(vehicle_names),
+            help="With --toml: a name, or results of one vehicle.",
+        ),
     ] = None,
     *,
     results: Annotated[
         list[Path] | None,
         typer.Option("--from", help="Folder or result.json of identify: print a vehicle file. Repeatable."),
     ] = None,
-    like: Annotated[str | None, typer.Option("--like", help=LIKE_HELP)] = None,
+    like: Annotated[
+        str | None, typer.Option("--like", metavar="NAME", autocompletion=one_of(vehicle_names), help=LIKE_HELP)
+    ] = None,
     known: Annotated[
         list[str] | None,
         typer.Option(
             "--set", metavar="NAME=VALUE", help="A number that was measured otherwise, such as m=1.4. Repeatable."
         ),
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Of the vehicle in the file.")] = None,
+    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Of the vehicle in the file.")] = None,
     toml: Annotated[bool, typer.Option("--toml", help="Print the vehicle as a file.")] = False,
     json: Json = False,
 ) -> None:
@@ -51,7 +56,7 @@ def vehicles_command(
             raise UsageError(
                 f"{' and '.join(words)} came{' with --json' if json else ''}", needed="--toml, which prints a file"
             )
-        _print_file(words, like, _set(known or []), name)
+        _print_file(words, like, parse_changes(known or []), name)
         return
     given = {"--like": like, "--set": known, "--name": name, "--toml": toml or None}
     if wrong := [option for option, value in given.items() if value is not None]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias, get_args
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.pipeline.settings import Option, parse_band, parse_names, require_seed
+from rotorid.units import read_measure, read_measures, writable
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
@@ -56,35 +57,71 @@ _LIMITS = {
     "motor_low": "motor_low",
     "motor_high": "motor_high",
 }
+_UNITS_OF_LIMITS = {"tilt": "deg", "rate": "deg/s", "position": "m", "height": "m"}
 _DEGREES = ("tilt", "rate")
 
 
-def parse_assignments(texts: Sequence[str], *, option: str) -> dict[str, float]:
-    """Read ``NAME=VALUE`` once or more; ``option`` is what an error names.
+def parse_assignments(
+    texts: Sequence[str], *, option: str, units: Mapping[str, str], otherwise: str = "1"
+) -> dict[str, float]:
+    """Read ``NAME=VALUE`` once or more.
+
+    Parameters
+    ----------
+    texts
+        What was written.
+    option
+        What an error names.
+    units, otherwise
+        What the answers are in: by name, and those of other names. None is written behind one that has no short name.
 
     Examples
     --------
-    >>> parse_assignments(["m=1.5", "tau=0.01"], option="--set")
-    {'m': 1.5, 'tau': 0.01}
+    >>> parse_assignments(["d=1500mm", "n=2"], option="--set", units={"d": "m"})
+    {'d': 1.5, 'n': 2.0}
     """
     numbers: dict[str, float] = {}
     for text in texts:
-        name, sign, value = text.partition("=")
-        try:
-            numbers[name.strip()] = float(value)
-        except ValueError:
-            sign = ""
-        if not sign or not math.isfinite(numbers[name.strip()]):
-            raise UsageError(f"{option} {text} came", needed=f"{option} NAME=VALUE with a finite number")
+        name, sign, value = (part.strip() for part in text.partition("="))
+        came, unit = f"{option} {text} came", writable(units.get(name, otherwise))
+        if not sign:
+            raise UsageError(came, needed=f"{option} NAME=VALUE with a finite number")
+        needed = f"{option} NAME=VALUE with a finite number" + ("" if unit == "1" else f", {name} in {unit}")
+        numbers[name] = read_measure(value, unit, came=came, needed=needed)
     return numbers
 
 
+def parse_changes(texts: Sequence[str]) -> dict[str, float]:
+    """Read numbers of a vehicle, ``NAME=VALUE`` once or more.
+
+    Examples
+    --------
+    >>> parse_changes(["m=1.5kg", "tau=10ms", "arm=20cm", "I_xx=0.02"])
+    {'m': 1.5, 'tau': 0.01, 'arm': 0.2, 'I_xx': 0.02}
+    """
+    from rotorid.pipeline.joined import UNITS
+
+    lags = dict.fromkeys(("T_motor_up", "T_motor_down", "tau"), "s")
+    return parse_assignments(texts, option="--set", units={**UNITS, **lags})
+
+
+def parse_percents(texts: Sequence[str], *, option: str) -> dict[str, float]:
+    """Read ``NAME=PERCENT`` once or more.
+
+    Examples
+    --------
+    >>> parse_percents(["L_p=5", "tau=10%"], option="--reach")
+    {'L_p': 5.0, 'tau': 10.0}
+    """
+    return parse_assignments(texts, option=option, units={}, otherwise="%")
+
+
 def parse_limits(texts: Sequence[str]) -> "Limits":
-    """Read ``NAME=VALUE`` once or more: what a flight may reach, angles in degrees."""
+    """Read ``NAME=VALUE`` once or more: what a flight may reach, angles in degrees unless a unit says otherwise."""
     from rotorid.models.parameter import no_such
     from rotorid.planning.amplitude import Limits
 
-    given = parse_assignments(texts, option="--limit")
+    given = parse_assignments(texts, option="--limit", units=_UNITS_OF_LIMITS)
     if wrong := [name for name in given if name not in _LIMITS]:
         raise no_such("limit", wrong[0], tuple(_LIMITS))
     return Limits(
@@ -133,14 +170,11 @@ def parse_speed(text: str) -> tuple[float, float]:
     >>> parse_speed("4"), parse_speed("0:8")
     ((4.0, 4.0), (0.0, 8.0))
     """
-    first, _, last = text.partition(":")
-    try:
-        speeds = float(first), float(last or first)
-    except ValueError:
-        speeds = math.nan, math.nan
-    if not all(map(math.isfinite, speeds)):
-        raise UsageError(f"--speed {text} came", needed="--speed V or --speed V:V in m/s, such as 4 or 0:8")
-    return speeds
+    came, needed = f"--speed {text} came", "--speed V or --speed V:V in m/s, such as 4 or 0:8"
+    speeds = read_measures(text, "m/s", ":", came=came, needed=needed)
+    if len(speeds) > 2:
+        raise UsageError(came, needed=needed)
+    return speeds[0], speeds[-1]
 
 
 def parse_wind(text: str) -> tuple[float, float]:
@@ -151,15 +185,11 @@ def parse_wind(text: str) -> tuple[float, float]:
     >>> parse_wind("3"), parse_wind("-1,2")
     ((3.0, 0.0), (-1.0, 2.0))
     """
-    parts = text.split(",")
-    try:
-        north_m_s, east_m_s = float(parts[0]), float(parts[1]) if len(parts) > 1 else 0.0
-    except ValueError:
-        parts = []
-        north_m_s = east_m_s = 0.0
-    if len(parts) not in (1, 2):
-        raise UsageError(f"--wind {text} came", needed="--wind NORTH or --wind NORTH,EAST in m/s")
-    return north_m_s, east_m_s
+    came, needed = f"--wind {text} came", "--wind NORTH or --wind NORTH,EAST in m/s"
+    blows = read_measures(text, "m/s", ",", came=came, needed=needed)
+    if len(blows) > 2:
+        raise UsageError(came, needed=needed)
+    return blows[0], blows[1] if len(blows) > 1 else 0.0
 
 
 def _read_prior(path: str) -> "Prior":
@@ -191,10 +221,11 @@ Changes: TypeAlias = Annotated[
     Mapping[str, float],
     Option(
         "--set",
+        heading="Vehicle and autopilot",
         metavar="NAME=VALUE",
         help="A number of the vehicle: m, I_xx, I_yy, I_zz, T_motor, T_motor_up, T_motor_down, kappa, tau in SI units; "
         "thrust and drag as factors. Repeatable.",
-        parse=partial(parse_assignments, option="--set"),
+        parse=parse_changes,
         repeats=True,
     ),
 ]
@@ -216,12 +247,20 @@ class Air:
 
     mean_m_s: Annotated[
         tuple[float, float],
-        Option("--wind", help="NORTH,EAST in m/s, where the air moves; one number blows north.", parse=parse_wind),
+        Option(
+            "--wind",
+            heading="Air",
+            metavar="NORTH[,EAST]",
+            help="Where the air moves, in m/s; one number blows north.",
+            parse=parse_wind,
+        ),
     ] = (0.0, 0.0)
-    turbulence_m_s: Annotated[float, Option("--turbulence", help="Standard deviation of horizontal gusts in m/s.")] = (
-        0.0
-    )
-    height_m: Annotated[float, Option("--height", help="Meters above ground, for the size of the gusts.")] = 10.0
+    turbulence_m_s: Annotated[
+        float, Option("--turbulence", heading="Air", help="Standard deviation of horizontal gusts in m/s.")
+    ] = 0.0
+    height_m: Annotated[
+        float, Option("--height", heading="Air", help="Meters above ground, for the size of the gusts.")
+    ] = 10.0
 
     @property
     def wind(self) -> "Wind":
@@ -272,7 +311,9 @@ class PlanChoices(Immutable):
         "tuple[Axis, ...]",
         Option(
             "--axis",
-            help="roll, pitch, yaw, thrust, several by commas, or all. [default: those of --inputs; all that a vehicle "
+            heading="Test inputs",
+            metavar="AXIS,...",
+            help="roll, pitch, yaw, thrust or all. [default: those of --inputs; all that a vehicle "
             "behind set-points takes; else roll]",
             parse=parse_axes,
         ),
@@ -281,30 +322,36 @@ class PlanChoices(Immutable):
         tuple[float, float],
         Option(
             "--band",
-            help="LO:HI in rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
+            heading="Test inputs",
+            metavar="LO:HI",
+            help="In rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
             parse=parse_band,
         ),
     ] = (0.6, 50.0)
     duration_s: Annotated[
         float | None,
-        Option("--duration", help="Seconds of each test input. [default: 60, of steps 0.3 for each unit]"),
+        Option(
+            "--duration", heading="Test inputs", help="Of each test input. [default: 60, of steps 0.3 for each unit]"
+        ),
     ] = None
-    repeats: Annotated[int, Option("--repeats", help="How often each is flown.")] = 1
+    repeats: Annotated[int, Option("--repeats", heading="Test inputs", help="How often each is flown.")] = 1
     entry: Annotated[
         "Entry | None",
         Option(
             "--entry",
-            help="command, rate_setpoint, attitude_setpoint or stick: where it is added. [default: what the autopilot "
-            "can fly]",
+            words=("command", "rate_setpoint", "attitude_setpoint", "stick"),
+            heading="Test inputs",
+            help="Where it is added. [default: what the autopilot can fly]",
         ),
     ] = None
     amplitudes: Annotated[
         Mapping[str, float],
         Option(
             "--amplitude",
+            heading="Test inputs",
             metavar="AXIS=VALUE",
             help="Instead of the largest one within the limits. Repeatable.",
-            parse=partial(parse_assignments, option="--amplitude"),
+            parse=partial(parse_assignments, option="--amplitude", units={}),
             repeats=True,
         ),
     ] = field(default_factory=dict)
@@ -312,6 +359,7 @@ class PlanChoices(Immutable):
         "Limits",
         Option(
             "--limit",
+            heading="Test inputs",
             metavar="NAME=VALUE",
             help="What a flight may reach: tilt (deg), rate (deg/s), position (m), height (m), motor_low, motor_high. "
             "[default: tilt=25, rate=180, position=10, height=5, motor_low=0.05, motor_high=0.95] Repeatable.",
@@ -320,12 +368,16 @@ class PlanChoices(Immutable):
         ),
     ] = field(default_factory=_usual_limits)
     doublets: Annotated[
-        bool, Option("--doublets", help="Two doublets of each axis at the end, to verify the model on.")
+        bool,
+        Option(
+            "--doublets", heading="Test inputs", help="Two doublets of each axis at the end, to verify the model on."
+        ),
     ] = False
     together: Annotated[
         bool,
         Option(
             "--together",
+            heading="Test inputs",
             help="Random binary signals on all axes at the same time, uncorrelated; always so for set-points that are "
             "identified together.",
         ),
@@ -473,6 +525,8 @@ class DesignChoices(Immutable):
         tuple[str, ...],
         Option(
             "--model",
+            heading="What the data will tell",
+            metavar="NAME",
             help="What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
             "set-points response.second_order_delay] Repeatable.",
             parse=tuple,
@@ -481,19 +535,32 @@ class DesignChoices(Immutable):
     ] = ()
     inputs: Annotated[
         tuple[str, ...],
-        Option("--inputs", help="SETPOINT,... of response.*: those that are excited.", parse=parse_names),
+        Option(
+            "--inputs",
+            heading="What the data will tell",
+            metavar="SETPOINT,...",
+            help="Of response.*: those that are excited.",
+            parse=parse_names,
+        ),
     ] = ()
     outputs: Annotated[
         tuple[str, ...],
-        Option("--outputs", help="CHANNEL,... of response.*, one for each of --inputs.", parse=parse_names),
+        Option(
+            "--outputs",
+            heading="What the data will tell",
+            metavar="CHANNEL,...",
+            help="Of response.*: one for each of --inputs.",
+            parse=parse_names,
+        ),
     ] = ()
     reach: Annotated[
         Mapping[str, float],
         Option(
             "--reach",
+            heading="What the data will tell",
             metavar="NAME=PERCENT",
             help="Find the shortest test input that reaches it. Repeatable.",
-            parse=partial(parse_assignments, option="--reach"),
+            parse=partial(parse_percents, option="--reach"),
             repeats=True,
         ),
     ] = field(default_factory=dict)
@@ -502,6 +569,7 @@ class DesignChoices(Immutable):
         "Prior | None",
         Option(
             "--prior",
+            heading="What the data will tell",
             metavar="<path>",
             help="result.json of an earlier flight, or its folder: what is expected.",
             parse=_read_prior,
@@ -587,31 +655,42 @@ class SimulateChoices(Immutable):
 
     vehicle: "Vehicle"
     plan: "FlightPlan | None" = None
-    duration_s: Annotated[float | None, Option("--duration", help="Seconds to fly. [default: as long as the plan]")] = (
-        None
-    )
+    duration_s: Annotated[
+        float | None, Option("--duration", heading="Flight", help="How long to fly. [default: as long as the plan]")
+    ] = None
     wind: "Wind" = field(default_factory=_calm)
     changes: Changes = field(default_factory=dict)
     vary: Annotated[
         Mapping[str, float],
         Option(
             "--vary",
+            heading="Flight",
             metavar="NAME=PERCENT",
             help="Draw a number of --set anew for every run. Repeatable.",
-            parse=partial(parse_assignments, option="--vary"),
+            parse=partial(parse_percents, option="--vary"),
             repeats=True,
         ),
     ] = field(default_factory=dict)
-    runs: Annotated[int, Option("--runs", help="Flights, each with its own wind, noise and draws.")] = 1
+    runs: Annotated[
+        int, Option("--runs", heading="Flight", help="Flights, each with its own wind, noise and draws.")
+    ] = 1
     format: Annotated[
         "LogFormat | None",
-        Option("--format", help="ulg, bin, bbl or csv. [default: that of the vehicle's autopilot]"),
+        Option(
+            "--format",
+            words=("ulg", "bin", "bbl", "csv"),
+            heading="Flight",
+            help="Of the log. [default: that of the vehicle's autopilot]",
+        ),
     ] = None
-    stick: Annotated[float, Option("--stick", help="Largest deflection with --plan everyday; 1 is full stick.")] = 0.5
+    stick: Annotated[
+        float, Option("--stick", heading="Flight", help="Largest deflection with --plan everyday; 1 is full stick.")
+    ] = 0.5
     speed_m_s: Annotated[
         tuple[float, float],
         Option(
             "--speed",
+            heading="Flight",
             metavar="V|V:V",
             help="Forward speed that is held, m/s; two: from the first to the last over the log.",
             parse=parse_speed,

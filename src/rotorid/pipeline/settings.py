@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, U
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.io.documents import read_text
-from rotorid.units import read_measure
+from rotorid.units import read_measure, read_measures, require_units, writable
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord, Maneuver
@@ -47,6 +47,10 @@ class Option:
         Whether it may be given more than once.
     metavar
         What ``--help`` calls the text.
+    heading
+        Where ``--help`` lists it.
+    words
+        All that it takes, where there are few and the type does not list them.
     default
         Text that stands where nothing is given, for fields whose own default is no text.
     """
@@ -56,6 +60,8 @@ class Option:
     parse: Callable[[Any], Any] | None = None
     repeats: bool = False
     metavar: str | None = None
+    heading: str | None = None
+    words: tuple[str, ...] = ()
     default: str | None = None
 
 
@@ -73,10 +79,8 @@ def parse_segment(text: str) -> "Maneuver":
     wanted = "AXIS:START:STOP with an axis of roll, pitch, yaw, thrust and seconds on the log's own clock"
     if len(parts) != 3 or parts[0] not in AXES:
         raise UsageError(f"the segment {text!r} cannot be read", needed=wanted)
-    try:
-        start_s, stop_s = float(parts[1]), float(parts[2])
-    except ValueError:
-        raise UsageError(f"the segment {text!r} cannot be read", needed=wanted) from None
+    came = f"the segment {text!r} cannot be read"
+    start_s, stop_s = read_measures(":".join(parts[1:]), "s", ":", came=came, needed=wanted)
     if not start_s < stop_s:
         raise UsageError(f"the segment {text!r} stops before it starts", needed=wanted)
     return Maneuver(axis=parts[0], kind="other", start_s=start_s, stop_s=stop_s, origin="given")  # type: ignore[arg-type]
@@ -88,29 +92,31 @@ def parse_segments(texts: Sequence[str]) -> "tuple[Maneuver, ...]":
 
 
 def parse_band(text: str) -> tuple[float, float]:
-    """Read ``LO:HI`` in rad/s, or in Hz where that stands behind it.
+    """Read ``LO:HI`` in rad/s, or in the unit that stands behind.
 
     Examples
     --------
     >>> parse_band("8:80"), [round(edge, 3) for edge in parse_band("0.1:8Hz")]
     ((8.0, 80.0), [0.628, 50.265])
     """
-    plain = text.strip().lower().removesuffix("rad/s").strip()
-    unit = 2.0 * math.pi if plain.endswith("hz") else 1.0
-    try:
-        low, high = (unit * float(part) for part in plain.removesuffix("hz").split(":"))
-    except ValueError:
-        needed = "LO:HI in rad/s, such as 1:60, or in Hz, such as 0.2:10Hz"
-        raise UsageError(f"the band {text!r} cannot be read", needed=needed) from None
-    return low, high
+    needed = "LO:HI in rad/s, such as 1:60, or in Hz, such as 0.2:10Hz"
+    came = f"the band {text!r} cannot be read"
+    edges = read_measures(text, "rad/s", ":", came=came, needed=needed)
+    if len(edges) != 2:
+        raise UsageError(came, needed=needed)
+    return edges[0], edges[1]
 
 
 def parse_numbers(text: str) -> tuple[float, ...]:
-    """Read ``S,S,...``."""
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"the list {text!r} cannot be read", needed="numbers with commas between them") from None
+    """Read ``S,S,...``: seconds, or with their units.
+
+    Examples
+    --------
+    >>> parse_numbers("20,10"), parse_numbers("1min,800ms")
+    ((20.0, 10.0), (60.0, 0.8))
+    """
+    needed = "seconds with commas between them"
+    return read_measures(text, "s", ",", came=f"the list {text!r} cannot be read", needed=needed)
 
 
 def parse_input_windows(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
@@ -145,7 +151,7 @@ def parse_names(text: str) -> tuple[str, ...]:
 
 
 def parse_fix(texts: Sequence[str]) -> dict[str, float]:
-    """Read ``NAME=VALUE`` once or more.
+    """Read ``NAME=VALUE`` once or more; the model alone knows what is in which unit.
 
     Examples
     --------
@@ -153,13 +159,41 @@ def parse_fix(texts: Sequence[str]) -> dict[str, float]:
     {'L_p': -2.0, 'arm': 0.2}
     """
     fixed = {}
+    needed = "NAME=VALUE with a finite number, such as L_p=-2 or arm=20cm"
     for name, value in _assignments(texts, "NAME=VALUE, such as L_p=-2").items():
-        try:
-            fixed[name] = read_measure(value)
-        except UsageError:
-            needed = "NAME=VALUE with a finite number, such as L_p=-2 or arm=20cm"
-            raise UsageError(f"{f'{name}={value}'!r} cannot be read", needed=needed) from None
+        fixed[name] = read_measure(value, came=f"{f'{name}={value}'!r} cannot be read", needed=needed)
     return fixed
+
+
+_CONSTANTS = {"g": "m/s^2", "theta0": "rad", "phi0": "rad", "U0": "m/s", "W0": "m/s", "z_imu": "m"}
+
+
+def parse_constants(texts: Sequence[str]) -> dict[str, float]:
+    """Read ``NAME=VALUE`` of constants once or more.
+
+    Examples
+    --------
+    >>> parse_constants(("U0=36km/h", "theta0=-0.1"))
+    {'U0': 10.0, 'theta0': -0.1}
+    """
+    fixed = parse_fix(texts)
+    require_units(fixed, _CONSTANTS, option="--constant")
+    return fixed
+
+
+def parse_weights(texts: Sequence[str]) -> dict[str, float]:
+    """Read ``OUTPUT/INPUT=FACTOR`` once or more.
+
+    Examples
+    --------
+    >>> parse_weights(("q/pitch_command=0.5",))
+    {'q/pitch_command': 0.5}
+    """
+    wanted = "OUTPUT/INPUT=FACTOR, such as q/pitch_command=0.5"
+    return {
+        name: read_measure(value, "1", came=f"{f'{name}={value}'!r} cannot be read", needed=wanted)
+        for name, value in _assignments(texts, wanted).items()
+    }
 
 
 def parse_known(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -170,14 +204,16 @@ def parse_known(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     >>> parse_known(("I_zz=0.012:0.0004", "k_n=100"))
     {'I_zz': (0.012, 0.0004), 'k_n': (100.0, 0.0)}
     """
+    from rotorid.models.derived import KNOWN_UNITS
+
     wanted = "NAME=VALUE or NAME=VALUE:STD, such as I_zz=0.012:0.0004"
     known = {}
     for name, text in _assignments(texts, wanted).items():
-        value, colon, std = text.partition(":")
-        try:
-            known[name] = (float(value), float(std) if colon else 0.0)
-        except ValueError:
-            raise UsageError(f"{f'{name}={text}'!r} cannot be read", needed=wanted) from None
+        came = f"{f'{name}={text}'!r} cannot be read"
+        numbers = read_measures(text, writable(KNOWN_UNITS.get(name, "1")), ":", came=came, needed=wanted)
+        if len(numbers) > 2:
+            raise UsageError(came, needed=wanted)
+        known[name] = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
     return known
 
 
@@ -230,12 +266,10 @@ def parse_shifts(texts: Sequence[str]) -> dict[str, float]:
     shifts: dict[str, float] = {}
     for text in texts:
         name, _, value = text.rpartition(":")
-        try:
-            seconds = float(value)
-        except ValueError:
-            seconds = math.nan
-        if not name.strip() or not math.isfinite(seconds):
-            raise UsageError(f"the shift {text!r} cannot be read", needed="CHANNEL:SECONDS, such as q:0.0037")
+        came, needed = f"the shift {text!r} cannot be read", "CHANNEL:SECONDS, such as q:0.0037"
+        if not name.strip():
+            raise UsageError(came, needed=needed)
+        seconds = read_measure(value, "s", came=came, needed=needed)
         if name.strip() in shifts:
             raise UsageError(f"two shifts of {name.strip()} came", needed="one for each channel", remedy="add them up")
         shifts[name.strip()] = seconds
@@ -243,7 +277,7 @@ def parse_shifts(texts: Sequence[str]) -> dict[str, float]:
 
 
 def parse_low_pass(text: str) -> "LowPass":
-    """Read a cutoff in rad/s, ``auto`` or ``none``.
+    """Read a cutoff in rad/s or with its unit, ``auto`` or ``none``.
 
     Examples
     --------
@@ -252,10 +286,7 @@ def parse_low_pass(text: str) -> "LowPass":
     """
     if text in ("auto", "none"):
         return None if text == "none" else "auto"
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"the low-pass {text!r} came", needed="a cutoff in rad/s, auto or none") from None
+    return read_measure(text, "rad/s", came=f"the low-pass {text!r} came", needed="a cutoff in rad/s, auto or none")
 
 
 def _read_controllers(path: str) -> "Mapping[Axis, GivenController]":
@@ -460,39 +491,66 @@ class MeasureSettings(Immutable):
 
     band_rad_s: Annotated[
         tuple[float, float] | None,
-        Option("--band", help="LO:HI in rad/s, or LO:HIHz. [default: what was excited]", parse=parse_band),
+        Option(
+            "--band",
+            heading="Responses",
+            metavar="LO:HI",
+            help="In rad/s, or LO:HIHz. [default: what was excited]",
+            parse=parse_band,
+        ),
     ] = None
     windows_s: Annotated[
-        tuple[float, ...], Option("--windows", help="S,S,... window lengths in seconds.", parse=parse_numbers)
+        tuple[float, ...],
+        Option(
+            "--windows", heading="Responses", metavar="S,S,...", help="Window lengths in seconds.", parse=parse_numbers
+        ),
     ] = ()
     input_windows_s: Annotated[
         Mapping[str, tuple[float, ...]],
         Option(
             "--input-windows",
-            help="INPUT:S,S,... window lengths for the responses to one input. Repeatable.",
+            heading="Responses",
+            metavar="INPUT:S,S,...",
+            help="Window lengths for the responses to one input. Repeatable.",
             parse=parse_input_windows,
             repeats=True,
         ),
     ] = field(default_factory=dict)
     composition: Annotated[
         CompositionChoice,
-        Option("--composition", help="How windows are joined: variance, least_squares (CIFER's) or weights."),
+        Option("--composition", heading="Responses", help="How windows are joined; least_squares is CIFER's way."),
     ] = "variance"
-    taper: Annotated[TaperChoice, Option("--taper", help="How windows fade: hann or half_sine.")] = "hann"
-    overlap: Annotated[float, Option("--overlap", help="Share of a window that the next one covers too.")] = OVERLAP
+    taper: Annotated[TaperChoice, Option("--taper", heading="Responses", help="How windows fade.")] = "hann"
+    overlap: Annotated[
+        float, Option("--overlap", heading="Responses", help="Share of a window that the next one covers too.")
+    ] = OVERLAP
     coherence: Annotated[
-        float | None, Option("--coherence", help="Least coherence of a point. [default: 0.6 direct, 0.2 joint]")
+        float | None,
+        Option("--coherence", heading="Responses", help="Least coherence of a point. [default: 0.6 direct, 0.2 joint]"),
     ] = None
-    estimate: Annotated[EstimateChoice, Option("--estimate", help="auto, direct or joint.")] = "auto"
+    estimate: Annotated[
+        EstimateChoice,
+        Option(
+            "--estimate", heading="Responses", help="Of responses; joint with an instrument, auto where one is logged."
+        ),
+    ] = "auto"
     instruments: Annotated[
         tuple[str, ...],
-        Option("--instrument", help="CHANNEL,... to use as instruments, one for each input.", parse=parse_names),
+        Option(
+            "--instrument",
+            heading="Responses",
+            metavar="CHANNEL,...",
+            help="Channels to use as instruments, one for each input.",
+            parse=parse_names,
+        ),
     ] = ()
     segments: Annotated[
         "tuple[Maneuver, ...]",
         Option(
             "--segment",
-            help="AXIS:START:STOP to use instead of what is found, in log seconds. Repeatable.",
+            heading="Data",
+            metavar="AXIS:START:STOP",
+            help="A stretch to use instead of what is found, in log seconds. Repeatable.",
             parse=parse_segments,
             repeats=True,
         ),
@@ -501,7 +559,9 @@ class MeasureSettings(Immutable):
         Mapping[str, float],
         Option(
             "--shift",
-            help="CHANNEL:SECONDS to delay it by, where inspect finds its stamps wrong. Repeatable.",
+            heading="Data",
+            metavar="CHANNEL:SECONDS",
+            help="What to delay a channel by, where inspect finds its stamps wrong. Repeatable.",
             parse=parse_shifts,
             repeats=True,
         ),
@@ -601,12 +661,13 @@ class ResponseSettings(MeasureSettings):
     """
 
     correct_filters: Annotated[
-        bool, Option("--correct-filters", help="Take known filters of the autopilot off the outputs.")
+        bool, Option("--correct-filters", heading="Data", help="Take known filters of the autopilot off the outputs.")
     ] = False
     correct_sensors: Annotated[
         bool,
         Option(
             "--correct-sensors",
+            heading="Data",
             help="Take scale, bias, misalignment and place of the sensors out, as attitude and velocity tell them.",
         ),
     ] = False
@@ -637,16 +698,24 @@ class VerifySettings(MeasureSettings):
 
     seed: int = 0
     scale: Annotated[
-        float | None, Option("--scale", help="Full-scale rotor diameter over the size of the vehicle.")
+        float | None,
+        Option("--scale", heading="Judging", help="Full-scale rotor diameter over the size of the vehicle."),
     ] = None
     vibration_filter: Annotated[
         "LowPass",
-        Option("--low-pass", help="First-order low-pass on both sides in rad/s, auto or none.", parse=parse_low_pass),
+        Option(
+            "--low-pass",
+            heading="Judging",
+            metavar="CUTOFF|auto|none",
+            help="First-order low-pass on both sides, in rad/s.",
+            parse=parse_low_pass,
+        ),
     ] = "auto"
     controllers: Annotated[
         "Mapping[Axis, GivenController]",
         Option(
             "--controller",
+            heading="Judging",
             help="TOML file with the gains of each axis, to fly in closed loop.",
             parse=_read_controllers,
             metavar="<path>",
@@ -784,14 +853,23 @@ class IdentifySettings(MeasureSettings):
     """
 
     fix: Annotated[
-        Mapping[str, float], Option("--fix", help="NAME=VALUE to hold. Repeatable.", parse=parse_fix, repeats=True)
+        Mapping[str, float],
+        Option(
+            "--fix",
+            heading="Models",
+            metavar="NAME=VALUE",
+            help="A parameter to hold. Repeatable.",
+            parse=parse_fix,
+            repeats=True,
+        ),
     ] = field(default_factory=dict)
     known: Annotated[
         Mapping[str, tuple[float, float]],
         Option(
             "--known",
-            help="NAME=VALUE or NAME=VALUE:STD of what no log tells, such as I_zz=0.012:0.0004; motors, rotors and "
-            "thrust follow with it. Repeatable.",
+            heading="Models",
+            metavar="NAME=VALUE[:STD]",
+            help="What no log tells, such as I_zz=0.012:0.0004; motors, rotors and thrust follow with it. Repeatable.",
             parse=parse_known,
             repeats=True,
         ),
@@ -800,81 +878,131 @@ class IdentifySettings(MeasureSettings):
         Mapping[str, str],
         Option(
             "--tie",
-            help="NAME=EXPRESSION, a parameter that follows others. Repeatable.",
+            heading="Models",
+            metavar="NAME=EXPRESSION",
+            help="A parameter that follows others. Repeatable.",
             parse=parse_ties,
             repeats=True,
         ),
     ] = field(default_factory=dict)
     correct_filters: Annotated[
-        bool, Option("--correct-filters", help="Take known filters of the autopilot off the outputs, out of the model.")
+        bool,
+        Option(
+            "--correct-filters",
+            heading="Data",
+            help="Take known filters of the autopilot off the outputs, out of the model.",
+        ),
     ] = False
     correct_sensors: Annotated[
         bool,
         Option(
             "--correct-sensors",
+            heading="Data",
             help="Take scale, bias, misalignment and place of the sensors out, as attitude and velocity tell them.",
         ),
     ] = False
     free: Annotated[
         tuple[str, ...],
-        Option("--free", help="NAME of a parameter that the model holds. Repeatable.", parse=tuple, repeats=True),
+        Option(
+            "--free",
+            heading="Models",
+            metavar="NAME",
+            help="A parameter that the model holds. Repeatable.",
+            parse=tuple,
+            repeats=True,
+        ),
     ] = ()
     constants: Annotated[
         Mapping[str, float],
         Option(
             "--constant",
-            help="NAME=VALUE of a constant, such as the trim. Repeatable.",
-            parse=parse_fix,
+            heading="Models",
+            metavar="NAME=VALUE",
+            help="A constant, such as the trim. Repeatable.",
+            parse=parse_constants,
             repeats=True,
         ),
     ] = field(default_factory=dict)
     outputs: Annotated[
-        tuple[str, ...], Option("--outputs", help="CHANNEL,... to fit. [default: sensors]", parse=parse_names)
+        tuple[str, ...],
+        Option(
+            "--outputs",
+            heading="Models",
+            metavar="CHANNEL,...",
+            help="Channels to fit. [default: sensors]",
+            parse=parse_names,
+        ),
     ] = ()
     pairs: Annotated[
         Mapping[str, tuple[float, float] | None],
         Option(
             "--pair",
-            help="OUTPUT/INPUT[:LO:HI] to fit, and no others. Repeatable.",
+            heading="Models",
+            metavar="OUTPUT/INPUT[:LO:HI]",
+            help="A response to fit, and no others. Repeatable.",
             parse=parse_pairs,
             repeats=True,
         ),
     ] = field(default_factory=dict)
     pair_weights: Annotated[
         Mapping[str, float],
-        Option("--weight", help="OUTPUT/INPUT=FACTOR on its cost. Repeatable.", parse=parse_fix, repeats=True),
+        Option(
+            "--weight",
+            heading="Models",
+            metavar="OUTPUT/INPUT=FACTOR",
+            help="A factor on the cost of a response. Repeatable.",
+            parse=parse_weights,
+            repeats=True,
+        ),
     ] = field(default_factory=dict)
     weights: Annotated[
         WeightsChoice,
-        Option("--weights", help="cifer, covariance (of all errors), or auto: by the number of outputs."),
+        Option(
+            "--weights",
+            heading="Models",
+            help="In the cost; covariance is that of all errors, auto goes by the number of outputs.",
+        ),
     ] = "auto"
-    reduce: Annotated[bool, Option("--reduce", help="Drop step by step what the data do not show.")] = False
+    reduce: Annotated[
+        bool, Option("--reduce", heading="Models", help="Drop step by step what the data do not show.")
+    ] = False
     speed_damping: Annotated[
-        SpeedDamping, Option("--speed-damping", help="joint, or two_step: X_u and Y_v before all else.")
+        SpeedDamping, Option("--speed-damping", heading="Models", help="X_u and Y_v: with all else, or before it.")
     ] = "joint"
     method: Annotated[
         MethodChoice,
         Option(
             "--method",
-            help="frequency, output_error, prediction_error, equation_error, or auto: output_error for response.* and "
-            "black_box:N, frequency for others. Of physical.motors: prediction_error or accelerations.",
+            heading="Fit",
+            help="How to fit; auto is output_error for response.* and black_box:N, and frequency for others. "
+            "physical.motors has prediction_error or accelerations.",
         ),
     ] = "auto"
     hold: Annotated[
         HoldChoice,
-        Option("--hold", help="zero or first order between samples, in time; auto: zero for logged commands."),
+        Option(
+            "--hold", heading="Fit", help="Order of hold between samples, in time; auto is zero for logged commands."
+        ),
     ] = "auto"
     pieces_s: Annotated[
         float | None,
-        Option("--pieces", help="Seconds after which a fit in time begins anew. [default: as growing modes need]"),
+        Option(
+            "--pieces",
+            heading="Fit",
+            help="Seconds after which a fit in time begins anew. [default: as growing modes need]",
+        ),
     ] = None
     starts: Annotated[
-        str, Option("--starts", help="Where searches in time begin: default, central, sobol:N or random:N.")
+        str,
+        Option(
+            "--starts", heading="Fit", metavar="default|central|sobol:N|random:N", help="Where searches in time begin."
+        ),
     ] = "default"
     search: Annotated[
         str | None,
         Option(
             "--search",
+            heading="Fit",
             metavar="NAME[:OPTIONS]",
             help="A global search before the fit: evolution[:POPULATION] (when in doubt), cma[:POPULATION], "
             "genetic[:POPULATIONxGENERATIONS], kmeans[:CANDIDATES], sobol[:STARTS], random[:STARTS] or central. "
@@ -882,35 +1010,49 @@ class IdentifySettings(MeasureSettings):
         ),
     ] = None
     evaluations: Annotated[
-        int | None, Option("--evaluations", help="Costs that --search may compute. [default: 2000]")
+        int | None, Option("--evaluations", heading="Fit", help="Costs that --search may compute. [default: 2000]")
     ] = None
     runs: Annotated[
         int | None,
-        Option("--runs", help="Repeat --search from so many seeds: mean, spread, extremes."),
+        Option("--runs", heading="Fit", help="Repeat --search from so many seeds: mean, spread, extremes."),
     ] = None
     bootstrap: Annotated[
         int | None,
-        Option("--bootstrap", help="Refits to noise drawn anew, for spreads and intervals: 200 and more."),
+        Option(
+            "--bootstrap", heading="Fit", help="Refits to noise drawn anew, for spreads and intervals: 200 and more."
+        ),
     ] = None
     layout: Annotated[
         str | None,
         Option(
             "--layout",
-            help="Of physical.*: quad.x, hexa.plus, ... or FILE.toml of rotors. [default: as the log says]",
+            heading="Models in physical parameters",
+            metavar="NAME|FILE.toml",
+            help="Of physical.*: quad.x, hexa.plus, ..., or a file of rotors. [default: as the log says]",
         ),
     ] = None
     arm_m: Annotated[
         float | None,
-        Option("--arm", help="Of physical.*: meters from the center of gravity to the farthest rotor."),
+        Option(
+            "--arm",
+            heading="Models in physical parameters",
+            help="Of physical.*: meters from the center of gravity to the farthest rotor.",
+        ),
     ] = None
     curve: Annotated[
         "ChosenCurve",
-        Option("--curve", help="Of physical.motors, thrust by output: linear, quadratic, affine or polynomial."),
+        Option(
+            "--curve",
+            words=("auto", "linear", "quadratic", "affine", "polynomial"),
+            heading="Models in physical parameters",
+            help="Of physical.motors: thrust by output.",
+        ),
     ] = "auto"
     rotor_diameter_m: Annotated[
         float | None,
         Option(
             "--rotor-diameter",
+            heading="Models in physical parameters",
             help="Of physical.*, meters: judges rotors of measured speed, or is their D.",
         ),
     ] = None

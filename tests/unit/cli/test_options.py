@@ -43,6 +43,13 @@ class Choices:
     hidden: float = 1.5
 
 
+@dataclass(frozen=True, kw_only=True)
+class Sizes:
+    """A number with a unit."""
+
+    size_m: Annotated[float, Option("--size", help="How large.")] = 1.23456789
+
+
 def ran(annotation: Any, *words: str) -> Any:
     """What a command is given for an argument of that annotation."""
     found: list[Any] = []
@@ -65,6 +72,13 @@ def test_fields_are_options_and_options_are_fields() -> None:
 def test_what_was_not_given_is_left_to_the_settings_or_to_the_default_of_the_option() -> None:
     assert ran(Choices) == Choices(band_rad_s=(1.0, 60.0))
     assert ran(Annotated[dict[str, Any], Choices]) == {"size": 3, "band_rad_s": (1.0, 60.0)}
+
+
+def test_a_number_comes_with_its_unit_and_its_default_with_all_digits() -> None:
+    assert ran(Sizes) == Sizes(size_m=1.23456789)
+    assert ran(Sizes, "--size", "20cm") == Sizes(size_m=0.2)
+    with pytest.raises(UsageError, match="--size '2s' came, which is in s"):
+        ran(Sizes, "--size", "2s")
 
 
 def test_a_command_may_have_some_of_the_options_alone() -> None:

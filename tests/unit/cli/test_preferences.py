@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from rotorid.cli.preferences import Preferences, place, read_preferences
+from rotorid.cli.app import as_preferred
+from rotorid.cli.preferences import Preferences, place, preferences, read_preferences
 from rotorid.errors import UsageError
+from rotorid.report.frame import Appearance, appearance
 
 
 def _file(folder: Path, text: str) -> Path:
@@ -28,15 +30,44 @@ def test_what_it_says_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [('colour = "red"', r"sets 'colour', which is not known; needed: one of frequency, magnitude, theme, out"),
-     ('theme = "pink"', r"sets theme = 'pink'; needed: 'light' or 'dark'"), ("out = 3", "needed: a folder"),
-     ("frequency = [", "cannot be read"), ("theme = {}", "needed: 'light' or 'dark'"), ("\0", "cannot be read")],
+    [('colour = "red"', r"'colour' in line 1, which is not known; needed: one of frequency, magnitude, theme, out"),
+     ('theme = "pink"', r"sets theme = 'pink' in line 1; needed: 'light' or 'dark'"), ("out = 3", "needed: a folder"),
+     ('# mine\n"color" = 1\ntheme = "dark"\n[lab]\nport = 1', r"sets 'color' in line 2 and 'lab' in line 4, which are"),
+     ("lab.port = 1", "'lab' in line 1"), ("frequency = [", "cannot be read"), ("theme = {}", "'light' or 'dark'"),
+     ("\0", "cannot be read"), ('out = "~nosuch/x"', "out = '~nosuch/x' in line 1; needed: a folder that there can be"),
+     ('out = "a\\u0000b"', "in line 1; needed: a folder"), ('out = ""', "needed: a folder")],
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_place(text: str, said: str, tmp_path: Path) -> None:
     file = _file(tmp_path, text)
     with pytest.raises(UsageError, match=said) as caught:
         read_preferences(file)
     assert str(file) in str(caught.value)
+
+
+def test_a_file_that_was_named_is_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in ("nowhere.toml", "a" * 300, "a\0b"):
+        # The environment cannot hold the last name, a caller can.
+        monkeypatch.setattr("rotorid.cli.preferences.place", lambda name=name: tmp_path / name)
+        monkeypatch.setenv("ROTORID_SETTINGS", "named")
+        preferences.cache_clear()
+        with pytest.raises(UsageError, match="cannot be read"):
+            preferences()
+    monkeypatch.delenv("ROTORID_SETTINGS")
+    monkeypatch.setattr("rotorid.cli.preferences.place", lambda: tmp_path / "nowhere.toml")
+    assert preferences() == Preferences()
+    monkeypatch.setattr("rotorid.cli.preferences.place", lambda: tmp_path / ("a" * 300))
+    preferences.cache_clear()
+    with pytest.raises(UsageError, match="cannot be read"):
+        preferences()
+    preferences.cache_clear()
+
+
+def test_what_a_person_prefers_ends_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rotorid.cli.preferences.preferences", lambda: Preferences(theme="dark"))
+    seen = []
+    as_preferred(lambda: seen.append(appearance.get().theme))()
+    assert seen == ["dark"]
+    assert appearance.get() == Appearance()
 
 
 def test_where_it_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
+from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
+from tests.unit.cli.commands import ROLL, rotorid
 from typer.testing import CliRunner
 
 from rotorid.cli import console
-from rotorid.cli.app import COMMANDS, OPTION_GROUPS, app
+from rotorid.cli.app import COMMANDS, app
+from rotorid.data.findings import warn
+from rotorid.data.flight_plan import Entry
 from rotorid.data.record import Maneuver
 from rotorid.errors import UsageError
+from rotorid.io.registry import LogFormat
+from rotorid.models.motors import Curve
+from rotorid.pipeline.flight_settings import (
+    PlanChoices,
+    SimulateChoices,
+    parse_changes,
+    parse_limits,
+    parse_percents,
+    parse_speed,
+    parse_wind,
+)
 from rotorid.pipeline.preparation.measure import _beside_excitation
+from rotorid.pipeline.settings import (
+    IdentifySettings,
+    parse_band,
+    parse_constants,
+    parse_fix,
+    parse_known,
+    parse_low_pass,
+    parse_numbers,
+    parse_segment,
+    parse_shifts,
+    parse_weights,
+)
 from rotorid.report.printing import BROWSERS, print_pages
 from rotorid.units import read_measure
 
@@ -46,25 +76,130 @@ def test_the_option_stands_in_the_sentence(tmp_path: Path) -> None:
     assert str(answer.exception).startswith("--arm '20ms' came, which is in s")
 
 
+@pytest.mark.parametrize(
+    ("read", "text", "value"),
+    [(parse_band, "1Hz:80", (2.0 * np.pi, 160.0 * np.pi)), (parse_band, "0.1 : 8 hz", (0.2 * np.pi, 16.0 * np.pi)),
+     (parse_band, "1:10rad/s", (1.0, 10.0)), (parse_band, "1rad/s:10Hz", (1.0, 20.0 * np.pi)),
+     (parse_numbers, "10s,5s", (10.0, 5.0)), (parse_numbers, "800ms,1min", (0.8, 60.0)),
+     (parse_low_pass, "5Hz", 10.0 * np.pi), (parse_wind, "3.6km/h,0", (1.0, 0.0)), (parse_wind, "7.2 km/h", (2.0, 0.0)),
+     (parse_speed, "0:36km/h", (0.0, 10.0)), (parse_speed, "4", (4.0, 4.0))],
+)  # fmt: skip
+def test_a_list_comes_with_units(read: Callable[[str], Any], text: str, value: Any) -> None:
+    assert read(text) == pytest.approx(value, rel=1e-14)
+
+
+def test_named_numbers_come_with_units() -> None:
+    assert parse_shifts(["p:5ms", "q:-0.002"]) == {"p": 0.005, "q": -0.002}
+    segment = parse_segment("roll:1min:90s")
+    assert (segment.start_s, segment.stop_s) == (60.0, 90.0)
+    assert parse_changes(["m=1.2kg", "tau=10ms", "arm=20cm", "drag=80%", "I_xx=0.02"]) == {
+        "m": 1.2, "tau": 0.01, "arm": 0.2, "drag": 0.8, "I_xx": 0.02
+    }  # fmt: skip
+    limits = parse_limits(["tilt=20deg", "rate=1rad/s", "position=200cm"])
+    assert (limits.tilt_rad, limits.rate_rad_s) == pytest.approx((np.pi / 9.0, 1.0), rel=1e-14)
+    assert limits.position_m == 2.0
+    assert parse_limits(["tilt=20"]) == parse_limits(["tilt=20deg"])
+    assert parse_known(["D=25cm:1mm", "I_zz=0.01"]) == {"D": (0.25, 0.001), "I_zz": (0.01, 0.0)}
+    assert parse_percents(["m=5%", "tau=2"], option="--vary") == {"m": 5.0, "tau": 2.0}
+    assert parse_weights(["q/pitch_command=50%"]) == {"q/pitch_command": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "said"),
+    [(parse_band, "1m:2m", "is in m"), (parse_numbers, "10Hz", "is in rad/s"),
+     (parse_segment, "roll:1m:2m", "is in m"), (parse_wind, "3deg", "which is in rad"),
+     (lambda text: parse_changes([text]), "m=20ms", "which is in s; needed: .* m in kg"),
+     (lambda text: parse_changes([text]), "m=620g", "grams or gravity"),
+     (lambda text: parse_changes([text]), "I_xx=2s", "which is in s"),
+     (lambda text: parse_limits([text]), "tilt=2m", "tilt in deg"),
+     (lambda text: parse_known([text]), "D=2kg", "is in kg"),
+     (lambda text: parse_shifts([text]), "p:2Hz", "is in rad/s"),
+     (lambda text: parse_fix([text]), "m=620g", "grams or gravity"), (parse_low_pass, "5ms", "is in s"),
+     (lambda text: parse_fix([text]), "m=5parsec", "the unit 'parsec' is not known"),
+     (lambda text: parse_constants([text]), "theta0=2Hz", "--constant theta0 came in rad/s; needed: theta0 in rad"),
+     (lambda text: parse_constants([text]), "speed=2Hz", "needed: speed in SI")],
+)  # fmt: skip
+def test_a_unit_of_something_else_is_refused_by_name(read: Callable[[str], Any], text: str, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        read(text)
+
+
+@pytest.mark.parametrize(
+    ("model", "fix", "said"),
+    [("rate.roll", "L_p=-2Hz", "--fix L_p came in rad/s; needed: L_p in 1/s"),
+     ("rate.roll", "tau_roll=2m", "tau_roll in s"),
+     ("physical.motors", "m=20ms", "--fix m came in s; needed: m in kg"), ("physical.hover", "D=2kg", "needed: D in m"),
+     ("hover.lateral,rate.yaw", "L_p=2Hz", "needed: L_p in 1/s"), ("all", "L_p=2Hz", "L_p in SI, without a unit"),
+     ("response.first_order", "tau=2ms", "tau in SI, without a unit")],
+)  # fmt: skip
+def test_a_value_to_hold_is_in_the_unit_of_its_parameter(model: str, fix: str, said: str, flight: Path) -> None:
+    ran = rotorid("identify", flight, "--model", model, "--fix", fix)
+    assert ran.code == 2
+    assert said in ran.err
+
+
+def test_a_value_to_hold_may_have_its_unit(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid("identify", flight, *ROLL, "--fix", "tau_roll=10ms", "--json", "--out", tmp_path)
+    assert json.loads(ran.out)["parameters"]["tau_roll"]["value"] == 0.01
+    assert json.loads(ran.out)["provenance"]["settings"]["fix"] == ["tau_roll=0.01"]
+
+
+def test_options_of_commands_alone_come_with_units(flight: Path, tmp_path: Path) -> None:
+    for words, said in (
+        (("track", flight, "--first", "2kg"), "--first '2kg' came, which is in kg"),
+        (("export", tmp_path, "--to", "json", "--sample-rate", "2m"), "--sample-rate '2m' came, which is in m"),
+        (("simulate", tmp_path, "--log", flight, "--pieces", "2Hz"), "--pieces '2Hz' came, which is in rad/s"),
+        (("fleet", flight, "--timeout", "2m"), "--timeout '2m' came, which is in m"),
+    ):
+        ran = rotorid(*words)
+        assert ran.code == 2
+        assert said in ran.err
+    ran = rotorid("track", flight, "--first", "1min", "--out", tmp_path / "track", "--json")
+    assert json.loads(ran.out)["provenance"]["settings"]["first_s"] == 60.0
+
+
 def test_many_options_stand_under_headings() -> None:
     text = CliRunner().invoke(app, ["identify", "--help"], env={"COLUMNS": "200"}).output
     headings = re.findall(r"^(\S.*):$", text, flags=re.MULTILINE)
-    assert headings == ["Arguments", *OPTION_GROUPS, "Options"]
+    models = ["Models", "Models in physical parameters", "Judging"]
+    assert sorted(headings[1:-2]) == sorted([*models, "Responses", "Data", "Fit"])
+    assert [headings[0], *headings[-2:]] == ["Arguments", "Results", "Options"]
     assert "--taper hann|half_sine" in text
     assert "--weights auto|cifer|covariance" in text
+    assert "--curve auto|linear|quadratic|affine|polynomial" in text
+    assert "--arm METERS" in text
     few = CliRunner().invoke(app, ["models", "--help"]).output
     assert "Options:" in few
     assert "Results:" not in few
 
 
-def test_every_heading_has_an_option_of_some_command() -> None:
-    there = {
-        name
-        for command in COMMANDS
-        for name in re.findall(r"--([a-z-]+)", CliRunner().invoke(app, [command, "--help"]).output)
+@pytest.mark.parametrize("command", ["design", "simulate", "tune", "export"])
+def test_headings_are_those_of_the_command(command: str) -> None:
+    text = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
+    headings = re.findall(r"^(\S.*):$", text, flags=re.MULTILINE)
+    assert "Fit" not in headings
+    assert "Responses" not in headings
+    assert {"--seed", "-h,"} == {
+        line.split()[0] for line in text.partition("\nOptions:\n")[2].splitlines() if "-" in line
     }
-    named = {name for names in OPTION_GROUPS.values() for name in names.split()}
-    assert named <= there
+
+
+# What the page of the lab takes is declared beside it.
+@pytest.mark.parametrize("command", sorted({*COMMANDS} - {"lab", "run"}))
+def test_help_says_what_an_option_takes(command: str) -> None:
+    text = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
+    assert not re.findall(r"--\S+ <(?:str|list|text)\S*", text)
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "words"),
+    [(IdentifySettings, "curve", ("auto", *get_args(Curve))), (SimulateChoices, "format", get_args(LogFormat)),
+     (PlanChoices, "entry", get_args(Entry))],
+)  # fmt: skip
+def test_listed_words_are_all_that_there_are(kind: type, field: str, words: tuple[str, ...]) -> None:
+    (item,) = [item for item in fields(kind) if item.name == field]
+    (option,) = item.type.__metadata__  # type: ignore[union-attr]
+    assert option.words == words
 
 
 def test_a_terminal_sees_colors_and_a_pipe_does_not(
@@ -73,12 +208,29 @@ def test_a_terminal_sees_colors_and_a_pipe_does_not(
     console.say("rotorid: no")
     assert capsys.readouterr().err == "rotorid: no\n"
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    console.say("rotorid: no")
-    assert capsys.readouterr().err == "\x1b[1;31mrotorid:\x1b[0m no\n"
-    monkeypatch.setenv("NO_COLOR", "1")
-    console.say("rotorid: no")
-    assert capsys.readouterr().err == "rotorid: no\n"
+    for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM"):
+        monkeypatch.delenv(name, raising=False)
+    for terminal, without, expected in (
+        ("xterm", "", "\x1b[1;31mrotorid:\x1b[0m no\n"),
+        ("xterm", "1", "\x1b[1mrotorid:\x1b[0m no\n"),
+        ("dumb", "", "rotorid: no\n"),
+    ):
+        monkeypatch.setenv("TERM", terminal)
+        monkeypatch.setenv("NO_COLOR", without)
+        console.say("rotorid: no")
+        assert capsys.readouterr().err == expected
+
+
+def test_a_finding_has_the_color_of_what_it_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM"):
+        monkeypatch.delenv(name, raising=False)
+    console.print_findings([warn("gaps", "p", "Two gaps."), warn("gaps", "q", "Two gaps.")])
+    said = capsys.readouterr().out
+    assert said == "\x1b[1;33mwarning\x1b[0m gaps: Two gaps.\n"
 
 
 def test_a_band_beside_the_excitation_is_remarked_on() -> None:
@@ -90,7 +242,11 @@ def test_a_band_beside_the_excitation_is_remarked_on() -> None:
     assert "--band 0.1:4Hz" in said.message
     for band in ((1.0, 40.0), (2.0, 20.0), None):
         assert _beside_excitation(band, flights) == ()  # type: ignore[arg-type]
-    assert _beside_excitation((200.0, 300.0), flights)[0].numbers["kept_percent"] == 0.0  # type: ignore[arg-type]
+    for band in ((200.0, 300.0), (32.0, 60.0)):
+        # Hz would be still farther off.
+        (said,) = _beside_excitation(band, flights)  # type: ignore[arg-type]
+        assert "--band 1:64." in said.message
+        assert "Hz" not in said.message
 
 
 def test_a_page_is_printed(tmp_path: Path) -> None:

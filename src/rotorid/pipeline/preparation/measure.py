@@ -332,13 +332,16 @@ def _beside_excitation(band_rad_s: tuple[float, float] | None, flights: Sequence
     kept = max(float(np.log2(min(high, band_rad_s[1]) / max(low, band_rad_s[0]))), 0.0)
     if octaves <= 0.0 or kept >= _LEAST_KEPT * octaves:
         return ()
-    hertz = f"{band_rad_s[0]:g}:{band_rad_s[1]:g}Hz"
+    hertz = 2.0 * np.pi * np.array(band_rad_s)
+    meant = max(float(np.log2(min(high, hertz[1]) / max(low, hertz[0]))), 0.0)
+    proposed = f"{band_rad_s[0]:g}:{band_rad_s[1]:g}Hz" if meant > kept else f"{low:.3g}:{high:.3g}"
     return (
         warn(
             "band_beside_excitation",
             "--band",
             f"The band of {band_rad_s[0]:.3g} to {band_rad_s[1]:.3g} rad/s keeps {100.0 * kept / octaves:.0f} % of the "
-            f"octaves that were excited, {low:.3g} to {high:.3g} rad/s. If Hz were meant: --band {hertz}.",
+            f"octaves that were excited, {low:.3g} to {high:.3g} rad/s. "
+            f"{'If Hz were meant' if meant > kept else 'All of them'}: --band {proposed}.",
             kept_percent=100.0 * kept / octaves,
         ),
     )
