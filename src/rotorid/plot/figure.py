@@ -159,6 +159,17 @@ def text(label: str) -> str:
     return html.escape(label, quote=False)
 
 
+def minus(number: str) -> str:
+    """A number with the minus sign of paper.
+
+    Examples
+    --------
+    >>> minus("-0.5")
+    '−0.5'
+    """
+    return number.replace("-", "−")
+
+
 MEASURED = "#2b7fc0"
 MODEL = "#d55e00"
 INPUT = "#0b8f6d"
@@ -218,7 +229,9 @@ def template(*, dark: bool = False) -> dict[str, Any]:
 
 _GAP_PX = 34.0
 _LEAST_SPAN = 1e-3
-"""Of a vertical axis, in its unit and as a share of what is drawn."""
+"""Of a vertical axis, as a share of what is drawn: what differs by less is called the same."""
+_ROUNDING = 1e-9
+"""What is smaller all over, in the unit of its axis, is the rounding of a computer."""
 # The tools of the page stand in the corner above the legend.
 _TOP_PX, _BOTTOM_PX = 72.0, 46.0
 _LEGEND_PX, _LEGEND_ROW_PX, _SYMBOL_PX, _LETTER_PX = 860.0, 30.0, 45.0, 6.5
@@ -304,11 +317,11 @@ def _least_span(panel: Panel) -> dict[str, Any]:
     if not values.size or panel.axis.get("type") == "log" or "range" in panel.axis:
         return {}
     low, high = float(values.min()), float(values.max())
-    least = max(_LEAST_SPAN, _LEAST_SPAN * max(abs(low), abs(high)))
+    least = max(_ROUNDING, _LEAST_SPAN * max(abs(low), abs(high)))
     if high - low >= least:
         return {}
     middle = 0.5 * (low + high)
-    return {"autorangeoptions": {"include": [middle - least, middle + least]}}
+    return {"autorangeoptions": {"include": [middle - 0.5 * least, middle + 0.5 * least]}}
 
 
 def _legend_rows(panels: Sequence[Panel]) -> int:

@@ -245,7 +245,7 @@ def curve(omega_rad_s: FloatArray, values: ComplexArray, random_error: FloatArra
         omega_rad_s=omega_rad_s,
         magnitude_db=decibels(np.abs(values)),
         phase_deg=near_deg(values, lean_deg),
-        magnitude_error_db=20.0 * np.log10(1.0 + spread),
+        magnitude_error_db=decibels(1.0 + spread),
         phase_error_deg=np.minimum(np.degrees(spread), 180.0),
     )
 

@@ -16,6 +16,7 @@ from rotorid.plot.curves import (
     Magnitude,
     Style,
     View,
+    decibels,
     line,
     magnitude_axis,
     phase_axis,
@@ -29,6 +30,7 @@ from rotorid.plot.figure import (
     Figure,
     Panel,
     Trace,
+    minus,
     numbers,
     stacked,
     text,
@@ -261,7 +263,7 @@ def _mark(
 
 def _factor(view: View, factor: float) -> float:
     """A factor on the magnitude axis."""
-    return float(view.height(np.array([20.0 * math.log10(factor)]))[0])
+    return float(view.height(decibels(np.array([factor])))[0])
 
 
 def _reach(view: View, crossing: Crossing, middle: float) -> tuple[float, float]:
@@ -275,7 +277,7 @@ def _level_words(view: View, crossing: Crossing) -> str:
     if view.magnitude == "linear":
         return plus_minus(crossing.value, crossing.value_std)
     std_db = 20.0 / math.log(10.0) * crossing.value_std / crossing.value
-    return f"{plus_minus(20.0 * math.log10(crossing.value), std_db)} dB"
+    return f"{plus_minus(float(decibels(np.array([crossing.value]))[0]), std_db)} dB"
 
 
 def _where(view: View, crossing: Crossing) -> str:
@@ -292,11 +294,11 @@ def plus_minus(value: float, std: float) -> str:
     ('42 ± 3', '42.12 ± 0.13', '42.1')
     """
     if not std > 0.0:
-        return f"{value:.3g}".replace("-", "−")
+        return minus(f"{value:.3g}")
     leading = math.floor(math.log10(std))
     # Two digits of a deviation that starts with a one: rounding it to one would change it by half.
     digits = max(0, -leading + (1 if std / 10.0**leading < 2.0 else 0))
-    return f"{value:.{digits}f} ± {std:.{digits}f}".replace("-", "−")
+    return minus(f"{value:.{digits}f} ± {std:.{digits}f}")
 
 
 DAMPING_RATIOS = (0.2, 0.4, 0.6, 0.8)
@@ -306,9 +308,9 @@ _CORNERS = 48
 _ROOM = 1.18
 _LABELED = 0.9
 _FAR = 20.0
+"""So many times further than the poles reach lines go on, since equal scales may show more of the plane than asked."""
 _LEAST_REACH = 0.1
 """In 1/s: a pole at rest is drawn at rest, and not on the rounding of a computer."""
-"""So many times further than the poles reach lines go on, since equal scales may show more of the plane than asked."""
 
 
 def s_plane(
@@ -344,7 +346,7 @@ def s_plane(
     """
     spread = np.full(poles.shape, complex(np.nan, np.nan)) if std is None else std
     _require(poles, spread, words)
-    labels = list(words) or [f"{pole.real:.4g} {pole.imag:+.4g}j".replace("-", "−") for pole in poles.tolist()]
+    labels = list(words) or [minus(f"{pole.real:.4g} {pole.imag:+.4g}j") for pole in poles.tolist()]
     reach = max(float(np.abs(poles).max(initial=0.0)), _LEAST_REACH)
     grows = poles.real > 0.0
     across, up = _ranges(poles, reach)
@@ -553,4 +555,4 @@ def _color(value: float) -> str:
 
 
 def _number(value: float, form: str) -> str:
-    return f"{value:{form}}".replace("-", "−") if np.isfinite(value) else "unknown"
+    return minus(f"{value:{form}}") if np.isfinite(value) else "unknown"

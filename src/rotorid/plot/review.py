@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rotorid.errors import UsageError
+from rotorid.plot.curves import decibels
 from rotorid.plot.figure import (
     MEASURED,
     MODEL,
@@ -215,7 +216,9 @@ def noise_maps(maps: Mapping[str, Map], *, against: str, unit: str) -> Figure:
 
 def _color_range(maps: Sequence[Map]) -> tuple[float, float]:
     levels = [
-        10.0 * np.log10(one.density[:, one.frequency_hz >= _SCALE_FROM_HZ]) for one in maps if (one.density > 0).any()
+        decibels(one.density[:, one.frequency_hz >= _SCALE_FROM_HZ], of_power=True)
+        for one in maps
+        if (one.density > 0).any()
     ]
     finite = np.concatenate([one[np.isfinite(one)] for one in levels]) if levels else np.zeros(0)
     if not finite.size:
@@ -322,8 +325,7 @@ def spectra(
     colors = (MODEL, MEASURED, *SERIES[2:])
     traces: list[Trace] = []
     for number, (name, (frequency_hz, density)) in enumerate(averages.items()):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level = 10.0 * np.log10(density)
+        level = decibels(density, of_power=True)
         traces.append(
             {
                 "type": "scatter",
@@ -374,7 +376,7 @@ def _room_above(traces: Sequence[Trace]) -> dict[str, Any]:
 
 def _height(averages: Mapping[str, tuple[FloatArray, FloatArray]], frequency: float) -> float:
     heights = [
-        10.0 * np.log10(np.interp(frequency, frequency_hz, density))
+        float(decibels(np.array([np.interp(frequency, frequency_hz, density)]), of_power=True)[0])
         for frequency_hz, density in averages.values()
         if frequency_hz[0] <= frequency <= frequency_hz[-1]
     ]

@@ -6,12 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rotorid.plot.figure import MEASURED, MODEL, Figure, Panel, Trace, numbers, stacked, translucent
+from rotorid.plot.curves import Frequency, Magnitude, Style, View, band, decibels, line, magnitude_axis
+from rotorid.plot.figure import MEASURED, MODEL, Figure, Panel, Trace, stacked, translucent
 from rotorid.typing import FloatArray
 
-_COLORS = {"flown": MEASURED, "proposed": MODEL}
-_DASHES = {"flown": "solid", "proposed": "5 3"}
+_COLORS = {"flown": MEASURED, "proposed": MODEL, "chosen": MODEL, "measured": MEASURED, "foretold": MODEL}
+_DASHES = dict.fromkeys(("flown", "measured"), "solid")
 _OPACITY = 0.2
+_HEIGHT_PX = 260.0
 
 Band = tuple[FloatArray, FloatArray, FloatArray]
 """Lower edge, middle and upper edge."""
@@ -29,62 +31,80 @@ def steps(time_s: FloatArray, answers: Mapping[str, Band], *, axis: str) -> Figu
     axis
         For the label.
     """
-    traces = [trace for name, band in answers.items() for trace in _traces(time_s, band, name, "%{x:.2f} s")]
-    panel = Panel(label=f"{axis} over its set-point", traces=traces, height_px=260)
+    traces: list[Trace] = []
+    for name, (low, middle, high) in answers.items():
+        shade, inked = _styles(name)
+        traces += band(View(), time_s, low, high, np.ones(time_s.size, dtype=bool), shade)
+        traces.append({**line(View(), time_s, middle, inked), "hovertemplate": "%{x:.2f} s<br>%{y:.3~g}"})
+    return _over_time(axis, traces)
+
+
+def by_hand(axis: str) -> Figure:
+    """The picture for gains that are chosen on the page, whose script brings the curves ``flown`` and ``chosen``."""
+    empty = np.empty(0)
+    return _over_time(axis, [line(View(), empty, empty, _styles(name)[1]) for name in ("flown", "chosen")])
+
+
+def _over_time(axis: str, traces: list[Trace]) -> Figure:
+    label = f"{axis.capitalize()} over its set-point"
+    panel = Panel(label=label, traces=traces, height_px=_HEIGHT_PX)
     return stacked([panel], x_axis={"title": {"text": "Time [s]"}})
 
 
-def sensitivities(omega_rad_s: FloatArray, found: Mapping[str, Band], *, seen_rad_s: tuple[float, float]) -> Figure:
-    """Sensitivity to disturbances over frequency, in decibels.
-
-    Parameters
-    ----------
-    omega_rad_s
-        Shape ``(f,)``.
-    found
-        ``flown`` and ``proposed`` to the bands of abs(S).
-    seen_rad_s
-        Where the plant was measured.
-    """
-    decibels = {name: tuple(20.0 * np.log10(edge) for edge in band) for name, band in found.items()}
-    traces = [
-        trace
-        for name, band in decibels.items()
-        for trace in _traces(omega_rad_s, band, name, "%{x:.3~g} rad/s")  # type: ignore[arg-type]
-    ]
-    panel = Panel(label="Sensitivity [dB]", traces=traces, height_px=260, shaded=[seen_rad_s])
-    return stacked(
-        [panel], x_axis={"title": {"text": "Frequency [rad/s]; shaded where the plant was seen"}, "type": "log"}
-    )
-
-
 def responses(
-    omega_rad_s: FloatArray, found: Mapping[str, Band], *, label: str, seen_rad_s: tuple[float, float]
+    omega_rad_s: FloatArray,
+    found: Mapping[str, Band],
+    *,
+    label: str,
+    seen_rad_s: tuple[float, float] | None = None,
+    frequency: Frequency = "rad/s",
+    magnitude: Magnitude = "dB",
 ) -> Figure:
-    """Sizes of a response over frequency, in decibels.
+    """Sizes of a response or a sensitivity over frequency.
 
     Parameters
     ----------
     omega_rad_s
         Shape ``(f,)``.
     found
-        ``flown`` and ``proposed`` to the bands of its size.
+        ``flown`` and ``proposed``, or ``measured`` and ``foretold``, to the bands of its size, each edge of shape
+        ``(f,)``.
     label
-        Of the vertical axis.
+        Of the vertical axis, without its unit.
     seen_rad_s
-        Where the plant was measured.
+        Where the plant was measured, to be shaded.
+    frequency, magnitude
+        Units of the picture.
     """
-    # An axis without an angle loop answers its set-point by nothing, which has no place in decibels.
-    with np.errstate(divide="ignore"):
-        bands = {name: tuple(20.0 * np.log10(edge) for edge in band) for name, band in found.items()}
-    traces = [
-        trace
-        for name, band in bands.items()
-        for trace in _traces(omega_rad_s, band, name, "%{x:.3~g} rad/s")  # type: ignore[arg-type]
-    ]
-    panel = Panel(label=label, traces=traces, height_px=260, shaded=[seen_rad_s])
-    return stacked(
-        [panel], x_axis={"title": {"text": "Frequency [rad/s]; shaded where the plant was seen"}, "type": "log"}
+    view = View(frequency=frequency, magnitude=magnitude)
+    in_db = magnitude == "dB"
+    traces: list[Trace] = []
+    for name, edges in found.items():
+        # An axis without an angle loop answers its set-point by nothing, which has no place in decibels.
+        low, middle, high = (view.height(decibels(edge)) for edge in edges)
+        shade, inked = _styles(name, "dB" if in_db else "")
+        traces += band(view, omega_rad_s, low, high, np.ones(omega_rad_s.size, dtype=bool), shade)
+        traces.append(line(view, omega_rad_s, middle, inked))
+    shaded = view.bands([seen_rad_s] if seen_rad_s else [])
+    panel = Panel(
+        label=f"{label} [dB]" if in_db else label,
+        traces=traces,
+        height_px=_HEIGHT_PX,
+        axis=magnitude_axis(view, traces),
+        shaded=shaded,
+    )
+    axis = view.axis(omega_rad_s)
+    if shaded:
+        axis["title"] = {"text": f"{axis['title']['text']}; shaded where the plant was seen"}
+    return stacked([panel], x_axis=axis)
+
+
+def _styles(name: str, unit: str = "") -> tuple[Style, Style]:
+    """How the band and the line of one set of gains are drawn."""
+    color = _COLORS[name]
+    return (
+        Style(name=name, color=translucent(color, _OPACITY)),
+        Style(name=name, color=color, width=1.8, dash=_DASHES.get(name, "5 3"), unit=unit, legend=True),
     )
 
 
@@ -139,61 +159,10 @@ def rejection(axis: str, found: Mapping[str, tuple[Band, Band]], *, scale: float
                 "showlegend": True,
             }
         )
-    panel = Panel(label="Peak of the sensitivity [dB]", traces=traces, height_px=260)
+    panel = Panel(label="Peak of the sensitivity [dB]", traces=traces, height_px=_HEIGHT_PX)
     return stacked([panel], x_axis={"title": {"text": "Disturbance rejection bandwidth [rad/s]"}})
 
 
 def _error(band: Band) -> dict[str, object]:
     low, middle, high = (float(edge) for edge in band)
     return {"type": "data", "symmetric": False, "array": [high - middle], "arrayminus": [middle - low]}
-
-
-def sensitivity_check(omega_rad_s: FloatArray, foretold: Band, measured: Band) -> Figure:
-    """Foretold sensitivity to disturbances, and that of the flight afterwards, in decibels.
-
-    Parameters
-    ----------
-    omega_rad_s
-        Shape ``(f,)``.
-    foretold, measured
-        Bands of abs(S).
-    """
-    both = {"proposed": ("foretold", foretold), "flown": ("measured", measured)}
-    traces = [
-        trace
-        for color, (name, band) in both.items()
-        for trace in _traces(
-            omega_rad_s,
-            (20.0 * np.log10(band[0]), 20.0 * np.log10(band[1]), 20.0 * np.log10(band[2])),
-            name,
-            "%{x:.3~g} rad/s",
-            color=color,
-        )
-    ]
-    panel = Panel(label="Sensitivity [dB]", traces=traces, height_px=260)
-    return stacked([panel], x_axis={"title": {"text": "Frequency [rad/s]"}, "type": "log"})
-
-
-def _traces(x: FloatArray, band: Band, name: str, at: str, *, color: str = "") -> list[Trace]:
-    low, middle, high = band
-    dash, color = _DASHES[color or name], _COLORS[color or name]
-    edge: Trace = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": numbers(x),
-        "line": {"color": color, "width": 0.0},
-        "hoverinfo": "skip",
-        "showlegend": False,
-    }
-    filled: Trace = {**edge, "y": numbers(high), "fill": "tonexty", "fillcolor": translucent(color, _OPACITY)}
-    line: Trace = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": numbers(x),
-        "y": numbers(middle),
-        "line": {"color": color, "width": 1.8, "dash": dash},
-        "hovertemplate": f"{at}<br>%{{y:.3~g}}",
-        "name": name,
-        "showlegend": True,
-    }
-    return [{**edge, "y": numbers(low)}, filled, line]

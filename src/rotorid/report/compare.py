@@ -22,6 +22,7 @@ from rotorid.documents.compare import (
 from rotorid.io.files import write_atomically
 from rotorid.pipeline.comparison import ComparedManeuver, Comparison
 from rotorid.pipeline.summary import PoleEstimate
+from rotorid.plot.figure import minus
 from rotorid.plot.time import Curve, Score, predictions, score_dots
 from rotorid.report.files import to_json, write_together
 from rotorid.report.frame import MISSING, Picture, milliseconds, render, significant, unit, with_error
@@ -125,11 +126,11 @@ def percents(mean: float | None, spread: float | None) -> str:
     if mean is None:
         return MISSING
     text = f"{mean:.1f}" if spread is None else f"{mean:.1f} ± {spread:.1f}"
-    return text.replace("-", "−")
+    return minus(text)
 
 
 def _criterion(value: float | None) -> str:
-    return MISSING if value is None else f"{value:.0f}".replace("-", "−")
+    return MISSING if value is None else minus(f"{value:.0f}")
 
 
 def _pole(pole: PoleEstimate) -> str:

@@ -64,7 +64,7 @@ def write_results(
 
 
 def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) -> None:
-    """Write several files into a folder: all complete, or none.
+    """Write several files into a folder: all complete, or none; their pages link to what is written beside them.
 
     Parameters
     ----------
@@ -82,6 +82,15 @@ def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) ->
     with making(Target(folder=folder, kind=kind, force=True, asked=str(folder))) as made:
         for name, write in files.items():
             write(made.place / name)
+        for page in (name for name in files if name.endswith(".html") and "/" not in name):
+            link_files(made.place / page, [name for name in files if name != page])
+
+
+def link_files(page: Path, names: Sequence[str]) -> None:
+    """Add links to files beside a page that is written already."""
+    from rotorid.report.frame import with_files
+
+    write_atomically(page, with_files(page.read_bytes().decode(), names))
 
 
 def result_kind(main: str) -> ResultKind:
@@ -172,9 +181,12 @@ def write_overview_report(
     path: Path, models: Sequence[IdentifiedModel], *, title: str, truth: Mapping[str, float] | None = None
 ) -> None:
     """Write one report about several identifications."""
+    from rotorid.report.frame import with_files
     from rotorid.report.identification import render_report
 
-    write_atomically(path, render_report(models, title=title, truth=truth))
+    page = render_report(models, title=title, truth=truth)
+    reports = [f"{model.name}/report.html" for model in models]
+    write_atomically(path, with_files(page, [name for name in reports if (path.parent / name).is_file()]))
 
 
 def write_responses(folder: Path, result: Responses, *, title: str) -> None:

@@ -4,10 +4,8 @@
   const source = document.getElementById("loops");
   if (!source) return;
   const { vehicles, logs, findings, series, populations } = JSON.parse(source.textContent);
-  const { light, dark } = JSON.parse(document.getElementById("figures").textContent);
-  const darkness = window.matchMedia("(prefers-color-scheme: dark)");
-  const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const config = { responsive: true, displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]] };
+  // Colors of all pictures: measured, out of line, the third.
+  const [USUAL, ODD, CHANGED] = rotorid.template().layout.colorway;
   const parameters = document.getElementById("fleet-parameter");
   const vehicle = document.getElementById("fleet-vehicle");
   const filter = document.getElementById("fleet-filter");
@@ -35,13 +33,14 @@
   const chosen = () => populations[Number(parameters.value)];
   const of = (one) => series.filter((two) => two.model === one.model && two.parameter === one.parameter);
   const axis = (one) => (one.unit ? `${one.parameter} [${one.unit}]` : one.parameter);
-  const template = () => (darkness.matches ? dark : light);
   const band = (one, name) => ({
     type: "rect", xref: "paper", x0: 0, x1: 1, yref: "y", y0: one.low, y1: one.high, line: { width: 0 },
-    fillcolor: style("--accent"), opacity: 0.12, layer: "below", name,
+    fillcolor: USUAL, opacity: 0.12, layer: "below", name,
   });
 
-  const drawPopulation = () => {
+  const frame = { height: 320, margin: { l: 70, r: 20, t: 56, b: 50 }, hovermode: "closest" };
+  const legend = { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" };
+  const population = () => {
     const one = chosen();
     const many = of(one).filter((two) => two.level)
       .map((two) => ({ value: two.level[0], std: two.level[1], series: two })).sort((a, b) => a.value - b.value);
@@ -58,22 +57,22 @@
     const odd = (two) => two.series.odd_vehicle;
     const changed = (two) => two.series.changes.length > 0 && !odd(two);
     const lines = [
-      group((two) => !odd(two) && !changed(two), "circle", style("--accent"), "as the rest"),
-      group(changed, "diamond", style("--fair"), "changed (before it)"),
-      group(odd, "x", style("--poor"), "differs"),
+      group((two) => !odd(two) && !changed(two), "circle", USUAL, "as the rest"),
+      group(changed, "diamond", CHANGED, "changed (before it)"),
+      group(odd, "x", ODD, "differs"),
     ].filter((line) => line.x.length);
-    return Plotly.react("fleet-population", lines, {
-      template: template(), height: 320, margin: { l: 70, r: 20, t: 20, b: 50 }, shapes: [band(one, "normal")],
+    const layout = {
+      ...frame, legend, shapes: [band(one, "normal")],
       xaxis: { title: { text: "vehicles, in the order of their values" }, zeroline: false, range: [0, many.length + 1] },
-      yaxis: { title: { text: axis(one) }, zeroline: false }, legend: { orientation: "h", y: 1.15 }, hovermode: "closest",
-    }, config);
+      yaxis: { title: { text: axis(one) }, zeroline: false },
+    };
+    return { data: lines, layout };
   };
 
-  const drawHistory = () => {
+  const history = () => {
     const one = chosen();
     const who = Number(vehicle.value);
     const found = of(one).find((two) => two.vehicle === who);
-    const box = document.getElementById("fleet-history");
     const y = found ? found.value : [];
     const x = y.map((_, k) => k + 1);
     const odd = new Set(found ? found.odd : []);
@@ -86,8 +85,8 @@
     });
     const lines = [];
     if (found) {
-      lines.push(point((k) => !odd.has(k), "circle", style("--accent"), "flights, 95 %"));
-      if (odd.size) lines.push(point((k) => odd.has(k), "x", style("--poor"), "odd flight"));
+      lines.push(point((k) => !odd.has(k), "circle", USUAL, "flights, 95 %"));
+      if (odd.size) lines.push(point((k) => odd.has(k), "x", ODD, "odd flight"));
       found.changes.forEach((change, k) => {
         if (k === 0) lines.push(level(change.from, change.at - 1, change.before, false));
         lines.push(level(change.at, change.to, change.after, k > 0));
@@ -95,18 +94,19 @@
     }
     const changes = (found ? found.changes : []).map((change) => ({
       type: "line", xref: "x", x0: change.at - 0.5, x1: change.at - 0.5, yref: "paper", y0: 0, y1: 1,
-      line: { color: style("--poor"), dash: "dot", width: 1.5 },
+      line: { color: ODD, dash: "dot", width: 1.5 },
     }));
-    return Plotly.react(box, lines, {
-      template: template(), height: 320, margin: { l: 70, r: 20, t: 20, b: 50 }, shapes: [band(one, "normal"), ...changes],
+    const layout = {
+      ...frame, legend, shapes: [band(one, "normal"), ...changes],
       xaxis: { title: { text: `flights of ${vehicles[who]}` }, zeroline: false },
-      yaxis: { title: { text: axis(one) }, zeroline: false }, legend: { orientation: "h", y: 1.15 }, hovermode: "closest",
+      yaxis: { title: { text: axis(one) }, zeroline: false },
       annotations: found ? [] : [{ text: "no such number of this vehicle", showarrow: false, xref: "paper", yref: "paper", x: 0.5, y: 0.5 }],
-    }, config);
+    };
+    return { data: lines, layout };
   };
   const level = (start, stop, value, quiet) => ({
     type: "scatter", mode: "lines", name: "mean", showlegend: !quiet && start === 1, x: [start - 0.5, stop + 0.5], y: [value, value],
-    line: { color: style("--fair"), width: 2 }, hoverinfo: "skip",
+    line: { color: CHANGED, width: 2 }, hoverinfo: "skip",
   });
 
   // The table: of all lines only those that can be seen are in the page.
@@ -205,22 +205,21 @@
   filter.addEventListener("input", arrange);
 
   for (const part of document.querySelectorAll("[data-needs-script]")) part.hidden = false;
-  const draw = () => Promise.all([drawPopulation(), drawHistory()]);
-  parameters.addEventListener("change", draw);
-  vehicle.addEventListener("change", drawHistory);
-  const say = (promise) => promise.then(
+  Object.assign(rotorid.pictures, { "fleet-population": population, "fleet-history": history });
+  const places = Object.fromEntries(["fleet-population", "fleet-history"].map((key) => [key, document.getElementById(key)]));
+  const draw = (...keys) => rotorid.redraw(keys.map((key) => places[key]));
+  parameters.addEventListener("change", () => draw("fleet-population", "fleet-history"));
+  vehicle.addEventListener("change", () => draw("fleet-history"));
+  arrange();
+  draw("fleet-population", "fleet-history").then(
     () => {
-      document.getElementById("fleet-population").on("plotly_click", ({ points }) => {
+      places["fleet-population"].on("plotly_click", ({ points }) => {
         const k = vehicles.indexOf(points[0].text);
         if (k < 0) return;
         vehicle.value = String(k);
-        drawHistory();
+        draw("fleet-history");
       });
-      document.documentElement.dataset.fleet = "drawn";
+      document.documentElement.dataset.fleet = document.documentElement.dataset.pictures;
     },
-    (error) => { document.documentElement.dataset.fleet = `failed: ${error}`; },
   );
-  arrange();
-  say(draw());
-  darkness.addEventListener("change", draw);
 })();

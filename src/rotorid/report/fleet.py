@@ -14,6 +14,7 @@ from typing import Any
 from rotorid.data.display import counted, visible
 from rotorid.documents.fleet import FleetDocument, PopulationDocument
 from rotorid.fleets.analysis import FleetAnalysis, History
+from rotorid.plot.figure import minus
 from rotorid.report.frame import MISSING, render, significant, unit, with_error
 
 _DIGITS = 7
@@ -97,7 +98,7 @@ def _listed(names: Sequence[str], most: int = 6) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return MISSING if value is None else f"{100.0 * value:+.1f} %".replace("-", "−")
+    return MISSING if value is None else minus(f"{100.0 * value:+.1f} %")
 
 
 def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:

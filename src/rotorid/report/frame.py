@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import html
 import json
 import math
 import re
@@ -18,11 +19,13 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import product
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
+from urllib.parse import quote
 
 from rotorid import __version__
 from rotorid.plot.curves import Frequency, Magnitude
-from rotorid.plot.figure import Figure, plotly_script, template
+from rotorid.plot.figure import Figure, minus, plotly_script, template
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -161,7 +164,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["shell"] = shlex.join
+    environment.filters |= {"shell": shlex.join, "capital": capital, "typeset": typeset}
     page = environment.get_template(name).render(
         **values,
         version=__version__,
@@ -213,6 +216,41 @@ def without_gaps(page: str) -> str:
     return _HEADING.sub(lifted, page)
 
 
+_MORE_FILES = "<!-- more files -->"
+_TELLING = {
+    "model.toml": "the model, as commands take it",
+    "plan.json": "the flight plan",
+    ".json": "everything that was found, for programs",
+    ".npz": "signals and responses, as arrays",
+    ".html": "a page of its own",
+}
+
+
+def with_files(page: str, names: Iterable[str]) -> str:
+    """A page with links to files beside it, behind those that it has.
+
+    Parameters
+    ----------
+    page
+        As :func:`render` made it; one without a place for links comes back as it is.
+    names
+        Relative to the folder of the page.
+
+    Examples
+    --------
+    >>> with_files("<ul><!-- more files --></ul>", ["a b.csv"])
+    '<ul><li><a href="a%20b.csv"><code>a b.csv</code></a></li><!-- more files --></ul>'
+    """
+    links = "".join(map(_link, names))
+    return page.replace(_MORE_FILES, links + _MORE_FILES, 1)
+
+
+def _link(name: str) -> str:
+    file = PurePosixPath(name)
+    words = _TELLING.get(file.name) or _TELLING.get(file.suffix, "")
+    return f'<li><a href="{quote(name)}"><code>{html.escape(name)}</code></a>{f": {words}" if words else ""}</li>'
+
+
 def json_for_script(value: Any) -> Markup:
     r"""JSON that may stand inside a script element: nothing in it can end the element.
 
@@ -253,6 +291,7 @@ MISSING = "–"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MOST_PERCENT = 1000.0
 _ROUNDING = 1e-12
+_MOST_DECIMALS = 4
 _PLAIN_FROM, _PLAIN_TO = 1e-3, 1e6
 _POWERS = {"^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
 
@@ -282,6 +321,17 @@ def with_error(value: float | None, std: float | None) -> str:
     return f"({both})·10{str(power).translate(_SUPERSCRIPTS)}" if power else both
 
 
+def in_decibels(factor: float, std: float) -> str:
+    """A factor and its standard deviation in decibels.
+
+    Examples
+    --------
+    >>> in_decibels(2.0, 0.05)
+    '6.02 ± 0.22'
+    """
+    return with_error(20.0 * math.log10(factor), 20.0 / math.log(10.0) * std / factor)
+
+
 def significant(value: float | None, *, digits: int = 3) -> str:
     """A number with so many significant digits, a dash where there is none.
 
@@ -294,9 +344,9 @@ def significant(value: float | None, *, digits: int = 3) -> str:
         return MISSING
     text = f"{value:.{digits}g}"
     if "e" not in text:
-        return _minus(text)
+        return minus(text)
     mantissa, power = text.split("e")
-    return f"{_minus(mantissa)}·10{str(int(power)).translate(_SUPERSCRIPTS)}"
+    return f"{minus(mantissa)}·10{str(int(power)).translate(_SUPERSCRIPTS)}"
 
 
 def milliseconds(seconds: float | None, std_s: float | None = None) -> str:
@@ -340,6 +390,53 @@ def unit(text: str) -> str:
     return "" if text == "1" else text
 
 
+_NEGATIVE = re.compile(r"(?P<command>--[\w-]+[ =]-\S+)|(?<![\w.)\]:/=-])-(?=\.?\d)")
+_EXPONENT = re.compile(r"(?<=\d)e([+-]\d+)\b")
+_RAISED = re.compile(r"(?<=[a-z])\^-?[123]\b")
+
+
+def typeset(text: str) -> str:
+    """A sentence with minus signs, powers of ten and units as they stand on paper; commands in it stay as they are.
+
+    Examples
+    --------
+    >>> typeset("bias -0.5 +/- 1e-05 m/s^2 on 2026-11-25; try --declination -3")
+    'bias −0.5 +/- 1·10⁻⁵ m/s² on 2026-11-25; try --declination -3'
+    """
+    text = _NEGATIVE.sub(lambda found: found["command"] or "−", text)
+    text = _EXPONENT.sub(lambda found: f"·10{str(int(found[1])).translate(_SUPERSCRIPTS)}", text)
+    return _RAISED.sub(lambda found: found[0][1:].translate(_SUPERSCRIPTS), text)
+
+
+def capital(text: str) -> str:
+    """A text that begins with a capital letter; the rest stays as it is.
+
+    Examples
+    --------
+    >>> capital("gain A of the angle loop")
+    'Gain A of the angle loop'
+    """
+    return text[:1].upper() + text[1:]
+
+
+def with_interval(value: float | None, lower: float | None, upper: float | None) -> tuple[str, str]:
+    """A number and its interval, rounded as :func:`with_error` does by half of that; without one three digits.
+
+    Examples
+    --------
+    >>> with_interval(27.04, 26.7, 27.4), with_interval(2.0, 2.0, 2.0), with_interval(None, None, None)
+    (('27.0', '26.7 to 27.4'), ('2', ''), ('–', ''))
+    """
+    if value is None or lower is None or upper is None:
+        return significant(value), ""
+    half = max((abs(end - value) for end in (lower, upper) if math.isfinite(end)), default=0.0)
+    if not half > _ROUNDING * abs(value):
+        return significant(value), ""
+    decimals = min(max(_decimals(half), 0), _MOST_DECIMALS)
+    ends = (_fixed(end, decimals) if math.isfinite(end) else "∞" if end > 0.0 else "−∞" for end in (lower, upper))
+    return _fixed(value, decimals), " to ".join(ends)
+
+
 def _decimals(deviation: float) -> int:
     power = math.floor(math.log10(deviation))
     digits = 2 if deviation / 10.0**power < 3.0 else 1
@@ -347,8 +444,4 @@ def _decimals(deviation: float) -> int:
 
 
 def _fixed(value: float, decimals: int) -> str:
-    return _minus(f"{round(value, decimals):.{max(decimals, 0)}f}")
-
-
-def _minus(text: str) -> str:
-    return text.replace("-", "−")
+    return minus(f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}")

@@ -35,7 +35,7 @@ from rotorid.pipeline.summary import (
     SearchRuns,
     SearchSummary,
 )
-from rotorid.plot.figure import quantity
+from rotorid.plot.figure import minus, quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
 from rotorid.report.derived import DerivedShown, derived_shown
@@ -214,7 +214,7 @@ class Together:
     @property
     def words(self) -> str:
         """The pair in words."""
-        return f"{self.first} and {self.second}: {self.correlation:.2f}".replace("-", "−")
+        return minus(f"{self.first} and {self.second}: {self.correlation:.2f}")
 
 
 def correlation_sentence(correlation: Correlation | None) -> str:

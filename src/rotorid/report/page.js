@@ -1,15 +1,22 @@
 "use strict";
-// Draws the figures, in light or dark as the reader's system asks, and light on paper, and in the units chosen.
-(() => {
+// Draws the figures, in light or dark as the reader or the reader's system asks, and light on paper, and in the units
+// chosen. The script of a page of its own puts further pictures into `rotorid.pictures`, as figures or as what makes one.
+const rotorid = (() => {
   const { pictures, light, dark } = JSON.parse(document.getElementById("figures").textContent);
   const darkness = window.matchMedia("(prefers-color-scheme: dark)");
   const root = document.documentElement;
-  const tools = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
-  // Pictures are saved as they are printed: lines, not pixels.
-  const saved = (place) => ({ format: "svg", filename: `${document.title} ${place.dataset.picture}`.replace(/[^\w.-]+/g, "-") });
-  const config = (place) => ({ responsive: true, displaylogo: false, modeBarButtons: tools, toImageButtonOptions: saved(place) });
   const switches = Array.from(document.querySelectorAll("button[data-unit]"));
   const units = { frequency: root.dataset.frequency ?? "rad/s", magnitude: root.dataset.magnitude ?? "dB" };
+  let printing = false;
+
+  const isDark = () => !printing && (root.dataset.theme ? root.dataset.theme === "dark" : darkness.matches);
+  const template = () => (isDark() ? dark : light);
+  // Pictures are saved as they are printed: lines, not pixels.
+  const config = (key) => ({
+    displaylogo: false,
+    modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]],
+    toImageButtonOptions: { format: "svg", filename: `${document.title} ${key}`.replace(/[^\w.-]+/g, "-") },
+  });
 
   const each = (numbers, change) => numbers.map((number) => (number === null ? null : change(number)));
   const hertz = (omega) => omega / (2 * Math.PI);
@@ -22,7 +29,8 @@
     const high = leveled && units.magnitude === "linear" && trace.yaxis === "y" ? { y: each(y, factor) } : { y };
     return { ...trace, ...(hovertemplate ? { hovertemplate } : {}), ...across, ...high };
   };
-  const seen = ({ data, layout, views }) => {
+  const seen = (key) => {
+    const { data, layout, views } = typeof pictures[key] === "function" ? pictures[key]() : pictures[key];
     if (!views) return { data, layout };
     const leveled = views[`${units.frequency} ${units.magnitude}`];
     const view = leveled ?? views[units.frequency];
@@ -30,32 +38,73 @@
     return { data: view.data ?? data.map(convert), layout: view.layout };
   };
 
-  const draw = (template, places, sized = (_, layout) => layout) =>
+  // Plotly breaks no lines: a title that is wider than its picture goes on below.
+  const pen = document.createElement("canvas").getContext("2d");
+  const broken = (title, size, room) => {
+    pen.font = `${size}px ${light.layout.font.family}`;
+    return title.split(" ").reduce((lines, word) => {
+      const longer = lines.length ? `${lines.at(-1)} ${word}` : word;
+      return pen.measureText(longer).width <= room ? [...lines.slice(0, -1), longer] : [...lines, word];
+    }, []);
+  };
+  const LINE = 1.3;
+  const fitted = (layout, width, size) => {
+    const { margin, height, legend, annotations = [], xaxis } = layout;
+    if (!margin || !height) return layout;
+    const room = width - margin.l - margin.r - 12;
+    const fit = (title) => {
+      const lines = broken(title, size, room);
+      return { text: lines.join("<br>"), more: (lines.length - 1) * LINE * size };
+    };
+    const labels = annotations.map((one) => (one.xref === "paper" && one.x === 0 ? { ...one, align: "left", ...fit(one.text) } : one));
+    const under = fit(xaxis?.title?.text ?? "");
+    // What is above the first panel makes room for its title; between panels there is room for two lines.
+    const above = Math.max(0, ...labels.filter((one) => one.y === 1).map((one) => one.more ?? 0));
+    const inner = height - margin.t - margin.b;
+    return {
+      ...layout,
+      height: height + above + under.more,
+      margin: { ...margin, t: margin.t + above, b: margin.b + under.more },
+      legend: legend && { ...legend, y: legend.y + above / inner },
+      annotations: labels.map(({ more, ...one }) => one),
+      xaxis: xaxis?.title ? { ...xaxis, title: { ...xaxis.title, text: under.text } } : xaxis,
+    };
+  };
+
+  const FONT = 12;
+  const onScreen = (place, layout) => fitted(layout, place.clientWidth, FONT);
+  // On paper pictures of one kind stand two beside each other, and a history is as high as its panels need, up to a page.
+  const PAPER = { width: 680, half: 336, least: 210, most: 900, font: 9 };
+  const onPaper = (place, layout) => {
+    const half = place.parentElement.closest(".pictures") !== null;
+    const [width, share] = [half ? PAPER.half : PAPER.width, layout.yaxis2 ? 0.47 : 0.65];
+    const margin = { ...layout.margin, t: 48, b: 36 };
+    const inner = layout.height - layout.margin.t - layout.margin.b;
+    const height = Math.min(Math.max(Math.round(share * inner) + margin.t + margin.b, PAPER.least), PAPER.most);
+    const small = Object.fromEntries(Object.entries(layout).filter(([name]) => /^[xy]axis/.test(name)).map(([name, axis]) =>
+      [name, { ...axis, tickfont: { size: PAPER.font - 1 }, title: { ...axis.title, font: { size: PAPER.font } } }]));
+    const annotations = (layout.annotations ?? []).map((one) => ({ ...one, font: { ...one.font, size: PAPER.font } }));
+    const legend = layout.legend && { ...layout.legend, font: { size: PAPER.font - 1 }, y: 1 + 16 / (height - margin.t - margin.b) };
+    return fitted({ ...layout, ...small, annotations, legend, margin, width, height, autosize: false }, width, PAPER.font);
+  };
+
+  const draw = (places) =>
     Promise.all(
       places.map((place) => {
-        const { data, layout } = structuredClone(seen(pictures[place.dataset.picture]));
-        return Plotly.react(place, data, { ...sized(place, layout), template }, config(place));
+        const key = place.dataset.picture;
+        const { data, layout } = structuredClone(seen(key));
+        const sized = layout.height ? (printing ? onPaper : onScreen)(place, layout) : layout;
+        return Plotly.react(place, data, { ...sized, template: template() }, config(key));
       }),
     );
-  // On paper responses stand two beside each other, and histories are as high as their panels need.
-  const PAPER = { width: 700, half: 345, least: 230, most: 540 };
-  const onPaper = (place, layout) => {
-    const half = place.parentElement.closest(".pictures") !== null || Boolean(pictures[place.dataset.picture].views?.["rad/s dB"]);
-    place.classList.toggle("half", half);
-    const share = layout.yaxis2 ? 0.5 : 0.75, own = layout.height ?? 450;
-    const height = Math.min(Math.max(Math.round(own * share), PAPER.least), PAPER.most);
-    return { ...layout, width: half ? PAPER.half : PAPER.width, height, autosize: false, font: { ...layout.font, size: 8 } };
-  };
   // In closed details a picture has no width yet; it is drawn when they open.
-  const all = (part = document) =>
-    Array.from(part.querySelectorAll("[data-picture]")).filter((place) => !place.closest("details:not([open])"));
-  const say = (promise) =>
-    promise.then(
+  const all = (part = document) => Array.from(part.querySelectorAll("[data-picture]"));
+  const ready = (place) => pictures[place.dataset.picture] && !place.closest("details:not([open]), [hidden]");
+  const redraw = (places = all()) =>
+    draw(places.filter(ready)).then(
       () => { root.dataset.pictures = "drawn"; },
       (error) => { root.dataset.pictures = `failed: ${error}`; },
     );
-  const isDark = () => (root.dataset.theme ? root.dataset.theme === "dark" : darkness.matches);
-  const redraw = (places = all()) => say(draw(isDark() ? dark : light, places));
 
   const press = () => {
     for (const button of switches) {
@@ -65,7 +114,7 @@
   const choose = ({ currentTarget: button }) => {
     units[button.dataset.unit] = button.value;
     press();
-    redraw(all().filter((place) => pictures[place.dataset.picture].views));
+    redraw(all().filter((place) => pictures[place.dataset.picture]?.views));
   };
   for (const button of switches) button.addEventListener("click", choose);
   for (const group of document.querySelectorAll(".choices")) group.hidden = false;
@@ -73,30 +122,100 @@
     details.addEventListener("toggle", () => redraw(all(details)));
   }
   press();
+
+  // What a reader sees of an element in one line; of a cell the words below its number apart.
+  const isWords = (node) => node.classList?.contains("words");
+  const text = (node, skip = () => false) => {
+    if (node.nodeName === "BR") return " ";
+    if (!node.childNodes.length) return node.textContent;
+    return Array.from(node.childNodes).filter((one) => !skip(one)).map((one) => text(one, skip)).join("");
+  };
+  const tidy = (words) => words.replace(/\s+/g, " ").trim();
+  // Rows of a table with a cell for each column: one that spans several rows stands in all of them.
+  const gridOf = (table) => {
+    const above = [];
+    return Array.from(table.querySelectorAll("tbody tr"), (row) => {
+      const cells = Array.from(row.cells);
+      const line = [];
+      for (let column = 0; cells.length || above[column]?.left > 0; column += 1) {
+        if (above[column]?.left > 0) {
+          above[column].left -= 1;
+          line.push(above[column].cell);
+          continue;
+        }
+        const cell = cells.shift();
+        for (let k = 0; k < cell.colSpan; k += 1) above[column + k] = { cell, left: cell.rowSpan - 1 };
+        line.push(...Array(cell.colSpan).fill(cell));
+        column += cell.colSpan - 1;
+      }
+      return line;
+    });
+  };
+  const headsOf = (table) => Array.from(table.querySelectorAll("thead tr:last-child > *"), (head) => tidy(text(head)));
+
+  // On a narrow screen a row becomes a card, in which every number stands beside the name of its column.
+  for (const table of document.querySelectorAll("table:has(thead)")) {
+    const heads = headsOf(table);
+    if (heads.length < 3 || table.closest(".fleet-table")) continue;
+    table.classList.add("cards");
+    for (const line of gridOf(table)) {
+      line.forEach((cell, column) => {
+        if (cell.dataset.head !== undefined || cell.nodeName !== "TD") return;
+        cell.dataset.head = cell.colSpan > 1 ? "" : heads[column];
+        if (!cell.childNodes.length) return;
+        // Several pieces of a cell stay one piece of the card.
+        const held = document.createElement("div");
+        held.append(...cell.childNodes);
+        cell.append(held);
+      });
+    }
+  }
   // What scrolls sideways can be reached by keyboard.
   for (const place of document.querySelectorAll(".scroll, pre, nav")) {
     if (place.scrollWidth > place.clientWidth) place.tabIndex = 0;
   }
 
-  // On a narrow screen a row becomes a card, in which every number stands beside the name of its column.
-  const words = (cell) => cell.innerText.replace(/\s+/g, " ").trim();
-  for (const table of document.querySelectorAll("table:has(thead)")) {
-    const heads = Array.from(table.querySelectorAll("thead tr:last-child > *"), words);
-    if (heads.length < 3 || table.closest(".fleet-table")) continue;
-    table.classList.add("cards");
-    for (const row of table.querySelectorAll("tbody tr")) {
-      if (row.cells.length === heads.length) Array.from(row.cells, (cell, k) => { cell.dataset.head = heads[k]; });
+  // A table as comma-separated values, for a spreadsheet: value, deviation and ends of an interval in columns of their
+  // own, numbers as programs read them, and nothing where there is none.
+  const POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+  const plain = (words) => words
+    .replace(/−/g, "-").replace(/∞/g, "inf")
+    .replace(/·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/g, (_, power) => `e${power.replace("⁻", "-").replace(/[⁰¹²³⁴⁵⁶⁷⁸⁹]/g, (one) => POWERS.indexOf(one))}`)
+    .replace(/\(([^() ]+) ± ([^() ]+)\)(e-?\d+)/, "$1$3 ± $2$3");
+  const NUMBER = String.raw`[+-]?(?:\d+(?:\.\d+)?(?:e-?\d+)?|inf)`;
+  const SHAPE = new RegExp(String.raw`^(?:× )?(?<value>${NUMBER})?(?: ?± (?<std>${NUMBER}))?` +
+    String.raw`(?: ?\(?(?<low>${NUMBER}) to (?<high>${NUMBER})\)?| \((?<beside>${NUMBER})\))?(?: ?(?<unit>[^\d\s(),:j-][^\s]*))?$`);
+  const NAMES = { value: "", std: "±", low: "from", high: "to", beside: "in parentheses", unit: "unit", note: "note" };
+  const numeric = (words) => {
+    const found = SHAPE.exec(plain(words))?.groups;
+    return found && (found.value ?? found.low) !== undefined ? found : null;
+  };
+  const partsOf = (cell) => {
+    const main = tidy(text(cell, isWords));
+    const parts = { ...(main === "" || main === "–" ? {} : numeric(main) ?? { value: plain(main) }) };
+    for (const words of Array.from(cell.querySelectorAll(".words"), (one) => tidy(text(one)))) {
+      const interval = numeric(words);
+      const fits = interval?.low !== undefined && interval.value === undefined && parts.low === undefined;
+      Object.assign(parts, fits ? { low: interval.low, high: interval.high } : { note: plain(words) });
     }
-  }
-
-  // A table as comma-separated values, for a spreadsheet.
-  const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const separated = (table) =>
-    Array.from(table.rows, (row) => Array.from(row.cells, (cell) => quoted(words(cell))).join(",")).join("\n");
-  const copied = async (text) => {
-    if (navigator.clipboard) return navigator.clipboard.writeText(text);
+    return parts;
+  };
+  const quoted = (words) => (/[",\n]/.test(words) ? `"${words.replaceAll('"', '""')}"` : words);
+  const separated = (table) => {
+    const heads = headsOf(table);
+    const rows = gridOf(table).filter((line) => line.some((cell) => cell.nodeName === "TD")).map((line) => line.map(partsOf));
+    const columns = Array.from({ length: Math.max(heads.length, ...rows.map((row) => row.length)) }, (_, k) => k).flatMap((k) => {
+      const used = Object.keys(NAMES).filter((name) => rows.some((row) => row[k]?.[name] !== undefined));
+      return (used.length ? used : ["value"]).map((name) => [k, name]);
+    });
+    const first = columns.map(([k, name]) => `${heads[k] ?? ""} ${NAMES[name]}`.trim());
+    return [first, ...rows.map((row) => columns.map(([k, name]) => row[k]?.[name] ?? ""))]
+      .map((line) => line.map(quoted).join(",")).join("\n");
+  };
+  const copied = async (words) => {
+    if (navigator.clipboard) return navigator.clipboard.writeText(words);
     const field = document.body.appendChild(document.createElement("textarea"));
-    field.value = text;
+    field.value = words;
     field.select();
     document.execCommand("copy");
     return field.remove();
@@ -114,8 +233,24 @@
     table.parentElement.after(button);
   }
 
-  redraw();
+  // The script of the page itself comes behind this one.
+  document.addEventListener("DOMContentLoaded", () => redraw());
   darkness.addEventListener("change", () => redraw());
-  window.addEventListener("beforeprint", () => draw(light, all(), onPaper));
-  window.addEventListener("afterprint", () => redraw());
+  let [width, waiting] = [window.innerWidth, 0];
+  window.addEventListener("resize", () => {
+    if (printing || window.innerWidth === width) return;
+    width = window.innerWidth;
+    cancelAnimationFrame(waiting);
+    waiting = requestAnimationFrame(() => redraw());
+  });
+  // Where a result comes from is told on paper too.
+  const opened = Array.from(document.querySelectorAll("details.printed:not([open])"));
+  const turn = (paper) => {
+    printing = paper;
+    for (const details of opened) details.open = paper;
+    return redraw();
+  };
+  window.addEventListener("beforeprint", () => turn(true));
+  window.addEventListener("afterprint", () => turn(false));
+  return { pictures, redraw, template };
 })();

@@ -26,7 +26,7 @@ from rotorid.pipeline.summary import PairCost, ParameterEstimate, Range
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
-from rotorid.report.frame import MISSING, Picture, in_all_units, percent, significant, unit, with_error
+from rotorid.report.frame import MISSING, Picture, in_all_units, percent, significant, typeset, unit, with_error
 from rotorid.report.words import Verdict, cost_verdict, finding_heading, parameter_group, parameter_words
 
 _ON_AXIS = {
@@ -214,7 +214,7 @@ def _finding_row(finding: Finding | FindingDocument) -> FindingRow:
         severity=finding.severity,
         heading=finding_heading(finding.kind),
         where=finding.where,
-        message=finding.message,
+        message=typeset(finding.message),
         numbers=", ".join(f"{name} {significant(value, digits=4)}" for name, value in finding.numbers.items()),
     )
 

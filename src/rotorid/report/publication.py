@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rotorid.io.files import write_atomically
+from rotorid.report.files import link_files
 from rotorid.report.frame import Picture
 from rotorid.report.parts import by_axis
 from rotorid.report.tables import (
@@ -135,6 +136,11 @@ def write_publication(
         for table in made.tables:
             for kind in tables:
                 write_atomically(folder / TABLES / f"{table.name}.{kind}", WRITERS[kind](table))
+    report = folder / "report.html"
+    if report.is_file():
+        parts = [folder / part for part in (FIGURES, TABLES)]
+        written = sorted(file for part in parts if part.is_dir() for file in part.iterdir())
+        link_files(report, [file.relative_to(folder).as_posix() for file in written])
 
 
 def _write_figures(folder: Path, made: Publication, kind: PrintedAs) -> None:

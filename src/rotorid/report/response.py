@@ -16,7 +16,17 @@ from rotorid.plot.curves import runs
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
 from rotorid.plot.loops import MINUS_3_DB, Crossing, broken_loop, disturbance_rejection
-from rotorid.report.frame import MISSING, Picture, in_all_units, over_frequency, render, significant, unit, with_error
+from rotorid.report.frame import (
+    MISSING,
+    Picture,
+    in_all_units,
+    in_decibels,
+    over_frequency,
+    render,
+    significant,
+    unit,
+    with_error,
+)
 from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
 from rotorid.report.words import Verdict, response_summary
 from rotorid.spectral.derived import Estimated
@@ -24,7 +34,6 @@ from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import Bound
 from rotorid.typing import Axis, FloatArray
 
-_DB_PER_NEPER = 20.0 / math.log(10.0)
 _DEGREES = 180.0 / math.pi
 
 _LOOP_NUMBERS: Mapping[str, tuple[str, str, float]] = {
@@ -155,7 +164,7 @@ def _going(bound: Bound | BoundDocument) -> str:
 def _value(number: Estimated | EstimatedDocument | Bound, factor: float) -> str:
     if factor:
         return with_error(factor * number.value, factor * number.std)
-    return with_error(20.0 * math.log10(number.value), _DB_PER_NEPER * number.std / number.value)
+    return in_decibels(number.value, number.std)
 
 
 def unseen(loop: AxisLoop | LoopDocument) -> tuple[Unseen, ...]:

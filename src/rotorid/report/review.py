@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 
 from rotorid.data.quantity import Quantity
 from rotorid.errors import UsageError
+from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.cards import Card, cards
 from rotorid.pipeline.review.values import (
@@ -29,7 +29,17 @@ from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
 from rotorid.plot.loops import Crossing, broken_loop
 from rotorid.plot.review import motor_bars, noise_maps, spectra, step_answers
-from rotorid.report.frame import MISSING, Picture, in_all_units, render, significant, unit, with_error
+from rotorid.report.frame import (
+    MISSING,
+    Picture,
+    in_all_units,
+    render,
+    significant,
+    unit,
+    with_error,
+    with_files,
+    with_interval,
+)
 from rotorid.report.parts import finding_rows
 
 LOOP_WORDS = {
@@ -73,7 +83,6 @@ _STATES = {"good": Badge("good", "good"), "look": Badge("fair", "look here"), "c
 _STAGES = {"before": "before the filters", "after": "after the filters"}
 _FAST, _SLOW = ("p", "q", "r"), ("phi", "theta", "psi", "u", "v", "w")
 _MOST_PEAKS = 6
-_MOST_DECIMALS = 4
 _OF_ONE_MOTOR = re.compile(r"motor_\d{1,2}_")
 _NOISE_SHARE = re.compile(r"(roll|pitch|yaw)_([pd])_noise_share(_above_100hz)?")
 _NUMBER_WORDS = {
@@ -138,6 +147,12 @@ class Section:
     untold: tuple[Untold, ...]
 
     @property
+    def sweepless(self) -> bool:
+        """Whether its models were identified without any maneuver that was made for it."""
+        stands = [one for one in self.review.models.values() if isinstance(one, IdentifiedModel)]
+        return not any(one.kind in RICH_KINDS for model in stands for one in model.provenance.maneuvers)
+
+    @property
     def pictures(self) -> tuple[Picture, ...]:
         """All that the page has to draw."""
         return (*self.steps, *self.bodes, *self.broken, *self.noise, *self.motors)
@@ -162,7 +177,7 @@ def render_reviews(reviews: Sequence[Review]) -> str:
     compared = _compared(reviews) if len(reviews) > 1 else ()
     overlaid = _overlaid(reviews) if len(reviews) > 1 else ()
     title = reviews[0].name if len(reviews) == 1 else f"{len(reviews)} flights side by side"
-    return render(
+    page = render(
         "review.html",
         title=title,
         sections=sections,
@@ -172,6 +187,10 @@ def render_reviews(reviews: Sequence[Review]) -> str:
         remarks={section.anchor: finding_rows(section.review.findings) for section in sections},
         pictures=[*overlaid, *(picture for section in sections for picture in section.pictures)],
     )
+    numbers = range(1, len(reviews) + 1)
+    arrays = ["review.npz"] if len(reviews) == 1 else [f"review-{number}.npz" for number in numbers]
+    topics = ["logger_topics.txt"] if any(review.logging.topics for review in reviews) else []
+    return with_files(page, ["review.json", *arrays, *topics])
 
 
 def pictures_of(reviews: Sequence[Review]) -> dict[str, Figure]:
@@ -234,28 +253,10 @@ def _rows(
 
 
 def _cell(quantity: Quantity | None, factor: float) -> tuple[str, str]:
-    """A number and its interval, as precise as the interval allows."""
+    """A number and its interval, in the unit of paper."""
     if quantity is None:
         return MISSING, ""
-    ends = [factor * end for end in (quantity.lower, quantity.upper)]
-    finite = [end for end in ends if math.isfinite(end)]
-    half = max((abs(end - factor * quantity.value) for end in finite), default=0.0)
-    value = _fixed(factor * quantity.value, half)
-    return value, " to ".join(_end(end, half) for end in ends) if half > 0.0 else ""
-
-
-def _fixed(value: float, half: float) -> str:
-    """A number with two digits of half of its interval; without one with three of its own."""
-    if half <= 0.0:
-        return significant(value)
-    decimals = min(max(1 - math.floor(math.log10(half)), 0), _MOST_DECIMALS)
-    return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−")
-
-
-def _end(value: float, half: float) -> str:
-    if math.isfinite(value):
-        return _fixed(value, half)
-    return "∞" if value > 0.0 else "−∞"
+    return with_interval(factor * quantity.value, factor * quantity.lower, factor * quantity.upper)
 
 
 def _single(numbers: Mapping[str, Quantity]) -> tuple[NumberRow, ...]:

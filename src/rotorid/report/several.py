@@ -38,10 +38,12 @@ def write_several(
     """
     from rotorid.documents.results import RESULTS, results_document
     from rotorid.pipeline.joined_models import joined_halves
+    from rotorid.report.frame import with_files
     from rotorid.report.identification import render_report
     from rotorid.report.publication import of_model, write_publication
 
     logs = title.partition(" from ")[2] or title
+    folders = [Path(name).name for name in models.identified]
     for name, model in models.identified.items():
         own = folder / Path(name).name
         write_results(own, model, title=f"{name} from {logs}")
@@ -50,7 +52,9 @@ def write_several(
     whole = joined_halves(list(models.identified.values()))
     if whole is not None:
         write_results(folder / whole.name, whole, title=f"{whole.name} from {logs}")
-    text, page = to_json(results_document(models)), render_report(list(models.identified.values()), title=title)
+        folders.append(whole.name)
+    page = render_report(list(models.identified.values()), title=title)
+    text, page = to_json(results_document(models)), with_files(page, [f"{one}/report.html" for one in folders])
     files: dict[str, Callable[[Path], None]] = {
         "report.html": lambda path: write_atomically(path, page),
         RESULTS: lambda path: write_atomically(path, text),

@@ -4,8 +4,6 @@
   const source = document.getElementById("loops");
   if (!source) return;
   const axes = JSON.parse(source.textContent);
-  const { light, dark } = JSON.parse(document.getElementById("figures").textContent);
-  const darkness = window.matchMedia("(prefers-color-scheme: dark)");
   const NAMES = ["P", "I", "D", "A"];
   const STEP_RAD_S = 0.5;
   const HIGHEST_RAD_S = 300;
@@ -133,7 +131,6 @@
   };
 
   const told = (value, digits = 3) => (Number.isFinite(value) ? Number(value.toPrecision(digits)).toString() : "–");
-  const COLORS = { flown: "#7a8797", chosen: "#0b6bcb" };
 
   const set = (place) => {
     const axis = axes[place.dataset.axis];
@@ -142,8 +139,8 @@
     axis.draws = axis.draws.map(row);
     const inputs = Object.fromEntries(Array.from(place.querySelectorAll("input"), (one) => [one.name, one]));
     const chosen = () => ({
-      gains: Object.fromEntries(NAMES.map((name) => [name, axis.flown[name] * 0 + (inputs[name]
-        ? Number(inputs[name].value) * axis.units[name].per_si : axis.flown[name])])),
+      gains: Object.fromEntries(NAMES.map((name) => [name, inputs[name]
+        ? Number(inputs[name].value) * axis.units[name].per_si : axis.flown[name]])),
       cutoff: inputs.cutoff ? Number(inputs.cutoff.value) : axis.derivative_cutoff_hz,
     });
     const flown = controllers(axis, axis.flown, axis.derivative_cutoff_hz);
@@ -174,19 +171,10 @@
       place.querySelector("pre").textContent = NAMES.filter((name) => inputs[name])
         .map((name) => `${axis.units[name].name} = ${told(Number(inputs[name].value), 4)}`)
         .concat(inputs.cutoff ? [`D low-pass = ${told(cutoff, 4)} Hz`] : []).join("\n");
-      const lines = [
-        { x: TIMES, y: before, name: "flown", line: { color: COLORS.flown, dash: "dot" } },
-        { x: TIMES, y: step(axis, axis.plant, found), name: "chosen", line: { color: COLORS.chosen } },
-      ].map((line) => ({ type: "scatter", mode: "lines", ...line }));
-      return Plotly.react(place.querySelector("[data-step]"), lines, {
-        template: darkness.matches ? dark : light,
-        height: 260,
-        margin: { l: 55, r: 15, t: 10, b: 45 },
-        xaxis: { title: { text: "Time [s]" } },
-        yaxis: { title: { text: `${place.dataset.axis} over its set-point` } },
-        showlegend: true,
-        legend: { orientation: "h", y: 1.12 },
-      }, { responsive: true, displaylogo: false });
+      const drawn = place.querySelector("[data-picture]");
+      const answers = { flown: before, chosen: step(axis, axis.plant, found) };
+      for (const line of rotorid.pictures[drawn.dataset.picture].data) Object.assign(line, { x: TIMES, y: answers[line.name] });
+      return rotorid.redraw([drawn]);
     };
     place.querySelector("button").addEventListener("click", () => {
       for (const [name, input] of Object.entries(inputs)) input.value = input.dataset.proposed ?? input.value;
@@ -194,10 +182,7 @@
     });
     for (const input of Object.values(inputs)) input.addEventListener("input", show);
     place.hidden = false;
-    const drawn = show();
-    darkness.addEventListener("change", show);
-    place.addEventListener("toggle", show);
-    return drawn;
+    return show();
   };
   Promise.all(Array.from(document.querySelectorAll("[data-axis]"), set)).then(
     () => { document.documentElement.dataset.sliders = "ready"; },

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,39 +15,38 @@ from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDo
 from rotorid.documents.tune_check import tune_check_document
 from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
-from rotorid.plot.tuning import rejection, responses, sensitivities, sensitivity_check, steps
-from rotorid.report.frame import MISSING, Picture, render, significant
+from rotorid.plot.tuning import by_hand, rejection, responses, steps
+from rotorid.report.frame import MISSING, Picture, capital, in_all_units, render, with_interval
 from rotorid.report.parts import finding_rows
 from rotorid.tuning.firmware import parameters_of
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
 
-_WORDS: Mapping[str, tuple[str, str]] = {
-    "crossover_rad_s": ("Crossover", "rad/s"),
-    "phase_margin_deg": ("Phase margin", "°"),
-    "gain_margin_db": ("Gain margin", "dB"),
-    "delay_margin_s": ("Delay margin", "s"),
-    "sensitivity_peak": ("Sensitivity peak M_s", ""),
-    "rejection_bandwidth_rad_s": ("Disturbance rejection bandwidth", "rad/s"),
-    "rejection_peak_db": ("Disturbance rejection peak", "dB"),
+_WORDS: Mapping[str, tuple[str, str, float]] = {
+    "crossover_rad_s": ("Crossover", "rad/s", 1.0),
+    "phase_margin_deg": ("Phase margin", "°", 1.0),
+    "gain_margin_db": ("Gain margin", "dB", 1.0),
+    "delay_margin_s": ("Delay margin", "ms", 1e3),
+    "sensitivity_peak": ("Sensitivity peak M_s", "", 1.0),
+    "rejection_bandwidth_rad_s": ("Disturbance rejection bandwidth", "rad/s", 1.0),
+    "rejection_peak_db": ("Disturbance rejection peak", "dB", 1.0),
 }
-_OF_ATTITUDE: Mapping[str, tuple[str, str]] = {
-    "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s"),
-    "phase_delay_s": ("Phase delay of the attitude", "s"),
+_OF_ATTITUDE: Mapping[str, tuple[str, str, float]] = {
+    "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s", 1.0),
+    "phase_delay_s": ("Phase delay of the attitude", "ms", 1e3),
 }
+_NOTHING = (MISSING, "")
+_SENSITIVITY = "Sensitivity to disturbances"
 _DRAWS_ON_PAGE = 12
 _DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MarginRow:
-    """A margin of the rate loop and of the whole one, flown and proposed, with intervals."""
+    """A margin of the rate loop and of the whole one, each flown and proposed: values with their intervals."""
 
     name: str
-    flown: str
-    proposed: str
-    flown_whole: str
-    proposed_whole: str
+    cells: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,6 +84,7 @@ class TunedAxis:
     filters: tuple[FilterPriceDocument, ...]
     ends: tuple[tuple[str, str], ...]
     sliders: tuple[Slider, ...]
+    by_hand: Picture
 
 
 def render_tune(proposal: TuningProposal, *, title: str) -> str:
@@ -108,7 +109,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         rollback=list(proposal.rollback_files.items()),
         thrust=_thrust(document),
         remarks=finding_rows(document.findings),
-        pictures=[picture for one in axes for picture in one.pictures],
+        pictures=[picture for one in axes for picture in (*one.pictures, one.by_hand)],
         further_script="tune.js",
         further={axis: loops_for_page(one, limit=_limit(proposal)) for axis, one in proposal.axes.items()},
     )
@@ -119,8 +120,8 @@ class ComparedRow:
     """A figure foretold and measured."""
 
     name: str
-    foretold: str
-    measured: str
+    foretold: tuple[str, str]
+    measured: tuple[str, str]
     inside: bool
 
 
@@ -164,8 +165,8 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
             rows=tuple(
                 ComparedRow(
                     name=f"{_named(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}",
-                    foretold=_told(row.foretold),
-                    measured=_told(row.measured),
+                    foretold=_cell(row.foretold, _WORDS[row.name][2]),
+                    measured=_cell(row.measured, _WORDS[row.name][2]),
                     inside=row.inside,
                 )
                 for row in document.axes[axis].figures
@@ -186,7 +187,7 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
 
 
 def _named(name: str) -> str:
-    words, unit = _WORDS[name]
+    words, unit, _ = {**_WORDS, **_OF_ATTITUDE}[name]
     return f"{words} [{unit}]" if unit else words
 
 
@@ -198,12 +199,13 @@ def _check_pictures(axis: str, one: CheckedAxis) -> list[Picture]:
     measured = _band(np.abs(1.0 / (1.0 + now.loops["flown_whole"])))
     at = np.log(told.omega_rad_s)
     rows = [np.interp(at, np.log(now.omega_rad_s), edge) for edge in measured]
-    foretold = _band(np.abs(1.0 / (1.0 + told.loops)))
+    both = {"foretold": _band(np.abs(1.0 / (1.0 + told.loops))), "measured": (rows[0], rows[1], rows[2])}
     return [
-        Picture(
+        in_all_units(
+            partial(responses, told.omega_rad_s, both, label=_SENSITIVITY),
             key=f"{axis}-check",
             description=f"Sensitivity of {axis} to disturbances, as foretold and as flown, with bands of 95 %",
-            figure=sensitivity_check(told.omega_rad_s, foretold, (rows[0], rows[1], rows[2])),
+            converted=True,
         )
     ]
 
@@ -308,25 +310,15 @@ def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
         ratio, peak = one.attitude_ratio, one.proposed_whole.get("sensitivity_peak")
         held = f" The sensitivity peak will be {_told(peak)}." if peak is not None else ""
         sentences.append(
-            f"With the proposed gains {axis} gives way to a moment by {significant(100.0 * ratio.value, digits=2)} % "
-            f"({significant(100.0 * (ratio.lower or 0.0), digits=2)} to "
-            f"{significant(100.0 * (ratio.upper or 0.0), digits=2)} %) of what it did.{held}"
+            f"With the proposed gains {axis} gives way to a moment by {_told(ratio, 100.0, ' %')} of what it did.{held}"
         )
     return tuple(sentences)
 
 
 def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float | None) -> TunedAxis:
     stays = document.reasons[0] if document.reasons else ""
-    whole = [
-        MarginRow(
-            name=f"{words} [{unit}]",
-            flown=MISSING,
-            proposed=MISSING,
-            flown_whole=_told(document.flown_attitude.get(name)),
-            proposed_whole=_told(document.proposed_attitude.get(name)),
-        )
-        for name, (words, unit) in _OF_ATTITUDE.items()
-    ]
+    loops = (document.flown, document.proposed, document.flown_whole, document.proposed_whole)
+    whole = (document.flown_attitude, document.proposed_attitude)
     return TunedAxis(
         name=axis,
         changed=document.changed,
@@ -340,29 +332,41 @@ def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float |
             )
             for name, gain in document.gains.items()
         ),
-        margins=tuple(
-            MarginRow(
-                name=f"{words} [{unit}]" if unit else words,
-                flown=_told(document.flown.get(name)),
-                proposed=_told(document.proposed.get(name)),
-                flown_whole=_told(document.flown_whole.get(name)),
-                proposed_whole=_told(document.proposed_whole.get(name)),
-            )
-            for name, (words, unit) in _WORDS.items()
-        )
-        + tuple(whole),
+        margins=(
+            *(
+                MarginRow(name=_named(name), cells=tuple(_cell(loop.get(name), factor) for loop in loops))
+                for name, (_, _, factor) in _WORDS.items()
+            ),
+            *(
+                MarginRow(
+                    name=_named(name), cells=(_NOTHING, _NOTHING, *(_cell(loop.get(name), factor) for loop in whole))
+                )
+                for name, (_, _, factor) in _OF_ATTITUDE.items()
+            ),
+        ),
         pictures=tuple(_pictures(axis, one, scale)),
         filters=tuple(document.filters),
         ends=tuple((name, _told(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
         sliders=_sliders(one),
+        by_hand=Picture(
+            key=f"{axis}-by-hand",
+            description=f"Answer of {axis} to a step of its set-point, with the flown gains and those chosen here",
+            figure=by_hand(axis),
+        ),
     )
 
 
-def _told(quantity: QuantityDocument | None) -> str:
+def _cell(quantity: QuantityDocument | None, factor: float) -> tuple[str, str]:
+    """A number and its interval in the unit of paper."""
     if quantity is None or quantity.lower is None or quantity.upper is None:
-        return MISSING
-    low, high = (significant(edge) for edge in (quantity.lower, quantity.upper))
-    return f"{significant(quantity.value)} ({low} to {high})"
+        return _NOTHING
+    return with_interval(factor * quantity.value, factor * quantity.lower, factor * quantity.upper)
+
+
+def _told(quantity: QuantityDocument | None, factor: float = 1.0, unit: str = "") -> str:
+    """The same in a sentence."""
+    value, interval = _cell(quantity, factor)
+    return f"{value}{unit} ({interval}{unit})" if interval else f"{value}{unit}"
 
 
 def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Picture]:
@@ -378,23 +382,20 @@ def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Pictu
         if name in both and "rejection_bandwidth_rad_s" in found
     }
     guided = "" if scale is None else f", with the guideline for helicopters {scale:.0f} times larger"
+    sensitivities = {name: _band(np.abs(1.0 / (1.0 + one.loops[f"{name}_whole"]))) for name in both}
+    drawn = partial(responses, one.omega_rad_s, seen_rad_s=one.plant.band_rad_s)
     further = [
-        Picture(
+        in_all_units(
+            partial(drawn, bands["attitude"], label=f"{capital(axis)} over its set-point"),
             key=f"{axis}-attitude",
             description=f"Size of the answer of {axis} to its set-point over frequency, flown and proposed gains",
-            figure=responses(
-                one.omega_rad_s,
-                bands["attitude"],
-                label=f"{axis} over its set-point [dB]",
-                seen_rad_s=one.plant.band_rad_s,
-            ),
+            converted=True,
         ),
-        Picture(
+        in_all_units(
+            partial(drawn, bands["disturbance"], label=f"{capital(axis)} by a moment"),
             key=f"{axis}-disturbance",
             description=f"Size of the answer of {axis} to a moment over frequency, flown and proposed gains",
-            figure=responses(
-                one.omega_rad_s, bands["disturbance"], label=f"{axis} by a moment [dB]", seen_rad_s=one.plant.band_rad_s
-            ),
+            converted=True,
         ),
     ]
     if one.proposal.flown.gains.A == 0.0:
@@ -413,14 +414,11 @@ def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Pictu
             description=f"Answer of {axis} to a step of its set-point, flown and proposed gains, with bands of 95 %",
             figure=steps(one.step_s, {name: _band(one.steps[name]) for name in both}, axis=axis),
         ),
-        Picture(
+        in_all_units(
+            partial(drawn, sensitivities, label=_SENSITIVITY),
             key=f"{axis}-sensitivity",
             description=f"Sensitivity of {axis} to disturbances over frequency, flown and proposed gains, with bands",
-            figure=sensitivities(
-                one.omega_rad_s,
-                {name: _band(np.abs(1.0 / (1.0 + one.loops[f"{name}_whole"]))) for name in both},
-                seen_rad_s=one.plant.band_rad_s,
-            ),
+            converted=True,
         ),
         *further,
     ]

@@ -31,7 +31,7 @@ from rotorid.pipeline.responses import Pair, Responses
 from rotorid.pipeline.summary import Cost, FitEnd, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import s_plane
-from rotorid.report.frame import Picture, milliseconds, significant, unit, with_error
+from rotorid.report.frame import Picture, in_decibels, milliseconds, significant, unit, with_error
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
 from rotorid.verification.verification import Scores
 from rotorid.verification.verification import Verdict as Found
@@ -834,8 +834,7 @@ def _loop(axis: str, loop: AxisLoop) -> str:
     if phase := loop.numbers.get("phase_margin_rad"):
         seen.append(f"phase margin {with_error(math.degrees(phase.value), math.degrees(phase.std))}°")
     if up := loop.numbers.get("gain_margin_up"):
-        std_db = 20.0 / math.log(10.0) * up.std / up.value
-        seen.append(f"gain margin {with_error(20.0 * math.log10(up.value), std_db)} dB")
+        seen.append(f"gain margin {in_decibels(up.value, up.std)} dB")
     if bandwidth := loop.numbers.get("attitude_bandwidth_rad_s"):
         seen.append(f"attitude bandwidth {with_error(bandwidth.value, bandwidth.std)} rad/s")
     return f"{axis.capitalize()} loop: {', '.join(seen)}." if seen else ""
