@@ -64,7 +64,7 @@ def lab_app(
             "logs": [_told_log(one) for one in list(session.logs)],
             "steps": [_told_step(one, session.logs) for one in list(session.steps)],
             "waiting": [one.model_dump(mode="json") for one in session.waiting],
-            "following": session.following,
+            "following": not session.followed.is_set(),
             "folder": session.root is not None,
             "preferred": dict(preferred or {}),
         }

@@ -116,7 +116,7 @@ def serve(
     require_host(host, token)
     project = _require_given(given)
     with contextlib.ExitStack() as stack:
-        listening = stack.enter_context(_listening(host, port))
+        listening = stack.enter_context(listening_at(host, port))
         port = listening.getsockname()[1]
         session = Session(given if given is not None and given.is_dir() else None)
         stack.callback(session.close)
@@ -199,7 +199,7 @@ def _end_when_told(server: "uvicorn.Server", session: "Session") -> None:
                 signal.signal(getattr(signal, name), stop)
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def listening_at(host: str, port: int) -> socket.socket:
     """A socket that listens at one address.
 
     Raises

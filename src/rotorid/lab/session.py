@@ -100,7 +100,8 @@ class Session:
         self.logs: list[OpenLog] = []
         self.steps: list[Ran] = []
         self.waiting: tuple[Step, ...] = ()
-        self.following = False
+        self.followed = threading.Event()
+        self.followed.set()
         self._places: list[int] = []
         self._uploads: dict[Path, int] = {}
         self._models: Job | None = None
@@ -305,9 +306,9 @@ class Session:
     def follow(self) -> None:
         """Run the steps of the project that was opened, one after the other, whoever looks on."""
         with self._lock:
-            if self.following or not self.waiting:
+            if not self.waiting or not self.followed.is_set():
                 return
-            self.following = True
+            self.followed.clear()
         threading.Thread(target=self._follow, daemon=True).start()
 
     def _follow(self) -> None:
@@ -327,7 +328,7 @@ class Session:
                     self.waiting = self.waiting[1:]
                 ran.job.ended.wait()
         finally:
-            self.following = False
+            self.followed.set()
 
     def _planned(self) -> list[Step]:
         """Steps of the project that were not begun, with the numbers that earlier ones have, or will have, here."""
