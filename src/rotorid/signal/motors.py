@@ -42,13 +42,6 @@ wants, before it straightens the motor's curve; ``speed``: measured, rad/s."""
 
 _AT_LIMIT = 1e-3
 _WORTH_SAYING = 1e-3
-_REMEDIES = {
-    "ArduPilot": "log fast attitude (bit 0 of LOG_BITMASK), from which the motors follow at the rate of the loop",
-    "PX4": "log at a high rate (bit 4 of SDLOG_PROFILE)",
-    "Betaflight": "raise the rate of the blackbox (blackbox_sample_rate)",
-    "Crazyflie": "set a higher frequency in config.txt on the card",
-}
-
 _FASTER = 1.5
 _RELATED = 0.5
 
@@ -216,7 +209,7 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
         held = ", ".join(f"{prefix}{number}" for number in numbers) or "none of them"
         message = f"{record.source.name} holds {held} of {prefix}1, {prefix}2 and on."
         finding = refusal("missing_channel", f"{prefix}1", message)
-        raise InsufficientDataError(message, needed="all motors", remedy=_remedy(record), findings=[finding])
+        raise InsufficientDataError(message, needed="all motors", findings=[finding])
     return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])
 
 
@@ -247,13 +240,9 @@ def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatA
     if clock.size < 2:
         message = f"{record.source.name} holds no {', '.join(missing or names)} that last together."
         finding = refusal("missing_channel", names[0], message)
-        raise InsufficientDataError(message, needed=", ".join(names), remedy=_remedy(record), findings=[finding])
+        raise InsufficientDataError(message, needed=", ".join(names), findings=[finding])
     rows = [np.interp(clock, series[name][0], series[name][1]) for name in names]
     return clock, np.stack(rows), ", ".join(dict.fromkeys(source for _, _, source in series.values()))
-
-
-def _remedy(record: FlightRecord) -> str:
-    return next((text for name, text in _REMEDIES.items() if record.source.format.startswith(name)), "")
 
 
 def with_remarks(record: FlightRecord, history: MotorHistory) -> MotorHistory:
@@ -267,7 +256,7 @@ def with_remarks(record: FlightRecord, history: MotorHistory) -> MotorHistory:
                 "rate_too_low",
                 history.source,
                 f"{history.source} tells the motors at {rate_hz:.1f} Hz, too slowly for the lag of a motor, "
-                f"which needs at least {LOWEST_RATE_HZ:.0f} Hz{'; ' if _remedy(record) else ''}{_remedy(record)}.",
+                f"which needs at least {LOWEST_RATE_HZ:.0f} Hz.",
                 rate_hz=rate_hz,
                 needed_hz=LOWEST_RATE_HZ,
             )

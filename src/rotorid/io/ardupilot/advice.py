@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 from rotorid.data.findings import Finding, Severity, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, Topic
@@ -22,6 +23,9 @@ _LIMITS = ((1, "LOG_FILE_RATEMAX"), (2, "LOG_MAV_RATEMAX"), (4, "LOG_BLK_RATEMAX
 """Bit of ``LOG_BACKEND_TYPE``, and the parameter that limits how often that backend writes each message."""
 
 _AT_LIMIT = 1.2
+
+_BATCHES = MappingProxyType({"INS_LOG_BAT_MASK": 1, "INS_LOG_BAT_OPT": 4})
+_OUTPUTS_BIT = 10
 
 
 def missing_rate(firmware: Firmware, parameters: Mapping[str, float]) -> Finding:
@@ -119,6 +123,39 @@ def logging_advice(parameters: Mapping[str, float], firmware: str, rate_hz: floa
     wanted = mask | sum(1 << bit for _, bit, _ in _FAST_BITS)
     becomes = f": {mask} becomes {wanted}" if mask else ""
     return f"set LOG_BITMASK so that {' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} logged{becomes}"
+
+
+def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
+    """How the next log holds the gyro before and behind its filters."""
+    if parameters and not any(name in parameters for name in _BATCHES):
+        return f"{firmware or 'this firmware'} logs no gyro before its filters"
+    missing = [f"{name} = {value}" for name, value in _BATCHES.items() if not int(parameters.get(name, 0.0)) & value]
+    if not missing:
+        return "INS_LOG_BAT_MASK and INS_LOG_BAT_OPT ask for it already: the storage was too slow for its batches"
+    return f"set {' and '.join(missing)} (batches before and behind the filters)"
+
+
+def sensor_advice(parameters: Mapping[str, float], firmware: str, rate_hz: float) -> str:
+    """How the next log holds the sensors fast enough for vibration."""
+    advice = logging_advice(parameters, firmware, rate_hz)
+    batches = not parameters or parameters.get("INS_LOG_BAT_MASK") == 0.0
+    return f"set INS_LOG_BAT_MASK = 1, or {advice}" if batches else advice
+
+
+def motor_advice(parameters: Mapping[str, float]) -> str:
+    """How the next log holds the motors."""
+    logged = _mask(parameters) >> _OUTPUTS_BIT & 1
+    steps = [] if logged else [f"log RCOU (bit {_OUTPUTS_BIT} of LOG_BITMASK)"]
+    if not parameters or "SERVO1_FUNCTION" in parameters:
+        steps.append("set SERVOn_FUNCTION of the motors")
+    return " and ".join(steps)
+
+
+def wind_advice(parameters: Mapping[str, float]) -> str:
+    """How the estimator finds the wind without a sensor for it; empty where it cannot, or does already."""
+    if parameters and parameters.get("EK3_DRAG_BCOEF_X") != 0.0:
+        return ""
+    return "set EK3_DRAG_BCOEF_X and _Y, with which EKF3 estimates it"
 
 
 def flying_advice(firmware: str) -> str:

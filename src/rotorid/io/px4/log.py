@@ -19,6 +19,7 @@ from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.flags import vehicle_findings
 from rotorid.io.parameters import kept_parameters
+from rotorid.io.px4.advice import logging_advice
 from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
@@ -236,7 +237,7 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
         topics=topics,
         parameters=parameters,
         instruments=_instruments(topics),
-        findings=(*vehicle_findings(status), *findings_of(topics, facts), *remarks),
+        findings=(*vehicle_findings(status), *findings_of(topics, facts, source.firmware), *remarks),
         status=status,
     )
 
@@ -359,9 +360,6 @@ def _not_numbers(topic: Topic, lost: int) -> Finding:
     )
 
 
-_PROFILE_BITS = 0b11001
-_BITS_TEXT = "bits 0 default set, 3 system identification, 4 high rate"
-_TOPIC_LIST = "etc/logging/logger_topics.txt on the SD card"
 _NEEDED = {
     "p": "the body rates p, q, r (vehicle_angular_velocity)",
     "roll_command": "what the mixer receives (vehicle_torque_setpoint, before 2022 actuator_controls_0)",
@@ -369,22 +367,7 @@ _NEEDED = {
 }
 
 
-def logging_advice(parameters: Mapping[str, float]) -> str:
-    """What makes this firmware log more; a log that lost its parameters is taken for one of today."""
-    profile = parameters.get("SDLOG_PROFILE")
-    if profile is None and parameters:
-        return f"This firmware has no SDLOG_PROFILE: name the topic in {_TOPIC_LIST} before the next flight."
-    held = int(profile or 0.0)
-    wanted = held | _PROFILE_BITS
-    if wanted == held:
-        return (
-            f"SDLOG_PROFILE = {held} holds what helps already: name the topic in {_TOPIC_LIST} before the next flight."
-        )
-    now = "" if profile is None else f", it is {held}"
-    return f"Set SDLOG_PROFILE = {wanted} ({_BITS_TEXT}{now}) before the next flight."
-
-
-def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any]) -> Iterator[Finding]:
+def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str) -> Iterator[Finding]:
     """Damage, dropouts, missing channels and slow topics of a log.
 
     Parameters
@@ -393,10 +376,13 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any]) -> Iterator[F
         What was read.
     facts
         What the container says: ``damage``, ``dropouts``, ``size_bytes``, ``parameters``.
+    firmware
+        As it introduces itself.
     """
     yield from _damage(facts["damage"], facts["size_bytes"])
     yield from _dropouts(facts["dropouts"])
-    remedy = logging_advice(facts["parameters"])
+    advice = logging_advice(facts["parameters"], firmware)
+    remedy = f"{advice[0].upper()}{advice[1:]}."
     yield from _missing(topics, remedy)
     yield from _slow(topics, remedy)
 

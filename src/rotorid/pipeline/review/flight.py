@@ -19,7 +19,7 @@ import numpy as np
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.io.advice import logging_advice
+from rotorid.io.advice import logging_advice, raw_gyro_advice, wind_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.motors import steady_windows, thrust_curve
 from rotorid.pipeline.review.values import FlightSummary, LoggingReview, Untold, VehicleReview
@@ -332,12 +332,7 @@ def _wind(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity]
     _, east = _in_air(record, "wind_east", flights)
     if north.size < 5 or north.size != east.size or not (np.any(north) or np.any(east)):
         why = "The log holds no estimate of the wind."
-        remedy = {
-            "PX4": "set EKF2_DRAG_CTRL = 1 and its coefficients, with which EKF2 estimates it",
-            "ArduPilot": "set EK3_DRAG_BCOEF_X and _Y, with which EKF3 estimates it",
-        }
-        told = next((text for name, text in remedy.items() if record.source.format.startswith(name)), "")
-        return {}, [Untold(what="flight.wind", why=why, remedy=told)]
+        return {}, [Untold(what="flight.wind", why=why, remedy=wind_advice(record))]
     mean_n, mean_e = float(np.mean(north)), float(np.mean(east))
     speed = math.hypot(mean_n, mean_e)
     # An estimator's own error is of this order; its spread holds gusts.
@@ -426,7 +421,6 @@ def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Untold, ...]]:
 
 def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> Iterator[str]:
     """Sentences with the settings to change, the most important first."""
-    old = "INS_LOG_BAT_MASK" not in record.parameters
     loop = [name for name in ("p", "p_setpoint", "roll_command", "ax") if name in slow]
     if loop:
         rate_hz = min(slow[name] for name in loop)
@@ -443,7 +437,7 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
                 rates = ", ".join(f"{name} {slow[name]:.0f} Hz" for name in loop)
                 yield f"{rates}: {advice}; or put logger_topics.txt into etc/logging of the SD card."
             else:
-                yield advice[0].upper() + advice[1:].rstrip(".") + "."
+                yield f"{advice[0].upper()}{advice[1:]}."
     if gap_s > 0.0:
         how = {
             "PX4": "use a faster SD card or fewer topics (SDLOG_PROFILE)",
@@ -452,14 +446,8 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
         }
         told = next((text for name, text in how.items() if record.source.format.startswith(name)), "log less")
         yield f"The longest gap in flight is {1e3 * gap_s:.0f} ms: {told}."
-    if "p_raw" not in record and not (record.source.format.startswith("ArduPilot") and old):
-        how = {
-            "ArduPilot": "INS_LOG_BAT_MASK = 1 and INS_LOG_BAT_OPT = 4 log the gyro before and behind the filters.",
-            "Betaflight": "debug_mode = GYRO_SCALED logs the gyro before the filters.",
-        }
-        told = next((text for name, text in how.items() if record.source.format.startswith(name)), "")
-        if told:
-            yield told
+    if "p_raw" not in record and (advice := raw_gyro_advice(record)).startswith("set "):
+        yield f"{advice[0].upper()}{advice[1:]}, which logs the gyro before its filters too."
     if not any(name.startswith("motor_speed_") for name in record.channel_names):
         yield "Motor speeds are not logged: bidirectional DShot or telemetry of the motor controllers names vibration."
 

@@ -41,6 +41,7 @@ from rotorid.fitting.delay.fit import (
 )
 from rotorid.fitting.inverse_controller import inverse_controller
 from rotorid.fitting.problem import ResidualErrors
+from rotorid.io.advice import logging_advice
 from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
@@ -127,7 +128,7 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
     if slowest_hz < LOWEST_RATE_HZ:
         raise _CannotError(
             f"Command and rate of {axis} are logged at {slowest_hz:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz is the least.",
-            "Log them faster: SDLOG_PROFILE with high rate (PX4), fast attitude in LOG_BITMASK (ArduPilot).",
+            logging_advice(flight.record, slowest_hz),
         )
     ways = _ways(flight, axis)
     histories = _histories(flight, axis, ways)

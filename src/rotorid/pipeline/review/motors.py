@@ -24,6 +24,7 @@ from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.io.advice import motor_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.flown import Flown, flown, loop_response
 from rotorid.pipeline.review.values import MotorReview, Untold
@@ -86,7 +87,7 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
     outputs = _outputs(record, flight.flights)
     if outputs is None:
         why = "The motor outputs are not logged in the air."
-        untold.append(Untold(what="motors", why=why, remedy=_remedy(record)))
+        untold.append(Untold(what="motors", why=why, remedy=motor_advice(record)))
     else:
         numbers |= _limits(record, outputs)
         steady = steady_windows(record, flight.flights, outputs.time_s, outputs.values)
@@ -447,15 +448,6 @@ def _lag_and_delay(response: FrequencyResponse) -> tuple[float, float] | None:
     variance = float(np.linalg.inv(columns.T @ columns)[2, 2]) * inflation
     std = math.hypot(math.sqrt(variance), 0.5 * float(np.ptp(total[likely])), _LAG_BIAS * float(total[best]))
     return (float(total[best]), std) if std < 0.5 * total[best] else None
-
-
-def _remedy(record: FlightRecord) -> str:
-    formats = {
-        "PX4": "log actuator_motors (SDLOG_PROFILE)",
-        "ArduPilot": "log RCOU (bit 10 of LOG_BITMASK) and set SERVOn_FUNCTION of the motors",
-        "Betaflight": "enable the motors in the blackbox (blackbox_disable_motors = OFF)",
-    }
-    return next((text for name, text in formats.items() if record.source.format.startswith(name)), "")
 
 
 _MEANS = {

@@ -18,6 +18,7 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
+from rotorid.io.advice import raw_gyro_advice, sensor_advice
 from rotorid.models.autopilots.reading import rate_controller
 from rotorid.pipeline.review.values import NoiseMap, NoisePeak, NoiseReview, Untold
 from rotorid.signal.airborne import airborne
@@ -480,7 +481,7 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> T
         next((sensor for sensor in sensors if sensor.channel == "p" and sensor.stage == stage), None)
         for stage in ("before", "after")
     )
-    what, remedy = "noise.filter_delay_measured_s", _raw_gyro(record)
+    what, remedy = "noise.filter_delay_measured_s", raw_gyro_advice(record)
     if before is None or after is None or before.topic == "sensor_combined":
         why = "The gyro is not logged both before and behind its filters."
         return numbers, [*untold, Untold(what=what, why=why, remedy=remedy)]
@@ -593,28 +594,14 @@ def _untold(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | No
         yield Untold(what="noise.peaks", why=why, remedy=_fast_sensors(record))
     if not any(sensor.stage == "before" for sensor in gyro):
         why = "The gyro before its filters is not logged."
-        yield Untold(what="noise.maps.before", why=why, remedy=_raw_gyro(record))
+        yield Untold(what="noise.maps.before", why=why, remedy=raw_gyro_advice(record))
     if level is None:
         why = "Neither motors nor throttle are logged, so that noise stands against nothing."
         yield Untold(what="noise.maps.throttle", why=why)
 
 
-def _raw_gyro(record: FlightRecord) -> str:
-    formats = {
-        "PX4": "set bit 8 of SDLOG_PROFILE (raw IMU at its own rate)",
-        "ArduPilot": "set INS_LOG_BAT_MASK = 1 and INS_LOG_BAT_OPT = 4 (batches before and behind the filters)",
-        "Betaflight": "set debug_mode = GYRO_SCALED, or log gyroUnfilt from 4.4 on",
-    }
-    return next((text for name, text in formats.items() if record.source.format.startswith(name)), "")
-
-
 def _fast_sensors(record: FlightRecord) -> str:
-    formats = {
-        "PX4": "set bit 4 of SDLOG_PROFILE (high rate)",
-        "ArduPilot": "set INS_LOG_BAT_MASK = 1, or bits 0 and 18 of LOG_BITMASK (fast attitude, fast IMU)",
-        "Betaflight": "set blackbox_sample_rate to 1 kHz and more",
-    }
-    return next((text for name, text in formats.items() if record.source.format.startswith(name)), "")
+    return sensor_advice(record, max((topic.sample_rate_hz for topic, _ in record.holding("p")), default=0.0))
 
 
 def _findings(numbers: Mapping[str, Quantity]) -> Iterator[Finding]:

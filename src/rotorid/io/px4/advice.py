@@ -1,0 +1,79 @@
+"""What to change so that the next PX4 log holds more: only what this firmware has, and is not set already."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+_MASK_FROM = (1, 8)
+"""From here on ``SDLOG_PROFILE`` is a mask of bits; before, it chose one of three lists."""
+_RAW_GYRO_FROM = (1, 12)
+_MOTORS_FROM = (1, 13)
+_SYSTEM_IDENTIFICATION = 2
+"""The list of older firmware that holds rates and commands fastest."""
+
+_PROFILE_BITS = 0b11001
+_BITS_TEXT = "bits 0 default set, 3 system identification, 4 high rate"
+_RAW_GYRO_BIT = 8
+_TOPIC_LIST = "etc/logging/logger_topics.txt on the SD card"
+_NAME_IT = f"name the topic in {_TOPIC_LIST} before the next flight"
+_VERSION = re.compile(r"\b(\d+)\.(\d+)")
+
+
+def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
+    """What makes this firmware log commands and rates faster; what does not say its version is taken for today's.
+
+    Parameters
+    ----------
+    parameters
+        The autopilot's.
+    firmware
+        As it introduces itself: ``PX4 1.15.0``.
+
+    Examples
+    --------
+    >>> logging_advice({"SDLOG_PROFILE": 0.0}, "PX4 1.6.5")
+    'set SDLOG_PROFILE = 2 (system identification, it is 0) before the next flight'
+    """
+    profile = parameters.get("SDLOG_PROFILE")
+    if profile is None and parameters:
+        return f"this firmware has no SDLOG_PROFILE: {_NAME_IT}"
+    held = int(profile or 0.0)
+    old = _before(firmware, _MASK_FROM)
+    wanted = _SYSTEM_IDENTIFICATION if old else held | _PROFILE_BITS
+    if wanted == held:
+        return f"SDLOG_PROFILE = {held} holds what helps already: {_NAME_IT}"
+    now = "" if profile is None else f", it is {held}"
+    meaning = "system identification" if old else _BITS_TEXT
+    return f"set SDLOG_PROFILE = {wanted} ({meaning}{now}) before the next flight"
+
+
+def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
+    """How the next log holds the gyro before its filters."""
+    if _before(firmware, _RAW_GYRO_FROM):
+        return f"fly firmware 1.12 or newer: {firmware} logs no gyro before its filters"
+    held = int(parameters.get("SDLOG_PROFILE", 0.0))
+    if held >> _RAW_GYRO_BIT & 1:
+        return "bit 8 of SDLOG_PROFILE (raw IMU at its own rate) is set already: not every sensor tells it"
+    return "set bit 8 of SDLOG_PROFILE (raw IMU at its own rate)"
+
+
+def motor_advice(firmware: str) -> str:
+    """How the next log holds the motors."""
+    topic = "actuator_outputs" if _before(firmware, _MOTORS_FROM) else "actuator_motors"
+    return f"name {topic} in {_TOPIC_LIST}"
+
+
+def wind_advice(parameters: Mapping[str, float]) -> str:
+    """How the estimator finds the wind without a sensor for it; empty where it cannot, or does already."""
+    if parameters.get("EKF2_DRAG_CTRL") == 0.0 or not parameters:
+        return "set EKF2_DRAG_CTRL = 1 and its coefficients, with which EKF2 estimates it"
+    if "EKF2_BCOEF_X" in parameters and not int(parameters.get("EKF2_AID_MASK", 32.0)) & 32:
+        return "set bit 5 of EKF2_AID_MASK (drag), EKF2_BCOEF_X and _Y, with which EKF2 estimates it"
+    return ""
+
+
+def _before(firmware: str, version: tuple[int, int]) -> bool:
+    """Whether firmware is known to be older."""
+    match = _VERSION.search(firmware)
+    return match is not None and (int(match[1]), int(match[2])) < version
