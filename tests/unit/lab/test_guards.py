@@ -113,6 +113,78 @@ def test_no_script_but_the_own_runs(session: Session) -> None:
     assert "https://" not in answer.text
 
 
+def test_every_answer_has_its_headers(session: Session) -> None:
+    """Refusals too: nothing is guessed, kept, shown elsewhere, or told to another page."""
+    client = client_of(session)
+    kept = {
+        "x-content-type-options": "nosniff",
+        "referrer-policy": "no-referrer",
+        "cross-origin-resource-policy": "same-origin",
+        "cross-origin-opener-policy": "same-origin",
+        "cache-control": "no-store",
+    }
+    for path in ("/", "/api/state", "/static/lab.js", "/none"):
+        for answer in (client.get(path), client.get(path, headers={"host": "x"})):
+            assert kept.items() <= dict(answer.headers).items(), path
+            assert answer.headers["content-security-policy"].startswith("default-src 'none'")
+            assert "server" not in answer.headers
+
+
+def test_what_a_command_wrote_is_no_page_of_this_server(session: Session) -> None:
+    """Files are saved, not shown, and a report is shown in a sandbox alone."""
+    session.choose("a.ulg")
+    ran = session.run(Step(verb="review", logs=(1,)))
+    ran.job.state = "done"
+    ran.folder.mkdir(parents=True)
+    (ran.folder / "report.html").write_text("<script>fetch('/api/state')</script>", encoding="utf-8")
+    (ran.folder / "link.html").symlink_to("/etc/passwd")
+    client = client_of(session)
+    file = client.get("/api/steps/1/files/0")
+    assert file.headers["content-disposition"] == 'attachment; filename="report.html"'
+    assert file.headers["content-type"] == "application/octet-stream"
+    assert client.get("/api/steps/1/files/1").status_code == 400
+    report = client.get("/api/steps/1/report")
+    assert report.headers["content-security-policy"].startswith("sandbox allow-scripts allow-downloads;")
+    assert "allow-same-origin" not in report.headers["content-security-policy"]
+    # With it, a browser that follows the HTML specification shows an error in place of a page in a sandbox.
+    assert "cross-origin-opener-policy" not in report.headers
+
+
+def test_two_names_are_none(session: Session) -> None:
+    answer = client_of(session).get("/api/state", headers=[("host", HOST), ("host", HOST)])
+    assert answer.status_code == 421
+
+
+@pytest.mark.parametrize("query", ["&".join(["token=x"] * 5000), "token=" + "x" * 5000, "&".join(["a=1"] * 30)])
+def test_a_long_query_is_not_looked_at(session: Session, query: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def parse_qs(_: str) -> None:
+        raise AssertionError("it is taken apart")
+
+    monkeypatch.setattr(guard, "parse_qs", parse_qs)
+    assert client_of(session, cookie=None).get(f"/?{query}").status_code == 401
+
+
+def test_steps_have_an_end(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lab_session_module, "MOST_STEPS", 2)
+    client = client_of(session)
+    session.choose("a.ulg")
+    answers = [client.post("/api/steps", json={"verb": "review", "logs": [1]}) for _ in range(3)]
+    assert [one.status_code for one in answers] == [200, 200, 400]
+    assert "2 steps were made" in answers[2].json()["sentence"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")
+def test_only_files_are_logs(session: Session) -> None:
+    """A command would wait for a pipe without end."""
+    assert session.root is not None
+    (session.root / "folder.ulg").mkdir()
+    os.mkfifo(session.root / "pipe.ulg")
+    client = client_of(session)
+    assert client.get("/api/folder").json() == ["a.ulg"]
+    for name in ("folder.ulg", "pipe.ulg"):
+        assert client.post("/api/open", json={"name": name}).status_code == 400
+
+
 def test_uploads_are_limited_and_go_away(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     client = client_of(session)
     monkeypatch.setattr(guard, "UPLOAD_BYTES", 1000)
