@@ -170,3 +170,27 @@ def _named_in_processes(words: str) -> list[str]:
             continue
         found += [line] if words in line else []
     return found
+
+
+def test_the_door_leads_a_browser_in(tmp_path: Path) -> None:
+    """From a file, whose way on is that of another site; and again afterwards, by the address and by loading anew."""
+    pytest.importorskip("fastapi", reason="the extra lab is not installed")
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    from tests.browser.lab_page import chromium
+    from tests.browser.lab_page import serving as running
+
+    with running(private=tmp_path) as (address, _), chromium() as browser:
+        door = serving.door_to(address, tmp_path)
+        page = browser.new_page()
+        page.goto(door.as_uri())
+        for again in (None, door.as_uri(), address):
+            if again is not None:
+                page.goto(again)
+            page.wait_for_selector("#drop")
+            assert "token" not in page.url
+        page.reload()
+        page.wait_for_selector("#drop")
+        other = browser.new_context().new_page()
+        other.goto(address)
+        other.wait_for_selector("text=lets one browser in")
+        door.unlink()
