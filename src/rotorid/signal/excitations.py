@@ -12,6 +12,7 @@ over the time in which both are there. A command that contains feedback repeats 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -304,12 +305,23 @@ def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple
 
 
 def _level_flight(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> tuple[Maneuver, ...]:
-    """The maneuvers that were flown, and without turning over."""
+    """The maneuvers that were flown, and without turning over; of short ones what was flown.
+
+    Of long ones the rest is cut where they are used, with a remark; of short ones it may be all that moved much.
+    """
     level = tuple(maneuver for maneuver in maneuvers if not _turns_over(record, maneuver))
     flights = _flights(record) if level else None
     if flights is None:
         return level
-    return tuple(m for m in level if _share((m.start_s, m.stop_s), flights) > _MOSTLY_FLOWN)
+    flown = [m for m in level if _share((m.start_s, m.stop_s), flights) > _MOSTLY_FLOWN]
+    return tuple(_clipped(m, flights) if m.kind in _SHORT_KINDS else m for m in flown)
+
+
+def _clipped(maneuver: Maneuver, flights: Intervals) -> Maneuver:
+    """The longest part of a maneuver within a flight."""
+    parts = [(max(start_s, maneuver.start_s), min(stop_s, maneuver.stop_s)) for start_s, stop_s in flights]
+    start_s, stop_s = max(parts, key=lambda part: part[1] - part[0])
+    return replace(maneuver, start_s=start_s, stop_s=stop_s)
 
 
 def _flights(record: FlightRecord) -> Intervals | None:

@@ -285,3 +285,37 @@ def test_slow_logs_are_called_slow_and_told_what_to_change(name: str, shared_dat
     assert all(finding.numbers["rate_hz"] < 30.0 for finding in slow.values())
     assert {channel.name for channel in topic(record, "RCOU").channels} == {f"motor_{n}" for n in range(1, 5)}
     assert {"roll_command", "p", "az", "phi", "velocity_north", "battery_voltage"} <= set(record.channel_names)
+
+
+def flown(*events: tuple[int, int], armed: tuple[tuple[int, int], ...]) -> Log:
+    """Ten seconds of motion, with events and states of arming at whole seconds."""
+    log = Log()
+    log.add("MSG", "QZ", TimeUS=0, Message="ArduCopter V4.6.2 (1ebd4d99)")
+    for stamp in range(0, 10_000_001, 100_000):
+        log.add("IMU", "Qffffff", TimeUS=stamp, **dict.fromkeys(("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"), 0.1))
+    for second, state in armed:
+        log.add("ARM", "QBI", TimeUS=1_000_000 * second, ArmState=state, ArmChecks=0)
+    for second, event in events:
+        log.add("EV", "QB", TimeUS=1_000_000 * second, Id=event)
+    return log
+
+
+@pytest.mark.parametrize(
+    ("events", "armed", "expected"),
+    [
+        ((), ((2, 1), (7, 0)), ((2.0, 7.0),)),
+        ((), ((7, 0),), ((0.0, 7.0),)),
+        ((), ((2, 1),), ((2.0, 10.0),)),
+        (((3, 28), (6, 18)), ((2, 1), (7, 0)), ((2.0, 7.0),)),
+        (((1, 10), (8, 11)), ((2, 1), (7, 0)), ((1.0, 8.0),)),
+    ],
+)
+def test_arming_is_told_by_its_message_where_events_do_not(
+    events: tuple[tuple[int, int], ...],
+    armed: tuple[tuple[int, int], ...],
+    expected: tuple[tuple[float, float], ...],
+    tmp_path: Path,
+) -> None:
+    status = flown(*events, armed=armed).read(tmp_path).status
+    assert status.armed == expected
+    assert status.flagged_in == ("EV" if events else "ARM")

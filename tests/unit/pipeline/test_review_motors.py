@@ -11,6 +11,7 @@ import pytest
 
 import rotorid
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.pipeline.review.cards import cards
 from rotorid.pipeline.review.flight import flight, logger_topics, logging, vehicle
 from rotorid.pipeline.review.motors import imbalance_pattern, motors
 from rotorid.simulation.multirotor import Multirotor
@@ -194,3 +195,32 @@ def test_an_unknown_vehicle_says_so() -> None:
     assert found.motors == 4
     assert found.kind == ""
     assert {"vehicle.kind", "vehicle.frame"} <= {one.what for one in untold}
+
+
+def test_a_log_without_a_flight_is_not_told_to_lack_what_it_holds() -> None:
+    columns = {name: np.full(2000, 0.1) for name in ("p", "motor_1", "motor_2", "battery_voltage", "thrust_command")}
+    bench = record(columns, 100.0)
+    seen = rotorid.review(replace(bench, status=Status(in_air=(), flagged_in="twin")))
+    assert {card.sentence for card in cards(seen)} == {"This log holds no flight."}
+
+
+def test_a_flight_without_its_motors_is_told_whether_they_are_in_the_log() -> None:
+    columns = {name: np.full(2000, 0.1) for name in ("p", "motor_1", "motor_2", "thrust_command", "battery_voltage")}
+    late = record(columns, 100.0)
+    motors_of = replace(late.topics[0], time_s=late.topics[0].time_s + 100.0)
+    airborne = replace(
+        late,
+        topics=(
+            motors_of,
+            replace(late.topics[0], channels=late.topics[0].channels[:1], values=late.topics[0].values[:1]),
+        ),
+    )
+    held = {card.key: card.sentence for card in cards(rotorid.review(airborne, models=False))}
+    assert held["motors"] == "Motor outputs are not logged in the air."
+    assert "tells nothing of this flight" in held["power"]
+    lacking = {
+        card.key: card.sentence
+        for card in cards(rotorid.review(replace(airborne, topics=airborne.topics[1:]), models=False))
+    }
+    assert lacking["motors"] == "Motor outputs are not in this log."
+    assert lacking["power"] == "Neither battery nor throttle is in this log."

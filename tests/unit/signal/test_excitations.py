@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Status, Topic
 from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
 from rotorid.excitation.switching import doublet, three_two_one_one
 from rotorid.signal.excitations import candidate_excitations, classify, excitation_signals, find_excitations
@@ -180,3 +181,12 @@ def test_a_maneuver_ends_where_the_clock_jumps() -> None:
     made = FlightRecord(source=Source(name="a", format="", sha256=""), topics=(log,))
     for one in (*find_excitations(made, "roll"), *candidate_excitations(made, "roll")):
         assert one.duration_s < 31.0
+
+
+def test_stick_motion_after_landing_is_no_part_of_a_maneuver() -> None:
+    steps = three_two_one_one(amplitude=0.1, unit_s=1.0, sample_rate_hz=RATE_HZ)
+    whole = record({"yaw_command": np.concatenate([rest(10.0), steps, rest(10.0)])})
+    (found,) = find_excitations(whole, "yaw")
+    landed_s = found.stop_s - 0.3 * found.duration_s
+    (flown,) = find_excitations(replace(whole, status=Status(in_air=((190.0, landed_s),))), "yaw")
+    assert (flown.start_s, flown.stop_s) == (found.start_s, landed_s)

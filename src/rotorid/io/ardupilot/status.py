@@ -57,18 +57,20 @@ def status_of(
         First and last stamp of the record.
     """
     vehicle, named_in = _vehicle(parameters, firmware)
-    events = _stamped(tables, "EV", "Id")
+    events, states = _stamped(tables, "EV", "Id"), _stamped(tables, "ARM", "ArmState")
     armed, in_air = None, None
     if events is not None:
         armed = _between(events, {_ARMED: True, _NOT_LANDED: True, _DISARMED: False}, span_s)
         in_air = _between(events, _IN_AIR, span_s) if vehicle in ("", "multirotor", "helicopter") else None
+    if states is not None and (events is None or not np.isin(events[1], (_ARMED, _DISARMED)).any()):
+        armed = _armed(states, span_s)
     return Status(
         vehicle=vehicle,
         named_in=named_in,
         armed=armed,
         in_air=in_air,
         early=True,
-        flagged_in="" if events is None else "EV",
+        flagged_in="EV" if events is not None else "ARM" if states is not None else "",
         direct_rates=_acro(tables, parameters, span_s[1]),
         modes=_modes(tables, vehicle, span_s[1]),
     )
@@ -99,6 +101,15 @@ def _between(
     return intervals_of(
         np.concatenate([[min(span_s[0], float(time_s[0]))], time_s]), np.concatenate([[begun], on]), until_s=span_s[1]
     )
+
+
+def _armed(states: tuple[FloatArray, AnyArray], span_s: tuple[float, float]) -> Intervals:
+    """When the motors could run, as ``ARM`` tells: the first message also says how it was before."""
+    time_s, on = states[0], states[1] != 0
+    if not time_s.size:
+        return ()
+    begin_s = min(span_s[0], float(time_s[0]))
+    return intervals_of(np.append(begin_s, time_s), np.append(not on[0], on), until_s=span_s[1])
 
 
 def _acro(tables: Mapping[str, Table], parameters: Mapping[str, float], until_s: float) -> Intervals:

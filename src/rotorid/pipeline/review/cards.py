@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from rotorid.data.base import Immutable
@@ -12,7 +12,7 @@ from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import LoggedManeuver
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.flown import RATE_OF
-from rotorid.pipeline.review.values import LoopReview, MarginReview, MotorReview, NoiseReview, Review
+from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseReview, Review
 from rotorid.typing import Axis
 
 State: TypeAlias = Literal["good", "look", "cannot"]
@@ -27,6 +27,7 @@ LARGEST_VIBRATION_M_S2, LARGEST_CLIPPING = 30.0, 1e-3
 LARGEST_NOISE_SHARE = 0.02
 LARGEST_SAG = 0.15
 
+_POWER = {"battery_voltage", "thrust_command", "thrust_stick", "motor_1"}
 _RATES = {rate: axis for axis, rate in RATE_OF.items()}
 
 
@@ -55,14 +56,17 @@ class Card(Immutable):
 
 def cards(review: Review) -> tuple[Card, ...]:
     """What a pilot should know first, in the order in which it matters."""
-    return (
+    found = (
         _tracking(review.loops),
         _margins(review.margins),
         _noise(review.noise),
-        _motors(review.motors),
+        _motors(review),
         _power(review),
         _models(review),
     )
+    if review.flight.flights:
+        return found
+    return tuple(replace(card, state="cannot", number="", sentence="This log holds no flight.") for card in found)
 
 
 def _tracking(loops: Mapping[str, LoopReview]) -> Card:
@@ -153,11 +157,12 @@ def _noise(noise: NoiseReview) -> Card:
     )
 
 
-def _motors(motors: MotorReview) -> Card:
+def _motors(review: Review) -> Card:
     title = "Are the motors well?"
-    numbers = motors.numbers
+    motors, numbers = review.motors, review.motors.numbers
     if not numbers:
-        sentence = "Motor outputs are not in this log."
+        logged = "motor_1" in review.logging.rates_hz
+        sentence = f"Motor outputs are {'not logged in the air' if logged else 'not in this log'}."
         return Card(key="motors", title=title, state="cannot", number="", sentence=sentence)
     imbalance, high = numbers.get("imbalance"), numbers.get("saturated_high_share")
     number = "" if imbalance is None else f"{100.0 * imbalance.value:.0f} % imbalance"
@@ -193,9 +198,13 @@ def _power(review: Review) -> Card:
     battery, throttle, ratio = review.flight.battery, review.flight.hover_throttle, review.flight.thrust_to_weight
     number = "" if throttle is None else f"hovers at {100.0 * throttle.value:.0f} % throttle"
     if not number and not battery:
-        return Card(
-            key="power", title=title, state="cannot", number="", sentence="Neither battery nor throttle is in this log."
+        logged = _POWER & review.logging.rates_hz.keys()
+        sentence = (
+            "What is logged of battery and throttle tells nothing of this flight."
+            if logged
+            else "Neither battery nor throttle is in this log."
         )
+        return Card(key="power", title=title, state="cannot", number="", sentence=sentence)
     sentences = []
     state: State = "good"
     if ratio is not None:
