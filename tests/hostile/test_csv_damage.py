@@ -27,7 +27,7 @@ def refusal(folder: Path, content: bytes) -> str:
     [
         (b"", "is empty"),
         (b"\n\n,\n", "first column is ''"),
-        (HEADER, "a header and no samples"),
+        (HEADER, "holds no flight: a header and no samples"),
         (HEADER + b"0,0\n0.01", "line 3 has 1 cells"),
         (HEADER + b"0,0\n0.01,\n", "line 3, column 'q [rad/s]' is ''"),
         (HEADER + b"0,0\n0.01,nan\n", "line 3, column 'q [rad/s]' is 'nan'"),

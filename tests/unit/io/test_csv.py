@@ -70,7 +70,7 @@ def test_a_mapping_takes_any_header_and_ignores_the_rest(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("time [s],q [rad/s]\n", "a header and no samples"),
+        ("time [s],q [rad/s]\n", "holds no flight: a header and no samples"),
         ("\n\n", "is empty"),
         ("time [s],q [rad/s]\n0,1\n1,oops\n", r"line 3, column 'q \[rad/s\]' is 'oops'"),
         ("time [s],q [rad/s]\n\n0,1\n1,\n", r"line 4, column 'q \[rad/s\]' is ''"),

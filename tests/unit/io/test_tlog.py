@@ -44,8 +44,8 @@ def attitude(station: Station, time_s: float) -> bytes:
     return station.frame(time_s, "ATTITUDE", round(time_s * 1e3), wave, 0.1, -0.2, 0.3 * wave, 0.0, 0.5)
 
 
-def heartbeat(station: Station, autopilot: int = 3) -> bytes:
-    return station.frame(0.0, "HEARTBEAT", 2, autopilot, 0, 0, 4, 3)
+def heartbeat(station: Station, autopilot: int = 3, vehicle: int = 2) -> bytes:
+    return station.frame(0.0, "HEARTBEAT", vehicle, autopilot, 0, 0, 4, 3)
 
 
 def read_bytes(folder: Path, parts: Iterable[bytes]) -> FlightRecord:
@@ -78,6 +78,28 @@ def test_both_versions_and_signed_frames_are_read(tmp_path: Path, version: int, 
     np.testing.assert_array_equal(topic.values[row], np.float32(np.sin(times)))
     assert [finding.kind for finding in record.findings] == ["decimated", "missing_channel"]
     assert record.findings[0].numbers["fastest_hz"] == pytest.approx(10.0)
+
+
+def test_the_rate_that_counts_is_that_of_motion(tmp_path: Path) -> None:
+    station = Station()
+    frames = [attitude(station, 0.1 * k) for k in range(20)]
+    frames += [station.frame(0.02 * k, "SYS_STATUS", 0, 0, 0, 0, 12_600, *[0] * 8) for k in range(100)]
+    record = read_bytes(tmp_path, frames)
+    (finding,) = (finding for finding in record.findings if finding.kind == "decimated")
+    assert max(topic.sample_rate_hz for topic in record.topics) == pytest.approx(50.0)
+    assert finding.numbers["fastest_hz"] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("number", "vehicle", "said"), [(1, "plane", True), (2, "multirotor", False), (20, "VTOL", True), (0, "", False)]
+)
+def test_the_heartbeat_names_the_vehicle(tmp_path: Path, number: int, vehicle: str, said: bool) -> None:
+    station = Station()
+    ground = heartbeat(Station(system=255, component=190), autopilot=8, vehicle=6)
+    beats = [heartbeat(station, vehicle=number)] * 3
+    record = read_bytes(tmp_path, [ground, *beats, *(attitude(station, 0.1 * k) for k in range(20))])
+    assert record.status.vehicle == vehicle
+    assert ("other_vehicle" in [finding.kind for finding in record.findings]) == said
 
 
 def test_a_log_is_recognized_by_its_frames(tmp_path: Path) -> None:

@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.ardupilot.dataflash import HEADER_BYTES, Format, Table
 from rotorid.io.ardupilot.log import motor_topics, stick_topic
+from rotorid.io.flags import MAV_TYPES, most_frequent, vehicle_findings
 from rotorid.io.mavlink.messages import Messages, Telemetry, decode, starts_like_telemetry
 from rotorid.io.parameters import kept_parameters
 from rotorid.typing import AnyArray, BoolArray, FloatArray
@@ -73,6 +74,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     messages = dict(_sent_by(telemetry.messages, sender))
     firmware = _firmware(messages)
     parameters = _parameters(messages, firmware)
+    status = _status(messages)
     clock = BootClock.of(messages.values())
     topics = (
         *_message_topics(messages, clock, scaled_raw=firmware == ARDUPILOT),
@@ -89,7 +91,9 @@ def read(path: Path, source: Source) -> FlightRecord:
         topics=topics,
         parameters=kept_parameters(parameters),
         instruments=_instruments(topics),
+        status=status,
         findings=(
+            *vehicle_findings(status),
             *_damage(telemetry, len(data)),
             *_others(telemetry.messages, sender),
             *clock.findings(),
@@ -121,6 +125,15 @@ def _sent_by(messages: Mapping[str, Messages], sender: tuple[int, int]) -> Itera
 def _firmware(messages: Mapping[str, Messages]) -> int:
     beats = messages.get("HEARTBEAT")
     return -1 if beats is None else int(beats.fields["autopilot"][-1])
+
+
+def _status(messages: Mapping[str, Messages]) -> Status:
+    """What kind of vehicle the autopilot says that it flies."""
+    if "HEARTBEAT" not in messages:
+        return Status()
+    kind = most_frequent(messages["HEARTBEAT"].fields["type"])
+    vehicle = MAV_TYPES.get(kind, "")
+    return Status(vehicle=vehicle, named_in=f"HEARTBEAT.type {kind}" if vehicle else "")
 
 
 def _parameters(messages: Mapping[str, Messages], firmware: int) -> dict[str, float]:

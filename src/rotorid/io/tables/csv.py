@@ -168,7 +168,9 @@ def _table(
             remedy="check how it was written",
         ) from error
     if not table.size:
-        raise LogError(f"{file} has a header and no samples", needed="samples", remedy="check how it was written")
+        raise LogError(
+            f"{file} holds no flight: a header and no samples", needed="samples", remedy="check how it was written"
+        )
     suspicious = not np.isfinite(table).all() or not _is_rectangular(path, separator, len(table) + 1, len(header))
     if suspicious and (fault := _first_fault(path, file, header, wanted, separator, first_line)):
         raise fault

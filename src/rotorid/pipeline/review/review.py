@@ -156,6 +156,9 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
 
 
 def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
+    if record.status.foreign:
+        why = f"{record.status.named_in} says that this is no multirotor ({record.status.vehicle}); all models are."
+        return {}, [Untold(what="models", why=why)]
     several = identify_several(record)
     return dict(several), list(_refusals(several.refused))
 
@@ -177,7 +180,7 @@ def next_commands(seen: Review) -> Iterator[str]:
         yield f"rotorid response {log} --inputs {loop.reference} --outputs {loop.answer}{instrument}"
         break
     axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
-    if axes and seen.flight.flights:
+    if axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
         craft = _VEHICLES.get(seen.vehicle.autopilot.partition(" ")[0], "px4_quad")
         gains = f" --gains {log}" if seen.margins else ""
         yield f"rotorid design sweep --vehicle {craft} --axis {','.join(axes)}{gains}"
