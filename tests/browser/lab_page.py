@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -15,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pytest
 from tests.browser.chromium import browser
 
 WIDTH, HEIGHT = 1300, 900
@@ -118,6 +121,19 @@ class LabPage:
         chosen: dict[str, Any] = self.page.evaluate("JSON.parse(sessionStorage.getItem('choices'))")
         return chosen
 
+    def brush(self, start: float, stop: float) -> None:
+        """Drag over the first track from one time to another, while no segment is chosen."""
+        box = self.page.locator("#tracks .u-over").first.bounding_box()
+        self.drag((self.at(start), box["y"] + 40), (self.at(stop), box["y"] + 40))
+        self.page.wait_for_selector("#segments li")
+
+    def show(self, log: str) -> None:
+        """Look at another log of the session."""
+        name = json.dumps(log, ensure_ascii=False)
+        self.page.click(f"#logs button:text-is({name})")
+        self.until(f"document.querySelector('#logs [data-shown] button')?.textContent === {name}")
+        self.wait_for_tracks()
+
     def fill(self, place: str, text: str) -> None:
         """Type into a field and leave it."""
         self.page.fill(place, text)
@@ -134,11 +150,39 @@ class LabPage:
 
     def command(self, step: int) -> list[str]:
         """The command line under a step, without the program's name."""
-        return str(self.page.text_content(f"#step-{step} code")).split()[1:]
+        return shlex.split(str(self.page.text_content(f"#step-{step} code")))[1:]
+
+    def terminal(self, verb: str) -> str:
+        """The command line of a button of the panel, as soon as it is that of what is chosen."""
+        self.until(f"!document.querySelector('#command-{verb} + button').disabled")
+        return str(self.page.text_content(f"#command-{verb}"))
 
     def violations(self) -> list[str]:
         """What axe-core finds against WCAG 2 A and AA."""
         return violations(self.page)
+
+
+def example_log(factory: pytest.TempPathFactory) -> Path:
+    """A simulated log, flown once for all tests."""
+    folder = factory.getbasetemp() / "lab-example"
+    if not (folder / "flight.ulg").is_file():
+        subprocess.run(
+            [sys.executable, "-m", "rotorid", "example", "px4", "--out", str(folder), "--quiet"],
+            check=True,
+            timeout=300,
+        )
+    return folder / "flight.ulg"
+
+
+@contextmanager
+def opened(started: Any, address: str) -> Iterator[LabPage]:
+    """The lab in a window; whatever a test does, the console stays empty."""
+    context = started.new_context(viewport={"width": WIDTH, "height": HEIGHT})
+    lab = LabPage(context.new_page())
+    lab.page.goto(address)
+    yield lab
+    context.close()
+    assert lab.told == []
 
 
 def violations(page: Any) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.browser.lab_page import HEIGHT, WIDTH, LabPage, at_terminal, chromium, serving
+from tests.browser.lab_page import HEIGHT, WIDTH, LabPage, at_terminal, chromium, example_log, opened, serving
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
@@ -23,17 +24,22 @@ pytest.importorskip("fastapi", reason="the extra lab is not installed")
 SWEEP_S = (34.0, 80.0)
 """Where the example sweeps roll, on the clock of its log."""
 
+LINES_OF_CELLS = """
+[...new Set([...document.querySelectorAll("#results td")].filter((cell) => cell.textContent).map((cell) => {
+  const range = document.createRange();
+  range.selectNodeContents(cell);
+  return new Set([...range.getClientRects()].map((one) => one.top)).size;
+}))]
+"""
+
+MARKER = "document.querySelector('#spectra .u-legend .u-series:last-child .u-marker').style.border"
+
 SHOTS = os.environ.get("ROTORID_SHOTS")
 
 
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated log."""
-    folder = tmp_path_factory.mktemp("example") / "flown"
-    subprocess.run(
-        [sys.executable, "-m", "rotorid", "example", "px4", "--out", str(folder), "--quiet"], check=True, timeout=300
-    )
-    return folder / "flight.ulg"
+    return example_log(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
@@ -44,11 +50,11 @@ def shared_browser() -> Iterator[Any]:
 
 @pytest.fixture
 def lab(shared_browser: Any, tmp_path: Path) -> Iterator[LabPage]:
-    """An empty lab before the screen; whatever a test does, the console stays empty."""
+    """An empty lab before the screen."""
     private = tmp_path / "private"
     private.mkdir()
-    with serving(private=private) as (address, _):
-        yield from _opened(shared_browser, address)
+    with serving(private=private) as (address, _), opened(shared_browser, address) as lab:
+        yield lab
 
 
 @pytest.fixture
@@ -56,31 +62,15 @@ def with_log(shared_browser: Any, tmp_path: Path, example: Path) -> Iterator[Lab
     """A lab that shows the example."""
     private = tmp_path / "private"
     private.mkdir()
-    with serving(example, private=private) as (address, _):
-        for lab in _opened(shared_browser, address):
-            lab.wait_for_tracks()
-            yield lab
-
-
-def _opened(started: Any, address: str) -> Iterator[LabPage]:
-    context = started.new_context(viewport={"width": WIDTH, "height": HEIGHT})
-    lab = LabPage(context.new_page())
-    lab.page.goto(address)
-    yield lab
-    context.close()
-    assert lab.told == []
-
-
-def _brush(lab: LabPage, start: float, stop: float) -> None:
-    box = lab.page.locator("#tracks .u-over").first.bounding_box()
-    lab.drag((lab.at(start), box["y"] + 40), (lab.at(stop), box["y"] + 40))
-    lab.page.wait_for_selector("#segments li")
+    with serving(example, private=private) as (address, _), opened(shared_browser, address) as lab:
+        lab.wait_for_tracks()
+        yield lab
 
 
 def _from_drop_to_export(lab: LabPage, log: Path, tmp_path: Path, span: tuple[float, float]) -> None:
     lab.drop(log)
     lab.wait_for_tracks()
-    _brush(lab, *span)
+    lab.brush(*span)
     lab.page.click("#more summary")
     for place, text in (("#inputs", "roll_command"), ("#outputs", "p")):
         lab.fill(place, text)
@@ -143,7 +133,7 @@ def test_hands_and_keys(with_log: LabPage) -> None:
         page.keyboard.press(key)
     assert lab.view() == whole
     # A brushed segment has edges for the mouse and for the keyboard; every change is one step back.
-    _brush(lab, 50.0, 80.0)
+    lab.brush(50.0, 80.0)
     (first,) = lab.choices()["segments"]
     assert first["start_s"] == pytest.approx(50.0, abs=0.4)
     edge = page.locator("#tracks .edge[data-side=stop_s]").first
@@ -165,7 +155,7 @@ def test_hands_and_keys(with_log: LabPage) -> None:
     assert lab.choices()["segments"] == [first]
     page.click("#redo")
     assert lab.choices()["segments"] == [dragged]
-    lab.until("document.querySelector('#command').textContent.includes('--segment')")
+    lab.until("document.querySelector('#command-identify').textContent.includes('--segment')")
     # A page that is loaded again knows what was chosen.
     page.reload()
     lab.wait_for_tracks()
@@ -182,7 +172,15 @@ def test_what_is_seen(with_log: LabPage) -> None:
     page.click("#spectrum")
     page.wait_for_selector("#spectra .uplot")
     page.click("#spectrogram")
-    page.wait_for_selector("#spectra canvas.gram")
+    page.wait_for_selector("#spectra .scale")
+    # Other units and another theme draw both anew; the pointer reads the spectrogram.
+    page.select_option("#units", "hz")
+    assert "Hz" in page.text_content("#spectra .u-legend")
+    color = page.evaluate(MARKER)
+    page.emulate_media(color_scheme="dark")
+    lab.until(f"{MARKER} !== {color!r}")
+    page.locator("#spectra .spectral >> nth=0").locator(".u-over").hover()
+    assert re.search(r"s, .* Hz: .* dB", page.locator("#spectra .value").text_content())
     page.click("#found summary")
     page.click("#excitations button:text-is('Look') >> nth=0")
     start, stop = lab.view()
@@ -212,33 +210,45 @@ def test_results_beside_each_other_and_units(with_log: LabPage, example: Path) -
     assert float(page.input_value("#low")) == pytest.approx(low / (2.0 * math.pi), rel=1e-3)
     page.select_option("#units", "rad")
     assert float(page.input_value("#low")) == pytest.approx(low, rel=1e-3)
+    # Pictures that are drawn anew let go of what they held, and nothing is asked for again.
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
     page.select_option("#scale", "linear")
+    lab.until("document.querySelectorAll('#step-1 .bodes .uplot').length === 4")
+    assert page.evaluate("uPlot.sync('step-1').plots.length") == 4
+    assert not [url for url in asked if "/api/steps/1" in url]
+    # The error is a strip around the curve, and takes no words of the legend.
+    assert page.locator("#step-1 .bodes .uplot >> nth=0").locator(".u-series:visible").count() == 3
+    # Several models of one command: each has its numbers, and its pictures.
+    lab.fill("#model", "rate.roll,rate.pitch")
     page.click("body", position={"x": 5, "y": 300})
     page.keyboard.press("i")
     assert lab.ended(2) == "done"
-    head = page.text_content("#comparison thead")
-    assert "1. rate.roll" in head
-    assert "2. rate.roll" in head
-    # Segments stay with the log on whose clock they are; another log judges the model, and closed it is gone.
-    lab.drop(example.with_name("flight.ulg"))
+    heads = page.locator("#comparison thead th").all_text_contents()
+    assert heads == ["", "1. rate.roll", "2. rate.roll", "2. rate.pitch"]
+    assert page.locator("#step-2 h4.model").all_text_contents() == ["rate.roll", "rate.pitch"]
+    assert page.locator("#step-2 .bodes .uplot").count() == 8
+    # Another log judges the model; closed, it is gone. Gains are those of the log that was fitted.
+    lab.fill("#model", "rate.roll")
+    lab.drop(example)
     lab.until("document.querySelectorAll('#logs li').length === 2")
-    page.wait_for_selector("#others select")
-    page.locator("#logs li button").nth(2).click()
-    lab.wait_for_tracks()
-    _brush(lab, 50.0, 80.0)
-    page.locator("#logs li button").first.click()
-    lab.until("document.querySelectorAll('#segments li').length === 0")
-    lab.until("document.querySelector('#logs li').dataset.shown !== undefined")
+    lab.until("document.querySelectorAll('#others select').length === 1")
+    lab.show("flight-2.ulg")
+    page.locator("#step-1 .terminal summary").first.click()
+    lab.until("!document.querySelector('#step-1 .terminal button').disabled")
+    assert str(example) in page.locator("#step-1 .terminal code").first.text_content()
+    assert page.text_content("#step-1 .verify") == "Verify on flight-2.ulg"
+    lab.show("flight.ulg")
     if not page.is_visible("#others select"):
         page.click("#more summary")
     page.select_option("#others select", "unseen")
     assert lab.choices()["unseen"] == [2]
-    lab.until("document.querySelector('#command').textContent.includes('--verify')")
-    page.click("button[aria-label='close flight.ulg'] >> nth=1")
+    lab.until("document.querySelector('#command-identify').textContent.includes('--verify')")
+    page.click("button[aria-label='close flight-2.ulg']")
     lab.until("document.querySelectorAll('#logs li').length === 1")
     lab.fill("#model", "rate.pitch")
-    lab.until("document.querySelector('#command').textContent.includes('rate.pitch')")
-    assert "--verify" not in page.text_content("#command")
+    lab.until("document.querySelector('#command-identify').textContent.includes('rate.pitch')")
+    assert "--verify" not in lab.terminal("identify")
 
 
 def test_everybody_can_use_it(with_log: LabPage) -> None:
@@ -253,14 +263,20 @@ def test_everybody_can_use_it(with_log: LabPage) -> None:
         page.reload()
         lab.wait_for_tracks()
         lab.ended(2)
-        assert lab.violations() == []
         for width in (WIDTH, 400):
             page.set_viewport_size({"width": width, "height": HEIGHT})
             lab.until("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+            assert lab.violations() == []
+            # No number is broken in two.
+            assert page.evaluate(LINES_OF_CELLS) == [1]
             if SHOTS:
                 page.screenshot(path=f"{SHOTS}/lab-{width}-{theme}.png", full_page=True)
         page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    # Somebody's own choice goes before the system's, and is kept.
     page.click("#theme")
+    assert page.get_attribute("html", "data-theme") == "light"
+    page.reload()
+    lab.wait_for_tracks()
     assert page.get_attribute("html", "data-theme") == "light"
 
 
@@ -283,6 +299,9 @@ def test_a_killed_worker_and_a_canceled_one_are_said(with_log: LabPage) -> None:
     page.click("#run-identify")
     page.wait_for_selector("#step-1[data-state=running]")
     page.wait_for_timeout(1500)
+    # Seconds go on beside the words that are read aloud.
+    assert page.text_content("#step-1 .told") == "runs"
+    assert page.text_content("#step-1 .since").strip()[0].isdigit()
     (worker,) = _workers()
     os.kill(worker, signal.SIGKILL)
     assert lab.ended(1) == "failed"
@@ -315,7 +334,7 @@ def test_a_session_is_reopened_and_runs_without_the_page(
     with_log: LabPage, shared_browser: Any, example: Path, tmp_path: Path
 ) -> None:
     lab, page = with_log, with_log.page
-    _brush(lab, *SWEEP_S)
+    lab.brush(*SWEEP_S)
     lab.fill("#model", "rate.roll")
     page.click("#run-identify")
     assert lab.ended(1) == "done"
@@ -329,13 +348,20 @@ def test_a_session_is_reopened_and_runs_without_the_page(
     assert tomllib.loads((place / "rotorid.toml").read_text(encoding="utf-8"))["logs"] == [example.name]
     private = tmp_path / "private-2"
     private.mkdir()
-    with serving(place / "rotorid.toml", private=private) as (address, _):
-        for other in _opened(shared_browser, address):
-            other.wait_for_tracks()
-            other.page.click("#opener")
-            other.page.click("#waiting")
-            assert other.ended(1) == "done"
-            assert other.document(1)["parameters"] == first
+    with serving(place / "rotorid.toml", private=private) as (address, _), opened(shared_browser, address) as other:
+        other.wait_for_tracks()
+        # What was chosen stands in the panel again, and the steps wait where they are seen.
+        assert not other.page.is_visible("#open")
+        assert other.choices()["segments"] == lab.choices()["segments"]
+        assert other.page.input_value("#model") == "rate.roll"
+        other.page.click("#waiting")
+        # The server runs them, whether or not the page stays.
+        other.page.wait_for_selector("#step-1")
+        other.page.goto("about:blank")
+        other.page.go_back()
+        assert other.ended(1) == "done"
+        assert other.document(1)["parameters"] == first
+        assert not other.page.is_visible("#waiting")
     subprocess.run(
         [
             sys.executable,
@@ -356,6 +382,10 @@ def test_a_session_is_reopened_and_runs_without_the_page(
 @pytest.mark.slow
 def test_the_demonstration_is_one_click_away(lab: LabPage) -> None:
     lab.page.click("#demo")
+    lab.page.wait_for_selector("#logs progress")
+    # It is a log from the start: a page that is loaded again shows it.
+    lab.page.reload()
+    lab.page.wait_for_selector("#logs progress")
     lab.wait_for_tracks()
     assert "flight.ulg" in lab.page.text_content("#logs")
 
@@ -368,7 +398,7 @@ def test_what_is_being_typed_is_not_taken_away(with_log: LabPage) -> None:
     # Another choice and another unit draw the panel anew.
     page.evaluate("document.querySelector('#reduce').click()")
     page.evaluate("document.querySelector('#units').dispatchEvent(new Event('change'))")
-    lab.until("document.querySelector('#command').textContent.includes('--reduce')")
+    lab.until("document.querySelector('#command-identify').textContent.includes('--reduce')")
     page.keyboard.type("command")
     page.keyboard.press("Tab")
     assert lab.choices()["inputs"] == "roll_command"

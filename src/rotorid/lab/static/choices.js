@@ -1,19 +1,21 @@
 // What was chosen: one object, the way back, and the step that comes of it.
-import { $, make, names, number, omegaOf, post, shownOmega, tried } from "./page.js";
+import { CommandLine } from "./commands.js";
+import { $, keep, kept, make, names, number, omegaOf, redrawn, shownOmega, tried } from "./page.js";
 
-const EMPTY = { segments: [], inputs: "", outputs: "", instrument: "", band: null, model: "", reduce: false, method: "auto", with: [], unseen: [] };
+const EMPTY = { log: 0, segments: [], inputs: "", outputs: "", instrument: "", band: null, model: "", reduce: false, method: "auto", with: [], unseen: [] };
 const AXES = ["roll", "pitch", "yaw", "thrust"];
 const TEXTS = ["model", "inputs", "outputs", "instrument"];
+const VERBS = ["review", "response", "identify"];
 
 export class Choices {
-  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `told()` what is known of it, `isOpen(k)`. */
+  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `told()` what is known of it, `isOpen(k)`, `view()` what the tracks show, `show(log)`. */
   constructor(hooks) {
     this.hooks = hooks;
     this.now = { ...EMPTY };
     this.before = [];
     this.after = [];
     this.catalog = [];
-    try { this.now = { ...EMPTY, ...JSON.parse(sessionStorage.getItem("choices") ?? "{}") }; } catch { /* nothing was kept */ }
+    this.halfBand = "";
     for (const name of TEXTS) $(name).addEventListener("change", () => this.set({ [name]: $(name).value.trim() }));
     for (const name of ["low", "high"]) $(name).addEventListener("change", () => this.#typedBand());
     $("no-band").addEventListener("click", () => this.set({ band: null }));
@@ -21,14 +23,36 @@ export class Choices {
     $("method").addEventListener("change", () => this.set({ method: $("method").value }));
     $("undo").addEventListener("click", () => this.undo());
     $("redo").addEventListener("click", () => this.redo());
+    $("add-segment").addEventListener("click", () => this.brushed(...this.hooks.view()));
+    this.commands = VERBS.map((verb) => {
+      const line = new CommandLine(verb, () => this.step(verb));
+      line.code.id = `command-${verb}`;
+      $("commands").append(make("h4", verb[0].toUpperCase() + verb.slice(1)), line.place);
+      return line;
+    });
   }
 
+  /** Take up what this tab chose in this session of the server, or else what its last step did. */
+  begin({ session, steps, waiting }) {
+    if (this.session !== undefined) return;
+    this.session = session ?? "";
+    const last = [...steps.map((row) => row.step), ...waiting].filter((one) => ["identify", "response"].includes(one.verb)).at(-1);
+    if (last) this.now = { ...EMPTY, ...choicesOf(last) };
+    try {
+      const told = JSON.parse(kept("sessionStorage", "choices") ?? "{}");
+      if (told.session === this.session) this.now = { ...EMPTY, ...told, session: undefined };
+    } catch { /* nothing that can be read was kept */ }
+  }
+
+  /** Another log is looked at: no choice, so that no step back leads to it. */
+  shown(log) { this.now.log = log; }
+
+  /** Segments are on the clock of the log that they were brushed on. */
+  get segments() { return this.now.segments.filter((one) => one.log === this.hooks.log()); }
+
   set(change) {
-    if (JSON.stringify({ ...this.now, ...change }) === JSON.stringify(this.now)) return;
-    this.before.push(JSON.stringify(this.now));
-    this.after = [];
-    this.now = { ...this.now, ...change };
-    this.show();
+    if ("band" in change) this.halfBand = "";
+    this.finish(change);
   }
 
   /** A change that is not finished, as of an edge that is dragged: no step back leads to it. */
@@ -41,131 +65,211 @@ export class Choices {
   finish(change) {
     const started = this.started ?? JSON.stringify(this.now);
     this.started = null;
-    this.before.push(started);
-    this.after = [];
     this.now = { ...this.now, ...change };
+    if (JSON.stringify(this.now) !== started) {
+      this.before.push(started);
+      this.after = [];
+    }
     this.show();
+  }
+
+  /** A change that was begun is taken back. */
+  forget() {
+    if (this.started) this.now = JSON.parse(this.started);
+    this.started = null;
+    this.hooks.changed();
   }
 
   undo() { this.#back(this.before, this.after); }
 
   redo() { this.#back(this.after, this.before); }
 
+  /** A change is shown on the log on which it was made, from either side. */
   #back(from, to) {
     if (!from.length) return;
-    to.push(JSON.stringify(this.now));
-    this.now = JSON.parse(from.pop());
+    const then = JSON.parse(from.pop());
+    to.push(JSON.stringify({ ...this.now, log: then.log }));
+    this.now = then;
+    this.halfBand = "";
+    if (this.hooks.isOpen(then.log)) this.hooks.show(then.log);
+    else this.now.log = this.hooks.log();
     this.show();
   }
 
   #typedBand() {
-    const low = Number($("low").value), high = Number($("high").value);
-    if (low > 0 && high > low) this.set({ band: [omegaOf(low), omegaOf(high)] });
+    const texts = ["low", "high"].map((name) => $(name).value.trim().replace(",", ".")), [low, high] = texts.map(Number);
+    if (texts.every((text) => !text)) this.set({ band: null });
+    else if (low > 0 && high > low && Number.isFinite(high)) this.set({ band: [omegaOf(low), omegaOf(high)] });
+    else {
+      this.halfBand = "A band needs two frequencies above 0, the lower one first.";
+      this.show();
+    }
   }
 
+  /** Of the excitation that the interval shares most with, if any; else of the segment before it. */
   brushed(start_s, stop_s) {
-    const axis = this.now.segments.at(-1)?.axis ?? this.hooks.told()?.inspection?.excitations?.[0]?.axis ?? "roll";
-    this.set({ segments: [...this.now.segments, { axis, start_s, stop_s }] });
+    const found = this.hooks.told()?.inspection?.excitations ?? [];
+    const shared = (one) => Math.min(stop_s, one.stop_s) - Math.max(start_s, one.start_s);
+    const nearest = [...found].sort((a, b) => shared(b) - shared(a))[0];
+    const axis = nearest && shared(nearest) > 0 ? nearest.axis : this.segments.at(-1)?.axis ?? nearest?.axis ?? "roll";
+    this.addSegment({ axis, start_s, stop_s });
+  }
+
+  addSegment(one) { this.set({ segments: [...this.now.segments, { log: this.hooks.log(), ...one }] }); }
+
+  /** All segments, with another in the place of the k-th of this log; nothing takes it away. */
+  #with(k, part) {
+    const old = this.segments[k];
+    return { segments: this.now.segments.flatMap((one) => (one !== old ? [one] : part ? [{ ...one, ...part }] : [])) };
   }
 
   edged(k, side, at, last) {
-    const segments = this.now.segments.map((one, n) => (n === k ? { ...one, [side]: at } : one));
-    if (last) this.finish({ segments }); else this.preview({ segments });
+    const change = this.#with(k, { [side]: at });
+    if (last) this.finish(change); else this.preview(change);
   }
 
   step(verb, more = {}) {
     const others = (list) => list.filter((k) => k !== this.hooks.log() && this.hooks.isOpen(k));
     const { now } = this, step = { verb, logs: [this.hooks.log(), ...others(now.with)], ...more };
     if (verb === "review") { step.logs = [this.hooks.log()]; return step; }
-    step.segments = now.segments;
+    if (this.halfBand) throw new Error(this.halfBand);
+    step.segments = this.segments.map(({ axis, start_s, stop_s }) => ({ axis, start_s, stop_s }));
     if (now.band) step.band_rad_s = now.band;
     if (names(now.instrument).length) step.instrument = names(now.instrument);
-    step.inputs = names(now.inputs);
-    step.outputs = names(now.outputs);
+    for (const name of ["inputs", "outputs"]) {
+      step[name] = names(now[name]);
+      // A response has no model of its own: it is that between the channels of the model that is chosen.
+      if (verb === "response" && !step[name].length) step[name] = this.#about(this.models[0])?.[name] ?? [];
+    }
     if (verb !== "identify") return step;
-    step.models = names(now.model || $("model").placeholder);
+    step.models = this.models;
     step.verify = others(now.unseen);
     if (now.reduce) step.reduce = true;
     if (now.method !== "auto") step.method = now.method;
     return step;
   }
 
+  get supports() { return this.hooks.told()?.inspection?.supports ?? {}; }
+
+  /** Names of the chosen models: the first that the log gives, where none was chosen. */
+  get models() {
+    const found = names(this.now.model);
+    return found.length ? found : [Object.entries(this.supports).find(([, one]) => one.possible)?.[0] ?? "rate.roll"];
+  }
+
+  #about(name) { return this.catalog.find((one) => one.name === name || one.name === name.replace(/:.*/, ":N")); }
+
   show() {
     const { now } = this;
-    try { sessionStorage.setItem("choices", JSON.stringify(now)); } catch { /* it is kept on the page alone */ }
+    keep("sessionStorage", "choices", JSON.stringify({ ...now, session: this.session }));
     // What somebody is typing is not taken away, whatever else is shown anew meanwhile.
     const fill = (name, text) => { if (document.activeElement !== $(name)) $(name).value = text; };
     for (const name of TEXTS) fill(name, now[name]);
-    for (const [k, name] of ["low", "high"].entries()) fill(name, now.band ? number(shownOmega(now.band[k])) : "");
+    for (const [k, name] of ["low", "high"].entries()) if (!this.halfBand) fill(name, now.band ? number(shownOmega(now.band[k])) : "");
+    $("band-needs").textContent = this.halfBand;
+    for (const name of ["low", "high"]) $(name).setAttribute("aria-invalid", String(Boolean(this.halfBand)));
     $("reduce").checked = now.reduce;
     $("method").value = now.method;
     $("undo").disabled = !this.before.length;
     $("redo").disabled = !this.after.length;
     this.#showSegments();
     this.#showModels();
-    this.#showCommand();
+    if (this.hooks.log()) for (const line of this.commands) line.show();
     this.hooks.changed();
   }
 
+  /** A row for each segment; rows stay, so that the focus does. */
   #showSegments() {
-    $("no-segments").hidden = this.now.segments.length > 0;
-    $("segments").replaceChildren(...this.now.segments.map((one, k) => {
-      const change = (part) => this.set({ segments: this.now.segments.map((other, n) => (n === k ? { ...other, ...part } : other)) });
-      const edge = (name, label) => {
-        const field = make("input", "", { type: "number", step: "0.1", "aria-label": `${label} of segment ${k + 1} in seconds` });
-        field.value = Number(one[name].toFixed(3));
-        field.addEventListener("change", () => { if (field.value) change({ [name]: Number(field.value) }); });
-        return field;
-      };
-      const axis = make("select", "", { "aria-label": `axis of segment ${k + 1}` }, ...AXES.map((name) => make("option", name)));
-      axis.value = one.axis;
-      axis.addEventListener("change", () => change({ axis: axis.value }));
-      return make("li", "", {}, axis, edge("start_s", "start"), "to", edge("stop_s", "stop"), "s",
-        make("button", "×", { class: "plain", "aria-label": `remove segment ${k + 1}`, onclick: () => this.set({ segments: this.now.segments.filter((_, n) => n !== k) }) }));
-    }));
+    const { segments } = this, list = $("segments");
+    $("no-segments").hidden = segments.length > 0;
+    $("shared-segments").hidden = !segments.length || !this.now.with.some((k) => this.hooks.isOpen(k));
+    while (list.children.length < segments.length) list.append(this.#segmentRow(list.children.length));
+    while (list.children.length > segments.length) {
+      const last = list.lastElementChild, held = last.contains(document.activeElement);
+      last.remove();
+      if (held) (list.lastElementChild?.lastElementChild ?? $("add-segment")).focus();
+    }
+    segments.forEach((one, k) => {
+      for (const field of list.children[k].querySelectorAll("[data-of]")) {
+        const value = one[field.dataset.of];
+        if (document.activeElement !== field || field.tagName === "SELECT") field.value = typeof value === "number" ? Number(value.toFixed(3)) : value;
+      }
+    });
+  }
+
+  #segmentRow(k) {
+    const edge = (name, label, isRight) => {
+      const field = make("input", "", { type: "number", step: "0.1", "data-of": name, "aria-label": `${label} of segment ${k + 1} in seconds` });
+      field.addEventListener("change", tried(() => {
+        const at = field.valueAsNumber, one = this.segments[k];
+        if (!Number.isFinite(at) || !isRight(at, one)) {
+          field.value = Number(one[name].toFixed(3));
+          throw new Error("A segment needs a start before its stop, both in seconds.");
+        }
+        this.set(this.#with(k, { [name]: at }));
+      }));
+      return field;
+    };
+    const axis = make("select", "", { "data-of": "axis", "aria-label": `axis of segment ${k + 1}` }, ...AXES.map((name) => make("option", name)));
+    axis.addEventListener("change", () => this.set(this.#with(k, { axis: axis.value })));
+    return make("li", "", {}, axis, edge("start_s", "start", (at, one) => at < one.stop_s), "to", edge("stop_s", "stop", (at, one) => at > one.start_s), "s",
+      make("button", "×", { class: "plain", "aria-label": `remove segment ${k + 1}`, onclick: () => this.set(this.#with(k, null)) }));
   }
 
   /** The models of the library; those that the log was asked about come first, with a mark. */
   #showModels() {
-    const supports = this.hooks.told()?.inspection?.supports ?? {};
-    const first = Object.entries(supports).find(([, one]) => one.possible)?.[0] ?? "rate.roll";
-    $("model").placeholder = first;
+    const { supports, models: chosen } = this;
+    $("model").placeholder = chosen[0];
     const rank = (name) => (supports[name] ? (supports[name].possible ? 0 : 2) : 1);
     const all = [...new Set([...Object.keys(supports), ...this.catalog.map((one) => one.name)])].filter((name) => !/[/*]/.test(name));
     all.sort((a, b) => rank(a) - rank(b));
-    const chosen = names(this.now.model || first), top = $("models").scrollTop;
-    $("models").replaceChildren(...all.map((name) => {
-      const mark = ["✓", "", "✗"][rank(name)], words = { "✓": "the log gives what it needs: ", "✗": "the log lacks something: " }[mark] ?? "";
-      const button = make("button", "", { "aria-pressed": String(chosen.includes(name)), "aria-label": words + name, onclick: () => this.set({ model: name.replace(":N", ":auto") }) });
-      button.append(make("span", mark, { class: `mark ${["good", "", "bad"][rank(name)]}` }), name);
-      return make("li", "", {}, button);
-    }));
-    $("models").scrollTop = top;
-    const about = this.catalog.find((one) => one.name === chosen[0] || one.name === chosen[0]?.replace(/:.*/, ":N")), support = supports[chosen[0]];
+    const key = JSON.stringify(all.map((name) => [name, rank(name)]));
+    if (this.shownModels !== key) {
+      this.shownModels = key;
+      const top = $("models").scrollTop;
+      redrawn($("models"), all.map((name) => {
+        const mark = ["✓", "", "✗"][rank(name)], words = { "✓": "the log gives what it needs: ", "✗": "the log lacks something: " }[mark] ?? "";
+        const button = make("button", "", { "data-key": name, "aria-label": words + name, onclick: () => this.set({ model: name.replace(":N", ":auto") }) });
+        button.append(make("span", mark, { class: `mark ${["good", "", "bad"][rank(name)]}` }), name);
+        return make("li", "", {}, button);
+      }), $("model"));
+      $("models").scrollTop = top;
+    }
+    const about = this.#about(chosen[0]), support = supports[chosen[0]];
+    for (const button of $("models").querySelectorAll("button")) button.setAttribute("aria-pressed", String(chosen.includes(button.dataset.key.replace(":N", ":auto"))));
+    for (const name of ["inputs", "outputs"]) $(name).placeholder = about?.[name]?.length ? `${about[name].join(",")}, as ${chosen[0]} says` : "as the model says";
     $("needs").replaceChildren(about ? `${about.about} ` : "");
     if (support) $("needs").append(make("span", `${support.possible ? "The log gives it" : "Not from this log"}: ${support.because}${support.remedy ? `; ${support.remedy}` : ""}.`, { class: support.possible ? "good" : "fair" }));
   }
 
-  #showCommand = tried(async () => {
-    if (!this.hooks.log()) return;
-    const told = await post("/api/preview", this.step("identify"));
-    $("command").textContent = told.command.map((word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`)).join(" ");
-  });
-
   /** The other logs, each to be fitted too, kept unseen to judge the model on, or neither. */
   showOthers(logs) {
     const rows = logs.map((one, k) => [one, k + 1]).filter(([one, k]) => one.state === "done" && k !== this.hooks.log());
-    const key = JSON.stringify([rows.map(([one, k]) => [one.name, k]), this.now.with, this.now.unseen]);
-    if (this.shownOthers === key) return;
-    this.shownOthers = key;
-    $("others").replaceChildren(...rows.map(([one, k]) => {
-      const use = make("select", "", { "aria-label": `use of ${one.name}` }, make("option", "is not used", { value: "" }), make("option", "is fitted too", { value: "with" }), make("option", "judges the model", { value: "unseen" }));
-      use.value = this.now.with.includes(k) ? "with" : this.now.unseen.includes(k) ? "unseen" : "";
-      use.addEventListener("change", () => this.set({
-        with: [...this.now.with.filter((n) => n !== k), ...(use.value === "with" ? [k] : [])],
-        unseen: [...this.now.unseen.filter((n) => n !== k), ...(use.value === "unseen" ? [k] : [])],
+    const key = JSON.stringify(rows.map(([one, k]) => [one.name, k]));
+    if (this.shownOthers !== key) {
+      this.shownOthers = key;
+      redrawn($("others"), rows.map(([one, k]) => {
+        const use = make("select", "", { "data-key": k, "aria-label": `use of ${one.name}` }, make("option", "is not used", { value: "" }), make("option", "is fitted too", { value: "with" }), make("option", "judges the model", { value: "unseen" }));
+        use.addEventListener("change", () => this.set({
+          with: [...this.now.with.filter((n) => n !== k), ...(use.value === "with" ? [k] : [])],
+          unseen: [...this.now.unseen.filter((n) => n !== k), ...(use.value === "unseen" ? [k] : [])],
+        }));
+        return make("li", `${one.name} `, {}, use);
       }));
-      return make("li", `${one.name} `, {}, use);
-    }));
+    }
+    for (const use of $("others").querySelectorAll("select")) {
+      const k = Number(use.dataset.key);
+      use.value = this.now.with.includes(k) ? "with" : this.now.unseen.includes(k) ? "unseen" : "";
+    }
   }
+}
+
+/** What a step was chosen by. */
+function choicesOf(step) {
+  const [log, ...others] = step.logs;
+  return {
+    log, with: others, unseen: step.verify, band: step.band_rad_s, reduce: step.reduce, method: step.method,
+    model: step.models.join(","), segments: step.segments.map((one) => ({ log, ...one })),
+    ...Object.fromEntries(["inputs", "outputs", "instrument"].map((name) => [name, step[name].join(",")])),
+  };
 }

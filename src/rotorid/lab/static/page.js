@@ -24,22 +24,56 @@ export async function ask(path, options = {}) {
   } catch {
     throw new Error("The server does not answer: it was ended, or its terminal was closed. Start rotorid lab again.");
   }
-  if (!answer.ok) {
-    const text = await answer.text();
-    let sentence = text;
-    try { sentence = JSON.parse(text).sentence ?? text; } catch { /* it was plain text */ }
-    throw new Error(sentence);
-  }
+  if (!answer.ok) throw new Error(sentenceOf(await answer.text()));
   return answer.json();
+}
+
+/** What a refusal says: JSON with a sentence, or plain text. */
+export function sentenceOf(text) {
+  try { return JSON.parse(text).sentence ?? text; } catch { return text; }
 }
 
 export const post = (path, body) =>
   ask(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
 
-/** The same work, with what goes wrong said on the page. */
+/** What somebody asked for: what was said before goes away, and what goes wrong is said. */
 export const tried = (work) => async (...given) => {
+  say("");
   try { return await work(...given); } catch (error) { say(error.message, true); return undefined; }
 };
+
+/** What the page does by itself: it says what goes wrong, and takes back only that. */
+export const watched = (work) => {
+  let said = "";
+  return async (...given) => {
+    try {
+      const found = await work(...given);
+      if (said && $("message").textContent === said) say("");
+      said = "";
+      return found;
+    } catch (error) {
+      say((said = error.message), true);
+      return undefined;
+    }
+  };
+};
+
+/** Words of a command line as a shell reads them. */
+export const shellWords = (words) =>
+  words.map((word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`)).join(" ");
+
+/** Draw a list anew; the focus stays on what carries the same `data-key`, or goes to `otherwise`. */
+export function redrawn(box, children, otherwise = null) {
+  const held = box.contains(document.activeElement) ? document.activeElement : null;
+  box.replaceChildren(...children);
+  if (!held) return;
+  const same = held.dataset.key && box.querySelector(`[data-key="${CSS.escape(held.dataset.key)}"]`);
+  (same || otherwise)?.focus({ preventScroll: true });
+}
+
+/** What is kept in this browser, as far as it keeps anything. */
+export const kept = (store, key) => { try { return window[store].getItem(key); } catch { return null; } };
+export const keep = (store, key, text) => { try { window[store].setItem(key, text); } catch { /* it is kept on the page alone */ } };
 
 export const names = (text) => text.split(",").map((one) => one.trim()).filter(Boolean);
 
@@ -48,6 +82,19 @@ export function number(value, digits = 4) {
   const size = Math.abs(value);
   if (value !== 0 && (size >= 1e6 || size < 1e-4)) return value.toExponential(digits - 1).replaceAll("-", "−");
   return String(Number(value.toPrecision(digits))).replace("-", "−");
+}
+
+const SIGNS = Object.fromEntries([..."-0123456789"].map((sign, k) => [sign, "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"[k]]));
+export const raised = (power) => [...String(power)].map((sign) => SIGNS[sign]).join("");
+/** A unit as it is read: nothing for plain numbers, powers as such. */
+export const unitOf = (unit) =>
+  unit === "1" ? "" : unit.replace(/\^(-?\d+)/g, (_, power) => raised(power)).replaceAll("*", "·");
+
+const ENDINGS = { rad_s: () => unitText(), deg: () => "deg", db: () => "dB", s: () => "s", percent: () => "%" };
+/** The words of a key such as `gain_margin_db`: what it is, and in which unit. */
+export function words(key) {
+  const [, name, ending] = /^(.*?)(?:_(rad_s|deg|db|s|percent))?$/.exec(key);
+  return `${name.replaceAll("_", " ")}${ending ? ` in ${ENDINGS[ending]()}` : ""}`;
 }
 
 export const counted = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;

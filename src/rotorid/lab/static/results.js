@@ -1,59 +1,80 @@
 // Results: a card for every step, and a table that puts identifications beside each other.
-import { $, ask, counted, inHz, make, number, omegaOf, shownOmega, shownRate, tableOf, tried, unitText, within } from "./page.js";
-import { colors, lines, phaseOf } from "./plots.js";
+import { CommandLine, copyable } from "./commands.js";
+import { $, ask, counted, make, number, omegaOf, redrawn, shownOmega, shownRate, tableOf, tried, unitOf, unitText, watched, within, words } from "./page.js";
+import { colors, lines, phaseOf, released } from "./plots.js";
 
 const TARGETS = ["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "matlab", "control", "fmu", "json"];
-const WORDS = { waiting: "waits for a free place", running: "runs", refused: "was refused", failed: "failed", canceled: "was canceled" };
+const WORDS = { waiting: "waits for a free place", running: "runs", done: "done", refused: "was refused", failed: "failed", canceled: "was canceled" };
+/** Responses that are drawn at once; of more, each is drawn when it is opened. */
+const FEW = 4;
 const plain = (name) => name.replaceAll("_", " ");
+const goes = (row) => ["waiting", "running"].includes(row.state);
+/** What a step printed of each model: one or several. */
+const resultsOf = (told) => told?.document?.results ?? (told?.document ? [told.document] : []);
 
 export class Results {
-  /** `hooks`: `log()`, `start(step)`, `band([low, high])`, `refresh()`. */
+  /** `hooks`: `log()`, `name(log)`, `start(step)`, `band([low, high])`, `refresh()`. */
   constructor(hooks) {
     this.hooks = hooks;
     this.shown = new Map();
     this.told = new Map();
+    this.compared = "";
   }
 
   /** Draw everything anew, as in another unit or other colors. */
-  redraw(steps) {
+  async redraw(steps) {
     this.shown.clear();
-    this.show(steps);
+    this.compared = "";
+    await this.show(steps);
   }
 
   async show(steps) {
     $("results").hidden = !steps.length;
     for (let k = 1; k <= steps.length; k += 1) {
-      if (!$(`step-${k}`)) $("steps").prepend(make("article", "", { id: `step-${k}`, "aria-labelledby": `title-${k}` }));
+      if (!$(`step-${k}`)) {
+        $("steps").prepend(make("article", "", { id: `step-${k}`, tabindex: "-1", "aria-labelledby": `title-${k}` }));
+        CommandLine.showAll();
+      }
       await this.#showStep(k, steps[k - 1]);
     }
     this.#compare(steps);
   }
 
-  #showStep = tried(async (k, row) => {
-    const card = $(`step-${k}`), goes = row.state === "running" || row.state === "waiting";
+  #showStep = watched(async (k, row) => {
+    const card = $(`step-${k}`);
     if (this.shown.get(k) !== row.state) {
+      if (!goes(row) && !this.told.has(k)) this.told.set(k, await ask(`/api/steps/${k}`));
+      this.#draw(card, row, k);
       this.shown.set(k, row.state);
-      const told = goes ? null : await ask(`/api/steps/${k}`);
-      if (told) this.told.set(k, told);
-      const body = make("div", "", { class: "body" });
-      const fold = make("button", card.hasAttribute("data-folded") ? "Show" : "Hide", { class: "plain", "aria-label": `fold step ${k}`, onclick: () => { fold.textContent = card.toggleAttribute("data-folded") ? "Show" : "Hide"; } });
-      const head = make("header", "", {}, make("h3", `${k}. ${row.step.verb} ${row.step.models.join(", ")}`, { id: `title-${k}` }), make("span", "", { class: "told", role: "status" }));
-      if (goes) head.append(make("progress", "", { "aria-label": `progress of step ${k}` }), make("canvas", "", { class: "live", width: 440, height: 120, role: "img", "aria-label": "cost over the steps of the fit", hidden: true }), make("button", "Cancel", { onclick: tried(async () => { await ask(`/api/steps/${k}`, { method: "DELETE" }); await this.hooks.refresh(); }) }));
-      else head.append(fold);
-      card.replaceChildren(head, body);
-      body.append(make("p", "", {}, make("code", row.command.join(" "))));
-      if (told) this.#fill(body, row, told, k);
     }
-    card.dataset.state = row.state;
-    const line = card.querySelector(".told");
-    line.textContent = row.state === "done" ? `${row.seconds} s` : row.sentence ? `${WORDS[row.state]}: ${row.sentence}` : `${WORDS[row.state]}, ${row.seconds} s${row.told ? `: ${row.told}` : ""}`;
-    line.className = `told ${["refused", "failed"].includes(row.state) ? "bad" : "soft"}`;
-    if (goes) this.#live(card, row);
+    if (goes(row)) this.#live(card, row);
   });
+
+  /** A card as its step stands; the focus stays in it. */
+  #draw(card, row, k) {
+    const body = make("div", "", { class: "body" }), bad = ["refused", "failed"].includes(row.state);
+    const head = make("header", "", {}, make("h3", `${k}. ${row.step.verb} ${row.step.models.join(", ")}`, { id: `title-${k}` }),
+      make("span", [WORDS[row.state], row.sentence].filter(Boolean).join(": "), { class: `told ${bad ? "bad" : "soft"}`, role: "status" }),
+      // Seconds are seen, and not read aloud each time.
+      make("span", `${row.seconds} s`, { class: "since soft" }));
+    if (goes(row)) {
+      head.append(make("progress", "", { "aria-label": `progress of step ${k}` }), make("canvas", "", { class: "live", width: 440, height: 120, role: "img", "aria-label": "cost over the steps of the fit", hidden: true }),
+        make("button", "Cancel", { "aria-label": `cancel step ${k}`, onclick: tried(async () => { await ask(`/api/steps/${k}`, { method: "DELETE" }); await this.hooks.refresh(); }) }));
+    } else {
+      const fold = make("button", card.hasAttribute("data-folded") ? "Show" : "Hide", { class: "plain", "data-key": "fold", "aria-label": `fold step ${k}`, onclick: () => { fold.textContent = card.toggleAttribute("data-folded") ? "Show" : "Hide"; } });
+      head.append(fold);
+    }
+    released(card);
+    redrawn(card, [head, body], card);
+    body.append(copyable(row.command, `step ${k}`).place);
+    card.dataset.state = row.state;
+    if (!goes(row)) this.#fill(body, row, this.told.get(k), k);
+  }
 
   /** How far a command is: a share where a count is known, and the cost of the fit step by step. */
   #live(card, row) {
     const bar = card.querySelector("progress"), canvas = card.querySelector("canvas.live");
+    card.querySelector(".since").textContent = [`${row.seconds} s`, row.told].filter(Boolean).join(": ");
     if (row.share === null) bar.removeAttribute("value"); else bar.value = row.share;
     canvas.hidden = row.costs.length < 2;
     if (canvas.hidden) return;
@@ -70,84 +91,147 @@ export class Results {
   }
 
   #fill(body, row, told, k) {
-    const found = told.document?.findings ?? [];
-    if (told.document) {
-      SHOWS[row.step.verb]?.call(this, body, told.document, k);
-      this.#curves(body, told.curves, k);
+    const results = resultsOf(told);
+    for (const one of results) {
+      if (results.length > 1) body.append(make("h4", one.model, { class: "model" }));
+      SHOWS[row.step.verb]?.call(this, body, one, k, row);
+      const curves = told.document.results ? told.parts[one.model] : told.curves;
+      if (curves?.omega_rad_s) this.#curves(body, curves, k);
+      findings(body, one.findings ?? []);
     }
-    const limits = found.filter((one) => one.severity !== "info"), remarks = found.filter((one) => one.severity === "info");
-    const listed = (list) => make("ul", "", {}, ...list.slice(0, 60).map((one) => make("li", `${plain(one.kind)} (${one.where}): ${one.message}`, { class: { error: "bad", warning: "fair" }[one.severity] ?? "" })));
-    if (limits.length) body.append(make("h4", "What limits the trust"), listed(limits));
-    if (remarks.length) body.append(make("details", "", {}, make("summary", counted(remarks.length, "remark")), listed(remarks)));
+    if (row.step.verb === "identify" && results.some((one) => one.parameters)) body.append(this.#tuneRow(k, row, results), this.#exportRow(k, [k]));
+    if (row.step.verb === "export" && results.length) body.append(this.#exportRow(k, row.step.results, results[0]));
     if (!told.files.length) return;
-    const page = told.files.some((name) => name.endsWith(".html"));
-    const files = make("div", "", { class: "row" });
-    if (page) files.append(make("a", "Open the report", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" }));
+    const files = make("div", "", { class: "row files" });
+    if (told.files.some((name) => name.endsWith(".html"))) files.append(make("a", "Open the report", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" }));
     files.append(make("span", "Files:", { class: "soft" }), ...told.files.map((name, n) => make("a", name, { href: `/api/steps/${k}/files/${n}`, download: name.split("/").at(-1) })));
     body.append(files);
   }
 
   #curves(body, curves, k) {
-    if (!curves.omega_rad_s) return;
-    const x = curves.omega_rad_s.map(shownOmega), db = $("scale").value === "db";
-    const size = (re, im) => re.map((value, n) => {
-      if (value === null || im[n] === null) return null;
-      const length = Math.hypot(value, im[n]);
-      return db ? (length ? 20 * Math.log10(length) : null) : length;
-    });
-    const brush = (a, b) => this.hooks.band([omegaOf(a), omegaOf(b)].map((value) => Number(value.toPrecision(4))));
-    curves.outputs.forEach((output, i) => curves.inputs.forEach((input, j) => {
-      const re = curves["values.re"][i][j], im = curves["values.im"][i][j];
-      if (re.every((value) => value === null)) return;
-      const modelRe = curves["model.re"]?.[i][j], modelIm = curves["model.im"]?.[i][j];
-      const both = (part) => [{ label: "measured", y: part(re, im) }, ...(modelRe ? [{ label: "model", y: part(modelRe, modelIm) }] : [])];
-      const magnitude = both(size), error = curves.random_error?.[i][j];
-      for (const sign of error ? [-1, 1] : []) {
-        magnitude.push({ label: sign < 0 ? "− std" : "+ std", dash: [2, 3], y: magnitude[0].y.map((value, n) => {
-          if (value === null || error[n] === null || 1 + sign * error[n] <= 0) return null;
-          return db ? value + 20 * Math.log10(1 + sign * error[n]) : value * (1 + sign * error[n]);
-        }) });
+    const pairs = curves.outputs.flatMap((output, i) => curves.inputs.map((input, j) => ({ name: `${output} / ${input}`, i, j })))
+      .filter(({ i, j }) => curves["values.re"][i][j].some((value) => value !== null));
+    for (const pair of pairs) {
+      if (pairs.length <= FEW) {
+        body.append(make("h4", `${pair.name} `, {}, make("span", "a drag on a picture chooses the band", { class: "soft" })));
+        this.#pair(body, curves, k, pair);
+        continue;
       }
-      const name = `${output} / ${input}`, box = make("div", "", { class: "bodes" }), shared = { x, xLabel: unitText(), brush, sync: `step-${k}` };
-      const grid = () => { const one = make("div"); box.append(one); return one; };
-      body.append(make("h4", `${name} `, {}, make("span", "a drag on a picture chooses the band", { class: "soft" })), box);
-      lines(grid(), { ...shared, title: `${name}: magnitude`, rows: magnitude, yLabel: db ? "dB" : "" });
-      lines(grid(), { ...shared, title: `${name}: phase`, rows: both(phaseOf), yLabel: "deg" });
-      lines(grid(), { ...shared, title: `${name}: coherence`, rows: [{ label: "coherence", y: curves.coherence[i][j] }], yLabel: "", height: 140 });
-      if (modelRe) lines(grid(), { ...shared, title: `${name}: residual`, rows: [{ label: "|measured − model| / |measured|", y: re.map((value, n) => ([value, im[n], modelRe[n], modelIm[n]].includes(null) ? null : Math.hypot(value - modelRe[n], im[n] - modelIm[n]) / Math.hypot(value, im[n]))) }], yLabel: "", height: 140 });
-    }));
+      const place = make("details", "", {}, make("summary", pair.name));
+      place.addEventListener("toggle", () => { if (place.open && !place.querySelector(".bodes")) this.#pair(place, curves, k, pair); });
+      body.append(place);
+    }
+  }
+
+  /** The pictures of one response, in a place that has its width. */
+  #pair(place, curves, k, { name, i, j }) {
+    const x = curves.omega_rad_s.map(shownOmega), db = $("scale").value === "db";
+    const sizeOf = (length) => (db ? (length > 0 ? 20 * Math.log10(length) : null) : length);
+    const size = (re, im) => re.map((value, n) => (value === null || im[n] === null ? null : sizeOf(Math.hypot(value, im[n]))));
+    const brush = (a, b) => this.hooks.band([omegaOf(a), omegaOf(b)].map((value) => Number(value.toPrecision(4))));
+    const re = curves["values.re"][i][j], im = curves["values.im"][i][j], error = curves.random_error?.[i][j];
+    const modelRe = curves["model.re"]?.[i][j], modelIm = curves["model.im"]?.[i][j];
+    const both = (part) => [{ label: "measured", y: part(re, im) }, ...(modelRe ? [{ label: "model", y: part(modelRe, modelIm) }] : [])];
+    const magnitude = both(size);
+    const edge = (sign) => re.map((value, n) => (value === null || im[n] === null || error[n] === null || 1 + sign * error[n] <= 0 ? null : sizeOf(Math.hypot(value, im[n]) * (1 + sign * error[n]))));
+    const strip = error ? [edge(-1), edge(1)] : [];
+    if (error) magnitude[0].label = "measured ± std";
+    const box = make("div", "", { class: "bodes" }), shared = { x, xLabel: unitText(), brush, sync: `step-${k}` };
+    const drawn = [
+      { title: `${name}: magnitude`, rows: magnitude, within: strip, yLabel: db ? "dB" : "" },
+      { title: `${name}: phase`, rows: both(phaseOf), yLabel: "deg" },
+      { title: `${name}: coherence`, rows: [{ label: "coherence", y: curves.coherence[i][j] }], yLabel: "", height: 140 },
+    ];
+    if (modelRe) drawn.push({ title: `${name}: residual`, rows: [{ label: "|measured − model| / |measured|", y: re.map((value, n) => ([value, im[n], modelRe[n], modelIm[n]].includes(null) ? null : Math.hypot(value - modelRe[n], im[n] - modelIm[n]) / Math.hypot(value, im[n]))) }], yLabel: "", height: 140 });
+    place.append(box);
+    for (const one of drawn) lines(box.appendChild(make("div")), { ...shared, ...one });
   }
 
   /** Identifications side by side: models, bands, methods, logs. */
   #compare(steps) {
-    const done = steps.map((row, n) => [row, n + 1]).filter(([row, k]) => row.state === "done" && row.step.verb === "identify" && this.told.get(k)?.document?.parameters);
-    const key = done.map(([, k]) => k).join();
+    const done = steps.flatMap((row, n) => (row.state === "done" && row.step.verb === "identify" ? resultsOf(this.told.get(n + 1)).filter((one) => one.parameters).map((one) => ({ one, head: `${n + 1}. ${one.model}` })) : []));
+    const key = done.map(({ head }) => head).join();
     if (this.compared === key) return;
     this.compared = key;
     $("comparison").replaceChildren();
     if (done.length < 2) return;
-    const documents = done.map(([, k]) => this.told.get(k).document);
+    const documents = done.map(({ one }) => one);
     const rows = [...new Set(documents.flatMap((one) => Object.keys(one.parameters)))].map((name) => {
-      const unit = documents.find((one) => one.parameters[name]).parameters[name].unit;
-      return [unit === "1" ? name : `${name} in ${unit}`, ...documents.map((one) => (one.parameters[name] ? within(one.parameters[name]) : "–"))];
+      const unit = unitOf(documents.find((one) => one.parameters[name]).parameters[name].unit);
+      return [unit ? `${name} in ${unit}` : name, ...documents.map((one) => (one.parameters[name] ? within(one.parameters[name]) : "–"))];
     });
     rows.push(["cost", ...documents.map((one) => number(one.cost?.average))]);
     rows.push(["Theil's coefficient, unseen", ...documents.map((one) => {
       const told = (one.verification?.maneuvers ?? []).flatMap((flown) => Object.values(flown.scores).map((score) => score.tic)).filter((value) => value !== null);
       return told.length ? number(told.reduce((sum, value) => sum + value, 0) / told.length, 3) : "–";
     })]);
-    const heads = ["", ...done.map(([row, k]) => `${k}. ${row.step.models.join(", ")}`)];
-    $("comparison").append(tableOf("Identifications beside each other: value ± half of the 95 % interval", heads, rows));
+    $("comparison").append(tableOf("Identifications beside each other: value ± half of the 95 % interval", ["", ...done.map(({ head }) => head)], rows));
   }
+
+  #tuneRow(k, row, results) {
+    const [soft, first] = slider("Largest peak M_s", { min: 1.2, max: 2.4, step: 0.05, value: 1.7, text: (value) => `${Number(value).toFixed(2)} ${value < 1.5 ? "soft" : value > 1.9 ? "sharp" : ""}` });
+    const [noise, second] = slider("Noise at the motors", { min: 0.5, max: 4, step: 0.1, value: 2, text: (value) => `${Number(value).toFixed(1)} times that of today` });
+    const keep = ["P", "I", "D", "A"].map((name) => [name, make("input", "", { type: "checkbox" })]);
+    // The gains that flew are those of the logs that were fitted, whichever is looked at now.
+    const tune = () => ({
+      verb: "tune", results: [k], logs: row.step.logs, robustness: Number(soft.value), noise: Number(noise.value),
+      keep: keep.filter(([, box]) => box.checked).map(([name]) => name),
+    });
+    const place = make("div", "", { class: "use" }, make("div", "", { class: "row" }, make("b", "Gains"), first, second,
+      make("span", "", { class: "row" }, "keep", ...keep.map(([name, box]) => make("label", "", {}, box, ` ${name === "A" ? "angle" : name}`))), make("button", "Tune", { onclick: () => this.hooks.start(tune()) })), folded("tune", tune, [soft, noise, ...keep.map(([, box]) => box)]));
+    const names = results.filter((one) => one.parameters).map((one) => one.model), model = make("select", "", { "aria-label": "model to verify" }, ...names.map((name) => make("option", name)));
+    const verify = () => ({ verb: "verify", results: [k], logs: [this.hooks.log()], ...(results.length > 1 ? { part: model.value } : {}) });
+    const button = make("button", "", { class: "verify", onclick: () => this.hooks.start(verify()) });
+    place.append(make("div", "", { class: "row" }, make("b", "Another flight"), ...(results.length > 1 ? [model] : []), button), folded("verify", verify, [model]));
+    button.textContent = `Verify on ${this.hooks.name(this.hooks.log())}`;
+    return place;
+  }
+
+  /** Another log is looked at: what uses it says so. */
+  named() {
+    for (const button of document.querySelectorAll("#steps .verify")) button.textContent = `Verify on ${this.hooks.name(this.hooks.log())}`;
+    CommandLine.showAll();
+  }
+
+  /** Where to, and what the result does not hold: quantities that the last export named can be set. */
+  #exportRow(k, results, last = null) {
+    const target = make("select", "", { "aria-label": "target of the export" }, ...TARGETS.map((name) => make("option", name)));
+    const values = make("input", "", { placeholder: "m=1.4, I_xx=0.02", "aria-label": "values to set, NAME=VALUE with commas" });
+    if (last) target.value = last.target;
+    const step = () => {
+      const given = Object.fromEntries(values.value.split(",").map((one) => one.split("=").map((part) => part.trim())).filter((pair) => pair[0]).map(([name, value]) => {
+        if (!value || !Number.isFinite(Number(value))) throw new Error(`${name}: NAME=NUMBER is needed, such as m=1.4.`);
+        return [name, Number(value)];
+      }));
+      return { verb: "export", results, logs: [], to: target.value, values: given };
+    };
+    return make("div", "", { class: "use" }, make("div", "", { class: "row" }, make("b", last ? "Again" : "Files for"), target, make("label", "set ", {}, values), make("button", "Export", { onclick: tried(() => this.hooks.start(step())) })), folded("export", step, [target, values]));
+  }
+}
+
+/** The command line of a button, asked for when it is opened and when `fields` change. */
+function folded(what, step, fields) {
+  const line = new CommandLine(what, step), place = make("details", "", { class: "terminal" }, make("summary", "The same at a terminal"), line.place);
+  const show = () => { if (place.open) line.show(); };
+  place.addEventListener("toggle", show);
+  for (const field of fields) field.addEventListener("change", show);
+  return place;
+}
+
+function findings(body, found) {
+  const limits = found.filter((one) => one.severity !== "info"), remarks = found.filter((one) => one.severity === "info");
+  const listed = (list) => make("ul", "", {}, ...list.slice(0, 60).map((one) => make("li", `${plain(one.kind)} (${one.where}): ${one.message}`, { class: { error: "bad", warning: "fair" }[one.severity] ?? "" })));
+  if (limits.length) body.append(make("h4", "What limits the trust"), listed(limits));
+  if (remarks.length) body.append(make("details", "", {}, make("summary", counted(remarks.length, "remark")), listed(remarks)));
 }
 
 const rateInterval = (one) => within(shownRate(one));
 
 const SHOWS = {
-  identify(body, told, k) {
+  identify(body, told) {
     const rows = Object.entries(told.parameters ?? {});
     if (!rows.length) return;
-    body.append(tableOf("Parameters", ["parameter", "value", "95 % from", "to", "unit", "status"], rows.map(([name, one]) => [name, number(one.value, 6), number(one.lower, 6), number(one.upper, 6), one.unit === "1" ? "" : one.unit, one.status])));
+    body.append(tableOf("Parameters", ["parameter", "value", "95 % from", "to", "unit", "status"], rows.map(([name, one]) => [name, number(one.value, 6), number(one.lower, 6), number(one.upper, 6), unitOf(one.unit), one.status])));
     if (told.cost) body.append(make("p", `Average cost ${number(told.cost.average)}: ${told.cost.average <= 50 ? "excellent" : told.cost.average <= 100 ? "acceptable" : "poor"} by the guideline (50, 100).`));
     if (told.poles?.length) {
       const poles = told.poles.filter((one) => one.imag >= 0);
@@ -157,7 +241,6 @@ const SHOWS = {
       })));
     }
     scores(body, told.verification?.maneuvers ?? []);
-    body.append(tuneRow.call(this, k), exportRow.call(this, k, null));
   },
   verify(body, told) {
     scores(body, told.maneuvers ?? []);
@@ -173,19 +256,16 @@ const SHOWS = {
   },
   tune(body, told, k) {
     for (const [axis, one] of Object.entries(told.axes ?? {})) {
-      const gains = Object.entries(one.gains ?? {});
+      const gains = Object.entries(one.gains ?? {}), rows = Object.keys(one.flown ?? {}).filter((name) => one.proposed?.[name]);
+      const shown = (name, value) => (name.endsWith("_rad_s") ? rateInterval(value) : within(value));
       body.append(tableOf(`${axis}: gains`, ["parameter", "flown", "proposed"], gains.map(([name, gain]) => [name, number(gain.flown), number(gain.proposed)])));
-      const rows = Object.keys(one.flown ?? {}).filter((name) => one.proposed?.[name]);
-      const shown = (name, value) => (/_rad_s$/.test(name) ? rateInterval(value) : within(value));
-      const label = (name) => plain(inHz() ? name.replace(/_rad_s$/, " in Hz") : name.replace(/_rad_s$/, " in rad/s"));
-      body.append(tableOf(`${axis}: rate loop, for every likely vehicle`, ["", "flown", "proposed"], rows.map((name) => [label(name), shown(name, one.flown[name]), shown(name, one.proposed[name])])));
+      body.append(tableOf(`${axis}: rate loop, for every likely vehicle`, ["", "flown", "proposed"], rows.map((name) => [words(name), shown(name, one.flown[name]), shown(name, one.proposed[name])])));
       for (const sentence of [...(one.reasons ?? []), ...(one.notes ?? [])]) body.append(make("p", typeof sentence === "string" ? sentence : sentence.message ?? "", { class: "soft" }));
     }
     body.append(make("p", "", {}, make("a", "Move every gain by hand, with the margins beside it", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" })));
   },
-  export(body, told, k) {
-    body.append(tableOf("Quantities", ["quantity", "identified", "exported", "unit"], told.quantities.map((one) => [one.name, number(one.identified), number(one.exported), one.unit])));
-    body.append(exportRow.call(this, k, told));
+  export(body, told) {
+    body.append(tableOf("Quantities", ["quantity", "identified", "exported", "unit"], told.quantities.map((one) => [one.name, number(one.identified), number(one.exported), unitOf(one.unit)])));
   },
 };
 
@@ -200,33 +280,3 @@ function slider(label, { min, max, step, value, text }) {
   range.addEventListener("input", () => { read.textContent = text(range.value); });
   return [range, make("label", `${label} `, {}, range, " ", read)];
 }
-
-function tuneRow(k) {
-  const [soft, first] = slider("Largest peak M_s", { min: 1.2, max: 2.4, step: 0.05, value: 1.7, text: (value) => `${Number(value).toFixed(2)} ${value < 1.5 ? "soft" : value > 1.9 ? "sharp" : ""}` });
-  const [noise, second] = slider("Noise at the motors", { min: 0.5, max: 4, step: 0.1, value: 2, text: (value) => `${Number(value).toFixed(1)} times that of today` });
-  const keep = ["P", "I", "D", "A"].map((name) => [name, make("input", "", { type: "checkbox" })]);
-  const run = () => this.hooks.start({
-    verb: "tune", results: [k], logs: [this.hooks.log()], robustness: Number(soft.value), noise: Number(noise.value),
-    keep: keep.filter(([, box]) => box.checked).map(([name]) => name),
-  });
-  return make("div", "", { class: "use row" }, make("b", "Gains"), first, second, make("span", "", {}, "keep ", ...keep.map(([name, box]) => make("label", "", {}, box, ` ${name === "A" ? "angle" : name} `))), make("button", "Tune", { onclick: run }),
-    make("button", "Verify on the log shown", { onclick: () => this.hooks.start({ verb: "verify", results: [k], logs: [this.hooks.log()] }) }));
-}
-
-/** Where to, and what the result does not hold: quantities that the last export named can be set. */
-function exportRow(k, last) {
-  const target = make("select", "", { "aria-label": "target of the export" }, ...TARGETS.map((name) => make("option", name)));
-  const values = make("input", "", { placeholder: "m=1.4, I_xx=0.02", "aria-label": "values to set, NAME=VALUE with commas" });
-  const results = last ? null : [k];
-  if (last) target.value = last.target ?? last.to ?? target.value;
-  const run = tried(async () => {
-    const given = Object.fromEntries(values.value.split(",").map((one) => one.split("=").map((part) => part.trim())).filter((pair) => pair[0]).map(([name, value]) => {
-      if (value === undefined || !Number.isFinite(Number(value))) throw new Error(`${name}: NAME=NUMBER is needed, such as m=1.4`);
-      return [name, Number(value)];
-    }));
-    const from = results ?? (await ask("/api/state")).steps[k - 1].step.results;
-    await this.hooks.start({ verb: "export", results: from, logs: [], to: target.value, values: given });
-  });
-  return make("div", "", { class: "use row" }, make("b", last ? "Again" : "Files for"), target, make("label", "set ", {}, values), make("button", "Export", { onclick: run }));
-}
-

@@ -1,14 +1,16 @@
 // Tracks: channels over time on one axis. They zoom at once with what is drawn, and are redrawn from the pyramid of
 // the server; brushed segments lie over them, with edges that mouse, finger and keyboard move.
-import { $, ask, make, number, tried } from "./page.js";
+import { $, ask, make, number, unitOf, watched } from "./page.js";
 import { axisOf, colors, fitted, style, widthOf } from "./plots.js";
 
 const HEIGHT = 132;
-const round = (value) => Math.round(value * 1000) / 1000;
+/** A hand on an edge that moves by less, in pixels, only takes hold of it. */
+const STILL = 3;
+const round = (value, digits = 3) => Number(value.toFixed(digits));
 const between = (value, low, high) => Math.min(Math.max(value, low), high);
 
 export class Tracks {
-  /** `hooks`: `bands()`, `marks()`, `segments()`, `brushed(start, stop)`, `edged(k, start, stop, last)`, `viewed()`. */
+  /** `hooks`: `bands()`, `marks()`, `segments()`, `brushed(start, stop)`, `edged(k, side, at, last)`, `unedged()`, `viewed()`. */
   constructor(box, hooks) {
     this.box = box;
     this.hooks = hooks;
@@ -33,9 +35,8 @@ export class Tracks {
     const told = await ask(this.#path(channel, start, stop, 1200));
     if (log !== this.log) return;
     const value = make("span", "", { class: "value soft" }), picture = make("div", "", { class: "picture" });
-    const unit = row.unit === "1" ? "" : row.unit;
     const track = make("div", "", { class: "track" }, make("div", "", { class: "head" }, make("b", row.name),
-      make("span", [unit, row.topic].filter(Boolean).join(" · "), { class: "soft" }), value,
+      make("span", [unitOf(row.unit), row.topic].filter(Boolean).join(" · "), { class: "soft" }), value,
       make("button", "×", { class: "plain", title: "Remove the track", "aria-label": `remove ${row.name}`, onclick: () => this.remove(channel) })), picture);
     this.box.append(track);
     const plot = new uPlot({
@@ -43,7 +44,7 @@ export class Tracks {
       cursor: { drag: { x: false, y: false, setScale: false }, sync: { key: "tracks" }, points: { size: 6 } },
       scales: { x: { time: false, auto: false, range: () => this.view }, y: { range: (_, low, high) => withRoom(low, high) } },
       axes: [axisOf("", 26), { ...axisOf(""), space: 20 }],
-      series: [{}, { stroke: colors()[0], width: 1, points: { show: false } }],
+      series: [{}, { stroke: () => colors()[0], width: 1, points: { show: false } }],
       hooks: {
         drawClear: [(u) => this.#bands(u)],
         draw: [(u) => { this.#marks(u); this.#segments(u); }],
@@ -86,7 +87,7 @@ export class Tracks {
     return `/api/logs/${this.log}/track?channel=${channel}&start=${start}&stop=${stop}&points=${points}`;
   }
 
-  #fetch = tried(async () => {
+  #fetch = watched(async () => {
     const asked = (this.asked += 1), [start, stop] = this.view, log = this.log;
     await Promise.all(this.shown.map(async ({ channel, plot }) => {
       const told = await ask(this.#path(channel, start, stop, plot.width));
@@ -94,17 +95,27 @@ export class Tracks {
     }));
   });
 
+  /** Flights as a strip at the bottom, excitations as one at the top with their axis and a tint below it. */
   #bands(u) {
+    const { ctx, bbox } = u, px = devicePixelRatio;
+    ctx.save();
+    ctx.font = `${10 * px}px system-ui`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "middle";
     for (const { start, stop, color, label } of this.hooks.bands()) {
-      const a = Math.max(u.valToPos(start, "x", true), u.bbox.left), b = Math.min(u.valToPos(stop, "x", true), u.bbox.left + u.bbox.width);
+      const a = Math.max(u.valToPos(start, "x", true), bbox.left), b = Math.min(u.valToPos(stop, "x", true), bbox.left + bbox.width);
       if (b <= a) continue;
-      u.ctx.fillStyle = style(color);
-      u.ctx.fillRect(a, u.bbox.top, b - a, u.bbox.height);
-      if (!label || b - a < 44 * devicePixelRatio) continue;
-      u.ctx.fillStyle = style("--quiet");
-      u.ctx.font = `${10 * devicePixelRatio}px system-ui`;
-      u.ctx.fillText(label, a + 4 * devicePixelRatio, u.bbox.top + 11 * devicePixelRatio);
+      ctx.fillStyle = style(color);
+      if (!label) { ctx.fillRect(a, bbox.top + bbox.height - 4 * px, b - a, 4 * px); continue; }
+      ctx.fillRect(a, bbox.top, b - a, 13 * px);
+      ctx.globalAlpha = 0.16;
+      ctx.fillRect(a, bbox.top + 13 * px, b - a, bbox.height - 13 * px);
+      ctx.globalAlpha = 1;
+      if (ctx.measureText(label).width > b - a - 6 * px) continue;
+      ctx.fillStyle = style("--on-excitation");
+      ctx.fillText(label, a + 4 * px, bbox.top + 7 * px);
     }
+    ctx.restore();
   }
 
   #marks(u) {
@@ -155,15 +166,20 @@ export class Tracks {
         this.hooks.edged(k, side, kept, last);
       };
       edge.addEventListener("pointerdown", (event) => {
+        if (event.button !== 0) return;
         event.stopPropagation();
         edge.setPointerCapture(event.pointerId);
-        const left = u.over.getBoundingClientRect().left;
-        const moved = (other) => moveTo(u.posToVal(other.clientX - left, "x"), false);
-        edge.addEventListener("pointermove", moved);
-        edge.addEventListener("pointerup", (other) => {
-          edge.removeEventListener("pointermove", moved);
-          moveTo(u.posToVal(other.clientX - left, "x"), true);
-        }, { once: true });
+        // An edge keeps its distance from the pointer that took hold of it beside its middle.
+        const left = u.over.getBoundingClientRect().left, hold = event.clientX - left - u.valToPos(this.hooks.segments()[k][side], "x");
+        const held = new AbortController(), { signal } = held;
+        let moving = false;
+        const to = (other, last) => {
+          moving ||= Math.abs(other.clientX - event.clientX) >= STILL;
+          if (moving) moveTo(u.posToVal(other.clientX - left - hold, "x"), last);
+        };
+        edge.addEventListener("pointermove", (other) => to(other, false), { signal });
+        edge.addEventListener("pointerup", (other) => { held.abort(); to(other, true); }, { signal });
+        for (const lost of ["pointercancel", "lostpointercapture"]) edge.addEventListener(lost, () => { held.abort(); if (moving) this.hooks.unedged(); }, { signal });
       });
       edge.addEventListener("keydown", (event) => {
         const by = { ArrowLeft: -0.1, ArrowRight: 0.1 }[event.key];
@@ -216,7 +232,7 @@ export class Tracks {
         const to = between(other.clientX - left, 0, width);
         if (mode === "move" || other.type === "pointercancel" || Math.abs(to - from) < 4) return;
         const [start, stop] = [Math.min(from, to), Math.max(from, to)].map((at) => plot.posToVal(at, "x"));
-        if (mode === "zoom") this.look(start, stop); else this.hooks.brushed(round(start), round(stop));
+        if (mode === "zoom") this.look(start, stop); else this.hooks.brushed(...[start, stop].map((at) => round(at, max - min > 20 ? 2 : 3)));
       };
       over.addEventListener("pointermove", moved);
       over.addEventListener("pointerup", ended, { once: true });
