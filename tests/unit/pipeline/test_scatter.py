@@ -1,4 +1,4 @@
-"""Logs of one vehicle that disagree say so, and their scatter stands in the interval."""
+"""Logs and maneuvers of one vehicle that disagree say so, and their scatter stands in the interval."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.cli.commands import fly_roll_sweeps
 from tests.unit.pipeline.motor_logs import ARM_M, written
 
+from rotorid.data.record import FlightRecord
 from rotorid.io.registry import read
 from rotorid.pipeline.fits.scatter import Alone, disagreements
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.settings import MotorChoices
+from rotorid.pipeline.identification import identify, identify_motors
+from rotorid.pipeline.settings import IdentifySettings, MotorChoices
 from rotorid.vehicles.motor_flight import TRUTH, flights
 
 
@@ -55,3 +57,46 @@ def test_two_flights_of_vehicles_that_differ_are_told_and_wider(tmp_path: Path) 
     assert high is not None
     assert low < 0.5 * TRUTH["kappa_per_I_zz"] * 1.1
     assert high > TRUTH["kappa_per_I_zz"] * 0.9
+
+
+@pytest.fixture(scope="module")
+def sweeps(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
+    """Two sweeps in roll, from 3 and from 56 s."""
+    path = tmp_path_factory.mktemp("flight") / "sweeps.csv"
+    fly_roll_sweeps(path)
+    return read(path)
+
+
+def turning_less(record: FlightRecord, factor: float, *, from_s: float, name: str) -> FlightRecord:
+    """Another log, in which commands turned the vehicle less from a moment on: more of them for the same motion."""
+    (topic,) = record.topics
+    values = topic.values.copy()
+    values[topic.row("roll_command")] /= np.where(topic.time_s >= from_s, factor, 1.0)
+    source = replace(record.source, name=name, sha256=name)
+    return replace(record, topics=(replace(topic, values=values),), source=source)
+
+
+SETTINGS = IdentifySettings(band_rad_s=(12.0, 50.0))
+
+
+def test_logs_of_responses_that_disagree_are_told_and_wider(sweeps: FlightRecord) -> None:
+    heavy = turning_less(sweeps, 0.7, from_s=0.0, name="heavy.csv")
+    alone, other = (identify([record], "rate.roll", settings=SETTINGS)["L_roll"] for record in (sweeps, heavy))
+    both = identify([sweeps, heavy], "rate.roll", settings=SETTINGS)
+    told = {one.where for one in both.findings if one.kind == "logs_disagree"}
+    assert "L_roll" in told
+    low, high = both["L_roll"].lower, both["L_roll"].upper
+    assert low is not None
+    assert high is not None
+    assert low < other.value < alone.value < high
+
+
+def test_repeated_maneuvers_that_disagree_are_told(sweeps: FlightRecord) -> None:
+    found = identify([turning_less(sweeps, 0.7, from_s=54.0, name="payload.csv")], "rate.roll", settings=SETTINGS)
+    (told,) = (one for one in found.findings if one.kind == "logs_disagree" and one.where == "L_roll")
+    assert "payload.csv at 56." in told.message
+
+
+def test_maneuvers_that_agree_are_not_told_apart(sweeps: FlightRecord) -> None:
+    found = identify([sweeps], "rate.roll", settings=SETTINGS)
+    assert "logs_disagree" not in {one.kind for one in found.findings}

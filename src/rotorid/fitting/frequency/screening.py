@@ -87,8 +87,7 @@ class UnseenCoupling(NamedTuple):
 def without_unseen_couplings(problem: FrequencyProblem) -> tuple[FrequencyProblem, tuple[UnseenCoupling, ...]]:
     """The problem with couplings held at zero that its responses cannot show.
 
-    A coupling is a parameter that is zero unless known better: its value in the structure is zero, zero is allowed, it
-    is no time and not essential. It stays free if, to first order about the model in hover without any coupling, it
+    A coupling, see :func:`is_coupling`, stays free if, to first order about the model in hover without any coupling, it
     changes a usable response of an output that shows the equation in which it stands. The first condition leaves out
     what acts through other couplings alone; those that a well-known response shows are no question any more, and the
     model goes on with them. Without the second a weak response of another axis, which has a reason of its own to be
@@ -106,7 +105,7 @@ def without_unseen_couplings(problem: FrequencyProblem) -> tuple[FrequencyProble
     tuple of UnseenCoupling
         What was held at zero.
     """
-    couplings = [name for name in problem.parameters.free if _is_coupling(problem.structure.parameters[name])]
+    couplings = [name for name in problem.parameters.free if is_coupling(problem.structure.parameters[name])]
     if not couplings:
         return problem, ()
     used, known = problem.used.any(axis=-1), _known_well(problem)
@@ -131,7 +130,8 @@ def without_unseen_couplings(problem: FrequencyProblem) -> tuple[FrequencyProble
     return without_structural_zeros(problem.with_parameters(parameters))[0], unseen
 
 
-def _is_coupling(parameter: Parameter) -> bool:
+def is_coupling(parameter: Parameter) -> bool:
+    """Whether a parameter is zero unless known better: zero in its structure, no time and not essential."""
     zero = parameter.value == 0.0 and parameter.lower <= 0.0 <= parameter.upper
     return zero and parameter.unit != "s" and not parameter.essential
 

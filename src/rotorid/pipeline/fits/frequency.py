@@ -49,6 +49,7 @@ from rotorid.fitting.frequency.problem import (
 )
 from rotorid.fitting.frequency.screening import (
     UnseenCoupling,
+    is_coupling,
     without_structural_zeros,
     without_unseen_couplings,
 )
@@ -617,10 +618,11 @@ class _Determined(NamedTuple):
     findings: tuple[Finding, ...]
 
 
-_UNBOUND = 10.0
+_UNBOUND, _UNBOUND_COUPLING = 10.0, 0.5
 _LOOP = 30.0
 """A direction has no bound where a parameter is ten times less certain than it is large, and thirty times less than it
-would be with the others known: they grow against each other."""
+would be with the others known: they grow against each other. A coupling, which is zero unless known better, has none
+where its interval holds zero."""
 
 _GROWN = 1e3
 """Times from where it began, within which a parameter has stayed where it was."""
@@ -638,10 +640,9 @@ def _determined(problem: FrequencyProblem, solution: Solution, settings: Identif
     while True:
         weights = _weights(problem, settings)
         final = refine(problem, solution) if weights == "covariance" else solution
-        limits = bounds(problem, final, weights=weights, model_errors=False)
+        limits = bounds(problem, final, weights=weights)
         loose = _without_bound(problem, final, limits)
         if not loose:
-            limits = bounds(problem, final, weights=weights)
             return _Determined(problem, solution, final, weights, limits, tuple(findings))
         for name in loose:
             smaller = _smaller(problem, name)
@@ -662,7 +663,9 @@ def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds) -
     """
     size = np.abs(final.theta)
     ratio = np.divide(limits.std, size, out=np.full(size.shape, np.inf), where=size > 0.0)
-    loose = (ratio > _UNBOUND) & (limits.cramer_rao > _LOOP * limits.insensitivity)
+    couplings = [is_coupling(problem.structure.parameters[name]) for name in limits.names]
+    largest = np.where(couplings, _UNBOUND_COUPLING, _UNBOUND)
+    loose = (ratio > largest) & (limits.cramer_rao > _LOOP * limits.insensitivity)
     if not loose.any():
         return []
     began = np.array([abs(problem.structure.parameters[name].value) for name in limits.names])

@@ -35,11 +35,13 @@ from rotorid.pipeline.fits.frequency import (
     judge_combinations,
 )
 from rotorid.pipeline.fits.orders import chosen_order
+from rotorid.pipeline.fits.parts import with_scatter
 from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.pipeline.fits.time import (
     FrequencySide,
     TimeFit,
     TimeMethod,
+    beside_responses,
     compare_with,
     equation_fits,
     fit_in_time,
@@ -340,6 +342,7 @@ class Frequency(_Linear[ResponseData]):
     def fit(self, data: ResponseData) -> FrequencyFit:
         """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
         fitted = fit_sound(data.screened.problem, data.measured, data.settings)
+        fitted = with_scatter(fitted, data.flights, data.settings)
         again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
         return replace(fitted, bootstrap=again)
 
@@ -498,9 +501,9 @@ class InTime(_Linear[TimeDomainData]):
             data.structure, data.records, data.settings, method=self.kind, frequency=data.frequency.fitted
         )
         fitted = replace(fitted, simulated=simulated_records(fitted, data.records))
-        require_sound_in_time(fitted, fitted.fit_percent)
-        again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         side = data.frequency.fitted
+        require_sound_in_time(fitted, side, data.records)
+        again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
         return replace(widened, bootstrap=again)
 
@@ -583,13 +586,8 @@ class InTime(_Linear[TimeDomainData]):
         """CIFER's cost of the values that the time domain gives, where responses were fitted too."""
         if data.frequency.fitted is None:
             return None
-        problem = data.frequency.fitted.problem
-        theta = problem.parameters.with_values(
-            {name: fitted.parameters[name].value for name in problem.parameters.free}
-        ).pack()
-        measured = problem.data
-        apart = replace(measured, values=measured.values / held_response(measured.omega_rad_s, data.records))
-        return cost_of(problem, replace(problem, data=apart).costs(theta))
+        problem, theta = beside_responses(fitted, data.frequency.fitted, data.records)
+        return cost_of(problem, problem.costs(theta))
 
 
 def _has_values(structure: LinearStructure) -> bool:

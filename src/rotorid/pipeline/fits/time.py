@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -30,7 +30,7 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, pair_names
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import (
@@ -636,11 +636,24 @@ LEAST_EXPLAINED_PERCENT = 100.0 * (1.0 - math.sqrt(0.5))
 """Below it a simulation leaves more of the variance of an output than it explains."""
 
 
-def require_sound_in_time(fitted: TimeFit, fit_percent: Mapping[str, float]) -> None:
+_SIGNIFICANT = 3.0
+"""Errors that responses state, as root mean square, within which their cost says nothing."""
+
+
+def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, records: TimeRecords) -> None:
     """Refuse a model that does not describe the records it was fitted to.
 
     A simulation that leaves more of every output than it explains; a search that came to no rest, but for black boxes,
-    whose single numbers mean nothing.
+    whose single numbers mean nothing; values that miss the responses of the same flights by what no fit of responses
+    may, and by many times what these responses state. A fit in time has its least errors where noise is least and none
+    of its own for what the structure lacks: nothing else would tell.
+
+    Parameters
+    ----------
+    fitted, records
+        The fit, with its simulations, and what it was fitted to.
+    frequency
+        The fit of responses of the same flights, where there is one.
 
     Raises
     ------
@@ -648,6 +661,7 @@ def require_sound_in_time(fitted: TimeFit, fit_percent: Mapping[str, float]) -> 
         One of these.
     """
     name, reasons = fitted.problem.structure.name, []
+    fit_percent = fitted.fit_percent
     if fitted.method == "output_error" and fit_percent and max(fit_percent.values()) < LEAST_EXPLAINED_PERCENT:
         for output, percent in fit_percent.items():
             message = f"Simulated, the model leaves more of {output} than it explains: its fit is {percent:.0f} %."
@@ -656,6 +670,8 @@ def require_sound_in_time(fitted: TimeFit, fit_percent: Mapping[str, float]) -> 
     if fitted.solution.outcome is Outcome.OUT_OF_ITERATIONS and not black_box:
         message = f"The fit did not converge: {fitted.solution.outcome.value}"
         reasons.append(refusal("not_converged", name, message))
+    if frequency is not None and not black_box:
+        reasons += _missed_responses(fitted, frequency, records)
     if reasons:
         raise InsufficientDataError(
             f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
@@ -663,6 +679,38 @@ def require_sound_in_time(fitted: TimeFit, fit_percent: Mapping[str, float]) -> 
             remedy="take a structure with the missing dynamics, or segments in which the inputs move the vehicle",
             findings=reasons,
         )
+
+
+def _missed_responses(fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords) -> Iterator[Finding]:
+    problem, theta = beside_responses(fitted, frequency, records)
+    costs = problem.costs(theta)
+    used = problem.used.any(axis=-1)
+    average = float(np.mean(costs[used]))
+    if average <= ACCEPTABLE_COST:
+        return
+    model = problem.structure.response(problem.parameters.unpack(theta).values, problem.data.omega_rad_s)
+    off = np.abs(model[problem.used] / problem.data.values[problem.used] - 1.0)
+    stated = math.sqrt(2.0) * problem.data.random_error[problem.used]
+    if float(np.sqrt(np.mean((off / stated) ** 2))) <= _SIGNIFICANT:
+        return
+    worst = np.unravel_index(np.argmax(np.where(used, costs, -np.inf)), costs.shape)
+    pair = np.array(pair_names(problem.data)).reshape(costs.shape)[worst]
+    message = (
+        f"Beside the responses of the same flights the average cost of these values is {average:.0f}, above the "
+        f"{ACCEPTABLE_COST:g} of an acceptable model; {pair} costs most, {costs[worst]:.0f}."
+    )
+    yield refusal("poor_fit", fitted.problem.structure.name, message, average_cost=average)
+
+
+def beside_responses(
+    fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords
+) -> tuple[FrequencyProblem, FloatArray]:
+    """Responses as a fit in time sees them, without the hold of the inputs, and the values that it found."""
+    problem = frequency.problem
+    values = {name: fitted.parameters[name].value for name in problem.parameters.free}
+    measured = problem.data
+    apart = replace(measured, values=measured.values / held_response(measured.omega_rad_s, records))
+    return replace(problem, data=apart), problem.parameters.with_values(values).pack()
 
 
 def judge_time_fit(fitted: TimeFit, records: TimeRecords, fit_percent: Mapping[str, float]) -> tuple[Finding, ...]:
@@ -820,13 +868,11 @@ def with_model_error(
     fitted, records
         The fit in time, and what it was fitted to.
     frequency, structure
-        The fit of responses of the same data. Parameters that only one of the two has keep their random errors, and
-        all do where it does not describe the responses.
+        The fit of responses of the same data. Parameters that only one of the two has keep their random errors.
     """
     bounds, names = fitted.bounds, list(fitted.bounds.names)
     shared = [name for name in frequency.bounds.names if name in names]
-    fits = float(np.mean(frequency.costs[frequency.problem.used.any(axis=-1)])) <= ACCEPTABLE_COST
-    if not shared or not fits:
+    if not shared:
         return fitted
     here = [names.index(name) for name in shared]
     there = [frequency.bounds.names.index(name) for name in shared]

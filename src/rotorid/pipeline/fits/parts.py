@@ -1,0 +1,84 @@
+"""Parts of the flights that a frequency fit is of, each fitted alone: whether they say the same."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.fitting.frequency.fit import fit_frequency, refine
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
+from rotorid.fitting.least_squares import Outcome
+from rotorid.pipeline.fits.frequency import FrequencyFit
+from rotorid.pipeline.fits.scatter import Alone, disagreements, widened
+from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.instruments import axis_of
+from rotorid.pipeline.preparation.inverse import pose_screened
+from rotorid.pipeline.preparation.measure import measure
+from rotorid.pipeline.preparation.selection import RICH_KINDS
+from rotorid.pipeline.settings import IdentifySettings
+from rotorid.uncertainty.cramer_rao import bounds
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: IdentifySettings) -> FrequencyFit:
+    """The fit with intervals that hold how parts of the flights scatter, each of which shows every input by itself.
+
+    Parts are logs, or the repetitions of its maneuvers where one log holds all. Each is measured alone and fitted at
+    the structure that all together ended with; one that cannot be is not compared.
+    """
+    alone = []
+    parts = _apart(flights, fitted.problem.data.inputs)
+    for place, (name, part) in enumerate(parts.items()):
+        _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(parts)})
+        with contextlib.suppress(InsufficientDataError, ModelError):
+            alone += _said_alone(fitted, name, part, settings)
+    found = disagreements(alone)
+    units = {parameter.name: parameter.unit for parameter in fitted.parameters}
+    said = (one.finding(units[one.parameter]) for one in found)
+    return replace(fitted, bounds=widened(fitted.bounds, found), findings=(*fitted.findings, *said))
+
+
+def _apart(flights: Sequence[Flight], inputs: Sequence[str]) -> dict[str, list[Flight]]:
+    """Parts of flights that each show every input, by their names; none where there is only one."""
+    axes = [axis_of(name) for name in inputs]
+    logs: dict[int, list[Flight]] = {}
+    for flight in flights:
+        logs.setdefault(id(flight.record), []).append(flight)
+    if len(logs) > 1:
+        whole = [part for part in logs.values() if {*axes} <= {flight.axis for flight in part}]
+        names = [part[0].record.source.name for part in whole]
+        parts = {
+            name if names.count(name) == 1 else f"{name} ({place})": part
+            for place, (name, part) in enumerate(zip(names, whole, strict=True), 1)
+        }
+    else:
+        rich = [flight for flight in flights if flight.maneuver.kind in RICH_KINDS]
+        turns = [[flight for flight in rich if flight.axis == axis] for axis in dict.fromkeys(axes)]
+        together = zip(*turns, strict=False)
+        parts = {f"{part[0].record.source.name} at {part[0].maneuver.start_s:.1f} s": [*part] for part in together}
+    return parts if len(parts) > 1 else {}
+
+
+def _said_alone(
+    fitted: FrequencyFit, name: str, flights: Sequence[Flight], settings: IdentifySettings
+) -> Iterator[Alone]:
+    """What some of the flights say of the parameters of a fit, if its structure describes them."""
+    whole = fitted.problem
+    measured = measure(flights, inputs=whole.data.inputs, outputs=whole.data.outputs, settings=settings)
+    posed = pose_screened(whole.structure, measured, settings, flights).problem
+    kept = whole.used.any(axis=-1, keepdims=True)
+    problem = replace(posed, parameters=whole.parameters.with_values(fitted.parameters.values), used=posed.used & kept)
+    solution = fit_frequency(problem)
+    final = refine(problem, solution) if fitted.weights == "covariance" else solution
+    costs = problem.costs(final.theta)[problem.used.any(axis=-1)]
+    if solution.outcome is Outcome.CONVERGED and float(np.mean(costs)) <= ACCEPTABLE_COST:
+        limits = bounds(problem, final, weights=fitted.weights)
+        values = problem.parameters.unpack(final.theta).values
+        stds = dict(zip(limits.names, map(float, limits.std), strict=True))
+        yield Alone(record=name, values={one: values[one] for one in limits.names}, stds=stds)
