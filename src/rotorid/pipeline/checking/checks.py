@@ -19,7 +19,7 @@ from rotorid.pipeline.summary import (
 )
 from rotorid.verification.closed_loop import ClosedLoop
 from rotorid.verification.prediction import Prediction
-from rotorid.verification.verification import Verification, verdict
+from rotorid.verification.verification import Scores, Verification, verdict
 
 
 def checks_of(found: Verifications, states: Sequence[str]) -> Checks:
@@ -34,12 +34,9 @@ def checks_of(found: Verifications, states: Sequence[str]) -> Checks:
     """
     return Checks(
         records={
-            f"{check.record}: {check.maneuver.axis} {check.maneuver.kind} at {check.maneuver.start_s:.1f} s": {
-                output: scores
-                for output, scores in check.scores.items()
-                # What did not move tells nothing of the model: its score is that of the noise.
-                if output in (check.moved or check.output_names) and math.isfinite(scores.nrmse_fit_percent)
-            }
+            f"{check.record}: {check.maneuver.axis} {check.maneuver.kind} at {check.maneuver.start_s:.1f} s": _scores(
+                check
+            )
             for check in found.maneuvers
         },
         frequency=dict(found.frequency),
@@ -49,7 +46,7 @@ def checks_of(found: Verifications, states: Sequence[str]) -> Checks:
 
 
 def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None = None) -> ManeuverCheck:
-    """One maneuver in numbers; an output that did not move at all has no fit and is left out.
+    """One maneuver in numbers.
 
     Parameters
     ----------
@@ -67,7 +64,7 @@ def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None
         start_s=check.maneuver.start_s,
         stop_s=check.maneuver.stop_s,
         verdict=verdict(check),
-        scores={name: scores for name, scores in check.scores.items() if math.isfinite(scores.nrmse_fit_percent)},
+        scores=_scores(check),
         j_rms=check.j_rms,
         biases=dict(zip(states, map(float, check.biases), strict=True)),
         growth_1_s=check.growth_1_s,
@@ -78,6 +75,16 @@ def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None
         closed_loop=_closed_loop(check.closed_loop) if check.closed_loop else None,
         trim=trim,
     )
+
+
+def _name(check: Verification) -> str:
+    return f"{check.record}: {check.maneuver.axis} {check.maneuver.kind} at {check.maneuver.start_s:.1f} s"
+
+
+def _scores(check: Verification) -> dict[str, Scores]:
+    """Scores of the outputs that moved; what did not tells nothing of the model: its score is that of the noise."""
+    told = check.moved or check.output_names
+    return {name: one for name, one in check.scores.items() if name in told and math.isfinite(one.nrmse_fit_percent)}
 
 
 def _ahead(prediction: Prediction) -> tuple[Ahead, ...]:
