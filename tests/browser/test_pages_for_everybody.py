@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 import subprocess
 import sys
@@ -9,36 +10,83 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 from tests.browser.lab_page import chromium, violations
+from tests.browser.test_fleet_in_chromium import page_of
+from tests.browser.test_tuning_in_chromium import proposed
+from tests.fleet_logs import table_of
+from tests.unit.pipeline.test_stitching import SPEEDS, both
+from tests.unit.report.hover_sample import hover_identification
+from tests.unit.report.made_reviews import made_review
+from tests.unit.report.test_design_page import CHOICES, designed
+
+from rotorid.documents.stitched import stitched_document
+from rotorid.pipeline.stitching import stitch
+from rotorid.report.design import render_design
+from rotorid.report.identification import render_sections
+from rotorid.report.review import render_reviews
+from rotorid.report.stitched import render_stitched
+from rotorid.report.tune import render_tune
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
 
-MOST_PAGES = {"identify": 10, "review": 8, "tune": 8, "response": 8, "verify": 8, "track": 4, "inspect": 6}
-"""Of paper, for a log with sweeps of four axes."""
+PAPER = {
+    "identify": (8, 10),
+    "review": (4, 8),
+    "tune": (3, 8),
+    "check": (1, 4),
+    "response": (2, 6),
+    "verify": (2, 6),
+    "track": (1, 4),
+    "inspect": (3, 6),
+    "compare": (1, 4),
+    "flown": (1, 4),
+    "design": (2, 8),
+    "stitch": (1, 6),
+    "fleet": (1, 3),
+}
+"""Fewest and most pages of paper, for a log with sweeps of four axes."""
+
+COMMANDS = {
+    "identify": ("identify", "flown/flight.ulg", "--model", "hover.full"),
+    "rates": ("identify", "flown/flight.ulg", "--model", "rate.roll,rate.pitch", "--tables", "csv"),
+    "review": ("review", "flown/flight.ulg"),
+    "tune": ("tune", "rates", "flown/flight.ulg"),
+    "check": ("tune", "--check", "tune", "flown/flight.ulg"),
+    "response": ("response", "flown/flight.ulg", "--inputs", "roll_command", "--outputs", "p"),
+    "verify": ("verify", "rates/rate.roll", "flown/flight.ulg"),
+    "track": ("track", "flown/flight.ulg"),
+    "inspect": ("inspect", "flown/flight.ulg"),
+    "compare": ("compare", "rates/rate.roll", "rates/rate.pitch"),
+    "flown": ("simulate", "rates/rate.roll", "--log", "flown/flight.ulg"),
+}
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """What the commands write of a simulated flight."""
+    """What the commands write of a simulated flight, and pages of plans, speeds and fleets without any flight."""
     place = tmp_path_factory.mktemp("pages")
 
     def run(*words: str) -> None:
         subprocess.run([sys.executable, "-m", "rotorid", *words, "--quiet"], cwd=place, check=True, timeout=300)
 
     run("example", "px4", "--out", "flown")
-    log = "flown/flight.ulg"
-    run("identify", log, "--model", "hover.full", "--out", "identify")
-    run("identify", log, "--model", "rate.roll,rate.pitch", "--out", "rates")
-    run("review", log, "--out", "review")
-    run("tune", "rates", log, "--out", "tune")
-    run("response", log, "--inputs", "roll_command", "--outputs", "p", "--out", "response")
-    run("verify", "rates/rate.roll", log, "--out", "verify")
-    run("track", log, "--out", "track")
-    run("inspect", log, "--out", "inspect")
-    return {name: next((place / name).glob("*.html")) for name in MOST_PAGES}
+    for name, words in COMMANDS.items():
+        run(*words, "--out", f"of-{name}" if name == "flown" else name)
+    stitched = stitch(both(*SPEEDS))
+    made = {
+        "design": render_design(designed(), CHOICES, title="two plans"),
+        "stitch": render_stitched(stitched, stitched_document(stitched), title="over speed"),
+        "fleet": page_of(table_of([[1.0, 2.0, 1.5, 1.2], [1.1, 1.0, 1.3, 1.4], [9.0, 9.1, 9.2, 9.3]])),
+    }
+    for name, page in made.items():
+        (place / name).mkdir()
+        (place / name / "report.html").write_text(page, encoding="utf-8")
+    folders = {name: name for name in (*PAPER, "rates")} | {"flown": "of-flown"}
+    return {name: next((place / folder).glob("*.html")) for name, folder in folders.items()}
 
 
 @pytest.fixture(scope="module")
@@ -47,10 +95,36 @@ def started() -> Iterator[Any]:
         yield browser
 
 
-@pytest.mark.parametrize("name", MOST_PAGES)
-def test_a_page_is_for_everybody(name: str, pages: dict[str, Path], started: Any) -> None:
-    context = started.new_context(viewport={"width": 1300, "height": 900})
-    page = context.new_page()
+@pytest.fixture
+def page(started: Any) -> Iterator[Any]:
+    context = started.new_context(viewport={"width": 1300, "height": 900}, accept_downloads=True)
+    yield context.new_page()
+    context.close()
+
+
+def shown(page: Any, file: Path) -> None:
+    page.goto(file.as_uri())
+    page.wait_for_selector("html[data-pictures=drawn]")
+
+
+CUT = """
+Array.from(document.querySelectorAll("td, th"))
+  .filter((cell) => cell.checkVisibility() && !cell.closest(".cards thead, .fleet-table"))
+  .filter((cell) => cell.scrollWidth > cell.clientWidth)
+  .map((cell) => cell.innerText)
+"""
+SIDEWAYS = """
+Array.from(document.querySelectorAll(".scroll")).filter((one) => one.scrollWidth > one.clientWidth)
+  .map((one) => one.innerText.slice(0, 200))
+"""
+DEAD = """
+Array.from(document.querySelectorAll('a[href^="#"]'), (link) => link.getAttribute("href"))
+  .filter((href) => !document.getElementById(href.slice(1)))
+"""
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_a_page_is_for_everybody(name: str, pages: dict[str, Path], page: Any) -> None:
     told: list[str] = []
     page.on("console", lambda message: told.append(message.text))
     page.on(
@@ -59,34 +133,223 @@ def test_a_page_is_for_everybody(name: str, pages: dict[str, Path], started: Any
     )
     for theme in ("light", "dark"):
         page.emulate_media(color_scheme=theme)
-        page.goto(pages[name].as_uri())
-        page.wait_for_selector("html[data-pictures=drawn]")
+        shown(page, pages[name])
         assert violations(page) == []
-    page.set_viewport_size({"width": 400, "height": 900})
-    page.goto(pages[name].as_uri())
-    page.wait_for_selector("html[data-pictures=drawn]")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    assert page.evaluate(SIDEWAYS) == []
+    assert page.evaluate(DEAD) == []
+    assert page.locator("nav.parts").first.evaluate("(menu) => getComputedStyle(menu).position") == "sticky"
     levels = page.evaluate("Array.from(document.querySelectorAll('h1,h2,h3,h4'), (one) => Number(one.tagName[1]))")
     assert levels[0] == 1
     assert all(after - before <= 1 for before, after in pairwise(levels))
+    page.set_viewport_size({"width": 400, "height": 900})
+    shown(page, pages[name])
+    page.evaluate("for (const one of document.querySelectorAll('details:not(:has([data-picture]))')) one.open = true")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    assert page.evaluate(CUT) == []
+    assert page.evaluate(SIDEWAYS) == []
+    shown(page, pages[name])
     printed = page.pdf(prefer_css_page_size=True)
-    assert len(re.findall(rb"/Type\s*/Page[^s]", printed)) <= MOST_PAGES[name]
+    fewest, most = PAPER[name]
+    assert fewest <= len(re.findall(rb"/Type\s*/Page[^s]", printed)) <= most
     assert told == []
-    context.close()
 
 
-def test_tables_are_copied_and_pictures_are_saved_as_lines(pages: dict[str, Path], started: Any) -> None:
-    context = started.new_context(viewport={"width": 1300, "height": 900}, accept_downloads=True)
-    page = context.new_page()
-    page.goto(pages["identify"].as_uri())
-    page.wait_for_selector("html[data-pictures=drawn]")
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_page_links_to_all_that_stands_beside_it(name: str, pages: dict[str, Path], page: Any) -> None:
+    file = pages[name]
+    shown(page, file)
+    hrefs = page.evaluate("Array.from(document.querySelectorAll('a[href]'), (one) => one.getAttribute('href'))")
+    linked = {unquote(href) for href in hrefs if not href.startswith("#")}
+    assert all((file.parent / one).is_file() for one in linked)
+    beside = {one.name for one in file.parent.iterdir() if one.is_file()} - {file.name}
+    assert beside <= linked
+    assert page.locator(".to-files a").first.is_visible()
+
+
+def test_a_report_links_to_its_tables(pages: dict[str, Path], page: Any) -> None:
+    file = pages["rates"].parent / "rate.roll" / "report.html"
+    shown(page, file)
+    linked = page.evaluate("Array.from(document.querySelectorAll('#files a'), (one) => one.getAttribute('href'))")
+    tables = {f"tables/{one.name}" for one in (file.parent / "tables").iterdir()}
+    assert tables
+    assert tables < set(linked)
+    assert "rate.roll/report.html" in pages["rates"].read_text(encoding="utf-8")
+
+
+def test_a_page_without_files_offers_none(pages: dict[str, Path], page: Any) -> None:
+    shown(page, pages["stitch"])
+    assert not page.locator("#files").is_visible()
+    assert not page.locator(".to-files").first.is_visible()
+
+
+INK = """
+() => ["body", ".quiet", ".card"].map((name) => {
+  const style = getComputedStyle(document.querySelector(name));
+  return [style.color, style.backgroundColor];
+})
+"""
+
+
+@pytest.mark.parametrize("theme", [None, "dark"])
+def test_dark_stays_on_the_screen(theme: str | None, page: Any, tmp_path: Path) -> None:
+    file = themed(render_sections([hover_identification()], title="t"), theme, tmp_path)
+    page.emulate_media(color_scheme="dark")
+    shown(page, file)
+    (ink, _), _, (_, card) = page.evaluate(INK)
+    assert (ink, card) == ("rgb(227, 230, 234)", "rgb(25, 29, 34)")
+    page.emulate_media(color_scheme="dark", media="print")
+    (ink, paper), (quiet, _), (_, card) = page.evaluate(INK)
+    assert (ink, paper, quiet, card) == ("rgb(0, 0, 0)", "rgb(255, 255, 255)", "rgb(68, 74, 82)", "rgb(255, 255, 255)")
+
+
+def themed(html: str, theme: str | None, folder: Path) -> Path:
+    """A page of somebody who prefers a theme."""
+    file = folder / "page.html"
+    root = '<html lang="en"'
+    file.write_text(html.replace(root, f'{root} data-theme="{theme}"' if theme else root, 1), encoding="utf-8")
+    return file
+
+
+def made(name: str) -> str:
+    if name == "tune":
+        return render_tune(proposed(), title="t")
+    return page_of(table_of([[1.0, 2.0, 1.5], [1.1, 1.0, 1.3]]))
+
+
+PICTURES = {"tune": ("roll-step", "roll-by-hand"), "fleet": ("fleet-population", "fleet-history")}
+
+
+@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize(("theme", "system", "ink"), [("dark", "light", "#d7dae0"), ("light", "dark", "#24292f")])
+def test_the_preferred_theme_is_that_of_every_picture(
+    name: str, theme: str, system: str, ink: str, page: Any, tmp_path: Path
+) -> None:
+    page.emulate_media(color_scheme=system)
+    shown(page, themed(made(name), theme, tmp_path))
+    if name == "tune":
+        page.click(".by-hand > summary")
+    for key in PICTURES[name]:
+        page.wait_for_selector(f"[data-picture={key}] .main-svg")
+        drawn = f"document.querySelector('[data-picture={key}]').layout.template.layout.font.color"
+        assert page.evaluate(drawn) == ink
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_every_picture_is_saved_as_lines(name: str, page: Any, tmp_path: Path) -> None:
+    shown(page, themed(made(name), None, tmp_path))
+    if name == "tune":
+        page.click(".by-hand > summary")
+    for key in PICTURES[name]:
+        page.hover(f"[data-picture={key}]")
+        with page.expect_download() as saved:
+            page.click(f"[data-picture={key}] [data-title*='ownload']")
+        assert saved.value.suggested_filename.endswith(f"{key}.svg")
+
+
+def copied(page: Any, table: int) -> list[list[str]]:
+    """What a table gives to a spreadsheet."""
     page.evaluate("navigator.clipboard.writeText = (text) => { window.copied = text; return Promise.resolve(); }")
-    page.click("button.copy >> nth=0")
-    rows = page.evaluate("window.copied").splitlines()
-    assert rows[0].startswith("Parameter,Value,Unit")
-    assert any(row.startswith("L_roll") for row in rows)
-    page.hover(".picture >> nth=0")
-    with page.expect_download() as saved:
-        page.click(".picture >> nth=0 >> [data-title*='ownload']")
-    assert saved.value.suggested_filename.endswith(".svg")
-    context.close()
+    page.locator("button.copy").nth(table).click()
+    page.wait_for_function("window.copied !== undefined")
+    return list(csv.reader(page.evaluate("window.copied").splitlines()))
+
+
+def test_a_table_is_copied_as_numbers(page: Any, tmp_path: Path) -> None:
+    shown(page, themed(render_reviews([made_review()]), None, tmp_path))
+    table = page.locator("#l1-margins .scroll")
+    head = table.locator("th").all_inner_texts()
+    page.evaluate("document.querySelectorAll('#l1-loops .copy').forEach((one) => one.remove())")
+    first, *rows = copied(page, 0)
+    assert first == ["Number", *(f"{name}{end}" for name in head[1:] for end in ("", " from", " to"))]
+    seen = table.locator("tbody tr").all_inner_texts()
+    assert len(rows) == len(seen) > 3
+    for row, words in zip(rows, seen, strict=True):
+        name, *cells = row
+        assert words.startswith(name)
+        assert len(cells) == 3 * (len(head) - 1)
+        for k in range(0, len(cells), 3):
+            value, low, high = (float(cell) if cell else None for cell in cells[k : k + 3])
+            assert low is None or high is None or value is None or low <= value <= high
+        assert any(cells)
+
+
+def test_every_way_of_writing_a_number_is_copied(page: Any, tmp_path: Path) -> None:
+    rows = (
+        ("a", "−4.31 ± 0.19", "1/s"),
+        ("b", "(2.50 ± 0.12)·10⁻⁵", "s"),
+        ("c", "1.5·10⁻⁷", ""),
+        ("d, of e", "–", "–"),
+        ("f", "27 <span class='words'>−3 to 58</span>", "0.5 to 20 rad/s"),
+        ("g", "> 1000", "−3.2 ms"),
+        ("h", "0.62 (−0.33)", "not seen"),
+    )
+    cells = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+    head = "<thead><tr><th>Name</th><th>Value<br>[x]</th><th>More</th></tr></thead>"
+    table = f"<div class='scroll'><table>{head}<tbody>{cells}</tbody></table></div>"
+    html = re.sub(r"(<main [^>]*>)", rf"\1{table}", render_reviews([made_review()]), count=1)
+    shown(page, themed(html, None, tmp_path))
+    assert copied(page, 0) == [
+        [
+            "Name",
+            *("Value [x]", "Value [x] ±", "Value [x] from", "Value [x] to", "Value [x] in parentheses"),
+            *("More", "More from", "More to", "More unit"),
+        ],
+        ["a", "-4.31", "0.19", "", "", "", "1/s", "", "", ""],
+        ["b", "2.50e-5", "0.12e-5", "", "", "", "s", "", "", ""],
+        ["c", "1.5e-7", "", "", "", "", "", "", "", ""],
+        ["d, of e", "", "", "", "", "", "", "", "", ""],
+        ["f", "27", "", "-3", "58", "", "", "0.5", "20", "rad/s"],
+        ["g", "> 1000", "", "", "", "", "-3.2", "", "", "ms"],
+        ["h", "0.62", "", "", "", "-0.33", "not seen", "", "", ""],
+    ]
+
+
+def test_titles_are_not_cut_on_a_phone(page: Any, tmp_path: Path) -> None:
+    page.set_viewport_size({"width": 400, "height": 900})
+    shown(page, themed(render_sections([hover_identification()], title="t"), None, tmp_path))
+    edges = page.evaluate(
+        "Array.from(document.querySelectorAll('.annotation-text, .xtitle'), (one) => one.getBoundingClientRect().right)"
+    )
+    assert edges
+    assert max(edges) <= 400
+    assert page.locator(".annotation-text tspan.line").count() > 0
+
+
+def test_folded_parts_are_not_printed_as_bare_headings(page: Any, tmp_path: Path) -> None:
+    shown(page, themed(render_sections([hover_identification()], title="t"), None, tmp_path))
+    page.emulate_media(media="print")
+    assert page.locator("details:not([open]):not(.printed) > summary").count() > 0
+    assert not page.locator("details:not([open]) > summary").first.is_visible()
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("details.printed dl").first.is_visible()
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator("details.printed[open]").count() == 0
+
+
+def test_panels_of_a_history_keep_room_for_their_titles_on_paper(pages: dict[str, Path], page: Any) -> None:
+    shown(page, pages["identify"])
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    gaps = page.evaluate("""
+      Array.from(document.querySelectorAll("[data-picture]"))
+        .filter((one) => one._fullLayout?.yaxis3 && one.layout.annotations)
+        .map(({ _fullLayout: { _size, ...layout } }) => {
+          const spans = Object.keys(layout).filter((name) => /^yaxis/.test(name)).map((name) => layout[name].domain);
+          spans.sort((a, b) => b[0] - a[0]);
+          return Math.min(...spans.slice(1).map((span, k) => (spans[k][0] - span[1]) * _size.h));
+        })
+    """)
+    assert gaps
+    assert min(gaps) >= 9.0
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+
+
+@pytest.mark.slow
+def test_the_page_of_the_demo_is_for_everybody(page: Any, tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-m", "rotorid", "demo", "--out", "demo", "--quiet"], cwd=tmp_path, check=True)
+    test_a_page_links_to_all_that_stands_beside_it("demo", {"demo": tmp_path / "demo" / "report.html"}, page)
+    for width in (1300, 400):
+        page.set_viewport_size({"width": width, "height": 900})
+        shown(page, tmp_path / "demo" / "report.html")
+        assert violations(page) == []
+        assert page.evaluate(CUT) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= width

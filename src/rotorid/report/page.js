@@ -184,7 +184,7 @@ const rotorid = (() => {
     .replace(/\(([^() ]+) ± ([^() ]+)\)(e-?\d+)/, "$1$3 ± $2$3");
   const NUMBER = String.raw`[+-]?(?:\d+(?:\.\d+)?(?:e-?\d+)?|inf)`;
   const SHAPE = new RegExp(String.raw`^(?:× )?(?<value>${NUMBER})?(?: ?± (?<std>${NUMBER}))?` +
-    String.raw`(?: ?\(?(?<low>${NUMBER}) to (?<high>${NUMBER})\)?| \((?<beside>${NUMBER})\))?(?: ?(?<unit>[^\d\s(),:j-][^\s]*))?$`);
+    String.raw`(?:(?:^| ?\(| )(?<low>${NUMBER}) to (?<high>${NUMBER})\)?| \((?<beside>${NUMBER})\))?(?: ?(?<unit>[^\d\s(),:j/-][^\s]*))?$`);
   const NAMES = { value: "", std: "±", low: "from", high: "to", beside: "in parentheses", unit: "unit", note: "note" };
   const numeric = (words) => {
     const found = SHAPE.exec(plain(words))?.groups;

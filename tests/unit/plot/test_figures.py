@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import sys
 from typing import Any
 
@@ -249,3 +250,31 @@ def luminance(color: str) -> float:
     parts = np.array([int(color[at : at + 2], 16) for at in (1, 3, 5)]) / 255.0
     linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
     return float(linear @ np.array([0.2126, 0.7152, 0.0722]))
+
+
+def spanned(*values: float) -> tuple[float, float] | None:
+    """What the vertical axis of a picture of these values shows at least."""
+    panel = Panel(label="", traces=[{"y": list(values)}], height_px=100.0)
+    found = stacked([panel], x_axis={})["layout"]["yaxis"].get("autorangeoptions")
+    return None if found is None else (found["include"][0], found["include"][1])
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e-3, 1.0, 1e6])
+def test_an_axis_is_spanned_by_its_values_in_any_unit(unit: float) -> None:
+    # A delay of some milliseconds in s, or a torque of some micronewton meters, is as good as any number.
+    assert spanned(0.0, unit) is None
+    assert spanned(2.0 * unit, 2.01 * unit) is None
+
+
+def test_what_hardly_differs_looks_the_same() -> None:
+    low, high = spanned(5.0, 5.0 + 1e-12) or (math.nan, math.nan)
+    assert (low, high) == pytest.approx((5.0 - 0.0025, 5.0 + 0.0025))
+    # At the limit the forced span is the one that the values have: nothing jumps.
+    values = (1000.0, 1000.999)
+    low, high = spanned(*values) or (math.nan, math.nan)
+    assert high - low == pytest.approx(values[1] - values[0], rel=0.01)
+
+
+def test_rounding_at_zero_spans_no_axis() -> None:
+    low, high = spanned(-3e-17, 2e-16) or (math.nan, math.nan)
+    assert high - low == pytest.approx(1e-9)

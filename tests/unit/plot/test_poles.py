@@ -95,3 +95,13 @@ def test_both_parts_have_one_scale_and_growth_is_shaded() -> None:
 def test_wrong_shapes_and_lost_poles_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(UsageError, match="came"):
         s_plane(**wrong)
+
+
+def test_a_pole_at_rest_is_drawn_at_rest() -> None:
+    figure = s_plane(np.array([3e-7 + 0.0j]))
+    for axis in ("xaxis", "yaxis"):
+        low, high = figure["layout"][axis]["range"]
+        assert high - low > 0.03
+    figure = s_plane(np.array([-0.3 + 0.0j]))
+    low, high = figure["layout"]["xaxis"]["range"]
+    assert low < -0.3 < high < 0.3

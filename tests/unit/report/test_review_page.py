@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
+from tests.unit.pipeline.test_joined import result
 from tests.unit.report.made_reviews import made_review, noise_map, untold_review
 
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import to_json
 from rotorid.documents.review import ReviewDocument, review_arrays, review_document
 from rotorid.errors import UsageError
+from rotorid.pipeline.provenance import LoggedManeuver
 from rotorid.pipeline.review.cards import cards
 from rotorid.pipeline.review.review import next_commands, told_anything
 from rotorid.plot.review import motor_bars, noise_maps, png, step_answers
@@ -127,3 +130,24 @@ def test_pictures_need_something_to_show() -> None:
     with pytest.raises(UsageError, match="no step response"):
         step_answers({})
     assert motor_bars({"motor 1": (0.4, 0.01), "motor 2": (0.5, 0.01)})["layout"]["shapes"][0]["y0"] == 0.45
+
+
+@pytest.mark.parametrize(("kind", "asked"), [("other", True), ("sweep", False), ("multisine", False)])
+def test_a_swept_flight_is_not_asked_for_a_sweep(kind: Literal["other", "sweep", "multisine"], asked: bool) -> None:
+    model = result("rate.roll", {"L_p": -1.0})
+    maneuver = LoggedManeuver(axis="roll", kind=kind, start_s=1.0, stop_s=9.0, record="flight.ulg")
+    model = replace(model, provenance=replace(model.provenance, maneuvers=(maneuver,)))
+    review = replace(made_review(), models={"rate.roll": model})
+    assert ("Without a sweep" in render_reviews([review])) == asked
+    # The page and its first screen say one thing.
+    (sentence,) = [card.sentence for card in cards(review) if card.key == "models"]
+    assert ("A sweep would make them" in sentence) == asked
+
+
+def test_a_page_links_to_the_files_of_its_review() -> None:
+    page = render_reviews([made_review()])
+    assert 'href="review.json"' in page
+    assert 'href="review.npz"' in page
+    several = render_reviews([made_review("a.ulg"), made_review("b.ulg")])
+    assert 'href="review-2.npz"' in several
+    assert 'href="review.npz"' not in several
