@@ -19,7 +19,7 @@ from rotorid.planning.expected import (
     grid_rad_s,
     usable,
 )
-from rotorid.planning.prediction import expected_inflation, scattering_errors
+from rotorid.planning.prediction import _bounds, expected_inflation, scattering_errors
 
 CHOICES = FitChoices(band_rad_s=(2.0, 40.0))
 
@@ -78,3 +78,10 @@ def test_weights_of_the_covariance_see_the_same() -> None:
     assert expected_inflation(ended.problem, ended.solution, "covariance", scattering) == pytest.approx(1.0, abs=0.05)
     wrong, about = fitted(4.0)
     assert expected_inflation(wrong.problem, wrong.solution, "covariance", about) > 1.5
+
+
+def test_variances_grow_with_the_square_of_the_inflation() -> None:
+    ended, scattering = fitted(1.0)
+    limits = _bounds(ended, scattering)
+    assert limits.inflation > 1.5
+    np.testing.assert_allclose(limits.std, np.sqrt(np.diag(limits.random)) * limits.inflation, rtol=1e-12)
