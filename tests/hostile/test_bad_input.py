@@ -34,7 +34,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def assert_one_sentence(ran: Ran, code: int) -> str:
+def assert_one_sentence(ran: Ran, code: int, *, told: bool = False) -> str:
+    """The sentence of an error; ``told`` under ``--json``, where scripts find it on standard output too."""
     assert ran.code == code, ran.err
     assert "Traceback" not in ran.err
     sentence, *remarks = ran.err.strip().splitlines()
@@ -43,9 +44,11 @@ def assert_one_sentence(ran: Ran, code: int) -> str:
     assert all(remark.startswith("  ") for remark in remarks)
     if code == 2:
         assert remarks == []
-        # Under --json the sentence is on standard output too, for scripts.
-        told = ran.out and json.loads(ran.out)
-        assert not told or (told["schema"], f"rotorid: {told['message']}") == ("rotorid.error/1", sentence)
+        if told:
+            document = json.loads(ran.out)
+            assert (document["schema"], f"rotorid: {document['message']}") == ("rotorid.error/1", sentence)
+        else:
+            assert ran.out == ""
     return sentence
 
 
@@ -119,7 +122,7 @@ UNREADABLE = [
 def test_unreadable_file(broken: Callable[[Path], Path], command: str, tmp_path: Path, here: Path) -> None:
     log = broken(tmp_path)
     options = ROLL if command == "identify" else ()
-    sentence = assert_one_sentence(rotorid(command, log, *options, "--json"), 2)
+    sentence = assert_one_sentence(rotorid(command, log, *options, "--json"), 2, told=True)
     assert log.name in sentence
     assert "needed: " in sentence
     assert list(here.iterdir()) == []
@@ -223,12 +226,23 @@ def test_wrong_use(options: tuple[str, ...], flight: Path, here: Path) -> None:
     assert {path.name for path in here.iterdir()} == {"folder.toml", "map.toml"}
 
 
+@pytest.mark.parametrize("json_too", [(), ("--json",)], ids=["", "json"])
 @pytest.mark.parametrize("option", [("--coherence", "high"), ("--seed", "x"), ("--frobnicate",)], ids=lambda o: o[0])
-def test_options_that_the_parser_refuses(option: tuple[str, ...], flight: Path, here: Path) -> None:
-    ran = rotorid("identify", flight, *ROLL, *option)
-    assert (ran.code, ran.out) == (2, "")
-    assert option[0] in ran.err
-    assert "Traceback" not in ran.err
+def test_options_that_the_parser_refuses(
+    option: tuple[str, ...], json_too: tuple[str, ...], flight: Path, here: Path
+) -> None:
+    sentence = assert_one_sentence(rotorid("identify", flight, *ROLL, *option, *json_too), 2, told=bool(json_too))
+    assert option[0] in sentence
+    assert "needed: what rotorid identify --help lists" in sentence
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("frobnicate",), ("identify",), ("review",), ("--frobnicate",), ("track", "a", "b")],
+)
+def test_words_that_are_no_command(words: tuple[str, ...], here: Path) -> None:
+    assert_one_sentence(rotorid(*words, "--json"), 2, told=True)
     assert list(here.iterdir()) == []
 
 

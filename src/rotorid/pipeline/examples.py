@@ -18,8 +18,6 @@ from rotorid.pipeline.flight_settings import PlanChoices, SimulateChoices
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
 
-_BAND_RAD_S = (0.6, 50.0)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Example(Immutable):
@@ -44,6 +42,8 @@ class Example(Immutable):
         Of the long test inputs.
     duration_s
         Of each of them.
+    band_rad_s
+        That they excite, of a vehicle that is reached by more than its set-points.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Example(Immutable):
     shape: Shape = "pilot_sweep"
     entry: Entry | None = None
     duration_s: float = 40.0
+    band_rad_s: tuple[float, float] = (0.6, 50.0)
 
     def __post_init__(self) -> None:
         self._set(sweeps=self.sweeps, doublets=self.doublets)
@@ -83,7 +84,7 @@ class Example(Immutable):
         choices = PlanChoices(
             shape=self.shape,
             axes=tuple(self.sweeps),  # type: ignore[arg-type]
-            band_rad_s=_BAND_RAD_S if interface is None else interface.band_rad_s,
+            band_rad_s=self.band_rad_s if interface is None else interface.band_rad_s,
             duration_s=self.duration_s,
             entry=self.entry,
             doublets=True,
@@ -138,6 +139,8 @@ _ENTRIES = (
         sweeps={"roll": 0.5, "pitch": 0.5, "yaw": 0.35, "thrust": 0.4},
         doublets={"roll": 0.4, "pitch": 0.4, "yaw": 0.35, "thrust": 0.4},
         entry="stick",
+        # Its loops cross over near 50 rad/s.
+        band_rad_s=(0.6, 150.0),
     ),
     Example(
         name="rig",

@@ -61,6 +61,7 @@ SETTINGS: Mapping[str, float] = MappingProxyType(
         "gyro_lpf1_dyn_hz_0": 0.0,
         "gyro_lpf1_dyn_hz_1": 0.0,
         "gyro_lpf2_static_hz": 0.0,
+        "acc_lpf_hz": 5000.0,
         "dterm_lpf1_type": 0.0,
         "dterm_lpf1_static_hz": 90.0,
         "dterm_lpf1_dyn_hz_0": 0.0,
@@ -133,7 +134,8 @@ def betaflight_autopilot(settings: Mapping[str, float] = SETTINGS) -> Autopilot:
         ),
         rate_limit_rad_s=(math.radians(670.0),) * 3,
         gyro_cutoff_hz=settings["gyro_lpf1_static_hz"],
-        accelerometer_cutoff_hz=50.0,
+        # The header has hundredths.
+        accelerometer_cutoff_hz=settings["acc_lpf_hz"] / 100.0,
         mixer=_MIX,
         parameters=settings,
     )
