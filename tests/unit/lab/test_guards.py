@@ -370,7 +370,7 @@ def test_looking_on_leaves_nothing_behind(session: Session) -> None:
     try:
         sizes = []
         for _ in range(3):
-            for _ in range(100):
+            for _ in range(40):
                 assert client.get("/api/state").status_code == 200
                 client.post("/api/preview", json={"verb": "review", "logs": [1]})
             gc.collect()
