@@ -211,6 +211,9 @@ def test_commands_are_those_of_what_is_chosen(lab: LabPage) -> None:
     assert page.is_disabled("#command-identify + button")
     page.click("#run-identify")
     lab.until(f"document.querySelector('#message').textContent === {refused!r}")
+    # The browser writes down by itself that a request was refused.
+    assert all("status of 422" in one for one in lab.told)
+    lab.told.clear()
     # A band needs both ends: said where it is typed, and no command leaves it out silently.
     lab.fill("#inputs", "")
     lab.fill("#low", "2")

@@ -113,6 +113,8 @@ const showLog = watched(async (log) => {
   if (other) {
     tracks.open(log, channels, span_s);
     spectra.clear();
+    // What is chosen on it stands there at once, while its tracks are still drawn.
+    choices.show();
     $("channels").replaceChildren(...channels.map((one, k) => make("option", "", { value: labelOf(channels, k), label: `${one.topic}${one.unit === "1" ? "" : `, ${one.unit}`}` })));
     $("names").replaceChildren(...[...new Set(channels.map((one) => one.name))].map((name) => make("option", "", { value: name })));
     $("spectral").replaceChildren(...channels.map((_, k) => make("option", labelOf(channels, k), { value: k })));
