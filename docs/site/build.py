@@ -90,7 +90,8 @@ def _usage(command: Any) -> Iterator[str]:
 def _option(one: Any) -> str:
     if one.param_type_name == "argument":
         return f"| `{(one.metavar or one.name).upper()}` | {_cell(getattr(one, 'help', '') or '')} | |"
-    written = ", ".join(f"`{word}`" for word in (*one.opts, *one.secondary_opts))
+    taken = f" {one.metavar}".replace("|", "\\|") if one.metavar else ""
+    written = ", ".join(f"`{word}{taken}`" for word in (*one.opts, *one.secondary_opts))
     default = "" if one.default in (None, False, (), []) or callable(one.default) else f"`{one.default}`"
     return f"| {written} | {_cell(one.help or '')} | {_cell(default)} |"
 

@@ -1,9 +1,10 @@
-"""Every option and every public name says what it is; what a name takes and gives stands in its docstring."""
+"""Every option, every public name and every public method says what it is, in a line of its own."""
 
 from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +15,20 @@ from typer.main import get_command
 from rotorid.cli.app import COMMANDS, app
 
 MANUAL = (Path(__file__).parents[2] / "docs" / "rotorid.1").read_text(encoding="utf-8")
+SECTIONS = {part.split("\n", 1)[0]: part for part in MANUAL.split("\n.SS ")[1:]}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_option_says_what_it_does(name: str) -> None:
     group: Any = get_command(app)
     command = group.commands[name]
+    written = {word for line in re.findall(r"^\.B (.*)$", SECTIONS[name], re.MULTILINE) for word in line.split(", ")}
     assert (command.help or "").strip().endswith((".", ")"))
     for option in command.params:
         assert (getattr(option, "help", None) or "").strip(), (name, option.name)
-        for written in option.opts:
-            if written.startswith("--"):
-                assert written.replace("-", r"\-") in MANUAL or written in MANUAL, (name, written)
+        for word in option.opts:
+            if word.startswith("--"):
+                assert any(one.split(" ")[0] == word.replace("-", r"\-") for one in written), (name, word)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -39,3 +42,10 @@ def test_every_public_name_says_what_it_is(package: str) -> None:
         assert text.strip(), (package, name)
         assert "\n" not in text.strip().splitlines()[0]
         assert not text.startswith(f"{name}("), f"{package}.{name} has only what its fields are"
+        if inspect.isclass(value):
+            for called, method in vars(value).items():
+                of_class = isinstance(method, classmethod | staticmethod)
+                function = method.__func__ if of_class else method
+                # A property is named after what it gives.
+                if not called.startswith("_") and inspect.isfunction(function):
+                    assert inspect.getdoc(function), (package, name, called)

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import rotorid
 
+from rotorid import identify, read, tune
 from rotorid.pipeline.examples import EXAMPLES
+from rotorid.vehicles.betaflight import LAG_S, betaflight_autopilot
 
 README = Path(__file__).resolve().parents[3] / "README.md"
 
@@ -44,6 +46,22 @@ def test_what_is_said_to_try_works(name: str, tmp_path: Path, monkeypatch: pytes
     for words in commands:
         ran = rotorid(*words[1:])
         assert ran.code == 0, f"{words}: {ran.err}"
+
+
+def test_the_racing_quadrotor_is_seen_beyond_its_crossover(tmp_path: Path) -> None:
+    """The log of Betaflight tells the plant where the proposed loop needs it, and its proposal shows itself."""
+    log = tmp_path / "flight.bbl"
+    assert rotorid("example", "betaflight", "--quiet", "--out", tmp_path).code == 0
+    record = read(log)
+    assert record.parameters["acc_lpf_hz"] == 100.0 * betaflight_autopilot().accelerometer_cutoff_hz
+    model = identify(record, "rate.roll")
+    # What flies, by its own numbers: the lag of the rotors, and the loop with its filter of 120 Hz.
+    assert abs(model["T_motor"].value - LAG_S) < 4.0 * (model["T_motor"].std or 0.0)
+    proposal = tune([model], [record])
+    assert "band_below_crossover" not in {finding.kind for finding in proposal.findings}
+    page = proposal._repr_html_()
+    assert "p_roll" in page
+    assert "<script" not in page
 
 
 def test_the_first_page_can_be_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
