@@ -15,8 +15,8 @@ FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images"
 WIDTH, HEIGHT = 1300, 860
 PAGES = {
     "review": ("review/review.html", "body"),
-    "model": ("model/rate.roll/report.html", "text=Responses >> nth=-1"),
-    "tune": ("gains/report.html", ".js-plotly-plot >> nth=0"),
+    "model": ("model/rate.roll/report.html", "#s1-responses"),
+    "tune": ("gains/report.html", ".pictures"),
 }
 """Picture to the page of the example that it shows, and what of it stands at the top."""
 
@@ -48,10 +48,11 @@ def main() -> None:
             page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
             for name, (place, top) in PAGES.items():
                 page.goto((folder / place).as_uri())
-                page.wait_for_timeout(1500)
+                page.wait_for_selector("html[data-pictures=drawn]")
+                # The menu that stays would cover what the picture is about.
+                page.add_style_tag(content="nav.parts { display: none } html { scroll-behavior: auto }")
                 page.locator(top).first.evaluate("one => one.scrollIntoView()")
-                page.wait_for_timeout(1500)
-                page.screenshot(path=FOLDER / f"{name}.png")
+                page.screenshot(path=FOLDER / f"{name}.png", animations="disabled")
             _lab(page, folder / EXAMPLES["px4"].file)
             browser.close()
 
@@ -63,7 +64,8 @@ def _lab(page: object, log: Path) -> None:
     try:
         assert server.stdout is not None
         page.goto(server.stdout.readline().strip())  # type: ignore[attr-defined]
-        page.wait_for_timeout(6000)  # type: ignore[attr-defined]
+        page.wait_for_selector("#segments li")  # type: ignore[attr-defined]
+        page.wait_for_selector("#tracks .u-over")  # type: ignore[attr-defined]
         page.screenshot(path=FOLDER / "lab.png")  # type: ignore[attr-defined]
     finally:
         server.terminate()

@@ -117,7 +117,7 @@ def made_review(name: str = "flight.ulg") -> Review:
     return Review(
         name=name,
         sha256="0" * 64,
-        vehicle=VehicleReview(autopilot="PX4", firmware="PX4 1.15", kind="quadrotor", frame="X", motors=4),
+        vehicle=VehicleReview(autopilot="PX4", firmware="PX4 1.15", kind="multirotor", frame="X", motors=4),
         flight=FlightSummary(
             flights=((12.0, 95.5),),
             seen_in="vehicle_land_detected",
