@@ -87,19 +87,12 @@ def test_simulated_autopilot(of_the_autopilot: DelayEstimate) -> None:
     assert of_the_autopilot.delay_s == pytest.approx(SIMULATED_S, abs=0.2e-3)
 
 
-@pytest.mark.xfail(
-    strict=True, raises=AssertionError, reason="2.57 ± 0.03 ms: the stamps of the log are not known to 0.1 ms"
-)
 def test_the_interval_of_the_simulated_autopilot_holds(of_the_autopilot: DelayEstimate) -> None:
+    """Noise alone leaves 0.03 ms, and the error is 0.12: stamps of 5 ms are not known to that."""
     assert of_the_autopilot.std_s is not None
+    assert of_the_autopilot.std_random_s is not None
     assert abs(of_the_autopilot.delay_s - SIMULATED_S) < 0.05e-3 + 2.0 * of_the_autopilot.std_s
-
-
-def test_the_interval_of_the_simulated_autopilot_is_missed_by_three_deviations_at_most(
-    of_the_autopilot: DelayEstimate,
-) -> None:
-    assert of_the_autopilot.std_s is not None
-    assert abs(of_the_autopilot.delay_s - SIMULATED_S) < 0.05e-3 + 3.0 * of_the_autopilot.std_s
+    assert of_the_autopilot.std_random_s < 0.1e-3 < of_the_autopilot.std_s
 
 
 @pytest.mark.slow

@@ -13,10 +13,11 @@ import rotorid
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import RATE_AXES, rate_model
+from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.inverse import Screened, pose_screened
 from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.preparation.selection import select_maneuvers
-from rotorid.pipeline.settings import EstimateChoice, IdentifySettings
+from rotorid.pipeline.settings import EstimateChoice, IdentifySettings, parse_segment
 from rotorid.signal.airborne import airborne
 from rotorid.typing import Axis
 
@@ -170,3 +171,20 @@ def test_no_vehicle_is_taken_for_its_controller(screened: Screen, vehicle: Vehic
 def test_no_window_of_its_yaw_is_a_plant(screened: Screen, start_s: float, duration_s: float) -> None:
     with pytest.raises(InsufficientDataError):
         screened(ZMR250, "yaw", (start_s, start_s + duration_s), (0.5, 80.0), estimate="direct")
+
+
+@pytest.mark.parametrize(
+    ("start_s", "band_rad_s"),
+    [(59.0, (10.0, 80.0)), (58.6, (20.0, 80.0)), (59.0, (3.0, 20.0))],
+)
+def test_no_band_of_its_yaw_is_a_plant(
+    record: Callable[[str], rotorid.FlightRecord], start_s: float, band_rad_s: tuple[float, float]
+) -> None:
+    """Asked for what looks coherent, it lies between the vehicle and its controller and fits neither."""
+    segment = parse_segment(f"yaw:{start_s}:{start_s + 6.0}")
+    with pytest.raises(InsufficientDataError):
+        identify(
+            [record(ZMR250)],
+            "rate.yaw",
+            settings=IdentifySettings(band_rad_s=band_rad_s, segments=(segment,), estimate="direct"),
+        )

@@ -29,8 +29,9 @@ class OrderDelayDocument(Document):
 class DelayEstimateDocument(Document):
     """A delay by one method: ``records``, ``response`` or ``samples``.
 
-    ``std_s`` and ``interval_s`` (95 %) tell what noise does within the model of ``order``; they are ``null`` for whole
-    samples, and ``std_s`` also where the interval is not of its width. ``orders`` holds the delays beside other lags.
+    ``std_s`` and ``interval_s`` (95 %) tell what noise does within the model of ``order``, which alone is
+    ``std_random_s``, and what the clocks of a log do; they are ``null`` for whole samples, and ``std_s`` also where the
+    interval is not of its width. ``orders`` holds the delays beside other lags.
     """
 
     method: Literal["records", "response", "samples"]
@@ -38,6 +39,7 @@ class DelayEstimateDocument(Document):
     delay_samples: float
     std_s: float | None = None
     interval_s: tuple[float, float] | None = None
+    std_random_s: float | None = None
     order: str | None = None
     meaning: str
     band_rad_s: tuple[float, float] | None = None
@@ -95,6 +97,7 @@ def _estimate(estimate: DelayEstimate, sample_s: float) -> DelayEstimateDocument
         delay_samples=estimate.delay_s / sample_s,
         std_s=_known_std(estimate.std_s),
         interval_s=estimate.interval_s,
+        std_random_s=_known_std(estimate.std_random_s),
         order=estimate.order.words if estimate.order else None,
         meaning=estimate.meaning,
         band_rad_s=estimate.band_rad_s,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -17,6 +18,7 @@ from rotorid.data.record import STANDARD_UNITS, FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
+from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, find_instrument, is_command, is_free
 from rotorid.pipeline.preparation.measure import measure
@@ -261,6 +263,7 @@ def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: Me
         response=response,
         highest_rad_s=settings.band_rad_s[1] if settings.band_rad_s else np.inf,
     )
+    analysis = analysis.with_clocks(CLOCK_SAMPLES * math.sqrt(2.0) * analysis.sample_s)
     by_joint = joint and analysis.recommended.method == "response"
     biased = [_biased(input, output, joint=joint, cause=cause)] if feedback and not by_joint else []
     return PairDelay(

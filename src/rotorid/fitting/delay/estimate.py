@@ -66,8 +66,11 @@ class DelayEstimate(Immutable):
     delay_s
         The estimate; negative where the output runs ahead.
     std_s, interval_s
-        Standard deviation and interval of 95 %, of what noise does within the model; ``None`` for whole samples. The
-        standard deviation is ``None`` too where the interval is not of its width, as beside poles that merge.
+        Standard deviation and interval of 95 %: of what noise does within the model, and of a log also of what its
+        clocks do. ``None`` for whole samples. The standard deviation is ``None`` too where the interval is not of its
+        width, as beside poles that merge.
+    std_random_s
+        What noise does of it alone.
     order
         Of the lag beside which this is the delay.
     band_rad_s
@@ -82,6 +85,7 @@ class DelayEstimate(Immutable):
     delay_s: float
     std_s: float | None = None
     interval_s: tuple[float, float] | None = None
+    std_random_s: float | None = None
     order: Order | None = None
     band_rad_s: tuple[float, float] | None = None
     orders: tuple[OrderFit, ...] = ()
@@ -94,6 +98,21 @@ class DelayEstimate(Immutable):
             return "whole samples by which an ARX model of second order predicts best"
         source = "fitted to the records" if self.method == "records" else "fitted to the frequency response"
         return f"dead time beside a lag of {self.order.words}, {source}"
+
+    def with_clocks(self, std_s: float) -> DelayEstimate:
+        """The same estimate of a log whose stamps and holds are known to a standard deviation."""
+        if self.interval_s is None:
+            return self
+        low_s, high_s = (abs(end - self.delay_s) for end in self.interval_s)
+        clocks_s = NORMAL_95 * std_s
+        return replace(
+            self,
+            std_s=None if self.std_random_s is None else float(np.hypot(self.std_random_s, std_s)),
+            interval_s=(
+                self.delay_s - float(np.hypot(low_s, clocks_s)),
+                self.delay_s + float(np.hypot(high_s, clocks_s)),
+            ),
+        )
 
 
 def by_records(
@@ -196,10 +215,12 @@ def _estimate(
     band_rad_s: tuple[float, float],
 ) -> DelayEstimate:
     ends = interval_s(problem, chosen, limits)
+    std_s = _consistent(chosen.std_s, ends)
     return DelayEstimate(
         method=method,
         delay_s=chosen.delay_s,
-        std_s=_consistent(chosen.std_s, ends),
+        std_s=std_s,
+        std_random_s=std_s,
         interval_s=ends,
         order=chosen.order,
         band_rad_s=band_rad_s,
@@ -448,6 +469,15 @@ class DelayAnalysis(Immutable):
     others: tuple[DelayEstimate, ...]
     as_filtered: DelayEstimate | None
     findings: tuple[Finding, ...]
+
+    def with_clocks(self, std_s: float) -> DelayAnalysis:
+        """The same, of logs whose stamps and holds are known to a standard deviation."""
+        return replace(
+            self,
+            recommended=self.recommended.with_clocks(std_s),
+            others=tuple(one.with_clocks(std_s) for one in self.others),
+            as_filtered=self.as_filtered and self.as_filtered.with_clocks(std_s),
+        )
 
 
 def estimate_delay(

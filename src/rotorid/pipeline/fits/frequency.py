@@ -205,6 +205,9 @@ def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -
 
 
 LARGEST_STRUCTURE_ERROR = 0.1
+_LARGEST_DIRECT_ERROR = 0.25
+"""Of the main response, where it was estimated without an instrument: beyond it feedback is the likeliest reason."""
+
 _MANY_TIMES = 6.0
 _COSTLY = 30.0
 
@@ -815,6 +818,7 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
     if rate_hz is not None and fastest > 2.0 * np.pi * rate_hz:
         message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {rate_hz:.3g} Hz."
         reasons.append(refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=rate_hz))
+    reasons += _led_by_feedback(fitted)
     reasons += _endless_spin_up(fitted)
     reasons += _pushed_on_by_speed(fitted)
     mean_cost = float(np.mean(fitted.costs[problem.used.any(axis=-1)]))
@@ -822,6 +826,22 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
         message = f"The average cost is {mean_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
         reasons.append(refusal("poor_fit", name, message, average_cost=mean_cost))
     return reasons
+
+
+def _led_by_feedback(fitted: FrequencyFit) -> Iterator[Finding]:
+    """A direct estimate that the structure cannot follow: part of it is the controller, not the vehicle."""
+    problem, found = fitted.problem, fitted.bounds.model_error
+    if problem.data.estimate != "direct" or found is None:
+        return
+    names = np.array(pair_names(problem.data)).reshape(problem.used.shape[:2])
+    for name in (str(names[place]) for place in _main_pairs(problem)):
+        share = found.sizes.get(name, 0.0)
+        if share > _LARGEST_DIRECT_ERROR:
+            message = (
+                f"The structure misses {name}, estimated without an instrument, by {100.0 * share:.0f} %: in closed "
+                "loop such a response lies between the vehicle and the inverse of its controller."
+            )
+            yield refusal("structure_error", name, message, model_error_percent=100.0 * share)
 
 
 def _endless_spin_up(fitted: FrequencyFit) -> Iterator[Finding]:
