@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError
+from rotorid.fitting.least_squares import Outcome
 from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.fits.frequency import _pushed_on_by_speed, judge_parameters, require_known_gain
+from rotorid.pipeline.fits.frequency import (
+    _pushed_on_by_speed,
+    _unsound,
+    judge_parameters,
+    judge_structure,
+    require_known_gain,
+)
 from rotorid.uncertainty.cramer_rao import Bounds
 
 FOUND = rate_model("rate.roll").parameters
@@ -89,3 +97,82 @@ def test_a_vehicle_that_its_own_speed_pushes_on_is_refused(value: float, *, refu
     )
     found = list(_pushed_on_by_speed(fitted))  # type: ignore[arg-type]
     assert [(one.kind, one.where) for one in found] == ([("impossible_physics", "Y_v")] if refused else [])
+
+
+def a_fit(**changes: Any) -> Any:
+    """A sound fit of two outputs to one input, with what a test changes of it."""
+    errors = np.array([[[0.01] * 20], [[0.05] * 20]])
+    made = {
+        "estimate": "joint",
+        "outcome": Outcome.CONVERGED,
+        "poles": [-2.0, -20.0],
+        "costs": [[5.0], [6.0]],
+        "missed": {"p/roll_command": 0.02, "ay/roll_command": 0.05},
+        **changes,
+    }
+    data = SimpleNamespace(
+        outputs=("p", "ay"),
+        inputs=("roll_command",),
+        random_error=errors,
+        estimate=made["estimate"],
+        sample_rate_hz=100.0,
+    )
+    return SimpleNamespace(
+        problem=SimpleNamespace(
+            structure=rate_model("rate.roll"), data=data, used=np.ones(errors.shape, dtype=np.bool_)
+        ),
+        solution=SimpleNamespace(outcome=made["outcome"]),
+        system=SimpleNamespace(poles=lambda: np.array(made["poles"])),
+        parameters=FOUND,
+        costs=np.array(made["costs"]),
+        bounds=SimpleNamespace(names=(), std=np.zeros(0), model_error=SimpleNamespace(sizes=made["missed"])),
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "kinds"),
+    [
+        ({}, []),
+        ({"outcome": Outcome.OUT_OF_ITERATIONS}, ["not_converged"]),
+        ({"outcome": Outcome.STALLED}, ["not_converged"]),
+        ({"poles": [-2.0, -630.0]}, ["impossible_physics"]),
+        ({"poles": [-2.0, -620.0]}, []),
+        ({"costs": [[150.0], [51.0]]}, ["poor_fit"]),
+        ({"costs": [[150.0], [49.0]]}, []),
+        ({"estimate": "direct", "missed": {"p/roll_command": 0.27}}, ["structure_error"]),
+        ({"estimate": "joint", "missed": {"p/roll_command": 0.27}}, []),
+        ({"estimate": "direct", "missed": {"ay/roll_command": 0.27}}, []),
+    ],
+)
+def test_a_fit_that_is_not_sound_is_refused_for_its_reason(changes: dict[str, Any], kinds: list[str]) -> None:
+    reasons = _unsound(a_fit(**changes))
+    assert [reason.kind for reason in reasons] == kinds
+    assert all(reason.severity == "error" for reason in reasons)
+
+
+@pytest.mark.parametrize(
+    ("changes", "where"),
+    [
+        ({}, []),
+        # The response that is known best is the one that tells.
+        ({"missed": {"p/roll_command": 0.11, "ay/roll_command": 0.02}}, ["p/roll_command"]),
+        ({"missed": {"p/roll_command": 0.09, "ay/roll_command": 0.3}}, []),
+        ({"costs": [[5.0], [31.0]]}, []),
+        ({"costs": [[1.0], [0.5]]}, []),
+    ],
+)
+def test_a_structure_that_does_not_hold_is_remarked_on(changes: dict[str, Any], where: list[str]) -> None:
+    fitted = a_fit(**changes)
+    found = judge_structure(fitted.problem, fitted.costs, fitted.bounds)
+    assert [(one.kind, one.where) for one in found] == [("structure_error", name) for name in where]
+
+
+def test_a_response_that_costs_many_times_the_others_is_remarked_on() -> None:
+    fitted = a_fit()
+    names = ("p", "phi", "ay")
+    fitted.problem.data.outputs = names
+    fitted.problem.data.random_error = np.full((3, 1, 20), 0.01)
+    fitted.problem.used = np.ones((3, 1, 20), dtype=np.bool_)
+    (found,) = judge_structure(fitted.problem, np.array([[4.0], [5.0], [31.0]]), fitted.bounds)
+    assert (found.kind, found.where) == ("structure_error", "ay/roll_command")
+    assert judge_structure(fitted.problem, np.array([[4.0], [5.0], [29.0]]), fitted.bounds) == ()
