@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -75,19 +75,54 @@ def test_flights_that_are_left_out_are_counted() -> None:
     assert coverage(found.judged, "cifer") == {"L_p": 1.0, "L_roll": 1.0}
 
 
+class Miss(NamedTuple):
+    """Why a twin misses the bar, and how far it may: least coverage, and least rms of error over stated deviation."""
+
+    reason: str
+    least_coverage: float = LEAST_COVERAGE
+    least_rms: float = 0.8
+
+
+def require_no_more(miss: Miss, results: list[Result], found: Mapping[str, float]) -> None:
+    """Fail, and not as expected, where a twin misses by more than it may."""
+    rms = np.sqrt(np.mean([(one.error["covariance"] / one.std["covariance"]) ** 2 for one in results], axis=0))
+    if min(found.values()) < miss.least_coverage or rms.min() < miss.least_rms:
+        pytest.fail(f"beyond what is known: coverage {found}, rms {rms.round(2)}")
+
+
 MISSED = {
-    "hover.longitudinal": "parameters that the lowest frequencies alone show scatter up to 1.6 times as much as stated",
-    "hover.lateral": "several parameters cover 82 to 89 % only: errors do not factor as stated where every output "
-    "has shares of the windows of its own",
-    "rig.roll": "intervals are up to twice too wide: long windows see each frequency of a sweep once",
+    "hover.longitudinal": Miss(
+        "parameters that the lowest frequencies alone show scatter up to 1.6 times as much as stated",
+        least_coverage=0.74,
+    ),
+    "hover.lateral": Miss(
+        "several parameters cover 82 to 89 % only: errors do not factor as stated where every output has shares of "
+        "the windows of its own",
+        least_coverage=0.78,
+    ),
+    "rig.roll": Miss(
+        "intervals are up to twice too wide: long windows see each frequency of a sweep once", least_rms=0.45
+    ),
 }
+
+
+def test_a_miss_beyond_its_bound_is_no_expected_one() -> None:
+    def made(error: float) -> list[Result]:
+        one = np.ones(1)
+        return [Result(names=("L_p",), error={"covariance": error * one}, std={"covariance": one})] * 4
+
+    miss = Miss("", least_coverage=0.8, least_rms=0.5)
+    require_no_more(miss, made(0.6), {"L_p": 0.82})
+    for error, share in ((0.6, 0.2), (0.1, 1.0)):
+        with pytest.raises(pytest.fail.Exception, match="beyond what is known"):
+            require_no_more(miss, made(error), {"L_p": share})
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.xfail(strict=True, raises=AssertionError, reason=MISSED[name]))
+        pytest.param(name, marks=pytest.mark.xfail(strict=True, raises=AssertionError, reason=MISSED[name].reason))
         if name in MISSED
         else name
         for name in TWINS
@@ -96,6 +131,8 @@ MISSED = {
 def test_intervals_of_95_percent_cover_the_truth(name: str) -> None:
     flights = study(name, FLIGHTS)
     found = coverage(flights.judged, "covariance")
+    if name in MISSED:
+        require_no_more(MISSED[name], flights.judged, found)
     assert flights.left_out.total() <= MOST_LEFT_OUT * FLIGHTS, flights.left_out
     assert min(found.values()) >= LEAST_COVERAGE, (found, flights.left_out)
     assert max(found.values()) <= LARGEST_COVERAGE, (found, flights.left_out)

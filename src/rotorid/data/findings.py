@@ -442,6 +442,11 @@ KINDS: Mapping[str, Kind] = {
     "speed_damping_biased": Kind(
         "warning", "Speed damping is biased", "Speed damping was taken from one response, and is biased."
     ),
+    "speed_modes_left_out": Kind(
+        "warning",
+        "Fitted above the speed modes",
+        "A rate model does not hold where the speed of the vehicle turns it; it was fitted above.",
+    ),
     "structure_error": Kind(
         "warning", "The structure does not hold", "A response is missed by far more than its errors or the others are."
     ),

@@ -743,13 +743,35 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
 
     A response that costs more than 150 and is off by more than 2 dB or 15°, as root mean squares, is left out with a
     finding, unless it is the main response to its input or they are more than a third. What is left must have
-    converged, with an average cost of at most 100 and no pole that a sample could not show.
+    converged, with an average cost of at most 100 and no pole that a sample could not show. A rate model that does not
+    hold in a band that nobody chose is fitted above the speed modes of the airframe, which it has no place for, if it
+    holds there.
 
     Raises
     ------
     InsufficientDataError
         The model does not describe what it was fitted to; its findings say why.
     """
+    fitted, reasons = _with_reasons(problem, measured, settings)
+    if not reasons:
+        return fitted
+    if problem.structure.name in RATE_AXES and settings.band_rad_s is None:
+        above = _above_speed_modes(problem, measured, settings)
+        if above is not None:
+            return _without_speed_modes(above, fitted)
+    name = problem.structure.name
+    raise InsufficientDataError(
+        f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
+        needed="a model that follows the responses it is fitted to",
+        remedy="take a structure with the missing dynamics, narrow --band, or choose responses with --pair",
+        findings=reasons,
+    )
+
+
+def _with_reasons(
+    problem: FrequencyProblem, measured: Measured, settings: IdentifySettings
+) -> tuple[FrequencyFit, list[Finding]]:
+    """The fit without responses that the structure cannot follow, and what speaks against it all the same."""
     fitted = fit_with_bounds(problem, measured, settings)
     main, left_out = _main_pairs(problem), list[Finding]()
     may_go = int(np.count_nonzero(problem.used.any(axis=-1)) * _LEFT_OUT_SHARE)
@@ -764,16 +786,48 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
         fitted = fit_with_bounds(problem, measured, settings)
     fitted = replace(fitted, findings=(*left_out, *fitted.findings))
     poor = _poor_pairs(fitted)
-    reasons = [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
-    if reasons:
-        name = problem.structure.name
-        raise InsufficientDataError(
-            f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
-            needed="a model that follows the responses it is fitted to",
-            remedy="take a structure with the missing dynamics, narrow --band, or choose responses with --pair",
-            findings=reasons,
-        )
-    return fitted
+    return fitted, [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
+
+
+_EDGE_STEP = 2.0**0.25
+_FREE_OF_SPEED_COST = 10.0
+"""Speed modes that still bend a response take the damping of a rate model along; they cost more than noise does."""
+
+_LEAST_SPAN = 4.0
+"""Highest over lowest frequency that is left: two octaves, in which a lag and a delay differ."""
+
+
+def _above_speed_modes(
+    problem: FrequencyProblem, measured: Measured, settings: IdentifySettings
+) -> FrequencyFit | None:
+    """The fit of the widest band that speed modes do not bend, or else bend least; none where it is not excellent."""
+    omega = problem.data.omega_rad_s
+    seen = omega[problem.used.any(axis=(0, 1))]
+    low, best, least = float(seen[0]) * _EDGE_STEP, None, EXCELLENT_COST
+    while least > _FREE_OF_SPEED_COST and low <= min(LOWEST_TOP_RAD_S, float(seen[-1]) / _LEAST_SPAN):
+        fitted, reasons = _with_reasons(replace(problem, used=problem.used & (omega >= low)), measured, settings)
+        cost = float(np.mean(fitted.costs[fitted.problem.used.any(axis=-1)]))
+        if not reasons and cost <= least:
+            best, least = fitted, cost
+        low *= _EDGE_STEP
+    return best
+
+
+def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyFit:
+    name = above.problem.structure.name
+    cost, before = (float(np.mean(one.costs[one.problem.used.any(axis=-1)])) for one in (above, whole))
+    low = above.band_rad_s[0]
+    said = warn(
+        "speed_modes_left_out",
+        name,
+        f"Below {low:.2g} rad/s the vehicle's own speed turns it too, which {name} has no place for: with all that was "
+        f"measured it costs {before:.0f}, from there on {cost:.0f}. That part alone was fitted. An axis or hover model "
+        "describes both.",
+        low_rad_s=low,
+        average_cost=cost,
+        whole_cost=before,
+    )
+    return replace(above, findings=(said, *above.findings))
 
 
 def _main_pairs(problem: FrequencyProblem) -> set[tuple[int, int]]:
