@@ -151,16 +151,25 @@ def test_motors_joined_by_lines_are_told(iris: ResultDocument) -> None:
     assert std > 0.04
 
 
+def thrust_share(iris: ResultDocument) -> float:
+    """Slope of the thrust over that of the simulator's rotors: 5.84e-6 N s^2, 100 to 1100 rad/s."""
+    assert iris.motors is not None
+    slope = 2.0 * 5.84e-6 * (1000.0 * iris.motors.hover_output + 100.0) * 1000.0
+    return iris.motors.derived["thrust_slope"].value / slope
+
+
+def test_what_iris_misses_is_no_more_than_is_known(iris: ResultDocument) -> None:
+    assert 0.95 < thrust_share(iris) < 0.97
+    assert 0.90 < value(iris, "I_zz") / 0.055225 < 0.93
+
+
 @pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
     reason="4.1 % low: thrust falls with speed there, and the log flies at 2 m/s, up to 7",
 )
 def test_iris_thrust(iris: ResultDocument) -> None:
-    assert iris.motors is not None
-    # 5.84e-6 N s^2 and 1000 rad/s for a unit of output, 100 at none: 2 k omega at the mean output.
-    slope = 2.0 * 5.84e-6 * (1000.0 * iris.motors.hover_output + 100.0) * 1000.0
-    assert iris.motors.derived["thrust_slope"].value == pytest.approx(slope, rel=THRUST)
+    assert thrust_share(iris) == pytest.approx(1.0, rel=THRUST)
 
 
 @pytest.mark.xfail(
