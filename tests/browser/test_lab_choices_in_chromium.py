@@ -24,6 +24,10 @@ CanvasRenderingContext2D.prototype.fillText = function (text, ...place) {
   window.drawn.push([text, this.textAlign]);
   return fillText.call(this, text, ...place);
 };
+window.watchers = new Set();
+const { observe, disconnect } = ResizeObserver.prototype;
+ResizeObserver.prototype.observe = function (...what) { window.watchers.add(this); return observe.apply(this, what); };
+ResizeObserver.prototype.disconnect = function () { window.watchers.delete(this); return disconnect.call(this); };
 """
 
 
@@ -308,8 +312,8 @@ def test_nothing_waits_for_a_list(shared_browser: Any, tmp_path: Path, folder: P
         context.close()
 
 
-def test_labels_of_bands_stand_in_them(shared_browser: Any, tmp_path: Path, example: Path) -> None:
-    """At the first drawing too, before the plot's own axes set how words are aligned."""
+def test_what_is_drawn_and_let_go(shared_browser: Any, tmp_path: Path, example: Path) -> None:
+    """Labels of bands stand in them at the first drawing too, before the plot's own axes align words their way."""
     private = tmp_path / "private"
     private.mkdir()
     with serving(example, private=private) as (address, _):
@@ -320,4 +324,8 @@ def test_labels_of_bands_stand_in_them(shared_browser: Any, tmp_path: Path, exam
         lab.wait_for_tracks()
         drawn = lab.page.evaluate("window.drawn")
         assert {align for text, align in drawn if text in ("roll", "pitch", "yaw", "thrust")} == {"left"}
+        # A track that is removed watches its place no more.
+        watching = lab.page.evaluate("window.watchers.size")
+        lab.page.click("#tracks .head button >> nth=0")
+        assert lab.page.evaluate("window.watchers.size") == watching - 1
         context.close()

@@ -13,7 +13,7 @@ const goes = (one) => ["waiting", "running"].includes(one.state);
 
 const choices = new Choices({
   changed: () => { choices.showOthers(page.state.logs); tracks.redraw(); showSpan(); },
-  log: () => page.log, told, isOpen: (k) => page.state.logs[k - 1]?.state === "done", view: () => tracks.view,
+  log: () => page.log, told, isOpen: (k) => page.state.logs[k - 1]?.state === "done", view: () => tracks.view.map((at) => Number(at.toFixed(3))),
   show: (log) => { if (log !== page.log) showLog(log); },
 });
 const spectra = new Spectra($("spectra"));
@@ -44,14 +44,14 @@ function timeOf(finding) {
 
 // Open
 const upload = tried(async (files) => {
-  try {
-    for (const file of files) {
-      await sent(file);
-      await refresh();
-    }
-  } finally {
-    $("taking").hidden = true;
+  const refused = [];
+  for (const file of files) {
+    // One that is refused holds up no other.
+    try { await sent(file); } catch (error) { refused.push(error.message); }
+    await refresh();
   }
+  $("taking").hidden = true;
+  if (refused.length) throw new Error(refused.join(" "));
 });
 
 /** Send a file to the server, and show how much of it is there: only the older kind of request tells. */
@@ -174,7 +174,8 @@ const refresh = watched(async () => {
   if (page.log && !state.logs.some(goes)) listModels();
   await results.show(state.steps);
   $("project-steps").hidden = !state.waiting.length;
-  $("project-steps").firstElementChild.textContent = `${counted(state.waiting.length, "step")} of the project ${state.waiting.length === 1 ? "was" : "were"} not run.`;
+  $("project-steps").firstElementChild.textContent = `${counted(state.waiting.length, "step")} of the project ${state.following ? "to come" : "not run yet"}`;
+  $("waiting").hidden = state.following;
   if (state.folder) listFolder();
 });
 
@@ -258,7 +259,7 @@ document.addEventListener("keydown", (event) => {
   } else if (!event.ctrlKey && !event.metaKey && !event.altKey && page.log) {
     const verb = { r: "review", f: "response", i: "identify" }[event.key];
     if (verb) run(verb);
-    else if (event.key === "s") choices.brushed(...tracks.view);
+    else if (event.key === "s") $("add-segment").click();
   }
 });
 theme(kept("localStorage", "theme"));

@@ -44,7 +44,7 @@ export class Results {
     const card = $(`step-${k}`);
     if (this.shown.get(k) !== row.state) {
       if (!goes(row) && !this.told.has(k)) this.told.set(k, await ask(`/api/steps/${k}`));
-      this.#draw(card, row, k);
+      if (this.shown.get(k) !== row.state) this.#draw(card, row, k);
       this.shown.set(k, row.state);
     }
     if (goes(row)) this.#live(card, row);
