@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 from rotorid.data.display import visible
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
 
     from rotorid.data.findings import Finding
     from rotorid.documents.base import FindingDocument
@@ -113,6 +113,7 @@ tell = _PROGRESS.info
 
 _PIPE_WIDTH = 240
 _NAME = "rotorid:"
+_BAR_SIGNS = 24
 _STYLES = {"warning": "bold yellow", "error": "bold red"}
 
 
@@ -177,11 +178,11 @@ def print_findings(findings: Sequence[Finding | FindingDocument]) -> None:
 class _Status(logging.Handler):
     """Shows each message of the pipeline as what is being done.
 
-    Work that is counted says how much of how much is done, ``extra={"done": 3, "total": 8}``; from its second message
-    on, the time that the rest takes at the same pace is shown too.
+    Work that is counted says how much of how much is done, ``extra={"done": 3, "total": 8}``, which is shown as a bar;
+    from its second message on, the time that the rest takes at the same pace is shown too.
     """
 
-    def __init__(self, show: Callable[[str], None]) -> None:
+    def __init__(self, show: Callable[[str, float | None], None]) -> None:
         super().__init__()
         self._show = show
         self._begun: dict[tuple[str, int], tuple[float, float, float]] = {}
@@ -189,7 +190,9 @@ class _Status(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Show a message; a lost interrupt is raised here."""
         check()
-        self._show(record.getMessage() + self._left(record, time.monotonic()))
+        done, total = getattr(record, "done", None), getattr(record, "total", None)
+        share = min(done / total, 1.0) if done is not None and total else None
+        self._show(record.getMessage() + self._left(record, time.monotonic()), share)
 
     def _left(self, record: logging.LogRecord, now_s: float) -> str:
         done, total = getattr(record, "done", None), getattr(record, "total", None)
@@ -219,6 +222,20 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60.0:.1f} min" if seconds < 3600.0 else f"{seconds / 3600.0:.1f} h"
 
 
+def _line(text: str, share: float | None) -> RenderableType:
+    """What is being done, behind a bar where it is counted."""
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+    from rich.text import Text
+
+    # Names come from the user's files: brackets in them are no markup.
+    if share is None:
+        return Text(text)
+    line = Table.grid(padding=(0, 1))
+    line.add_row(ProgressBar(total=1.0, completed=share, width=_BAR_SIGNS), Text(text))
+    return line
+
+
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
     """A line on a terminal that says what is being done; nothing in a pipe."""
@@ -226,13 +243,10 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
     logger = _PROGRESS
     with contextlib.ExitStack() as stack:
         if quiet or not console.is_terminal:
-            handler = _Status(lambda _: None)
+            handler = _Status(lambda _text, _share: None)
         else:
-            from rich.text import Text
-
             status = stack.enter_context(console.status("reading"))
-            # Names come from the user's files: brackets in them are no markup.
-            handler = _Status(lambda text: status.update(Text(text)))
+            handler = _Status(lambda text, share: status.update(_line(text, share)))
         before = logger.level, logger.propagate
         handler.setLevel(logging.INFO)
         logger.addHandler(handler)

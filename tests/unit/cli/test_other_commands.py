@@ -13,7 +13,9 @@ from rotorid import __version__
 from rotorid.cli.command import command_line
 from rotorid.documents.inspection import inspect_document
 from rotorid.io.registry import read
+from rotorid.pipeline.demo import Demonstration
 from rotorid.pipeline.inspection import inspect
+from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.simulation import truth_of
 from rotorid.vehicles.catalog import aircraft
 
@@ -118,6 +120,21 @@ def test_demo_writes_two_results_and_one_report_and_leaves_no_log(demonstrated: 
     assert models == ["hover.lateral", "hover.longitudinal"]
     assert {path.name for path in folder.iterdir()} >= {"report.html", *models}
     assert not list(folder.glob("*.ulg"))
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_demo_keeps_its_log_where_asked(
+    kept: bool, by_api: IdentifiedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    demonstration = Demonstration(identifications=(by_api,), truth={})
+    monkeypatch.setattr("rotorid.pipeline.demo.fly_demo", lambda log, *, seed: log.write_bytes(b"a log"))
+    monkeypatch.setattr("rotorid.io.registry.read", lambda log: log)
+    monkeypatch.setattr("rotorid.pipeline.demo.identify_demo", lambda record, *, seed: demonstration)
+    monkeypatch.setattr("rotorid.cli.demo.find_spec", lambda _: None)
+    ran = rotorid("demo", *(["--keep-log"] if kept else []), "--out", tmp_path / "out")
+    assert ran.code == 0
+    assert (tmp_path / "out" / "flight.ulg").exists() == kept
+    assert ("flight.ulg" in ran.out) == kept
 
 
 def test_demo_identifies_what_flew(demonstrated: Demonstrated) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import logging
 
 import pytest
+from rich.console import Console
 
 from rotorid.cli import console
 from rotorid.cli.console import progress
@@ -24,7 +26,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def shown(clock: list[float]) -> list[str]:
     """What has been shown of messages of the pipeline."""
     lines: list[str] = []
-    handler = console._Status(lines.append)
+    handler = console._Status(lambda text, _: lines.append(text))
     PIPELINE.addHandler(handler)
     PIPELINE.setLevel(logging.INFO)
     yield lines  # type: ignore[misc]
@@ -62,6 +64,18 @@ def test_the_same_work_begun_again_counts_anew(shown: list[str], clock: list[flo
     clock[0] += 120.0
     count(1, 2)
     assert shown[-1] == "runs: 1 of 2, about 2.0 min left"
+
+
+def test_counted_work_is_a_bar_on_a_terminal(clock: list[float]) -> None:
+    written = io.StringIO()
+    terminal = Console(file=written, force_terminal=True, width=80, color_system=None)
+    for share, full in ((None, 0), (0.0, 0), (0.5, 12), (1.0, 24)):
+        terminal.print(console._line("runs [1]", share))
+        shown = written.getvalue()
+        assert "runs [1]" in shown
+        assert shown.count("━") == full
+        written.seek(0)
+        written.truncate()
 
 
 @pytest.mark.parametrize("quiet", [True, False])
