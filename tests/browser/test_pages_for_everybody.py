@@ -114,7 +114,8 @@ Array.from(document.querySelectorAll("td, th"))
   .map((cell) => cell.innerText)
 """
 SIDEWAYS = """
-Array.from(document.querySelectorAll(".scroll")).filter((one) => one.scrollWidth > one.clientWidth)
+Array.from(document.querySelectorAll(".scroll"))
+  .filter((one) => one.checkVisibility({ contentVisibilityAuto: true }) && one.scrollWidth > one.clientWidth)
   .map((one) => one.innerText.slice(0, 200))
 """
 DEAD = """
