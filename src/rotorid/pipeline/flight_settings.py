@@ -84,9 +84,11 @@ def parse_assignments(
     for text in texts:
         name, sign, value = (part.strip() for part in text.partition("="))
         came, unit = f"{option} {text} came", writable(units.get(name, otherwise))
-        if not sign:
-            raise UsageError(came, needed=f"{option} NAME=VALUE with a finite number")
-        needed = f"{option} NAME=VALUE with a finite number" + ("" if unit == "1" else f", {name} in {unit}")
+        if not (name and sign):
+            raise UsageError(came, needed="NAME=VALUE with a finite number")
+        if name in numbers:
+            raise UsageError(f"{option} {name} came twice", needed="each name once")
+        needed = "NAME=VALUE with a finite number" + ("" if unit == "1" else f", {name} in {unit}")
         numbers[name] = read_measure(value, unit, came=came, needed=needed)
     return numbers
 

@@ -110,6 +110,8 @@ def test_named_numbers_come_with_units() -> None:
      (parse_segment, "roll:1m:2m", "is in m"), (parse_wind, "3deg", "which is in rad"),
      (lambda text: parse_changes([text]), "m=20ms", "which is in s; needed: .* m in kg"),
      (lambda text: parse_changes([text]), "m=620g", "grams or gravity"),
+     (lambda text: parse_changes([text, text]), "m=1", "--set m came twice"),
+     (lambda text: parse_changes([text]), "=1", "needed: NAME=VALUE"),
      (lambda text: parse_changes([text]), "I_xx=2s", "which is in s"),
      (lambda text: parse_limits([text]), "tilt=2m", "tilt in deg"),
      (lambda text: parse_known([text]), "D=2kg", "is in kg"),
