@@ -23,11 +23,17 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import fit_frequency, refine
-from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
-from rotorid.fitting.frequency.screening import without_structural_zeros, without_unseen_couplings
+from rotorid.fitting.frequency.fit import refine
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, usable_points
+from rotorid.fitting.frequency.screening import (
+    above_speed_modes,
+    without_structural_zeros,
+    without_unseen_couplings,
+)
 from rotorid.fitting.least_squares import Solution
+from rotorid.models.library import RATE_AXES
 from rotorid.planning.loop import LoopModel
+from rotorid.reduction.guided import Reduced, fit_and_drop, mean_cost
 from rotorid.signal.excitations import find_excitations
 from rotorid.spectral.conditioning import line_variance
 from rotorid.spectral.estimate import response_from
@@ -459,9 +465,6 @@ class FitChoices(Immutable):
         return _JOINT_COHERENCE if self.joint else _DIRECT_COHERENCE
 
 
-_LARGEST_RISE = 2.0
-"""An identification keeps an optional parameter when the mean cost without it rises by more than this."""
-
 _HALF_LINE = 1.5
 """Half the width of a window's spectral line, in units of one over its length: it must lie below the end of a sweep."""
 
@@ -498,13 +501,20 @@ def expected_fit(problem: FrequencyProblem, choices: FitChoices) -> ExpectedFit:
         How the flight will be identified.
     """
     problem = without_unseen_couplings(without_structural_zeros(problem)[0])[0]
-    problem, solution, dropped = _reduced(problem)
+
+    def tried(part: FrequencyProblem) -> tuple[Reduced, float]:
+        found = fit_and_drop(part)
+        return found, mean_cost(found.problem, found.solution)
+
+    reduced, cost = tried(problem)
+    if cost > ACCEPTABLE_COST and problem.structure.name in RATE_AXES and choices.band_rad_s is None:
+        reduced = above_speed_modes(problem, tried) or reduced
     weights = _weights(problem, choices)
     return ExpectedFit(
-        problem=problem,
-        solution=refine(problem, solution) if weights == "covariance" else solution,
+        problem=reduced.problem,
+        solution=refine(reduced.problem, reduced.solution) if weights == "covariance" else reduced.solution,
         weights=weights,
-        dropped=dropped,
+        dropped=tuple(name for name in problem.parameters.free if name not in reduced.problem.parameters.free),
     )
 
 
@@ -533,28 +543,6 @@ def usable(
         for u, top in enumerate(tops)
     ]
     return np.stack(each, axis=1)
-
-
-def _reduced(problem: FrequencyProblem) -> tuple[FrequencyProblem, Solution, tuple[str, ...]]:
-    """The fit from the values that were given, without parameters that it would drop, and their names."""
-    solution = fit_frequency(problem, starts=[problem.parameters.pack()])
-    responses = np.count_nonzero(problem.used.any(axis=-1))
-    dropped: list[str] = []
-    optional = [name for name in problem.structure.optional if name in problem.parameters.free]
-    for name in (*optional, *(name for name in problem.parameters.free if name not in optional)):
-        parameter = problem.parameters[name]
-        value = float(solution.theta[problem.parameters.free.index(name)])
-        at_zero = value == 0.0 and value in (parameter.lower, parameter.upper)
-        may_go = name in optional and parameter.lower <= 0.0 <= parameter.upper
-        if not (at_zero or may_go):
-            continue
-        left = problem.parameters.unpack(solution.theta).drop(name)
-        smaller = problem.with_parameters(left)
-        trial = fit_frequency(smaller, starts=[left.pack()])
-        if at_zero or trial.cost - solution.cost <= _LARGEST_RISE * responses:
-            problem, solution = smaller, trial
-            dropped.append(name)
-    return problem, solution, tuple(dropped)
 
 
 def _weights(problem: FrequencyProblem, choices: FitChoices) -> Weights:

@@ -125,6 +125,7 @@ def a_fit(**changes: Any) -> Any:
         system=SimpleNamespace(poles=lambda: np.array(made["poles"])),
         parameters=FOUND,
         costs=np.array(made["costs"]),
+        average_cost=float(np.mean(made["costs"])),
         bounds=SimpleNamespace(names=(), std=np.zeros(0), model_error=SimpleNamespace(sizes=made["missed"])),
     )
 

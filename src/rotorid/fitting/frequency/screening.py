@@ -7,15 +7,15 @@ against each other to any size, and takes parameters along that are well seen ot
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from rotorid.errors import ModelError
 from rotorid.fitting.frequency.parameter_map import generic_values
-from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
+from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem, pair_names
 from rotorid.models.parameter import Parameter
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import BoolArray, FloatArray
@@ -176,3 +176,47 @@ def _equations(structure: LinearStructure, values: Mapping[str, float], directio
     shows = (np.abs(system.H0) + np.abs(system.H1)) > 0.0
     own = (np.abs(H0).sum(axis=2) + np.abs(H1).sum(axis=2)) > 0.0
     return np.asarray((stands[:, None, :] & shows[None]).any(axis=2) | own)
+
+
+LOWEST_TOP_RAD_S = 8.0
+"""A rate model is not identified from data that end below: there the speed modes of the airframe rule."""
+
+_EDGE_STEP = 2.0**0.25
+_LEAST_SPAN = 4.0
+"""Highest over lowest frequency that is left: two octaves, in which a lag and a delay differ."""
+
+_FREE_OF_SPEED_COST = 10.0
+"""Speed modes that still bend a response take the damping of a rate model along; they cost more than noise does."""
+
+Fitted = TypeVar("Fitted")
+
+
+def above_speed_modes(
+    problem: FrequencyProblem, fit: Callable[[FrequencyProblem], tuple[Fitted, float]]
+) -> Fitted | None:
+    """The fit of the widest band that speed modes of an airframe do not bend, or bend least.
+
+    A rate model has no place for the speed of the vehicle, which turns it at low frequencies. Bands that begin higher
+    and higher are tried, up to where such modes rule, until one costs no more than noise does.
+
+    Parameters
+    ----------
+    problem
+        With the points that were measured.
+    fit
+        A fit of part of them, and its average cost; infinite where something else speaks against it.
+
+    Returns
+    -------
+    Fitted or None
+        ``None`` where no band is followed excellently.
+    """
+    omega = problem.data.omega_rad_s
+    seen = omega[problem.used.any(axis=(0, 1))]
+    low, best, least = float(seen[0]) * _EDGE_STEP, None, EXCELLENT_COST
+    while least > _FREE_OF_SPEED_COST and low <= min(LOWEST_TOP_RAD_S, float(seen[-1]) / _LEAST_SPAN):
+        fitted, cost = fit(replace(problem, used=problem.used & (omega >= low)))
+        if cost <= least:
+            best, least = fitted, cost
+        low *= _EDGE_STEP
+    return best

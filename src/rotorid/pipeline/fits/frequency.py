@@ -48,7 +48,9 @@ from rotorid.fitting.frequency.problem import (
     within_bands,
 )
 from rotorid.fitting.frequency.screening import (
+    LOWEST_TOP_RAD_S,
     UnseenCoupling,
+    above_speed_modes,
     is_coupling,
     without_structural_zeros,
     without_unseen_couplings,
@@ -281,9 +283,6 @@ def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-LOWEST_TOP_RAD_S = 8.0
-"""A rate model is not identified from data that end below: there the speed modes of the airframe rule."""
-
 _LEAST_WIDTH = 2.0
 """Highest over lowest fitted frequency: below an octave, gain, damping and delay cannot be told apart."""
 
@@ -495,6 +494,11 @@ class FrequencyFit:
     def system(self) -> StateSpace:
         """The identified system as numbers."""
         return self.structure.matrices(self.parameters.values)
+
+    @property
+    def average_cost(self) -> float:
+        """Mean cost of the responses that were fitted."""
+        return float(np.mean(self.costs[self.problem.used.any(axis=-1)]))
 
     @property
     def band_rad_s(self) -> tuple[float, float]:
@@ -756,7 +760,12 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
     if not reasons:
         return fitted
     if problem.structure.name in RATE_AXES and settings.band_rad_s is None:
-        above = _above_speed_modes(problem, measured, settings)
+
+        def tried(part: FrequencyProblem) -> tuple[FrequencyFit, float]:
+            found, against = _with_reasons(part, measured, settings)
+            return found, math.inf if against else found.average_cost
+
+        above = above_speed_modes(problem, tried)
         if above is not None:
             return _without_speed_modes(above, fitted)
     name = problem.structure.name
@@ -789,34 +798,9 @@ def _with_reasons(
     return fitted, [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
 
 
-_EDGE_STEP = 2.0**0.25
-_FREE_OF_SPEED_COST = 10.0
-"""Speed modes that still bend a response take the damping of a rate model along; they cost more than noise does."""
-
-_LEAST_SPAN = 4.0
-"""Highest over lowest frequency that is left: two octaves, in which a lag and a delay differ."""
-
-
-def _above_speed_modes(
-    problem: FrequencyProblem, measured: Measured, settings: IdentifySettings
-) -> FrequencyFit | None:
-    """The fit of the widest band that speed modes do not bend, or else bend least; none where it is not excellent."""
-    omega = problem.data.omega_rad_s
-    seen = omega[problem.used.any(axis=(0, 1))]
-    low, best, least = float(seen[0]) * _EDGE_STEP, None, EXCELLENT_COST
-    while least > _FREE_OF_SPEED_COST and low <= min(LOWEST_TOP_RAD_S, float(seen[-1]) / _LEAST_SPAN):
-        fitted, reasons = _with_reasons(replace(problem, used=problem.used & (omega >= low)), measured, settings)
-        cost = float(np.mean(fitted.costs[fitted.problem.used.any(axis=-1)]))
-        if not reasons and cost <= least:
-            best, least = fitted, cost
-        low *= _EDGE_STEP
-    return best
-
-
 def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyFit:
     name = above.problem.structure.name
-    cost, before = (float(np.mean(one.costs[one.problem.used.any(axis=-1)])) for one in (above, whole))
-    low = above.band_rad_s[0]
+    cost, before, low = above.average_cost, whole.average_cost, above.band_rad_s[0]
     said = warn(
         "speed_modes_left_out",
         name,
@@ -875,10 +859,11 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
     reasons += _led_by_feedback(fitted)
     reasons += _endless_spin_up(fitted)
     reasons += _pushed_on_by_speed(fitted)
-    mean_cost = float(np.mean(fitted.costs[problem.used.any(axis=-1)]))
-    if mean_cost > ACCEPTABLE_COST:
-        message = f"The average cost is {mean_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
-        reasons.append(refusal("poor_fit", name, message, average_cost=mean_cost))
+    if fitted.average_cost > ACCEPTABLE_COST:
+        message = (
+            f"The average cost is {fitted.average_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
+        )
+        reasons.append(refusal("poor_fit", name, message, average_cost=fitted.average_cost))
     return reasons
 
 
