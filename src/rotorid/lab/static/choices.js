@@ -8,7 +8,7 @@ const TEXTS = ["model", "inputs", "outputs", "instrument"];
 const VERBS = ["review", "response", "identify"];
 
 export class Choices {
-  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `told()` what is known of it, `isOpen(k)`, `view()` what the tracks show, `show(log)`. */
+  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `told()` what is known of it, `isOpen(k)`, `names()` of all logs, `view()` what the tracks show, `show(log)`. */
   constructor(hooks) {
     this.hooks = hooks;
     this.now = { ...EMPTY };
@@ -32,15 +32,16 @@ export class Choices {
     });
   }
 
-  /** Take up what this tab chose in this session of the server, or else what its last step did. */
-  begin({ session, steps, waiting }) {
-    if (this.session !== undefined) return;
-    this.session = session ?? "";
+  /** Take up what this tab chose on these logs, or else what the last step did. */
+  begin({ logs, steps, waiting }) {
+    if (this.begun) return;
+    this.begun = true;
     const last = [...steps.map((row) => row.step), ...waiting].filter((one) => ["identify", "response"].includes(one.verb)).at(-1);
     if (last) this.now = { ...EMPTY, ...choicesOf(last) };
     try {
-      const told = JSON.parse(kept("sessionStorage", "choices") ?? "{}");
-      if (told.session === this.session) this.now = { ...EMPTY, ...told, session: undefined };
+      const { names: before, ...told } = JSON.parse(kept("sessionStorage", "choices") ?? "{}");
+      // Another server at the same address has other logs under the same numbers.
+      if (before?.every((name, k) => logs[k]?.name === name)) this.now = { ...EMPTY, ...told };
     } catch { /* nothing that can be read was kept */ }
   }
 
@@ -161,7 +162,7 @@ export class Choices {
 
   show() {
     const { now } = this;
-    keep("sessionStorage", "choices", JSON.stringify({ ...now, session: this.session }));
+    keep("sessionStorage", "choices", JSON.stringify({ ...now, names: this.hooks.names() }));
     // What somebody is typing is not taken away, whatever else is shown anew meanwhile.
     const fill = (name, text) => { if (document.activeElement !== $(name)) $(name).value = text; };
     for (const name of TEXTS) fill(name, now[name]);

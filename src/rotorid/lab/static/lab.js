@@ -14,7 +14,7 @@ const goes = (one) => ["waiting", "running"].includes(one.state);
 const choices = new Choices({
   changed: () => { choices.showOthers(page.state.logs); tracks.redraw(); showSpan(); },
   log: () => page.log, told, isOpen: (k) => page.state.logs[k - 1]?.state === "done", view: () => tracks.view.map((at) => Number(at.toFixed(3))),
-  show: (log) => { if (log !== page.log) showLog(log); },
+  names: () => page.state.logs.map((one) => one.name), show: (log) => { if (log !== page.log) showLog(log); },
 });
 const spectra = new Spectra($("spectra"));
 const tracks = new Tracks($("tracks"), {

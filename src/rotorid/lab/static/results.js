@@ -179,11 +179,9 @@ export class Results {
     });
     const place = make("div", "", { class: "use" }, make("div", "", { class: "row" }, make("b", "Gains"), first, second,
       make("span", "", { class: "row" }, "keep", ...keep.map(([name, box]) => make("label", "", {}, box, ` ${name === "A" ? "angle" : name}`))), make("button", "Tune", { onclick: () => this.hooks.start(tune()) })), folded("tune", tune, [soft, noise, ...keep.map(([, box]) => box)]));
-    const names = results.filter((one) => one.parameters).map((one) => one.model), model = make("select", "", { "aria-label": "model to verify" }, ...names.map((name) => make("option", name)));
-    const verify = () => ({ verb: "verify", results: [k], logs: [this.hooks.log()], ...(results.length > 1 ? { part: model.value } : {}) });
-    const button = make("button", "", { class: "verify", onclick: () => this.hooks.start(verify()) });
-    place.append(make("div", "", { class: "row" }, make("b", "Another flight"), ...(results.length > 1 ? [model] : []), button), folded("verify", verify, [model]));
-    button.textContent = `Verify on ${this.hooks.name(this.hooks.log())}`;
+    const verify = () => ({ verb: "verify", results: [k], logs: [this.hooks.log()] });
+    if (results.length > 1) place.append(make("p", "To verify one of these models on another flight, identify it alone.", { class: "soft" }));
+    else place.append(make("div", "", { class: "row" }, make("b", "Another flight"), make("button", `Verify on ${this.hooks.name(this.hooks.log())}`, { class: "verify", onclick: () => this.hooks.start(verify()) })), folded("verify", verify, []));
     return place;
   }
 
