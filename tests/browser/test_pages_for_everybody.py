@@ -6,7 +6,7 @@ import csv
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -51,42 +51,68 @@ PAPER = {
 """Fewest and most pages of paper, for a log with sweeps of four axes."""
 
 COMMANDS = {
-    "identify": ("identify", "flown/flight.ulg", "--model", "hover.full"),
-    "rates": ("identify", "flown/flight.ulg", "--model", "rate.roll,rate.pitch", "--tables", "csv"),
-    "review": ("review", "flown/flight.ulg"),
-    "tune": ("tune", "rates", "flown/flight.ulg"),
-    "check": ("tune", "--check", "tune", "flown/flight.ulg"),
-    "response": ("response", "flown/flight.ulg", "--inputs", "roll_command", "--outputs", "p"),
-    "verify": ("verify", "rates/rate.roll", "flown/flight.ulg"),
-    "track": ("track", "flown/flight.ulg"),
-    "inspect": ("inspect", "flown/flight.ulg"),
+    "identify": ("identify", "example/flight.ulg", "--model", "hover.full"),
+    "rates": ("identify", "example/flight.ulg", "--model", "rate.roll,rate.pitch", "--tables", "csv"),
+    "review": ("review", "example/flight.ulg"),
+    "tune": ("tune", "rates", "example/flight.ulg"),
+    "check": ("tune", "--check", "tune", "example/flight.ulg"),
+    "response": ("response", "example/flight.ulg", "--inputs", "roll_command", "--outputs", "p"),
+    "verify": ("verify", "rates/rate.roll", "example/flight.ulg"),
+    "track": ("track", "example/flight.ulg"),
+    "inspect": ("inspect", "example/flight.ulg"),
     "compare": ("compare", "rates/rate.roll", "rates/rate.pitch"),
-    "flown": ("simulate", "rates/rate.roll", "--log", "flown/flight.ulg"),
+    "flown": ("simulate", "rates/rate.roll", "--log", "example/flight.ulg"),
 }
 
 
+LONG = ("check", "flown", "design")
+
+
+def each(names: Iterable[str]) -> list[Any]:
+    """Names of pages, those that take long marked."""
+    return [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in names]
+
+
+def made(name: str) -> str:
+    """A page without any flight."""
+    if name == "gains":
+        return render_tune(proposed(), title="t")
+    if name == "design":
+        return render_design(designed(), CHOICES, title="two plans")
+    if name == "stitch":
+        stitched = stitch(both(*SPEEDS))
+        return render_stitched(stitched, stitched_document(stitched), title="over speed")
+    return page_of(table_of([[1.0, 2.0, 1.5, 1.2], [1.1, 1.0, 1.3, 1.4], [9.0, 9.1, 9.2, 9.3]]))
+
+
+class Pages:
+    """Pages of commands on a simulated flight, and of plans, speeds and fleets, each made when it is asked for."""
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+        self.run("example", "px4", "--out", "example")
+
+    def run(self, *words: str) -> None:
+        command = [sys.executable, "-m", "rotorid", *words, "--quiet"]
+        subprocess.run(command, cwd=self.place, check=True, timeout=300)
+
+    def __getitem__(self, name: str) -> Path:
+        folder = self.place / name
+        if not folder.exists() and name in COMMANDS:
+            verb, *words = COMMANDS[name]
+            for needed in {word.partition("/")[0] for word in words} & COMMANDS.keys():
+                self[needed]
+            self.run(verb, *words, "--out", name)
+        elif not folder.exists():
+            page = made(name)
+            folder.mkdir()
+            (folder / "report.html").write_text(page, encoding="utf-8")
+        return next(folder.glob("*.html"))
+
+
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """What the commands write of a simulated flight, and pages of plans, speeds and fleets without any flight."""
-    place = tmp_path_factory.mktemp("pages")
-
-    def run(*words: str) -> None:
-        subprocess.run([sys.executable, "-m", "rotorid", *words, "--quiet"], cwd=place, check=True, timeout=300)
-
-    run("example", "px4", "--out", "flown")
-    for name, words in COMMANDS.items():
-        run(*words, "--out", f"of-{name}" if name == "flown" else name)
-    stitched = stitch(both(*SPEEDS))
-    made = {
-        "design": render_design(designed(), CHOICES, title="two plans"),
-        "stitch": render_stitched(stitched, stitched_document(stitched), title="over speed"),
-        "fleet": page_of(table_of([[1.0, 2.0, 1.5, 1.2], [1.1, 1.0, 1.3, 1.4], [9.0, 9.1, 9.2, 9.3]])),
-    }
-    for name, page in made.items():
-        (place / name).mkdir()
-        (place / name / "report.html").write_text(page, encoding="utf-8")
-    folders = {name: name for name in (*PAPER, "rates")} | {"flown": "of-flown"}
-    return {name: next((place / folder).glob("*.html")) for name, folder in folders.items()}
+def pages(tmp_path_factory: pytest.TempPathFactory) -> Pages:
+    return Pages(tmp_path_factory.mktemp("pages"))
 
 
 @pytest.fixture(scope="module")
@@ -118,23 +144,26 @@ Array.from(document.querySelectorAll(".scroll"))
   .filter((one) => one.checkVisibility({ contentVisibilityAuto: true }) && one.scrollWidth > one.clientWidth)
   .map((one) => one.innerText.slice(0, 200))
 """
+UNFOLD = (
+    "(open) => { for (const one of document.querySelectorAll('details:not(:has([data-picture]))')) one.open = open; }"
+)
 DEAD = """
 Array.from(document.querySelectorAll('a[href^="#"]'), (link) => link.getAttribute("href"))
   .filter((href) => !document.getElementById(href.slice(1)))
 """
 
 
-@pytest.mark.parametrize("name", PAPER)
-def test_a_page_is_for_everybody(name: str, pages: dict[str, Path], page: Any) -> None:
+@pytest.mark.parametrize("name", each(PAPER))
+def test_a_page_is_for_everybody(name: str, pages: Pages, page: Any) -> None:
     told: list[str] = []
     page.on("console", lambda message: told.append(message.text))
     page.on(
         "request",
         lambda request: told.append(request.url) if not request.url.startswith(("file:", "data:", "blob:")) else None,
     )
+    shown(page, pages[name])
     for theme in ("light", "dark"):
         page.emulate_media(color_scheme=theme)
-        shown(page, pages[name])
         assert violations(page) == []
     assert page.evaluate(SIDEWAYS) == []
     assert page.evaluate(DEAD) == []
@@ -144,19 +173,19 @@ def test_a_page_is_for_everybody(name: str, pages: dict[str, Path], page: Any) -
     assert all(after - before <= 1 for before, after in pairwise(levels))
     page.set_viewport_size({"width": 400, "height": 900})
     shown(page, pages[name])
-    page.evaluate("for (const one of document.querySelectorAll('details:not(:has([data-picture]))')) one.open = true")
+    page.evaluate(UNFOLD, True)
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
     assert page.evaluate(CUT) == []
     assert page.evaluate(SIDEWAYS) == []
-    shown(page, pages[name])
+    page.evaluate(UNFOLD, False)
     printed = page.pdf(prefer_css_page_size=True)
     fewest, most = PAPER[name]
     assert fewest <= len(re.findall(rb"/Type\s*/Page[^s]", printed)) <= most
     assert told == []
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_page_links_to_all_that_stands_beside_it(name: str, pages: dict[str, Path], page: Any) -> None:
+@pytest.mark.parametrize("name", each(COMMANDS))
+def test_a_page_links_to_all_that_stands_beside_it(name: str, pages: Pages, page: Any) -> None:
     file = pages[name]
     shown(page, file)
     hrefs = page.evaluate("Array.from(document.querySelectorAll('a[href]'), (one) => one.getAttribute('href'))")
@@ -167,7 +196,7 @@ def test_a_page_links_to_all_that_stands_beside_it(name: str, pages: dict[str, P
     assert page.locator(".to-files a").first.is_visible()
 
 
-def test_a_report_links_to_its_tables(pages: dict[str, Path], page: Any) -> None:
+def test_a_report_links_to_its_tables(pages: Pages, page: Any) -> None:
     file = pages["rates"].parent / "rate.roll" / "report.html"
     shown(page, file)
     linked = page.evaluate("Array.from(document.querySelectorAll('#files a'), (one) => one.getAttribute('href'))")
@@ -177,7 +206,7 @@ def test_a_report_links_to_its_tables(pages: dict[str, Path], page: Any) -> None
     assert "rate.roll/report.html" in pages["rates"].read_text(encoding="utf-8")
 
 
-def test_a_page_without_files_offers_none(pages: dict[str, Path], page: Any) -> None:
+def test_a_page_without_files_offers_none(pages: Pages, page: Any) -> None:
     shown(page, pages["stitch"])
     assert not page.locator("#files").is_visible()
     assert not page.locator(".to-files").first.is_visible()
@@ -211,13 +240,7 @@ def themed(html: str, theme: str | None, folder: Path) -> Path:
     return file
 
 
-def made(name: str) -> str:
-    if name == "tune":
-        return render_tune(proposed(), title="t")
-    return page_of(table_of([[1.0, 2.0, 1.5], [1.1, 1.0, 1.3]]))
-
-
-PICTURES = {"tune": ("roll-step", "roll-by-hand"), "fleet": ("fleet-population", "fleet-history")}
+PICTURES = {"gains": ("roll-step", "roll-by-hand"), "fleet": ("fleet-population", "fleet-history")}
 
 
 @pytest.mark.parametrize("name", PICTURES)
@@ -227,7 +250,7 @@ def test_the_preferred_theme_is_that_of_every_picture(
 ) -> None:
     page.emulate_media(color_scheme=system)
     shown(page, themed(made(name), theme, tmp_path))
-    if name == "tune":
+    if name == "gains":
         page.click(".by-hand > summary")
     for key in PICTURES[name]:
         page.wait_for_selector(f"[data-picture={key}] .main-svg")
@@ -238,7 +261,7 @@ def test_the_preferred_theme_is_that_of_every_picture(
 @pytest.mark.parametrize("name", PICTURES)
 def test_every_picture_is_saved_as_lines(name: str, page: Any, tmp_path: Path) -> None:
     shown(page, themed(made(name), None, tmp_path))
-    if name == "tune":
+    if name == "gains":
         page.click(".by-hand > summary")
     for key in PICTURES[name]:
         page.hover(f"[data-picture={key}]")
@@ -327,7 +350,7 @@ def test_folded_parts_are_not_printed_as_bare_headings(page: Any, tmp_path: Path
     assert page.locator("details.printed[open]").count() == 0
 
 
-def test_panels_of_a_history_keep_room_for_their_titles_on_paper(pages: dict[str, Path], page: Any) -> None:
+def test_panels_of_a_history_keep_room_for_their_titles_on_paper(pages: Pages, page: Any) -> None:
     shown(page, pages["identify"])
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     gaps = page.evaluate("""
@@ -347,7 +370,6 @@ def test_panels_of_a_history_keep_room_for_their_titles_on_paper(pages: dict[str
 @pytest.mark.slow
 def test_the_page_of_the_demo_is_for_everybody(page: Any, tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-m", "rotorid", "demo", "--out", "demo", "--quiet"], cwd=tmp_path, check=True)
-    test_a_page_links_to_all_that_stands_beside_it("demo", {"demo": tmp_path / "demo" / "report.html"}, page)
     for width in (1300, 400):
         page.set_viewport_size({"width": width, "height": 900})
         shown(page, tmp_path / "demo" / "report.html")

@@ -64,8 +64,7 @@ def _lab(page: object, log: Path) -> None:
     try:
         assert server.stdout is not None
         page.goto(server.stdout.readline().strip())  # type: ignore[attr-defined]
-        page.wait_for_selector("#segments li")  # type: ignore[attr-defined]
-        page.wait_for_selector("#tracks .u-over")  # type: ignore[attr-defined]
+        page.wait_for_selector("#tracks .u-over", timeout=120_000)  # type: ignore[attr-defined]
         page.screenshot(path=FOLDER / "lab.png")  # type: ignore[attr-defined]
     finally:
         server.terminate()
