@@ -25,7 +25,7 @@ SWEEP_S = (34.0, 80.0)
 """Where the example sweeps roll, on the clock of its log."""
 
 LINES_OF_CELLS = """
-[...new Set([...document.querySelectorAll("#results td")].filter((cell) => cell.textContent).map((cell) => {
+[...new Set([...document.querySelectorAll("#results .scroll td")].filter((cell) => cell.textContent).map((cell) => {
   const range = document.createRange();
   range.selectNodeContents(cell);
   return new Set([...range.getClientRects()].map((one) => one.top)).size;
