@@ -114,8 +114,10 @@ def test_vibration_is_that_of_the_accelerometer_above_10_hz(found: NoiseReview) 
     assert vibration.value == pytest.approx(np.sqrt(3.0) * 0.5, rel=0.02)
 
 
-def test_a_filtered_accelerometer_tells_no_vibration(with_speeds: FlightRecord) -> None:
-    numbers, untold = noise(replace(with_speeds, parameters={"acc_lpf_hz": 10.0}))
+@pytest.mark.parametrize(("firmware", "written"), [("Betaflight 4.4.3", 1000.0), ("INAV 6.0.0", 10.0)])
+def test_a_filtered_accelerometer_tells_no_vibration(with_speeds: FlightRecord, firmware: str, written: float) -> None:
+    source = replace(with_speeds.source, firmware=firmware)
+    numbers, untold = noise(replace(with_speeds, source=source, parameters={"acc_lpf_hz": written}))
 
     assert "vibration_m_s2" not in numbers.numbers
     assert any(one.what == "noise.vibration_m_s2" and "10 Hz" in one.why for one in untold)

@@ -9,18 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.errors import RotoridError
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.fitting.least_squares import Outcome
 from rotorid.pipeline.fits.frequency import FrequencyFit
 from rotorid.pipeline.fits.scatter import Alone, disagreements, widened
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import axis_of
+from rotorid.pipeline.preparation.instruments import axes_of
 from rotorid.pipeline.preparation.inverse import pose_screened
 from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.typing import Axis
 from rotorid.uncertainty.cramer_rao import bounds
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -33,10 +34,10 @@ def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: Iden
     the structure that all together ended with; one that cannot be is not compared.
     """
     alone = []
-    parts = _apart(flights, fitted.problem.data.inputs)
+    parts = _apart(flights, axes_of(fitted.problem.data.inputs, fitted.problem.data.outputs))
     for place, (name, part) in enumerate(parts.items()):
         _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(parts)})
-        with contextlib.suppress(InsufficientDataError, ModelError):
+        with contextlib.suppress(RotoridError):  # a part may be too short for what all show together
             alone += _said_alone(fitted, name, part, settings)
     found = disagreements(alone)
     units = {parameter.name: parameter.unit for parameter in fitted.parameters}
@@ -44,9 +45,8 @@ def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: Iden
     return replace(fitted, bounds=widened(fitted.bounds, found), findings=(*fitted.findings, *said))
 
 
-def _apart(flights: Sequence[Flight], inputs: Sequence[str]) -> dict[str, list[Flight]]:
-    """Parts of flights that each show every input, by their names; none where there is only one."""
-    axes = [axis_of(name) for name in inputs]
+def _apart(flights: Sequence[Flight], axes: Sequence[Axis]) -> dict[str, list[Flight]]:
+    """Parts of flights that each show every axis, by their names; none where there is only one."""
     logs: dict[int, list[Flight]] = {}
     for flight in flights:
         logs.setdefault(id(flight.record), []).append(flight)
@@ -59,7 +59,7 @@ def _apart(flights: Sequence[Flight], inputs: Sequence[str]) -> dict[str, list[F
         }
     else:
         rich = [flight for flight in flights if flight.maneuver.kind in RICH_KINDS]
-        turns = [[flight for flight in rich if flight.axis == axis] for axis in dict.fromkeys(axes)]
+        turns = [[flight for flight in rich if flight.axis == axis] for axis in axes]
         together = zip(*turns, strict=False)
         parts = {f"{part[0].record.source.name} at {part[0].maneuver.start_s:.1f} s": [*part] for part in together}
     return parts if len(parts) > 1 else {}
@@ -72,7 +72,7 @@ def _said_alone(
     whole = fitted.problem
     measured = measure(flights, inputs=whole.data.inputs, outputs=whole.data.outputs, settings=settings)
     posed = pose_screened(whole.structure, measured, settings, flights).problem
-    kept = whole.used.any(axis=-1, keepdims=True)
+    kept = whole.used.any(axis=-1, keepdims=True) & (posed.data.omega_rad_s >= fitted.band_rad_s[0])
     problem = replace(posed, parameters=whole.parameters.with_values(fitted.parameters.values), used=posed.used & kept)
     solution = fit_frequency(problem)
     final = refine(problem, solution) if fitted.weights == "covariance" else solution

@@ -378,7 +378,9 @@ Told = tuple[dict[str, Quantity], list[Untold]]
 
 def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
     """Root mean square of the specific force above 10 Hz, or the autopilot's own measure of it."""
-    cutoff_hz = record.parameters.get("acc_lpf_hz", 10.0)
+    # Betaflight writes hundredths, INAV whole numbers; both begin with 10 Hz.
+    per_hz = 1.0 if "INAV" in record.source.firmware else 100.0
+    cutoff_hz = record.parameters.get("acc_lpf_hz", 10.0 * per_hz) / per_hz
     if record.source.format.startswith("Betaflight") and 0.0 < cutoff_hz < LEAST_RATE_HZ / 2.0:
         why = f"The accelerometer is logged behind a low-pass of {cutoff_hz:g} Hz, which takes the vibration out."
         return {}, [Untold(what="noise.vibration_m_s2", why=why, remedy="set acc_lpf_hz = 0 for a test flight")]
