@@ -33,7 +33,7 @@ def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: Iden
     Parts are logs, or the repetitions of its maneuvers where one log holds all. Each is measured alone and fitted at
     the structure that all together ended with; one that cannot be is not compared.
     """
-    alone = []
+    alone: list[Alone] = []
     parts = _apart(flights, axes_of(fitted.problem.data.inputs, fitted.problem.data.outputs))
     for place, (name, part) in enumerate(parts.items()):
         _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(parts)})
