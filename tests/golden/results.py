@@ -167,7 +167,9 @@ def kept(document: dict[str, Json]) -> dict[str, Json]:
     provenance = {name: part for name, part in document["provenance"].items() if name not in ("version", "command")}
     results = {name: None for name in provenance["inputs"] if name.endswith("result.json")}
     provenance["inputs"] = provenance["inputs"] | results
-    short: dict[str, Json] = _short(document | {"provenance": provenance})
+    # Minima that do not count end where rounding lets them; the nearest one is enough.
+    minima = {"minima": document["minima"][:1]} if "minima" in document else {}
+    short: dict[str, Json] = _short(document | {"provenance": provenance} | minima)
     return short
 
 

@@ -113,15 +113,21 @@ def read_preferences(file: Path) -> Preferences:
     )
 
 
+_KEY = re.compile(r"""[\s\["']{0,40}([\w-]{1,80})["']?\s{0,40}[=.\]]""")
+"""The first key of a line, of a table too."""
+
+
 def _unreadable(file: Path, why: str) -> UsageError:
     return UsageError(f"the settings in {file} cannot be read: {why}", needed="lines such as theme = 'dark'")
 
 
 def _line(text: str, key: str) -> str:
     """Where a key is set, as a person looks for it."""
-    written = re.compile(rf"""\s*\[*\s*["']?{re.escape(key)}["']?\s*[=.\]]""")
-    number = next((number for number, line in enumerate(text.splitlines(), start=1) if written.match(line)), None)
-    return "" if number is None else f" in line {number}"
+    for number, line in enumerate(text.splitlines(), start=1):
+        found = _KEY.match(line)
+        if found and found[1] == key:
+            return f" in line {number}"
+    return ""
 
 
 def _checked(key: str, value: Any, said: str) -> Any:

@@ -21,21 +21,23 @@ SCHEMA: Final = "rotorid.project/1"
 MOST_STEPS = 100
 
 
-def _matching(pattern: str, needed: str) -> AfterValidator:
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")
+_MODEL = re.compile(r"[a-z_]{1,30}[.:][A-Za-z0-9_./]{1,60}")
+
+
+def _matching(form: re.Pattern[str], needed: str) -> AfterValidator:
     """Texts of a form, refused in words."""
 
     def checked(text: str) -> str:
-        if not re.fullmatch(pattern, text):
+        if not form.fullmatch(text):
             raise ValueError(f"{text[:80]!r} came; needed: {needed}")
         return text
 
     return AfterValidator(checked)
 
 
-Name = Annotated[str, _matching(r"[A-Za-z][A-Za-z0-9_]{0,60}", "a name of letters, digits and _, such as p or motor_1")]
-Model = Annotated[
-    str, _matching(r"[a-z_]{1,30}[.:][A-Za-z0-9_./]{1,60}", "a model of the list, such as rate.roll or hover.full")
-]
+Name = Annotated[str, _matching(_NAME, "a name of letters, digits and _, such as p or motor_1")]
+Model = Annotated[str, _matching(_MODEL, "a model of the list, such as rate.roll or hover.full")]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 

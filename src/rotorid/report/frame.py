@@ -390,7 +390,7 @@ def unit(text: str) -> str:
     return "" if text == "1" else text
 
 
-_NEGATIVE = re.compile(r"(?P<command>--[\w-]+[ =]-\S+)|(?<![\w.)\]:/=-])-(?=\.?\d)")
+_NEGATIVE = re.compile(r"(?P<command>(?<![\w-])--[\w-]{1,60}[ =]-\S+)|(?<![\w.)\]:/=-])-(?=\.?\d)")
 _EXPONENT = re.compile(r"(?<=\d)e([+-]\d+)\b")
 _RAISED = re.compile(r"(?<=[a-z])\^-?[123]\b")
 

@@ -18,6 +18,7 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRecord, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import LEAST_SAMPLES
+from rotorid.io.advice import logging_advice
 from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
 from rotorid.pipeline.preparation.differentiated import from_angles
 from rotorid.pipeline.preparation.flights import Flight
@@ -346,7 +347,7 @@ def motor_data(
     flown: list[FlownMotors] = []
     for record in records:
         _PROGRESS.info(f"{record.source.name}: motors")
-        motors = true_motors(motor_history(record, mixer_of(layout, record.source.format)))
+        motors = true_motors(_motor_history(record, layout))
         if motors.history.motors != layout.rotors:
             raise UsageError(
                 f"{record.source.name} holds {motors.history.motors} motors, and {layout.name} has "
@@ -375,6 +376,16 @@ def motor_data(
         straightened=all(_straightened(record, flights[0].kind) for record in records),
         reference_v=voltage.reference_v,
     )
+
+
+def _motor_history(record: FlightRecord, layout: RotorLayout) -> MotorHistory:
+    """Outputs of the motors, or why there are none, with what this firmware can log."""
+    try:
+        return motor_history(record, mixer_of(layout, record.source.format))
+    except InsufficientDataError as error:
+        raise InsufficientDataError(
+            error.came, needed=error.needed, remedy=error.remedy or logging_advice(record, 0.0), findings=error.findings
+        ) from error
 
 
 def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayout:
