@@ -12,9 +12,8 @@ import numpy as np
 
 from rotorid.data.quantity import Quantity
 from rotorid.errors import UsageError
-from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.review.cards import Card, cards
+from rotorid.pipeline.review.cards import Card, cards, without_sweep
 from rotorid.pipeline.review.values import (
     LoopReview,
     MarginReview,
@@ -149,8 +148,7 @@ class Section:
     @property
     def sweepless(self) -> bool:
         """Whether its models were identified without any maneuver that was made for it."""
-        stands = [one for one in self.review.models.values() if isinstance(one, IdentifiedModel)]
-        return not any(one.kind in RICH_KINDS for model in stands for one in model.provenance.maneuvers)
+        return without_sweep(self.review)
 
     @property
     def pictures(self) -> tuple[Picture, ...]:

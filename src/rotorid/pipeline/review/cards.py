@@ -9,7 +9,6 @@ from typing import Literal, TypeAlias
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.pipeline.preparation.selection import RICH_KINDS
-from rotorid.pipeline.provenance import LoggedManeuver
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.flown import RATE_OF
 from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseReview, Review
@@ -226,19 +225,25 @@ def _power(review: Review) -> Card:
 
 def _models(review: Review) -> Card:
     title = "What can be built on this flight"
-    stands = [name for name, one in review.models.items() if isinstance(one, IdentifiedModel)]
+    stands = _standing(review)
     if not stands:
         sentence = "No model of the vehicle can be identified from it; below stands what to fly or log."
         return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
     number = f"{len(stands)} model{'s' if len(stands) > 1 else ''}"
     sentence = f"Identified with intervals: {', '.join(stands)}."
-    if not any(one.kind in RICH_KINDS for name in stands for one in _maneuvers_of(review.models[name])):
+    if without_sweep(review):
         sentence += " A sweep would make them several times as certain."
     return Card(key="models", title=title, state="good", number=number, sentence=sentence)
 
 
-def _maneuvers_of(model: object) -> tuple[LoggedManeuver, ...]:
-    return model.provenance.maneuvers if isinstance(model, IdentifiedModel) else ()
+def _standing(review: Review) -> dict[str, IdentifiedModel]:
+    return {name: one for name, one in review.models.items() if isinstance(one, IdentifiedModel)}
+
+
+def without_sweep(review: Review) -> bool:
+    """Whether the models of a review were identified without any maneuver that was made for it."""
+    flown = (one for model in _standing(review).values() for one in model.provenance.maneuvers)
+    return not any(one.kind in RICH_KINDS for one in flown)
 
 
 def _pm(quantity: Quantity, factor: float = 1.0) -> str:
