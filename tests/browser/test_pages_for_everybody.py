@@ -65,12 +65,13 @@ COMMANDS = {
 }
 
 
-LONG = ("check", "flown", "design")
+QUICK = ("rates", "tune", "inspect", "fleet")
+"""Pages of every kind of part, which are looked at each time; all of them in the studies."""
 
 
 def each(names: Iterable[str]) -> list[Any]:
     """Names of pages, those that take long marked."""
-    return [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in names]
+    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 def made(name: str) -> str:
