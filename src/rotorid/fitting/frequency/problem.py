@@ -284,9 +284,9 @@ def _inverse(matrices: ComplexArray) -> ComplexArray:
     try:
         return np.asarray(np.linalg.inv(matrices))
     except np.linalg.LinAlgError:
-        # One of them is singular, and the call does not say which.
+        # One of them is singular to rounding, and the call does not say which.
         flat = matrices.reshape(-1, *matrices.shape[-2:])
-        regular = np.linalg.cond(flat) < 1.0 / np.finfo(np.float64).eps
+        regular = np.linalg.cond(flat) < 0.01 / np.finfo(np.float64).eps
         inverse = np.full_like(flat, np.nan)
         inverse[regular] = np.linalg.inv(flat[regular])
         return inverse.reshape(matrices.shape)

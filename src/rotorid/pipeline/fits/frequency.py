@@ -77,6 +77,7 @@ from rotorid.uncertainty.cramer_rao import (
     bounds,
 )
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
+from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR
 from rotorid.uncertainty.propagation import covariance_of_all
 
 _EXCITED_SHARE = 0.7
@@ -207,9 +208,6 @@ def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -
 
 
 LARGEST_STRUCTURE_ERROR = 0.1
-_LARGEST_DIRECT_ERROR = 0.25
-"""Of the main response, where it was estimated without an instrument: beyond it feedback is the likeliest reason."""
-
 _MANY_TIMES = 6.0
 _COSTLY = 30.0
 
@@ -867,18 +865,22 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
     return reasons
 
 
+_NO_MODEL = 0.99
+"""Of the largest model error, where the search for it ended at its limit."""
+
+
 def _led_by_feedback(fitted: FrequencyFit) -> Iterator[Finding]:
-    """A direct estimate that the structure cannot follow: part of it is the controller, not the vehicle."""
+    """A direct estimate whose model error is as large as any may be: part of it is the controller, not the vehicle."""
     problem, found = fitted.problem, fitted.bounds.model_error
     if problem.data.estimate != "direct" or found is None:
         return
     names = np.array(pair_names(problem.data)).reshape(problem.used.shape[:2])
     for name in (str(names[place]) for place in _main_pairs(problem)):
         share = found.sizes.get(name, 0.0)
-        if share > _LARGEST_DIRECT_ERROR:
+        if share >= _NO_MODEL * LARGEST_MODEL_ERROR:
             message = (
-                f"The structure misses {name}, estimated without an instrument, by {100.0 * share:.0f} %: in closed "
-                "loop such a response lies between the vehicle and the inverse of its controller."
+                f"The structure misses {name}, estimated without an instrument, by {100.0 * share:.0f} % or more: in "
+                "closed loop such a response lies between the vehicle and the inverse of its controller."
             )
             yield refusal("structure_error", name, message, model_error_percent=100.0 * share)
 

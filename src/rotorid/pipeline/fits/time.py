@@ -644,9 +644,9 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
     """Refuse a model that does not describe the records it was fitted to.
 
     A simulation that leaves more of every output than it explains; a search that came to no rest, but for black boxes,
-    whose single numbers mean nothing; values that miss the responses of the same flights by what no fit of responses
-    may, and by many times what these responses state. A fit in time has its least errors where noise is least and none
-    of its own for what the structure lacks: nothing else would tell.
+    whose single numbers mean nothing; derivatives of a vehicle that miss the responses of the same flights by what no
+    fit of responses may, and by many times what these responses state. A fit in time has its least errors where noise
+    is least and none of its own for what the structure lacks: nothing else would tell.
 
     Parameters
     ----------
@@ -670,7 +670,8 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
     if fitted.solution.outcome is Outcome.OUT_OF_ITERATIONS and not black_box:
         message = f"The fit did not converge: {fitted.solution.outcome.value}"
         reasons.append(refusal("not_converged", name, message))
-    if frequency is not None and not black_box:
+    of_vehicles = all(is_command(name) for name in fitted.problem.structure.inputs)
+    if frequency is not None and not black_box and of_vehicles:
         reasons += _missed_responses(fitted, frequency, records)
     if reasons:
         raise InsufficientDataError(
