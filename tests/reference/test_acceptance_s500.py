@@ -44,7 +44,20 @@ def test_gain_and_delay_above_the_speed_modes(case: Case, band: tuple[float, flo
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.axis)
-def test_without_a_band_the_speed_modes_spoil_the_fit_and_it_is_refused(case: Case, shared_data: Path) -> None:
-    record = rotorid.read(shared_data / "s500" / f"{case.axis}_sweeps.csv")
+def test_without_a_band_it_is_fitted_above_the_speed_modes(case: Case, shared_data: Path) -> None:
+    folder = shared_data / "s500"
+    found = rotorid.identify([rotorid.read(folder / f"{case.axis}_sweeps.csv")], f"rate.{case.axis}")
+    (said,) = (one for one in found.findings if one.kind == "speed_modes_left_out")
+    assert said.numbers["whole_cost"] > 100.0
+    truth = json.loads((folder / "truth.json").read_text())[case.motion]
+    for name in (case.gain, f"tau_{case.axis}"):
+        low, high = found[name].lower, found[name].upper
+        assert low is not None
+        assert high is not None
+        assert low < truth[name] < high
+
+
+def test_in_a_band_that_reaches_into_them_it_is_refused(shared_data: Path) -> None:
+    record = rotorid.read(shared_data / "s500" / "roll_sweeps.csv")
     with pytest.raises(InsufficientDataError, match=r"does not describe these flights.*narrow --band"):
-        rotorid.identify([record], f"rate.{case.axis}")
+        rotorid.identify([record], "rate.roll", band_rad_s=(1.7, 35.0))
