@@ -232,14 +232,14 @@ def main() -> None:
     listen()
     spare_warnings()
     try:
-        try:
-            code = _parsed(with_review(sys.argv[1:]))
-        except KeyboardInterrupt:
-            code = _INTERRUPTED
+        code = _parsed(with_review(sys.argv[1:]))
         # The parser turns an interrupt into this code, too.
         if code == _INTERRUPTED:
-            say("rotorid: interrupted; files that were complete stay, and no file is left half written")
+            raise KeyboardInterrupt
         sys.exit(code)
+    except KeyboardInterrupt:
+        say("rotorid: interrupted; files that were complete stay, and no file is left half written")
+        sys.exit(_INTERRUPTED)
     except RotoridError as error:
         _print_error(error)
         sys.exit(error.exit_code)
