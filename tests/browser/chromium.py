@@ -5,12 +5,12 @@ from __future__ import annotations
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-QUIET = (
-    "--headless",
+ALONE = (
     "--no-sandbox",
     "--disable-gpu",
     "--disable-quic",
@@ -20,9 +20,18 @@ QUIET = (
     "--disable-sync",
     # Nothing but the file itself can be reached: every name resolves to nowhere.
     "--host-resolver-rules=MAP * ~NOTFOUND",
-    "--enable-logging=stderr",
-    "--virtual-time-budget=10000",
 )
+QUIET = ("--headless", *ALONE, "--enable-logging=stderr", "--virtual-time-budget=10000")
+LONGEST_MS = 120_000
+DRAWN = 'document.documentElement.dataset.pictures === "drawn"'
+
+SETTLED = """
+  const settled = async () => {
+    const frame = () => new Promise((done) => requestAnimationFrame(done));
+    do { await frame(); await frame(); } while (document.documentElement.dataset.pictures === "drawing");
+  };
+"""
+"""For a script: ``await settled()`` returns when what was pressed or opened is drawn."""
 
 
 def browser() -> str:
@@ -40,3 +49,26 @@ def dump(chromium: str, html: str, folder: Path) -> tuple[str, list[str]]:
     command = [chromium, *QUIET, f"--user-data-dir={folder / 'profile'}", "--dump-dom", file.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, check=True)
     return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def asked(chromium: str, html: str, folder: Path, script: str, *, ready: str = DRAWN) -> tuple[Any, list[str]]:
+    """What a script answers on a page that is ``ready``, and all that the page wrote to the console.
+
+    However slow the machine is, the script waits for the page; the page's own policy holds, and the script, which comes
+    from outside, needs no exception from it.
+    """
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    file = folder / "page.html"
+    file.write_text(html, encoding="utf-8")
+    told: list[str] = []
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=chromium, args=list(ALONE))
+        page = opened.new_page()
+        page.set_default_timeout(LONGEST_MS)
+        page.on("console", lambda message: told.append(message.text))
+        page.on("pageerror", lambda error: told.append(str(error)))
+        page.goto(file.as_uri())
+        page.wait_for_function(ready)
+        answer = page.evaluate(script)
+        opened.close()
+    return answer, told

@@ -2,54 +2,46 @@
 
 from __future__ import annotations
 
-import html as markup
 import json
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.browser.chromium import dump
+from tests.browser.chromium import SETTLED, asked, dump
 from tests.unit.report.response_sample import responses
 from tests.unit.report.sample import HOSTILE
 
-from rotorid.report.frame import Picture, policy
+from rotorid.report.frame import Picture
 from rotorid.report.response import bands_picture, loop_pictures, render_responses, response_pictures, window_pictures
 
-PROBE = """
-document.documentElement.dataset.probe = "waiting";
-setTimeout(async () => {
+PROBE = (
+    f"async () => {{{SETTLED}"
+    + """
   for (const value of %s) document.querySelector(`button[value="${value}"]`).click();
   const before = Array.from(document.querySelectorAll("details [data-picture]"), (place) => Boolean(place.data));
   for (const details of document.querySelectorAll("details")) details.open = true;
-  await new Promise((done) => setTimeout(done, 2500));
+  await settled();
   const seen = (place) => [place.dataset.picture, {
     data: place.data.map(({ name, x, y, text }) => ({ name, x, y, text })),
     title: place.layout.xaxis.title.text,
     fits: Math.abs(place.clientWidth - place._fullLayout.width) < 2,
   }];
-  document.documentElement.dataset.probe = JSON.stringify({
+  return {
     before,
     pictures: Object.fromEntries(Array.from(document.querySelectorAll("[data-picture]"), seen)),
     pressed: Array.from(document.querySelectorAll('[aria-pressed="true"]'), (one) => one.value),
-  });
-}, 1500);
+  };
+}
 """
+)
 
 
 def probed(chromium: str, folder: Path, buttons: list[str]) -> dict[str, Any]:
-    """What the page shows after buttons were pressed, with the policy widened for the probe alone."""
-    html, script = render_responses(responses(), title="t"), PROBE % json.dumps(buttons)
-    digest = r"sha256-[A-Za-z0-9+/=]+"
-    (added,) = re.findall(digest, policy(script))
-    *_, last = re.findall(digest, html.partition("</head>")[0])
-    html = html.replace(last, f"{last}&#39; &#39;{added}", 1)
-    html = html.replace("</body>", f"<script>{script}</script></body>", 1)
-    elements, console = dump(chromium, html, folder)
+    """What the page shows after buttons were pressed."""
+    answer: dict[str, Any]
+    answer, console = asked(chromium, render_responses(responses(), title="t"), folder, PROBE % json.dumps(buttons))
     assert console == []
-    (found,) = re.findall(r'data-probe="([^"]*)"', elements)
-    answer: dict[str, Any] = json.loads(markup.unescape(found))
     return answer
 
 

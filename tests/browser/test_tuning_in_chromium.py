@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import html as markup
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.browser.chromium import dump
+from tests.browser.chromium import SETTLED, asked
 
 from rotorid.models.autopilots import axis_controller
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal, _loops, _responses
-from rotorid.report.frame import policy
 from rotorid.report.tune import render_tune
 from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures, propose, uncertain_plant
 
-PROBE = """
-document.documentElement.dataset.probe = "waiting";
-setTimeout(() => {
+READY = 'document.documentElement.dataset.sliders === "ready"'
+PROBE = (
+    f"async () => {{{SETTLED}"
+    + """
   const place = document.querySelector("[data-axis]");
   place.open = true;
   const told = () => Object.fromEntries(
@@ -29,12 +27,13 @@ setTimeout(() => {
   const slider = place.querySelector("input[name=P]");
   slider.value = 1.5 * Number(slider.value);
   slider.dispatchEvent(new Event("input"));
+  await settled();
   const after = told();
-  const steps = place.querySelector("[data-step]").data.map((line) => Array.from(line.y));
-  document.documentElement.dataset.probe = JSON.stringify({
-    before, after, steps, p: Number(slider.value), ready: document.documentElement.dataset.sliders });
-}, 2500);
+  const steps = place.querySelector("[data-picture]").data.map((line) => Array.from(line.y));
+  return { before, after, steps, p: Number(slider.value) };
+}
 """
+)
 PARAMETERS = {
     "MC_ROLLRATE_P": 0.1,
     "MC_ROLLRATE_I": 0.15,
@@ -93,17 +92,8 @@ def number(text: str) -> float:
 
 def test_sliders_show_what_python_says(chromium: str, tmp_path: Path) -> None:
     proposal = proposed()
-    html = render_tune(proposal, title="t")
-    digest = r"sha256-[A-Za-z0-9+/=]+"
-    (added,) = re.findall(digest, policy(PROBE))
-    *_, last = re.findall(digest, html.partition("</head>")[0])
-    html = html.replace(last, f"{last}&#39; &#39;{added}", 1)
-    html = html.replace("</body>", f"<script>{PROBE}</script></body>", 1)
-    shown, said = dump(chromium, html, tmp_path)
-    (found,) = re.findall(r'data-probe="([^"]*)"', shown)
-    seen = json.loads(markup.unescape(found))
+    seen, said = asked(chromium, render_tune(proposal, title="t"), tmp_path, PROBE, ready=READY)
     assert said == []
-    assert seen["ready"] == "ready"
     one = proposal.axes["roll"]
     gains = one.proposal.proposed.gains
     nominal = one.plant.response(one.omega_rad_s)

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import html as markup
-import json
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.browser.chromium import dump
+from tests.browser.chromium import SETTLED, asked
 from tests.unit.report.sample import identification
 
-from rotorid.report.frame import policy
 from rotorid.report.identification import render_sections, section
 from rotorid.report.parts import Shown
 
-PROBE = """
-document.documentElement.dataset.probe = "waiting";
-setTimeout(async () => {
+PROBE = (
+    f"async () => {{{SETTLED}"
+    + """
   const find = (value) => document.querySelector(`button[value="${value}"]`);
   const places = Array.from(document.querySelectorAll("[data-picture]"));
   const place = places.find((one) => one.dataset.picture.includes("response"));
   const before = places.map((one) => one.data.map((trace) => trace.x.length));
   %s
-  await new Promise((done) => setTimeout(done, 1500));
+  await settled();
   const kept = places.map((one) => one.data.map((trace) => trace.x.length));
-  document.documentElement.dataset.probe = JSON.stringify({
+  return {
     data: place.data.map(({ name, x, y, customdata, hovertemplate, visible }) =>
       ({ name, x, y, customdata, hovertemplate, visible })),
     title: place.layout.xaxis.title.text,
@@ -36,23 +32,17 @@ setTimeout(async () => {
     reachable: Array.from(document.querySelectorAll("button[data-unit]"), (one) => one.tabIndex),
     visible: find("Hz").checkVisibility(),
     same: JSON.stringify(before) === JSON.stringify(kept),
-  });
-}, 1500);
+  };
+}
 """
+)
 
 
 def probed(chromium: str, folder: Path, identified: Shown, action: str) -> dict[str, Any]:
-    """What the page holds after an action, with the policy widened for the probe alone."""
-    html, script = render_sections([identified], title="t"), PROBE % action
-    digest = r"sha256-[A-Za-z0-9+/=]+"
-    (added,) = re.findall(digest, policy(script))
-    *_, last = re.findall(digest, html.partition("</head>")[0])
-    html = html.replace(last, f"{last}&#39; &#39;{added}", 1)
-    html = html.replace("</body>", f"<script>{script}</script></body>", 1)
-    elements, console = dump(chromium, html, folder)
+    """What the page holds after an action."""
+    answer: dict[str, Any]
+    answer, console = asked(chromium, render_sections([identified], title="t"), folder, PROBE % action)
     assert console == []
-    (found,) = re.findall(r'data-probe="([^"]*)"', elements)
-    answer: dict[str, Any] = json.loads(markup.unescape(found))
     return answer
 
 
@@ -92,7 +82,7 @@ def test_other_pictures_stay_and_hidden_curves_stay_hidden(chromium: str, tmp_pa
     hide = """
       const entry = place.querySelector(".legendtoggle");
       for (const kind of ["mousedown", "mouseup"]) entry.dispatchEvent(new MouseEvent(kind, { bubbles: true }));
-      await new Promise((done) => setTimeout(done, 800));
+      await new Promise((done) => setTimeout(done, 800));  // A click is one when no second follows.
     """
     shown = probed(chromium, tmp_path, identification(), f"{hide} find('Hz').click();")
     assert shown["same"]

@@ -100,11 +100,13 @@ const rotorid = (() => {
   // In closed details a picture has no width yet; it is drawn when they open.
   const all = (part = document) => Array.from(part.querySelectorAll("[data-picture]"));
   const ready = (place) => pictures[place.dataset.picture] && !place.closest("details:not([open]), [hidden]");
-  const redraw = (places = all()) =>
-    draw(places.filter(ready)).then(
+  const redraw = (places = all()) => {
+    root.dataset.pictures = "drawing";
+    return draw(places.filter(ready)).then(
       () => { root.dataset.pictures = "drawn"; },
       (error) => { root.dataset.pictures = `failed: ${error}`; },
     );
+  };
 
   const press = () => {
     for (const button of switches) {
