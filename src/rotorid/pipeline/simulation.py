@@ -270,9 +270,10 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
 
     About level flight where it flew at one speed; without derivatives where the speed changed.
 
-    A delay is that of the path plus half a tick, for which commands are held on average; the filters of the autopilot's
-    rates come on top. Rotors without lag push at once: the accelerometer shows their thrust at the first tick after the
-    delay of the path.
+    A delay is that of the path plus half a tick, for which commands are held on average, and with ArduPilot another
+    half for rates, which its log has as means over a turn of the loop. Filters come on top where the log has rates and
+    accelerations behind them. Rotors without lag push at once: the accelerometer shows their thrust at the first tick
+    after the delay of the path.
     """
     first, last = speed_m_s
     derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=first) if first == last else {}
@@ -280,6 +281,8 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
     held_s = 0.5 / craft.autopilot.rate_hz
     delays = dict(zip(("roll", "pitch", "yaw", "thrust"), craft.autopilot.delay_s, strict=True))
     values = derivatives | {f"tau_{axis}": delay_s + held_s for axis, delay_s in delays.items()}
+    if craft.autopilot.kind == "ardupilot":
+        values |= {name: values[name] + held_s for name in ("tau_roll", "tau_pitch", "tau_yaw")}
     if not craft.vehicle.rotors.lag_up_s:
         rate_hz = craft.autopilot.rate_hz
         values["tau_thrust"] = (math.floor(delays["thrust"] * rate_hz + _NOTICED) + 1) / rate_hz

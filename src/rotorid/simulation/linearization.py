@@ -277,7 +277,8 @@ def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot, *, airspeed_
     r"""Stability and control derivatives in hover or level flight, by the names of the hover models, ``X_u`` and so on.
 
     Per mass and inertia, in SI units and radians, commands of one. The control derivatives are those of steady rotors:
-    lag and delay come on top. All sixty are given, those that symmetry makes zero too. They are of the forces alone:
+    lag and delay come on top. All sixty are given, those that symmetry makes zero too, and ``N_spin``, by which the
+    vehicle turns when its rotors have followed a step of the yaw command. They are of the forces alone:
     the terms of :math:`\omega \times v_0` that :func:`linearize` holds at speed are taken off, as the hover models hold
     them by their constants ``U0`` and ``W0``.
 
@@ -309,11 +310,13 @@ def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot, *, airspeed_
     turned[:3, 3:] = [[0.0, -w, v], [w, 0.0, -u], [-v, u, 0.0]]
     table = np.hstack([system.F[:rows, :rows] - turned, control])
     columns = MOTION[:rows] + AXES
+    rotors = vehicle.rotors
+    lag_s = 0.5 * (rotors.lag_up_s + (rotors.lag_down_s or rotors.lag_up_s))
     return {
         f"{letter}_{column}": float(table[row, place])
         for row, letter in enumerate(FORCES_AND_MOMENTS)
         for place, column in enumerate(columns)
-    }
+    } | {"N_spin": lag_s * float(system.G[FORCES_AND_MOMENTS.index("N"), AXES.index("yaw")])}
 
 
 def _slopes(trim: Trim, body: Body) -> FloatArray:

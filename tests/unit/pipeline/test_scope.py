@@ -40,7 +40,7 @@ def test_all_that_was_excited_and_measured_stays() -> None:
 
 def test_an_input_without_excitation_goes_with_its_parameters_and_a_finding() -> None:
     scope = scoped(LATERAL, sweeps(ONE_RATE, ["roll"]), [ONE_RATE], IdentifySettings())
-    gone = {"L_yaw", "N_yaw", "Y_yaw", "tau_yaw"}
+    gone = {"L_yaw", "N_yaw", "N_spin", "Y_yaw", "tau_yaw"}
     assert scope.structure.inputs == ("roll_command",)
     assert set(LATERAL.parameters.names) - set(scope.structure.parameters.names) == gone
     # Its motors would stay at rest.

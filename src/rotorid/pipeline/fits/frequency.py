@@ -49,6 +49,7 @@ from rotorid.fitting.frequency.problem import (
 )
 from rotorid.fitting.frequency.screening import (
     LOWEST_TOP_RAD_S,
+    SPEED_MODES,
     UnseenCoupling,
     above_speed_modes,
     is_coupling,
@@ -757,7 +758,7 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
     fitted, reasons = _with_reasons(problem, measured, settings)
     if not reasons:
         return fitted
-    if problem.structure.name in RATE_AXES and settings.band_rad_s is None:
+    if problem.structure.name in SPEED_MODES and settings.band_rad_s is None:
 
         def tried(part: FrequencyProblem) -> tuple[FrequencyFit, float]:
             found, against = _with_reasons(part, measured, settings)
@@ -778,8 +779,12 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
 def _with_reasons(
     problem: FrequencyProblem, measured: Measured, settings: IdentifySettings
 ) -> tuple[FrequencyFit, list[Finding]]:
-    """The fit without responses that the structure cannot follow, and what speaks against it all the same."""
-    fitted = fit_with_bounds(problem, measured, settings)
+    """The fit without responses that the structure cannot follow, and what speaks against it all the same.
+
+    What is left out is decided with all parameters: a model that was reduced to follow such a response follows none.
+    """
+    whole = replace(settings, reduce=False)
+    fitted = fit_with_bounds(problem, measured, whole)
     main, left_out = _main_pairs(problem), list[Finding]()
     may_go = int(np.count_nonzero(problem.used.any(axis=-1)) * _LEFT_OUT_SHARE)
     while beside := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
@@ -790,6 +795,8 @@ def _with_reasons(
             used[place] = False
             left_out.append(replace(finding, message=f"{finding.message} It was left out."))
         problem = replace(problem, used=used)
+        fitted = fit_with_bounds(problem, measured, whole)
+    if settings.reduce:
         fitted = fit_with_bounds(problem, measured, settings)
     fitted = replace(fitted, findings=(*left_out, *fitted.findings))
     poor = _poor_pairs(fitted)
