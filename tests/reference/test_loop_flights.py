@@ -166,8 +166,8 @@ def test_px4_plant_with_its_gains_makes_the_rate_loop(
     crossover = math.exp(np.interp(0.0, -np.log(np.abs(exact)), np.log(loop.omega_rad_s)))
     phase_margin = math.pi + np.interp(crossover, loop.omega_rad_s, np.unwrap(np.angle(exact)))
     (found,) = margins.gain_crossovers
-    assert found.omega_rad_s.value == pytest.approx(crossover, rel=0.03)
-    assert found.phase_margin_rad.value == pytest.approx(phase_margin, abs=math.radians(2.0))
+    assert abs(found.omega_rad_s.value - crossover) < 2.0 * found.omega_rad_s.std
+    assert abs(found.phase_margin_rad.value - phase_margin) < 2.0 * found.phase_margin_rad.std
     assert margins.gain_margin_up is None
 
 
@@ -219,7 +219,7 @@ def test_px4_attitude_bandwidth_is_that_of_its_loops_behind_a_late_stick(unpacke
     # Sticks come at 100 Hz: up to two of their periods are lost before the loops see them. One delay explains it all.
     late_s = brentq(lambda d: px4_attitude(controller, d)[0] - quality.omega_180_rad_s.value, 0.0, 0.020)
     _, bandwidth, delay_s = px4_attitude(controller, late_s)
-    assert quality.phase_bandwidth_rad_s.value == pytest.approx(bandwidth, rel=0.03)
+    assert abs(quality.phase_bandwidth_rad_s.value - bandwidth) < 2.0 * quality.phase_bandwidth_rad_s.std
     assert abs(quality.phase_delay_s.value - delay_s) < 3.0 * quality.phase_delay_s.std
     assert quality.fitted_phase_delay_s is not None
     assert quality.fitted_phase_delay_s.value == pytest.approx(quality.phase_delay_s.value, rel=0.1)
