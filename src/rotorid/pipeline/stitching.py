@@ -459,7 +459,7 @@ def _through(
     for axis in _FLOWN:
         found = flying.loop(axis, history, lambda rows: rows)
         if found is None:
-            raise _unflown(record, no_controller(record.source.name, [axis]))
+            raise _unflown(record, no_controller(flying, [axis]))
         loop, setpoint, alone = found
         if alone.tic > GOOD_TIC:
             findings.append(other_controller(record.source.name, axis, setpoint, alone))

@@ -56,6 +56,12 @@ _LOOP_NUMBERS: Mapping[str, tuple[str, str, float]] = {
 }
 """Words, unit and factor of what a loop shows, in the order of the table; a factor of zero asks for decibels."""
 
+_LARGEST = {
+    "modulus_omega_rad_s": "modulus_margin",
+    "disturbance_rejection_peak_omega_rad_s": "disturbance_rejection_peak",
+}
+"""Of a place, what lies there."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairRow:
@@ -171,8 +177,8 @@ def unseen(loop: AxisLoop | LoopDocument) -> tuple[Unseen, ...]:
     """What was not seen of a loop: one entry for each reason."""
     reasons: dict[str, list[str]] = {}
     for name in _LOOP_NUMBERS:
-        if name in loop.not_seen and name not in loop.bounds:
-            # A peak and the place of it are missed together.
+        if name in loop.not_seen and not {name, _LARGEST.get(name)} & set(loop.bounds):
+            # A peak and the place of it are missed together, or bounded together.
             words = _LOOP_NUMBERS[name][0].removesuffix(" at").lower()
             reasons.setdefault(loop.not_seen[name], []).append(words)
     return tuple(

@@ -13,7 +13,7 @@ from rotorid.documents.verify import verify_document
 from rotorid.errors import UsageError
 from rotorid.models.controller import RateController
 from rotorid.models.library import rate_model
-from rotorid.pipeline.checking.candidate import Controllers, GivenController, read_controllers
+from rotorid.pipeline.checking.candidate import Controllers, GivenController, no_controller, read_controllers
 from rotorid.pipeline.checking.maneuvers import with_known_delays, with_known_filters
 from rotorid.pipeline.settings import VerifySettings
 from rotorid.pipeline.verification import verify
@@ -82,6 +82,13 @@ def test_without_gains_a_finding_says_what_to_give(doublets: FlightRecord) -> No
     verified = verify(candidate(), [doublets])
     assert "no_controller" in kinds(verified)
     assert all(one.closed_loop is None for one in verify_document(verified).maneuvers)
+
+
+def test_what_is_missing_of_a_controller_is_said() -> None:
+    known = Controllers(record=EMPTY, given={"roll": GivenController(controller=ROLL)})
+    assert "holds no gains of the pitch controller" in no_controller(known, ["pitch"]).message
+    driven = no_controller(known, ["roll"]).message
+    assert "holds the gains of the roll controller and not what drives it, phi_setpoint or p_setpoint" in driven
 
 
 def test_with_gains_the_model_flies_in_closed_loop(doublets: FlightRecord) -> None:

@@ -13,7 +13,7 @@ from tests.unit.report.response_sample import CROSSOVER_RAD_S, DELAY_S, HOLLOW, 
 from tests.unit.report.sample import HOSTILE
 
 from rotorid.data.response import Estimate
-from rotorid.documents.response import EstimatedDocument, LoopDocument
+from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument
 from rotorid.report.frame import significant, with_error
 from rotorid.report.response import loop_rows, pair_rows, render_responses, unseen
 from rotorid.report.words import response_summary
@@ -87,6 +87,13 @@ def test_what_was_missed_for_one_reason_is_told_once() -> None:
     names = ("modulus_margin", "modulus_omega_rad_s", "disturbance_rejection_peak")
     (entry,) = unseen(LoopDocument(method="", not_seen=dict.fromkeys(names, reason)))
     assert (entry.words, entry.reason) == ("Modulus margin, disturbance-rejection peak", reason)
+
+
+def test_a_peak_at_the_end_of_a_band_is_bounded_and_not_missed() -> None:
+    peak = "disturbance_rejection_peak"
+    bound = BoundDocument(value=2.7, std=0.1, omega_rad_s=119.0, at_least=True)
+    missed = dict.fromkeys((peak, f"{peak}_omega_rad_s"), "no peak in 1 to 119 rad/s")
+    assert unseen(LoopDocument(method="", not_seen=missed, bounds={peak: bound})) == ()
 
 
 def test_a_factor_is_shown_in_decibels() -> None:

@@ -232,16 +232,27 @@ def _excitation(axis: Axis, history: TimeHistory) -> np.ndarray:
     return np.zeros(history.values.shape[1])
 
 
-def no_controller(record: str, axes: Sequence[Axis]) -> Finding:
-    """The remark that a log holds no gains."""
+def no_controller(controllers: Controllers, axes: Sequence[Axis]) -> Finding:
+    """The remark that a log holds no gains, or gains and nothing that drives them."""
+    record, whose = controllers.record.source.name, " and ".join(axes)
+    known = {axis: found for axis in axes if (found := controllers.of(axis)) is not None}
     table = f"[{axes[0]}]"
-    return remark(
-        "no_controller",
-        record,
-        f"Not flown in closed loop: {record} holds no gains or no set-point of the {' and '.join(axes)} "
-        f"controller. Give rotorid verify a --controller FILE.toml with a table {table} of proportional_s, "
-        "integral, derivative_s2, angle_1_s and, where it is no standard one, the setpoint that drives it.",
-    )
+    if len(known) < len(axes):
+        message = (
+            f"Not flown in closed loop: {record} holds no gains of the {whose} controller. Give rotorid verify a "
+            f"--controller FILE.toml with a table {table} of proportional_s, integral, derivative_s2, angle_1_s and, "
+            "where it is no standard one, the setpoint that drives it."
+        )
+    else:
+        drives = " or ".join(
+            dict.fromkeys(name for axis, found in known.items() for name, _ in _setpoints(axis, found))
+        )
+        message = (
+            f"Not flown in closed loop: {record} holds the gains of the {whose} controller and not what drives it, "
+            f"{drives}. Log that set-point, or name another channel as setpoint in the table {table} of a --controller "
+            "FILE.toml."
+        )
+    return remark("no_controller", record, message)
 
 
 def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores) -> Finding:

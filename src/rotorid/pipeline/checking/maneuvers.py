@@ -218,7 +218,7 @@ def fly_maneuver(
     found = {axis: item for axis, item in tried.items() if item is not None}
     record = controllers.record.source.name
     if maneuver.axis not in found:
-        return None, (no_controller(record, own),)
+        return None, (no_controller(controllers, own),)
     _, setpoint, scores = found[maneuver.axis]
     if scores.tic > GOOD_TIC:
         return None, (other_controller(record, maneuver.axis, setpoint, scores),)
