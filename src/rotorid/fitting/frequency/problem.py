@@ -624,12 +624,16 @@ class FrequencyProblem(Problem):
         return replace(shapes, known=np.concatenate([shapes.known, self._displaced(theta)[:, None]], axis=1))
 
     def _displaced(self, theta: FloatArray) -> FloatArray:
-        """What an accelerometer beside the center of gravity does to the residuals, shape ``(2 n,)``."""
+        """What an accelerometer beside the center of gravity does to the residuals, to first order, shape ``(2 n,)``.
+
+        To first order, because the derivatives by which the fit follows it are: the logarithm of what a centimeter adds
+        to a small force is none of their combinations, and would be laid on parameters that have no part in it.
+        """
         values, omega = self.parameters.unpack(theta).values, self.points.omega_rad_s
         moved = self.structure.with_constants({_PLACE: ACCELEROMETER_PLACE_M})
         index = (self.points.output, self.points.input, self.points.frequency)
         there, here = (structure.response(values, omega)[index] for structure in (moved, self.structure))
-        return _weighted(np.nan_to_num(log_error(there, here)), *self.point_scales)
+        return _weighted(np.divide(there - here, here, out=np.zeros_like(here), where=here != 0.0), *self.point_scales)
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals whose squares sum to the weighted cost, shape ``(2 n,)``, and their Jacobian ``(2 n, p)``.
