@@ -128,10 +128,15 @@ def is_known(case: Case, name: str, truth: float) -> bool:
     return not (case.weather == "wind" and truth == 0.0)
 
 
+def is_judged(vehicle: str, family: str) -> bool:
+    """Whether the models of a kind can be right for a vehicle at all."""
+    return (vehicle, family) != ("s500", "rate")
+
+
 def cases_of(vehicle: str, weather: str, seed: int) -> Iterator[Case]:
     """Every identification of one flight."""
     for model in (*RATE, *AXIS, *HOVER, MOTORS):
-        if (vehicle, model.partition(".")[0]) != ("s500", "rate"):
+        if is_judged(vehicle, model.partition(".")[0]):
             yield Case(vehicle, weather, seed, model, reduced=False)
     for model in HOVER:
         yield Case(vehicle, weather, seed, model, reduced=True)
@@ -181,12 +186,25 @@ class Study(NamedTuple):
     dropped: list[Dropped]
     flights: frozenset[tuple[str, str, int]]
 
-    def of(self, vehicle: str, family: str, *, reduced: bool = False) -> list[Judged]:
+    def of(self, vehicle: str, family: str, reduced: bool = False) -> list[Judged]:
         return [
             row
             for row in self.judged
             if (row.case.vehicle, row.case.family, row.case.reduced) == (vehicle, family, reduced)
         ]
+
+    def refusals(self, vehicle: str, family: str, reduced: bool = False) -> list[Refused]:
+        return [
+            row
+            for row in self.refused
+            if (row.case.vehicle, row.case.family, row.case.reduced) == (vehicle, family, reduced)
+        ]
+
+    def share_refused(self, vehicle: str, family: str, reduced: bool = False) -> float:
+        """Of the identifications of a vehicle by models of a kind."""
+        flights = sum(flight[0] == vehicle for flight in self.flights)
+        models = {"rate": RATE, "axis": AXIS, "hover": HOVER, "physical": (MOTORS,)}[family]
+        return len(self.refusals(vehicle, family, reduced)) / (flights * len(models))
 
 
 def held(rows: Sequence[Judged]) -> float:
@@ -264,14 +282,10 @@ def table(found: Study) -> Iterator[str]:
     for vehicle in dict.fromkeys(vehicle for vehicle, _, _ in sorted(found.flights)):
         flown = sum(flight[0] == vehicle for flight in found.flights)
         for family, reduced in (*((family, False) for family in FAMILIES), ("hover", True)):
-            rows = found.of(vehicle, family, reduced=reduced)
+            rows = found.of(vehicle, family, reduced)
             if not rows:
                 continue
-            refused = [
-                row
-                for row in found.refused
-                if (row.case.vehicle, row.case.family, row.case.reduced) == (vehicle, family, reduced)
-            ]
+            refused = 100.0 * found.share_refused(vehicle, family, reduced)
             misses = [
                 f"{model} {name} {100.0 * held(of):.0f} %"
                 for (model, name), of in by_parameter(rows).items()
@@ -279,7 +293,7 @@ def table(found: Study) -> Iterator[str]:
             ]
             label = f"{family}{', reduced' if reduced else ''}"
             yield (
-                f"| {vehicle} | {label} | {flown} | {len(refused)} | {100.0 * held(rows):.1f} % | {size(rows):.2f} "
+                f"| {vehicle} | {label} | {flown} | {refused:.0f} % | {100.0 * held(rows):.1f} % | {size(rows):.2f} "
                 f"| {width(rows):.1f} | {'; '.join(misses)} |"
             )
 

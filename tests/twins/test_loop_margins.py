@@ -202,6 +202,7 @@ def test_margins_intervals_cover_over_two_hundred_flights() -> None:
     for name, z in deviations([by_injection(seed) for seed in range(1000, 1200)]).items():
         # 95 % are seen with a scatter of 1.5 %; three of those, and the few percent of estimator and linearization.
         assert np.mean(np.abs(z) < 1.96) >= 0.95 - 3.0 * 0.015 - 0.02, name
+        assert 0.7 <= np.sqrt(np.mean(z**2)) <= 1.3, name
 
 
 def by_error(seed: int, of_setpoint: FloatArray = PID) -> FrequencyResponse:
