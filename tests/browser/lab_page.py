@@ -13,21 +13,26 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.browser.chromium import browser
+from tests.unit.cli.commands import rotorid
 
+TOKEN = "oneWordForEveryPageOfTheseTests"
 WIDTH, HEIGHT = 1300, 900
 ENDED = ":is([data-state=done],[data-state=refused],[data-state=failed],[data-state=canceled])"
 
 
 @contextmanager
-def serving(*given: str | Path, private: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """A lab with its address; its private folder lies in ``private`` and is gone afterwards."""
-    environment = {**os.environ, "TMPDIR": str(private)}
+def serving(*given: str | Path, private: Path, token: str = "") -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A lab with its address; its private folder lies in ``private`` and is gone afterwards.
+
+    With a token every browser may come in that knows it, without one the first alone.
+    """
+    environment = {**os.environ, "TMPDIR": str(private)} | ({"ROTORID_LAB_TOKEN": token} if token else {})
     command = [sys.executable, "-m", "rotorid", "lab", "--no-browser", *map(str, given)]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     try:
@@ -163,15 +168,20 @@ class LabPage:
 
 
 def example_log(factory: pytest.TempPathFactory) -> Path:
-    """A simulated log, flown once for all tests."""
+    """The example of PX4, with two axes and half as long; flown once for all tests."""
+    from rotorid.pipeline.examples import example_named
+    from rotorid.report.files import write_simulation
+
     folder = factory.getbasetemp() / "lab-example"
-    if not (folder / "flight.ulg").is_file():
-        subprocess.run(
-            [sys.executable, "-m", "rotorid", "example", "px4", "--out", str(folder), "--quiet"],
-            check=True,
-            timeout=300,
-        )
-    return folder / "flight.ulg"
+    log = folder / "flight.ulg"
+    if not log.is_file():
+        whole = example_named("px4")
+        axes = ("roll", "pitch")
+        sweeps, doublets = ({axis: sizes[axis] for axis in axes} for sizes in (whole.sweeps, whole.doublets))
+        folder.mkdir()
+        half = replace(whole, sweeps=sweeps, doublets=doublets, duration_s=20.0)
+        write_simulation(folder, half.choices(), command="example")
+    return log
 
 
 @contextmanager
@@ -198,7 +208,6 @@ def at_terminal(words: Sequence[str], *, out: Path) -> str:
     """Standard output of a command with another place for its results."""
     command = list(words)
     command[command.index("--out") + 1] = str(out)
-    done = subprocess.run(
-        [sys.executable, "-m", "rotorid", *command, "--json", "--quiet"], capture_output=True, text=True, check=True
-    )
-    return done.stdout
+    ran = rotorid(*command, "--json", "--quiet")
+    assert ran.code == 0, ran.err
+    return ran.out

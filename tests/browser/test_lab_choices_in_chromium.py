@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.browser.lab_page import LabPage, chromium, example_log, opened, serving
+from tests.browser.lab_page import TOKEN, LabPage, chromium, example_log, opened, serving
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
@@ -59,6 +59,21 @@ def lab(shared_browser: Any, tmp_path: Path, folder: Path) -> Iterator[LabPage]:
     private.mkdir()
     with serving(folder, private=private) as (address, _), opened(shared_browser, address) as lab:
         lab.page.click("#choices-of-folder button:text-is('flight.ulg')")
+        lab.wait_for_tracks()
+        yield lab
+
+
+@pytest.fixture(scope="module")
+def served(example: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a lab that shows the example to everybody, and carries nothing out."""
+    with serving(example, private=tmp_path_factory.mktemp("private"), token=TOKEN) as (address, _):
+        yield address
+
+
+@pytest.fixture
+def looking(shared_browser: Any, served: str) -> Iterator[LabPage]:
+    """A page of its own, in the lab where nothing is carried out."""
+    with opened(shared_browser, served) as lab:
         lab.wait_for_tracks()
         yield lab
 
@@ -127,8 +142,8 @@ def test_choices_stay_with_their_logs(shared_browser: Any, tmp_path: Path, folde
                 assert segments(lab) == []
 
 
-def test_a_click_moves_no_edge(lab: LabPage) -> None:
-    page = lab.page
+def test_a_click_moves_no_edge(looking: LabPage) -> None:
+    lab, page = looking, looking.page
     whole = lab.view()
     lab.brush(50.0, 80.0)
     (one,) = lab.choices()["segments"]
@@ -161,8 +176,8 @@ def test_a_click_moves_no_edge(lab: LabPage) -> None:
     assert lab.choices()["segments"] == []
 
 
-def test_keys_and_focus(lab: LabPage) -> None:
-    page = lab.page
+def test_keys_and_focus(looking: LabPage) -> None:
+    lab, page = looking, looking.page
     started: list[str] = []
     page.route("**/api/steps", lambda route: (started.append(route.request.post_data), route.fulfill(json={"step": 1})))
     # A key that is held says the same again: one command is meant.
@@ -190,8 +205,8 @@ def test_keys_and_focus(lab: LabPage) -> None:
     assert focused(lab).endswith(": " + lab.choices()["model"])
 
 
-def test_a_segment_that_ends_before_it_starts_is_refused(lab: LabPage) -> None:
-    page = lab.page
+def test_a_segment_that_ends_before_it_starts_is_refused(looking: LabPage) -> None:
+    lab, page = looking, looking.page
     page.keyboard.press("s")
     (one,) = lab.choices()["segments"]
     lab.fill("#segments input >> nth=0", str(one["stop_s"] + 1.0))
@@ -200,8 +215,8 @@ def test_a_segment_that_ends_before_it_starts_is_refused(lab: LabPage) -> None:
     assert float(page.input_value("#segments input >> nth=0")) == pytest.approx(one["start_s"], abs=1e-3)
 
 
-def test_commands_are_those_of_what_is_chosen(lab: LabPage) -> None:
-    page = lab.page
+def test_commands_are_those_of_what_is_chosen(looking: LabPage) -> None:
+    lab, page = looking, looking.page
     # Each button has its command; a response has the channels of the model that is chosen.
     lab.fill("#model", "rate.pitch")
     lab.until("document.querySelector('#inputs').placeholder.includes('pitch_command')")
@@ -314,20 +329,17 @@ def test_nothing_waits_for_a_list(shared_browser: Any, tmp_path: Path, folder: P
         context.close()
 
 
-def test_what_is_drawn_and_let_go(shared_browser: Any, tmp_path: Path, example: Path) -> None:
+def test_what_is_drawn_and_let_go(shared_browser: Any, served: str) -> None:
     """Labels of bands stand in them at the first drawing too, before the plot's own axes align words their way."""
-    private = tmp_path / "private"
-    private.mkdir()
-    with serving(example, private=private) as (address, _):
-        context = shared_browser.new_context()
-        context.add_init_script(DRAWN_WORDS)
-        lab = LabPage(context.new_page())
-        lab.page.goto(address)
-        lab.wait_for_tracks()
-        drawn = lab.page.evaluate("window.drawn")
-        assert {align for text, align in drawn if text in ("roll", "pitch", "yaw", "thrust")} == {"left"}
-        # A track that is removed watches its place no more.
-        watching = lab.page.evaluate("window.watchers.size")
-        lab.page.click("#tracks .head button >> nth=0")
-        assert lab.page.evaluate("window.watchers.size") == watching - 1
-        context.close()
+    context = shared_browser.new_context()
+    context.add_init_script(DRAWN_WORDS)
+    lab = LabPage(context.new_page())
+    lab.page.goto(served)
+    lab.wait_for_tracks()
+    drawn = lab.page.evaluate("window.drawn")
+    assert {align for text, align in drawn if text in ("roll", "pitch")} == {"left"}
+    # A track that is removed watches its place no more.
+    watching = lab.page.evaluate("window.watchers.size")
+    lab.page.click("#tracks .head button >> nth=0")
+    assert lab.page.evaluate("window.watchers.size") == watching - 1
+    context.close()

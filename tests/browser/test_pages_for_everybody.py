@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +16,7 @@ from tests.browser.lab_page import chromium, violations
 from tests.browser.test_fleet_in_chromium import page_of
 from tests.browser.test_tuning_in_chromium import proposed
 from tests.fleet_logs import table_of
+from tests.unit.cli.commands import rotorid
 from tests.unit.pipeline.test_stitching import SPEEDS, both
 from tests.unit.report.hover_sample import hover_identification
 from tests.unit.report.made_reviews import made_review
@@ -94,8 +94,9 @@ class Pages:
         self.run("example", "px4", "--out", "example")
 
     def run(self, *words: str) -> None:
-        command = [sys.executable, "-m", "rotorid", *words, "--quiet"]
-        subprocess.run(command, cwd=self.place, check=True, timeout=300)
+        with contextlib.chdir(self.place):
+            ran = rotorid(*words, "--quiet")
+        assert ran.code == 0, ran.err
 
     def __getitem__(self, name: str) -> Path:
         folder = self.place / name
@@ -351,8 +352,8 @@ def test_folded_parts_are_not_printed_as_bare_headings(page: Any, tmp_path: Path
     assert page.locator("details.printed[open]").count() == 0
 
 
-def test_panels_of_a_history_keep_room_for_their_titles_on_paper(pages: Pages, page: Any) -> None:
-    shown(page, pages["identify"])
+def test_panels_of_a_history_keep_room_for_their_titles_on_paper(page: Any, tmp_path: Path) -> None:
+    shown(page, themed(render_sections([hover_identification()], title="t"), None, tmp_path))
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     gaps = page.evaluate("""
       Array.from(document.querySelectorAll("[data-picture]"))
@@ -370,7 +371,7 @@ def test_panels_of_a_history_keep_room_for_their_titles_on_paper(pages: Pages, p
 
 @pytest.mark.slow
 def test_the_page_of_the_demo_is_for_everybody(page: Any, tmp_path: Path) -> None:
-    subprocess.run([sys.executable, "-m", "rotorid", "demo", "--out", "demo", "--quiet"], cwd=tmp_path, check=True)
+    assert rotorid("demo", "--out", tmp_path / "demo", "--quiet").code == 0
     for width in (1300, 400):
         page.set_viewport_size({"width": width, "height": 900})
         shown(page, tmp_path / "demo" / "report.html")

@@ -28,7 +28,7 @@ from rotorid.io.ros.bag import RULES
 
 ROOT = Path(rotorid.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[2]
-HUNG_S, TOLD_S = 30.0, 5.0
+HUNG_S, TOLD_S = 30.0, 0.5
 """A linear pattern takes some milliseconds for the largest size, a quadratic one minutes, and one with two ways for a
 letter hours for the third: what has not ended by then hangs. A pattern that is to hang needs to be waited for less."""
 BOUNDED: Mapping[str, int] = MappingProxyType(
@@ -132,7 +132,8 @@ def hanging(cases: Sequence[Case], limit_s: float) -> dict[int, str]:
             child.stdin.write(pickle.dumps((begin, cases[begin:])))
             child.stdin.close()
             said = b""
-            while select.select([child.stdout], [], [], limit_s)[0]:
+            # The child itself has as long as it needs until it speaks.
+            while select.select([child.stdout], [], [], limit_s if said else HUNG_S)[0]:
                 more = os.read(child.stdout.fileno(), 1 << 16)
                 if not more:
                     break
