@@ -21,7 +21,9 @@ def escaped(text: str) -> str:
 
 def described(option: Any) -> str:
     """An option and its help."""
-    return f".TP\n.B {escaped(', '.join([*option.opts, *option.secondary_opts]))}\n{escaped(option.help or '')}\n"
+    taken = f" \\fI{escaped(option.metavar)}\\fR" if option.metavar else ""
+    names = ", ".join(escaped(name) + taken for name in (*option.opts, *option.secondary_opts))
+    return f".TP\n.B {names}\n{escaped(option.help or '')}\n"
 
 
 def man_page() -> str:

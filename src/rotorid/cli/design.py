@@ -14,7 +14,7 @@ from rotorid.cli.command import command_line, print_if_asked, target_of
 from rotorid.cli.console import print_findings, progress, tell
 from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
-from rotorid.cli.vehicles import LIKE_HELP, say_taken
+from rotorid.cli.vehicles import Like, say_taken
 from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
 
 if TYPE_CHECKING:
@@ -48,16 +48,7 @@ def design_command(
             "several results join. Repeatable.",
         ),
     ],
-    like: Annotated[
-        str | None,
-        typer.Option(
-            "--like",
-            metavar="NAME",
-            autocompletion=one_of(vehicle_names),
-            rich_help_panel="Vehicle and autopilot",
-            help=LIKE_HELP,
-        ),
-    ] = None,
+    like: Like = None,
     design: Annotated[dict[str, Any], DesignChoices],
     gains: Annotated[
         Path | None,

@@ -31,15 +31,28 @@ _MOST_LINES = 12
 def fleet_command(
     paths: Annotated[
         list[str],
-        typer.Argument(help="Logs, folders, patterns, archives, or addresses such as s3://bucket/logs."),
+        typer.Argument(
+            metavar="PATH...", help="Logs, folders, patterns, archives, or addresses such as s3://bucket/logs."
+        ),
     ],
     *,
     settings: FleetSettings,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", help="Let a Dask cluster do it: tcp://HOST:8786.", metavar="ADDRESS")
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            rich_help_panel="Work",
+            help="Let a Dask cluster do it: tcp://HOST:8786.",
+        ),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume/--again", help="Go on from what is in the folder, or do all logs again.")
+        bool,
+        typer.Option(
+            "--resume/--again",
+            rich_help_panel="Work",
+            help="Go on from what is in the folder, or do all logs again.",
+        ),
     ] = True,
     output: Annotated[Output, Only("out", "json", "quiet")],
     paper: Annotated[ForPaper, Only("pdf")],

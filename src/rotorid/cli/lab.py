@@ -15,9 +15,12 @@ def lab_command(
     ] = None,
     *,
     host: Annotated[
-        str, typer.Option("--host", help="Address of this machine to listen at; others than its own need a token.")
+        str,
+        typer.Option(
+            "--host", metavar="ADDRESS", help="Of this machine, to listen at; others than its own need a token."
+        ),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", help="0 takes any free one.", min=0, max=65535)] = 0,
+    port: Annotated[int, typer.Option("--port", metavar="NUMBER", help="0 takes any free one.", min=0, max=65535)] = 0,
     token: Annotated[
         str | None,
         typer.Option(

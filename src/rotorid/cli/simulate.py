@@ -13,7 +13,7 @@ from rotorid.cli.command import carry_out, command_line
 from rotorid.cli.console import default_folder, print_findings, progress
 from rotorid.cli.options import ForPaper, Map, Output, measured, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
-from rotorid.cli.vehicles import LIKE_HELP, say_taken
+from rotorid.cli.vehicles import Like, say_taken
 from rotorid.errors import UsageError
 from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices, plan_choices
 from rotorid.pipeline.settings import FlySettings, parse_segments
@@ -40,16 +40,7 @@ def simulate_command(
         ),
     ],
     *,
-    like: Annotated[
-        str | None,
-        typer.Option(
-            "--like",
-            metavar="NAME",
-            autocompletion=one_of(vehicle_names),
-            rich_help_panel="Vehicle and autopilot",
-            help=LIKE_HELP,
-        ),
-    ] = None,
+    like: Like = None,
     plan: Annotated[
         str | None,
         typer.Option(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_text
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
@@ -18,6 +18,16 @@ if TYPE_CHECKING:
 
 SCHEMA = "rotorid.vehicles/1"
 LIKE_HELP = "For results: a vehicle whose autopilot, sensors and missing numbers it has."
+Like: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--like",
+        metavar="NAME",
+        autocompletion=one_of(vehicle_names),
+        rich_help_panel="Vehicle and autopilot",
+        help=LIKE_HELP,
+    ),
+]
 
 
 def vehicles_command(

@@ -51,6 +51,24 @@ _KINDS: Mapping[Shape, Kind] = MappingProxyType(
 _ENTRY_UNITS: Mapping[Entry, str] = {"command": "1", "rate_setpoint": "rad/s", "attitude_setpoint": "rad", "stick": "1"}
 
 
+def input_unit(axis: Axis, entry: Entry) -> str:
+    """SI unit of a test input; on the axis of thrust everything is a fraction.
+
+    Parameters
+    ----------
+    axis
+        Where it acts.
+    entry
+        Where it is added.
+
+    Examples
+    --------
+    >>> input_unit("roll", "attitude_setpoint"), input_unit("thrust", "attitude_setpoint")
+    ('rad', '1')
+    """
+    return "1" if axis == "thrust" else _ENTRY_UNITS[entry]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedInput(Immutable):
     """A test input on one axis.
@@ -108,7 +126,7 @@ class PlannedInput(Immutable):
     @property
     def unit(self) -> str:
         """SI unit of the samples; on the axis of thrust everything is a fraction."""
-        return "1" if self.axis == "thrust" else _ENTRY_UNITS[self.entry]
+        return input_unit(self.axis, self.entry)
 
     @property
     def stop_s(self) -> float:

@@ -58,18 +58,37 @@ class FleetSettings(Immutable):
 
     models: Annotated[
         Any,
-        Option("--models", help="Models with commas: rate.roll,physical.motors, ... or none.", parse=parse_names),
+        Option(
+            "--models",
+            heading="Models",
+            help="Models with commas: rate.roll,physical.motors, ... or none.",
+            parse=parse_names,
+        ),
     ] = USUAL_MODELS
-    review: Annotated[bool, Option("--review", help="Also take the measures of rotorid review.")] = False
+    review: Annotated[bool, Option("--review", heading="Models", help="Also take the measures of rotorid review.")] = (
+        False
+    )
     vehicles: Annotated[
         Path | None,
-        Option("--vehicles", help="CSV log,vehicle (and time, group), where the logs do not tell vehicles apart."),
+        Option(
+            "--vehicles",
+            heading="Data",
+            help="CSV log,vehicle (and time, group), where the logs do not tell vehicles apart.",
+        ),
     ] = None
-    workers: Annotated[int | None, Option("--workers", help="Processes. [default: one a core]")] = None
+    workers: Annotated[int | None, Option("--workers", heading="Work", help="Processes. [default: one a core]")] = None
     memory_bytes: Annotated[
-        Any, Option("--memory", help="Most memory for one log.", parse=parse_memory, metavar="SIZE", default="4GiB")
+        Any,
+        Option(
+            "--memory",
+            heading="Work",
+            help="Most memory for one log.",
+            parse=parse_memory,
+            metavar="SIZE",
+            default="4GiB",
+        ),
     ] = 4 << 30
-    timeout_s: Annotated[float, Option("--timeout", help="Most seconds for one log.")] = 600.0
+    timeout_s: Annotated[float, Option("--timeout", heading="Work", help="Most seconds for one log.")] = 600.0
     seed: Annotated[int, Option("--seed", help="Seed of everything random.")] = 0
 
     def __post_init__(self) -> None:

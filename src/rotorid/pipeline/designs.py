@@ -18,7 +18,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
-from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, input_unit
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
@@ -48,6 +48,7 @@ from rotorid.planning.responses import (
 from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.units import require_units
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -269,6 +270,8 @@ def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Pla
     """
     if choices.shape == "multisine":
         _common_entry(aircraft, choices)
+    entries = {axis: _entry(aircraft, choices, axis, choices.shape) for axis in choices.axes}
+    require_units(choices.amplitudes, {axis: input_unit(axis, entries[axis]) for axis in entries}, option="--amplitude")
     found: dict[str, Amplitude] = {}
     sizes = dict(choices.amplitudes)
     for axis in choices.axes:

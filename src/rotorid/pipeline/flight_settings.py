@@ -62,7 +62,7 @@ _DEGREES = ("tilt", "rate")
 
 
 def parse_assignments(
-    texts: Sequence[str], *, option: str, units: Mapping[str, str], otherwise: str = "1"
+    texts: Sequence[str], *, option: str, units: Mapping[str, str], otherwise: str | None = "1"
 ) -> dict[str, float]:
     """Read ``NAME=VALUE`` once or more.
 
@@ -74,6 +74,7 @@ def parse_assignments(
         What an error names.
     units, otherwise
         What the answers are in: by name, and those of other names. None is written behind one that has no short name.
+        Without ``otherwise`` they are each a :class:`~rotorid.units.Measure`, whose unit is looked at later.
 
     Examples
     --------
@@ -83,12 +84,13 @@ def parse_assignments(
     numbers: dict[str, float] = {}
     for text in texts:
         name, sign, value = (part.strip() for part in text.partition("="))
-        came, unit = f"{option} {text} came", writable(units.get(name, otherwise))
+        came, known = f"{option} {text} came", units.get(name, otherwise)
+        unit = None if known is None else writable(known)
         if not (name and sign):
             raise UsageError(came, needed="NAME=VALUE with a finite number")
         if name in numbers:
             raise UsageError(f"{option} {name} came twice", needed="each name once")
-        needed = "NAME=VALUE with a finite number" + ("" if unit == "1" else f", {name} in {unit}")
+        needed = "NAME=VALUE with a finite number" + ("" if unit in (None, "1") else f", {name} in {unit}")
         numbers[name] = read_measure(value, unit, came=came, needed=needed)
     return numbers
 
@@ -352,8 +354,9 @@ class PlanChoices(Immutable):
             "--amplitude",
             heading="Test inputs",
             metavar="AXIS=VALUE",
-            help="Instead of the largest one within the limits. Repeatable.",
-            parse=partial(parse_assignments, option="--amplitude", units={}),
+            help="Instead of the largest one within the limits, in the unit of the entry: rad of an attitude, rad/s of "
+            "a rate, else a fraction; or with a unit behind it. Repeatable.",
+            parse=partial(parse_assignments, option="--amplitude", units={}, otherwise=None),
             repeats=True,
         ),
     ] = field(default_factory=dict)

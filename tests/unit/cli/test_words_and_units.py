@@ -104,6 +104,18 @@ def test_named_numbers_come_with_units() -> None:
     assert parse_weights(["q/pitch_command=50%"]) == {"q/pitch_command": 0.5}
 
 
+def test_amplitudes_come_in_the_unit_of_their_entry(tmp_path: Path) -> None:
+    """Of an attitude in degrees, say; the vehicle says at what place of the cascade the test input is added."""
+    words = ("design", "doublet", "--vehicle", "x500", "--quiet")
+    assert rotorid(*words, "--amplitude", "roll=9deg", "--out", tmp_path / "plan").code == 0
+    (one,) = json.loads((tmp_path / "plan" / "plan.json").read_text(encoding="utf-8"))["inputs"]
+    assert one["amplitude"] == pytest.approx(np.radians(9.0), rel=1e-12)
+    refused = rotorid(*words, "--amplitude", "roll=9deg/s", "--out", tmp_path / "none")
+    assert refused.code == 2
+    assert "--amplitude roll came in rad/s; needed: roll in rad." in refused.err
+    assert not (tmp_path / "none").exists()
+
+
 @pytest.mark.parametrize(
     ("read", "text", "said"),
     [(parse_band, "1m:2m", "is in m"), (parse_numbers, "10Hz", "is in rad/s"),
