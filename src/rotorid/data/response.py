@@ -101,6 +101,9 @@ class FrequencyResponse(Immutable):
     slope_changes
         How much more or less than in the mean each input may have done at the time when it moved at each frequency,
         as a logarithm, shape ``(u, f)``; ``None`` where that is not known.
+    lean_errors
+        Relative error of every response to an input that the lean of the vehicle may have made at each frequency, one
+        standard deviation, shape ``(u, f)``; ``None`` where that is not known.
     sensor_shapes
         What errors of sensors that were corrected leave in the responses, relative to these, one standard deviation
         each and all independent of each other, shape ``(k, y, u, f)``; ``None`` where no sensor was corrected.
@@ -133,6 +136,7 @@ class FrequencyResponse(Immutable):
     sample_rate_hz: float | None = None
     sensor_errors: FloatArray | None = None
     slope_changes: FloatArray | None = None
+    lean_errors: FloatArray | None = None
     sensor_shapes: ComplexArray | None = None
 
     def __post_init__(self) -> None:
@@ -161,10 +165,12 @@ class FrequencyResponse(Immutable):
             if np.shape(self.sensor_errors) != (y, 2):
                 raise ValueError(f"sensor_errors: shape {(y, 2)} was needed and {np.shape(self.sensor_errors)} came")
             self._set(sensor_errors=read_only(self.sensor_errors, np.float64, ndim=2))
-        if self.slope_changes is not None:
-            if np.shape(self.slope_changes) != (u, f):
-                raise ValueError(f"slope_changes: shape {(u, f)} was needed and {np.shape(self.slope_changes)} came")
-            self._set(slope_changes=read_only(self.slope_changes, np.float64, ndim=2))
+        for name in ("slope_changes", "lean_errors"):
+            values = getattr(self, name)
+            if values is not None:
+                if np.shape(values) != (u, f):
+                    raise ValueError(f"{name}: shape {(u, f)} was needed and {np.shape(values)} came")
+                self._set(**{name: read_only(values, np.float64, ndim=2)})
         if self.sensor_shapes is not None:
             if np.shape(self.sensor_shapes)[1:] != (y, u, f):
                 raise ValueError(

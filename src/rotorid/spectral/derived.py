@@ -320,7 +320,8 @@ def selected(
     columns = [_row(response.inputs, name, "input") for name in kept_inputs]
     rows = [_row(response.outputs, name, "output") for name in kept_outputs]
     pairs = np.ix_(rows, columns)
-    errors, changes, shapes = response.sensor_errors, response.slope_changes, response.sensor_shapes
+    errors, shapes = response.sensor_errors, response.sensor_shapes
+    changes, lean = response.slope_changes, response.lean_errors
     note = () if band_rad_s is None else (f"band {low:g}:{high:g} rad/s selected",)
     down, across = (index.ravel() for index in pairs)
     return replace(
@@ -338,6 +339,7 @@ def selected(
         input_correlation=_at(response.input_correlation, across, across, points, points),
         sensor_errors=None if errors is None else errors[rows],
         slope_changes=None if changes is None else changes[columns][:, points],
+        lean_errors=None if lean is None else lean[columns][:, points],
         sensor_shapes=None if shapes is None else shapes[:, rows][:, :, columns][..., points],
         disturbance=None,
     )

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.library import rate_model
-from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.thrust_slope import curvature, with_slope_changes
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import bounds
@@ -89,19 +88,19 @@ def test_a_response_knows_the_slope_only_of_commands_beside_a_thrust() -> None:
     command = HOVER * (1.0 - 0.1 * TIME_S / DURATION_S)
     channels = tuple(Channel(name=name, unit="1") for name in ("roll_command", "thrust_command"))
     record = TimeHistory(values=[chirp(2.0, 60.0), command], channels=channels, sample_rate_hz=RATE_HZ, start_s=0.0)
-    flights = [Flight(heave_log(2.0), Maneuver(axis="roll", kind="sweep", start_s=0.0, stop_s=DURATION_S))]
+    bent = curvature([heave_log(2.0)])
     plain = measured(None, slope=np.zeros(60))
-    known = with_slope_changes(plain, flights, [record]).slope_changes
+    known = with_slope_changes(plain, [record], bent).slope_changes
     assert known is not None
     assert np.all(np.diff(known[0]) < 0.0)
     assert np.ptp(known[0]) == pytest.approx(0.085, abs=0.015)
     assert (
-        with_slope_changes(plain, flights, [replace(record, channels=(channels[0], replace(channels[1], name="x")))])
+        with_slope_changes(plain, [replace(record, channels=(channels[0], replace(channels[1], name="x")))], bent)
         is plain
     )
     setpoints = replace(plain, inputs=("phi_setpoint",))
     asked = replace(record, channels=(replace(channels[0], name="phi_setpoint"), channels[1]))
-    assert not np.any(with_slope_changes(setpoints, flights, [asked]).slope_changes)
+    assert not np.any(with_slope_changes(setpoints, [asked], bent).slope_changes)
 
 
 def test_slope_changes_have_the_shape_of_inputs_and_frequencies() -> None:

@@ -6,7 +6,8 @@ one octave. And no log says where within a sample a value belongs: every input a
 :math:`0.15 \, \Delta t`. A sensor that contradicts the kinematics of its log may be the wrong one of the two: its
 response may be off by all of the scale and all of the delay by which they differ; one that was corrected is off by what
 is left of its errors, with their covariance. And the slope of thrust changes with
-its mean, for all inputs alike (:mod:`rotorid.pipeline.preparation.thrust_slope`). How large the smooth errors are, the
+its mean, for all inputs alike (:mod:`rotorid.pipeline.preparation.thrust_slope`); and a vehicle that leans is no
+hover any more (:mod:`rotorid.pipeline.preparation.lean`). How large the smooth errors are, the
 residuals of a fit must tell (:mod:`rotorid.uncertainty.model_error`).
 """
 
@@ -56,6 +57,7 @@ def response_error_shapes(
     sample_rate_hz: float | None,
     sensor_errors: FloatArray | None = None,
     slope_changes: FloatArray | None = None,
+    lean_errors: FloatArray | None = None,
     sensor_shapes: ComplexArray | None = None,
 ) -> ErrorShapes:
     """Shapes for points of frequency responses, whose residuals are magnitudes and then phases.
@@ -74,6 +76,8 @@ def response_error_shapes(
         Relative error of the scale and delay in seconds by which each output disagrees with other sensors, ``(y, 2)``.
     slope_changes
         By how much the slope of thrust may have been another one at each point, as a logarithm, shape ``(n,)``.
+    lean_errors
+        Relative error that the lean of the vehicle may have made at each point, shape ``(n,)``.
     sensor_shapes
         Relative errors that corrected sensors left at each point, one standard deviation each, shape ``(k, n)``.
     """
@@ -98,11 +102,27 @@ def response_error_shapes(
     if slope_changes is not None:
         changed = np.concatenate([magnitude * slope_changes, np.zeros(count)])
         clocks = np.concatenate([clocks, changed[:, None]], axis=1)
+    if lean_errors is not None:
+        clocks = np.concatenate([clocks, _leant(lean_errors, magnitude, phase, output, source)], axis=1)
     if sensor_shapes is not None:
         left = np.concatenate([magnitude * sensor_shapes.real, phase * sensor_shapes.imag], axis=1)
         clocks = np.concatenate([clocks, left.T], axis=1)
     shapes = ErrorShapes(names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), known=clocks)
     return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
+
+
+def _leant(
+    errors: FloatArray, magnitude: FloatArray, phase: FloatArray, output: IntArray, source: IntArray
+) -> FloatArray:
+    """A column for the magnitude and one for the phase of each response to an input that leant the vehicle."""
+    columns, nothing = [np.zeros((2 * output.size, 0))], np.zeros(output.size)
+    for _, _, rows in _responses(output, source):
+        own = np.zeros(output.size)
+        own[rows] = errors[rows]
+        if own.any():
+            columns += [np.concatenate([magnitude * own, nothing])[:, None]]
+            columns += [np.concatenate([nothing, phase * own])[:, None]]
+    return np.concatenate(columns, axis=1)
 
 
 def _contradicted(errors: FloatArray, magnitude: FloatArray, late: FloatArray, output: IntArray) -> FloatArray:

@@ -791,11 +791,16 @@ def _with_reasons(
         if len(left_out) + len(beside) > may_go:
             break
         used = np.array(problem.used)
-        for place, finding in beside.items():
+        for place in beside:
             used[place] = False
-            left_out.append(replace(finding, message=f"{finding.message} It was left out."))
-        problem = replace(problem, used=used)
-        fitted = fit_with_bounds(problem, measured, whole)
+        smaller = replace(problem, used=used)
+        try:
+            fitted = fit_with_bounds(smaller, measured, whole)
+        except InsufficientDataError:
+            # Without them nothing shows some parameters: what is not described is what they were needed for.
+            break
+        problem = smaller
+        left_out += [replace(finding, message=f"{finding.message} It was left out.") for finding in beside.values()]
     if settings.reduce:
         fitted = fit_with_bounds(problem, measured, settings)
     fitted = replace(fitted, findings=(*left_out, *fitted.findings))

@@ -8,7 +8,7 @@ Remarks on feedback in the input.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -22,8 +22,9 @@ from rotorid.fitting.frequency.problem import usable_points
 from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import choose_instruments, is_command, is_free, no_instrument, open_loop
+from rotorid.pipeline.preparation.lean import with_lean_errors
 from rotorid.pipeline.preparation.segments import cut, histories, holds, require_known, source_of, with_surroundings
-from rotorid.pipeline.preparation.thrust_slope import with_slope_changes
+from rotorid.pipeline.preparation.thrust_slope import curvature, with_slope_changes
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
@@ -299,8 +300,10 @@ def _measured(
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
+    bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
+    known = with_slope_changes(replace(joint or direct, sensor_errors=errors), records, bent)
     measured = Measured(
-        response=with_slope_changes(replace(joint or direct, sensor_errors=errors), flights, records),
+        response=with_lean_errors(known, flights, segments, bent),
         direct=direct if joint else None,
         diagnostics=diagnostics,
         segments=segments,
@@ -358,7 +361,10 @@ def _joined(
     lows = {name: [part.lowest_rad_s[name] for part in parts if name in part.lowest_rad_s] for name in inputs}
     return Measured(
         response=replace(
-            response, sensor_errors=_largest_errors(parts, outputs), slope_changes=_largest_changes(parts, response)
+            response,
+            sensor_errors=_largest_errors(parts, outputs),
+            slope_changes=_largest(parts, response, lambda one: one.slope_changes),
+            lean_errors=_largest(parts, response, lambda one: one.lean_errors),
         ),
         direct=joined_responses(direct, inputs=inputs, outputs=outputs) if len(direct) == len(parts) else None,
         diagnostics=joined_diagnostics(told, response),
@@ -386,17 +392,20 @@ def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatA
     return errors
 
 
-def _largest_changes(parts: Sequence[Measured], joined: FrequencyResponse) -> FloatArray | None:
-    """How the slope of thrust changed over the frequencies of each input, in the group where it did most."""
-    if all(part.response.slope_changes is None for part in parts):
+def _largest(
+    parts: Sequence[Measured], joined: FrequencyResponse, of: Callable[[FrequencyResponse], FloatArray | None]
+) -> FloatArray | None:
+    """What is known of the frequencies of each input, ``(u, f)``, from the group where it differs most over them."""
+    if all(of(part.response) is None for part in parts):
         return None
-    changes = np.zeros((len(joined.inputs), joined.omega_rad_s.size))
+    known = np.zeros((len(joined.inputs), joined.omega_rad_s.size))
     for part in parts:
-        if part.response.slope_changes is not None:
-            for name, own in zip(part.response.inputs, part.response.slope_changes, strict=True):
+        rows = of(part.response)
+        if rows is not None:
+            for name, own in zip(part.response.inputs, rows, strict=True):
                 row, told = joined.inputs.index(name), np.interp(joined.omega_rad_s, part.response.omega_rad_s, own)
-                changes[row] = told if np.ptp(told) > np.ptp(changes[row]) else changes[row]
-    return changes
+                known[row] = told if np.ptp(told) > np.ptp(known[row]) else known[row]
+    return known
 
 
 def _each_once(findings: Iterable[Finding]) -> list[Finding]:

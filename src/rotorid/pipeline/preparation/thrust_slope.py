@@ -26,17 +26,14 @@ from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
+from rotorid.pipeline.preparation.while_moving import Watched, mean_while_moving
 from rotorid.signal.clock import resample
 from rotorid.signal.excitations import find_excitations
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _THRUST, _HEAVE = "thrust_command", "az"
-_PERIODS, _SHORTEST_S, _FREQUENCIES = 3.0, 1.0, 24
 _UNKNOWN = 0.6
-_LONG, _IN_PERIOD = 30_000, 12.0
-"""Samples of a record up to which all count, and so many of a period at least beyond that."""
-
 _LEAST_COMMAND = 0.05
 """A mean command below this is no share of full thrust."""
 
@@ -45,17 +42,15 @@ _BAND_RAD_S = 2.0, 12.0
 _WINDOW_S, _LEAST_WINDOWS = 6.0, 2.0
 
 
-def with_slope_changes(
-    response: FrequencyResponse, flights: Sequence[Flight], records: Sequence[TimeHistory]
-) -> FrequencyResponse:
+def with_slope_changes(response: FrequencyResponse, records: Sequence[TimeHistory], factor: float) -> FrequencyResponse:
     """A response that knows how the slope of thrust changed over its frequencies.
 
     Parameters
     ----------
     response
         Measured responses.
-    flights
-        Logs and maneuvers behind them.
+    factor
+        See :func:`curvature`.
     records
         Their data. Without ``thrust_command`` nothing is known, and the response stays as it is.
     """
@@ -64,7 +59,6 @@ def with_slope_changes(
     level = float(np.average([record[_THRUST].mean() for record in records], weights=[r.duration_s for r in records]))
     if level < _LEAST_COMMAND:
         return response
-    factor = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
     moving = [index for index, name in enumerate(response.inputs) if is_command(name)]
     changes = np.zeros((len(response.inputs), response.omega_rad_s.size))
     names = [response.inputs[index] for index in moving]
@@ -78,8 +72,7 @@ def mean_command_changes(
 ) -> FloatArray:
     """Logarithm of the mean thrust command over its level, at the times when an input moves at each frequency.
 
-    A window of three periods slides over each record: its mean of the command counts as much as the power of the input
-    at the frequency.
+    See :func:`rotorid.pipeline.preparation.while_moving.mean_while_moving`.
 
     Parameters
     ----------
@@ -110,54 +103,8 @@ def mean_command_changes(
     >>> mean_command_changes([record], ["roll_command"], np.array([3.0, 18.0]), level=0.475).round(2)
     array([[ 0.05, -0.03]])
     """
-    low, high = float(omega_rad_s[0]), float(omega_rad_s[-1])
-    grid = np.geomspace(low, high, _FREQUENCIES) if high > low else np.array([low])
-    power, weighted = np.zeros((len(inputs), grid.size)), np.zeros((len(inputs), grid.size))
-    for record in records:
-        for place, omega in enumerate(grid.tolist()):
-            rate_hz, command, moved = _coarser(record, inputs, omega)
-            length = max(_PERIODS * 2.0 * np.pi / omega, _SHORTEST_S)
-            window = np.hanning(min(int(length * rate_hz), command.size) + 2)[1:-1]
-            turned = moved * np.exp(-1j * omega / rate_hz * np.arange(command.size))
-            mean, *swings = _slid(window, command, turned)
-            swing = np.abs(np.array(swings)) ** 2 / window.sum() ** 2
-            change = np.log(np.maximum(mean.real / (_covered(window, command.size) * level), _LEAST_COMMAND))
-            power[:, place] += swing.sum(axis=1) / rate_hz
-            weighted[:, place] += (swing * change).sum(axis=1) / rate_hz
-    changes = np.divide(weighted, power, out=np.zeros_like(power), where=power > 0.0)
-    return np.array([np.interp(np.log(omega_rad_s), np.log(grid), row) for row in changes])
-
-
-def _slid(window: FloatArray, command: FloatArray, turned: ComplexArray) -> ComplexArray:
-    """Sums under a window sliding over a command and over motions, shape ``(1 + inputs, n)``: one transform each."""
-    from scipy.fft import fft, ifft, next_fast_len
-
-    size = next_fast_len(command.size + window.size - 1)
-    rows = np.vstack([command[None].astype(np.complex128), turned])
-    first = (window.size - 1) // 2
-    return np.asarray(ifft(fft(rows, size) * fft(window, size), size)[:, first : first + command.size])
-
-
-def _covered(window: FloatArray, samples: int) -> FloatArray:
-    """Sum of the window inside of the record, wherever it stands, shape ``(n,)``."""
-    sums = np.concatenate([[0.0], np.cumsum(window)])
-    last = np.arange(samples) + (window.size - 1) // 2
-    return np.asarray(sums[np.minimum(last + 1, window.size)] - sums[np.maximum(last - samples + 1, 0)])
-
-
-def _coarser(record: TimeHistory, inputs: Sequence[str], omega_rad_s: float) -> tuple[float, FloatArray, FloatArray]:
-    """Rate, command and motions; of a long record means over samples, as far as a period keeps enough of them."""
-    command, moved = record[_THRUST], np.array([record[name] - record[name].mean() for name in inputs])
-    in_period = 2.0 * np.pi / omega_rad_s * record.sample_rate_hz
-    every = max(min(int(in_period / _IN_PERIOD), command.size // _LONG), 1)
-    if every == 1:
-        return record.sample_rate_hz, command, moved
-    kept = command.size // every * every
-    return (
-        record.sample_rate_hz / every,
-        command[:kept].reshape(-1, every).mean(axis=1),
-        moved[:, :kept].reshape(len(inputs), -1, every).mean(axis=2),
-    )
+    parts = [Watched.of(record, inputs, record[_THRUST]) for record in records]
+    return mean_while_moving(parts, omega_rad_s, lambda mean: np.log(np.maximum(mean / level, _LEAST_COMMAND)))
 
 
 def curvature(records: Sequence[FlightRecord], known: Sequence[Flight] = ()) -> float:
