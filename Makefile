@@ -38,10 +38,9 @@ study: $(VENV)/.installed-dev
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks
 
-# The same work by other tools, as far as they are installed: docs/peers.md.
+# The same work by other tools, as far as they are installed, kept in benchmarks/peers.json: docs/peers.md.
 peers: $(VENV)/.installed-dev
-	$(BIN)/python -m benchmarks.accuracy
-	$(BIN)/python -m benchmarks.step_response
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.peers
 	$(BIN)/python -m benchmarks
 
 # The pictures of the README, taken of the pages of an example in a real browser.

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.accuracy_peers import INSTALL, Peer, Responses, missing, peers, sampled
+from benchmarks.direct_response import direct_response, fit_direct
 from rotorid.data import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting import (
@@ -36,7 +37,7 @@ from rotorid.fitting import (
     fit_prediction_error,
     fit_subspace,
 )
-from rotorid.models import StateSpace, response_model
+from rotorid.models import LinearStructure, StateSpace, response_model
 from rotorid.simulation import discretize, simulate_linear
 from rotorid.spectral import frequency_response
 from rotorid.typing import ComplexArray, FloatArray
@@ -77,6 +78,7 @@ class Job(NamedTuple):
     ours: dict[str, Callable[[Flown], ComplexArray]]
     orders: tuple[int, ...]
     delays: tuple[int, ...]
+    structure: LinearStructure | None = None
 
 
 class Errors(NamedTuple):
@@ -112,6 +114,7 @@ def closed_loop(*, gusts: float = 0.0) -> Job:
         },
         orders=(3, 4, 5),
         delays=(0, 2),
+        structure=SECOND_ORDER,
     )
 
 
@@ -245,6 +248,33 @@ def tuned_black_box(job: Job) -> Peer:
     return Peer(TUNED, settings, every)
 
 
+DIRECT = "direct responses, the way of pyAircraftIden"
+
+
+def direct_peer(job: Job, structure: LinearStructure) -> Peer:
+    """The peer that knows the structure, and the hold, as ours do; it is fitted to the direct response.
+
+    Settings: the longest window in seconds, how many windows of half the length each, and the least coherence in
+    percent. Those that came closest to the truth of all flights, with sensor noise and in gusts, of windows of 10 to
+    30 s, one to five of them, and coherences of 30 to 80 %.
+    """
+    settings = ((15, 2, 30), (20, 3, 80))
+    half = 0.5 * OMEGA_RAD_S / RATE_HZ
+    hold = np.sinc(half / np.pi) * np.exp(-1j * half)
+
+    def one(record: TimeData, setting: tuple[int, ...], omega: FloatArray) -> ComplexArray:
+        longest_s, count, least_percent = setting
+        measured = direct_response(record, omega, tuple(longest_s / 2.0**k for k in range(count)))
+        theta = fit_direct(structure, measured, omega, hold, least_percent / 100.0)
+        found = structure.response(structure.parameters.unpack(theta).values, omega)
+        return np.asarray(found * held(job.truth) / job.truth.response(omega))
+
+    def every(records: Sequence[TimeData], tried: Sequence[tuple[int, ...]], omega: FloatArray) -> Responses:
+        return [[one(record, setting, omega) for setting in tried] for record in records]
+
+    return Peer(DIRECT, settings, every)
+
+
 def black_box(flown: Flown) -> ComplexArray:
     plan = StartPlan(methods=("cva", "predictor"), drawn=0)
     found = fit_black_box(
@@ -306,6 +336,9 @@ def rows(job: Job, seeds: int = SEEDS) -> Iterator[tuple[str, Errors]]:
     records, truth = [flown.record for flown in flights], held(job.truth)
     tuned = tuned_black_box(job)
     yield tuned.name, best_tuned(tuned, records, truth)
+    if job.structure is not None:
+        direct = direct_peer(job, job.structure)
+        yield direct.name, best_tuned(direct, records, truth)
     for peer in peers(outputs=len(truth), orders=job.orders, delays=job.delays):
         yield peer.name, best_tuned(peer, records, truth)
 

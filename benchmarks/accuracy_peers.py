@@ -26,7 +26,7 @@ Setting = tuple[int, ...]
 Responses = list[list[ComplexArray | None]]
 """Of every record under every setting; ``None`` where a peer failed."""
 
-INSTALL = "pip install control nfoursid sippy_unipi sympy, and Octave with its control package"
+INSTALL = "pip install control nfoursid sippy_unipi sympy casadi, and Octave with its control package"
 OCTAVE_TIMEOUT_S = 120.0
 _OCTAVE = """
 pkg load control; warning("off", "all"); load("{given}");
@@ -82,7 +82,8 @@ def peers(*, outputs: int, delays: Sequence[int], orders: Sequence[int]) -> Iter
             # Its search takes a second: only the orders that came closest in a wider scan.
             closest = ((3, 0, delays[-1]),)
             yield Peer("SIPPY ARMAX", closest, _one_by_one(_sippy_polynomials("ARMAX")))
-            yield Peer("SIPPY output error", closest, _one_by_one(_sippy_polynomials("OE")))
+            if _is_here("casadi"):
+                yield Peer("SIPPY output error", closest, _one_by_one(_sippy_polynomials("OE")))
     if has_octave():
         yield Peer("Octave n4sid", tuned, _octave("model = n4sid(data, n, 's', s);"))
         yield Peer("Octave arx", arx, _octave("model = arx(data, n);"))
@@ -90,7 +91,7 @@ def peers(*, outputs: int, delays: Sequence[int], orders: Sequence[int]) -> Iter
 
 def missing() -> list[str]:
     """Peers that are not installed."""
-    absent = [module for module in ("control", "nfoursid", "sippy_unipi", "sympy") if not _is_here(module)]
+    absent = [module for module in ("control", "nfoursid", "sippy_unipi", "sympy", "casadi") if not _is_here(module)]
     return absent if has_octave() else [*absent, "octave with its control package"]
 
 

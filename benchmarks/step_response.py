@@ -89,6 +89,15 @@ def compare(chosen: Iterable[Case]) -> Iterator[Compared]:
         yield Compared(case, {name: score.truth for name, score in found.items()}, usual, ours)
 
 
+def rises_within(compared: list[Compared]) -> tuple[float, float]:
+    """Percent of the flights of which the rise time lies within its planned error: the usual way, and ours."""
+    name = NUMBERS[0]
+    truth = np.array([one.truth[name] for one in compared])
+    ways = ([one.usual[name] for one in compared], [one.ours[name] for one in compared])
+    usual, ours = (float(np.mean(np.abs(np.array(told) / truth - 1.0) <= RISE_WITHIN)) for told in ways)
+    return 100.0 * usual, 100.0 * ours
+
+
 def table(compared: list[Compared]) -> Iterator[str]:
     """Share of the flights within the planned errors, and the median error, by vehicle and way."""
     yield "| vehicle | way | rise ≤ 5 % | overshoot ≤ 2 | t50 ≤ 1.5 ms | rise, median | overshoot, median |"

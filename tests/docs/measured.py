@@ -1,14 +1,19 @@
-"""Numbers on pages that a run of the program gives: ``python -m tests.docs.measured`` writes them again.
+"""Numbers on pages that a run of the program gives: ``python -m tests.docs.measured [SAMPLE…]`` writes them again.
 
-Tests compare and write nothing, so that a person sees every change.
+Tests compare and write nothing, so that a person sees every change. Tables beside peers come from the record that
+``python -m benchmarks.peers`` keeps.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
 import re
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,19 +120,93 @@ def known_truths() -> str:
     return HEAD + "".join(row_of(flight) for flight in FLIGHTS)
 
 
-def first_command() -> str:
-    """What the README shows of an identification: its table of parameters."""
+def printed(*words: str) -> list[str]:
+    """Lines that a command prints, in the folder where this is called."""
     from typer.testing import CliRunner
 
     from rotorid.cli.app import app
 
+    ran = CliRunner().invoke(app, list(words))
+    assert ran.exit_code == 0, (ran.output, ran.stderr, ran.exception)
+    return [line.rstrip() for line in ran.stdout.splitlines()]
+
+
+def first_command() -> str:
+    """What the README shows of an identification: its table of parameters."""
     with tempfile.TemporaryDirectory() as folder:
         log = str(DATA / "ardupilot_sitl" / "x_calm_roll.BIN")
-        ran = CliRunner().invoke(app, ["identify", log, "--model", "rate.roll", "--out", folder])
-    lines = [line.rstrip() for line in ran.stdout.splitlines()]
+        lines = printed("identify", log, "--model", "rate.roll", "--out", folder)
     start = next(place for place, line in enumerate(lines) if line.startswith("parameter"))
     stop = next(place for place, line in enumerate(lines) if line.startswith("cost of "))
     return "\n".join(lines[start:stop]) + "\n"
+
+
+DESIGN = "design sweep --vehicle px4_quad --axis roll,pitch --duration 40 --turbulence 0.5 --doublets"
+SIMULATE = "simulate px4_quad --plan rotorid-out/px4_quad-design/plan.json --turbulence 0.5 --seed 7"
+IDENTIFY = "identify rotorid-out/px4_quad/flight.ulg --model rate.roll"
+DESIGNED = Path("rotorid-out", "px4_quad-design")
+
+
+class Designed(NamedTuple):
+    """What the first command of ``docs/design.md`` prints and writes: with its plan the truths, and deviations."""
+
+    lines: Sequence[str]
+    plan: str
+    foretold: dict[str, tuple[float, float]]
+
+
+@cache
+def designed() -> Designed:
+    """The first command of ``docs/design.md``."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        lines = printed(*DESIGN.split())
+        document = json.loads((DESIGNED / "design.json").read_text(encoding="utf-8"))
+        plan = (DESIGNED / "plan.json").read_text(encoding="utf-8")
+    roll = next(one for one in document["plans"][0]["predictions"] if one["model"] == "rate.roll")
+    return Designed(lines, plan, {name: (one["value"], one["std"]) for name, one in roll["parameters"].items()})
+
+
+def a_plan() -> str:
+    """What ``rotorid design`` prints of roll, without the middle of its table of inputs and its findings."""
+    lines = designed().lines
+    table = next(place for place, line in enumerate(lines) if line.startswith("axis "))
+    whole = next(place for place, line in enumerate(lines) if " in all; " in line)
+    told = takewhile(lambda line: not line.startswith("warning"), lines[whole:])
+    return "\n".join([f"$ rotorid {DESIGN}", *lines[table : table + 4], "…", *told]) + "\n"
+
+
+def a_flown_plan() -> str:
+    """The plan flown in simulation and identified, beside what was foretold."""
+    head = "| parameter | truth | foretold ± | identified | its random ± | its whole ± |\n|---|---|---|---|---|---|\n"
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        DESIGNED.mkdir(parents=True)
+        (DESIGNED / "plan.json").write_text(designed().plan, encoding="utf-8")
+        printed(*SIMULATE.split())
+        printed(*IDENTIFY.split())
+        found = rotorid.load(Path("rotorid-out", "flight-rate.roll")).parameters
+    rows = []
+    for name, (truth, foretold) in designed().foretold.items():
+        one = found[name]
+        assert one.std is not None
+        assert one.std_random is not None
+        cells = (f"{truth:#.4g}", f"{foretold:#.2g}", f"{one.value:#.4g}", f"{one.std_random:#.2g}", f"{one.std:#.2g}")
+        unit = one.unit.replace("^2", "²")
+        rows.append(f"| {name} [{unit}] | {' | '.join(cells)} |\n".replace("-", "−"))
+    return head + "".join(rows)
+
+
+def beside_peers() -> str:
+    """The first table of ``docs/peers.md``."""
+    from benchmarks import peers
+
+    return peers.peers_table(peers.load())
+
+
+def accuracy_beside_peers() -> str:
+    """The table of peers of ``docs/accuracy.md``."""
+    from benchmarks import peers
+
+    return peers.accuracy_table(peers.load())
 
 
 class Sample(NamedTuple):
@@ -136,6 +215,8 @@ class Sample(NamedTuple):
     page: Path
     between: re.Pattern[str]
     made: Callable[[], str]
+    of_flights: bool = True
+    """Whether it is made of flight data that are not in the repository."""
 
     @property
     def shown(self) -> str:
@@ -145,6 +226,7 @@ class Sample(NamedTuple):
         return found[0]
 
 
+OF_RECORD = re.compile(r"(?<=<!-- written by tests/docs/measured.py from benchmarks/peers.json -->\n)(?:\|.*\n)*")
 SAMPLES = {
     "first command": Sample(
         ROOT / "README.md",
@@ -156,15 +238,29 @@ SAMPLES = {
         re.compile(r"(?<=<!-- written by tests/docs/measured.py -->\n)(?:\|.*\n)*"),
         known_truths,
     ),
+    "a plan": Sample(
+        ROOT / "docs" / "design.md",
+        re.compile(r"(?<=```console\n)\$ rotorid design sweep .*\n(?:(?!```).*\n)*"),
+        a_plan,
+        False,
+    ),
+    "a flown plan": Sample(
+        ROOT / "docs" / "design.md",
+        re.compile(r"(?<=<!-- written by tests/docs/measured.py -->\n)(?:\|.*\n)*"),
+        a_flown_plan,
+        False,
+    ),
+    "beside peers": Sample(ROOT / "docs" / "peers.md", OF_RECORD, beside_peers, False),
+    "accuracy beside peers": Sample(ROOT / "docs" / "accuracy.md", OF_RECORD, accuracy_beside_peers, False),
 }
 
 
 def main() -> None:
     """Write samples again, all or those that are named."""
-    if not DATA.is_dir():
-        sys.exit(f"no flight data at {DATA}; set ROTORID_DATA to their folder")
     for name in sys.argv[1:] or SAMPLES:
         sample = SAMPLES[name]
+        if sample.of_flights and not DATA.is_dir():
+            sys.exit(f"no flight data at {DATA}; set ROTORID_DATA to their folder")
         text = sample.page.read_text(encoding="utf-8")
         made = sample.made()
         sample.page.write_text(sample.between.sub(lambda _, made=made: made, text), encoding="utf-8")
