@@ -47,8 +47,10 @@ peers: $(VENV)/.installed-dev
 pictures: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.docs.pictures
 
-# The documentation as a site, in build/site/html; warnings are errors, and nothing is fetched.
+# The documentation as a site, in build/site/html; warnings are errors, and nothing is fetched. Every block of the
+# tutorials is executed before: a page that shows something else than the program prints is no site.
 docs: $(VENV)/.installed-dev
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto -m "slow or not slow" tests/docs/test_tutorials.py
 	$(BIN)/python docs/site/build.py build/site
 
 $(VENV)/bin/python:

@@ -13,6 +13,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -186,9 +187,20 @@ def build(out: Path) -> int:
         text = page.read_text(encoding="utf-8")
         # What the theme leaves out for those who use a keyboard or a screen reader.
         text = text.replace('class="caption" role="heading"', 'class="caption" role="heading" aria-level="2"')
+        text = text.replace('<div class="table-wrapper', '<div tabindex="0" class="table-wrapper')
         page.write_text(re.sub(r"<pre>(?=<span)", '<pre tabindex="0">', text), encoding="utf-8")
     return code
 
 
+def main() -> int:
+    """Build, and say where the site is and how long it took."""
+    out = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "build" / "site").resolve()
+    began_s = time.monotonic()
+    code = build(out)
+    made = f"{out / 'html' / 'index.html'}" if code == 0 else "no site"
+    print(f"{made}, in {time.monotonic() - began_s:.0f} s")
+    return code
+
+
 if __name__ == "__main__":
-    sys.exit(build(Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "build" / "site").resolve()))
+    sys.exit(main())

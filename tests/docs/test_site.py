@@ -5,14 +5,23 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tests.browser.chromium import QUIET, browser
+from tests.browser.lab_page import chromium, violations
 
 from rotorid.cli.app import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
+WIDTHS = (1300, 400)
+LOOKED_AT = ("index.html", "tutorials/my-gains.html", "commands/identify.html", "results.html", "peers.html")
+"""A page of each kind: the first one, a tutorial, options of a command, kinds of findings, wide tables."""
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +67,53 @@ def test_mathematics_and_menu_show_in_a_browser(site: Path, tmp_path: Path) -> N
     assert "<math" in done.stdout
     assert "sidebar-tree" in done.stdout
     assert "$" not in re.sub(r"<(pre|code|script)[\s\S]*?</\1>", "", done.stdout)
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves files, and says nothing of it."""
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing."""
+
+
+@pytest.fixture(scope="module")
+def address(site: Path) -> Iterator[str]:
+    """Where the site is served, as it would be published."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site))) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def window(address: str) -> Iterator[tuple[Any, list[str]]]:
+    """A page of a browser, and all that it asked of anybody but the site."""
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    browser()
+    with chromium() as started:
+        context, foreign = started.new_context(viewport={"width": WIDTHS[0], "height": 900}), list[str]()
+        own = (address, "data:", "blob:")
+        context.on("request", lambda asked: None if asked.url.startswith(own) else foreign.append(asked.url))
+        context.route(lambda url: not url.startswith(own), lambda route: route.abort())
+        yield context.new_page(), foreign
+        context.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOOKED_AT)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_pages_are_for_everybody(window: tuple[Any, list[str]], address: str, name: str, width: int) -> None:
+    pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
+    page, _ = window
+    page.set_viewport_size({"width": width, "height": 900})
+    page.goto(f"{address}{name}")
+    assert violations(page) == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width, "the page is wider than the window"
+
+
+@pytest.mark.slow
+def test_no_page_asks_anybody_but_its_own_site(window: tuple[Any, list[str]], address: str, site: Path) -> None:
+    page, foreign = window
+    for file in sorted(site.rglob("*.html")):
+        page.goto(f"{address}{file.relative_to(site).as_posix()}")
+    assert foreign == []
