@@ -189,11 +189,16 @@ def peers_table(record: Record) -> str:
             "**worse than CVA**, as every output error is under feedback",
         ),
         (
-            "the way of pyAircraftIden on the same flights, in sensor noise; in gusts",
-            f"{_errors(record, calm, OURS[0])}; {_errors(record, gusts, OURS[1])}, and before the polish "
-            f"{_errors(record, calm, ALONE[0])}; {_errors(record, gusts, ALONE[1])}",
-            f"{_errors(record, calm, accuracy.DIRECT)}; {_errors(record, gusts, accuracy.DIRECT)}",
-            "both the structure and the hold; rotorid the excitation too, the peer windows chosen against the truth",
+            "closed loop, sensor noise, by the way of pyAircraftIden",
+            f"{_errors(record, calm, OURS[0])}; response alone {_errors(record, calm, ALONE[0])}",
+            _errors(record, calm, accuracy.DIRECT),
+            "both the structure and the hold; rotorid the excitation too, the peer windows **fit to the truth**",
+        ),
+        (
+            "the same in gusts",
+            f"{_errors(record, gusts, OURS[1])}; response alone {_errors(record, gusts, ALONE[1])}",
+            _errors(record, gusts, accuracy.DIRECT),
+            "as above",
         ),
         (
             "step response of an ordinary flight, rise time within 5 %",
