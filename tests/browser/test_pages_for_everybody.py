@@ -34,7 +34,8 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
 
 PAPER = {
-    "identify": (8, 10),
+    "identify": (5, 8),
+    "several": (8, 12),
     "review": (4, 8),
     "tune": (3, 8),
     "check": (1, 4),
@@ -53,6 +54,7 @@ PAPER = {
 COMMANDS = {
     "identify": ("identify", "example/flight.ulg", "--model", "hover.full"),
     "rates": ("identify", "example/flight.ulg", "--model", "rate.roll,rate.pitch", "--tables", "csv"),
+    "several": ("identify", "example/flight.ulg", "--model", "rate.roll,rate.pitch,rate.yaw,physical.motors"),
     "review": ("review", "example/flight.ulg"),
     "tune": ("tune", "rates", "example/flight.ulg"),
     "check": ("tune", "--check", "tune", "example/flight.ulg"),
@@ -149,6 +151,12 @@ Array.from(document.querySelectorAll(".scroll"))
 UNFOLD = (
     "(open) => { for (const one of document.querySelectorAll('details:not(:has([data-picture]))')) one.open = open; }"
 )
+BARE = """
+Array.from(document.querySelectorAll(".card"))
+  .filter((card) => card.checkVisibility() && card.querySelector("h2, h3"))
+  .filter((card) => Array.from(card.children).every((one) => /^H[2-4]$/.test(one.tagName) || !one.checkVisibility()))
+  .map((card) => card.innerText)
+"""
 DEAD = """
 Array.from(document.querySelectorAll('a[href^="#"]'), (link) => link.getAttribute("href"))
   .filter((href) => !document.getElementById(href.slice(1)))
@@ -183,6 +191,9 @@ def test_a_page_is_for_everybody(name: str, pages: Pages, page: Any) -> None:
     printed = page.pdf(prefer_css_page_size=True)
     fewest, most = PAPER[name]
     assert fewest <= len(re.findall(rb"/Type\s*/Page[^s]", printed)) <= most
+    page.emulate_media(media="print")
+    page.evaluate("for (const one of document.querySelectorAll('details.printed')) one.open = true;")
+    assert page.evaluate(BARE) == []
     assert told == []
 
 

@@ -74,11 +74,11 @@ const rotorid = (() => {
   const FONT = 12;
   const onScreen = (place, layout) => fitted(layout, place.clientWidth, FONT);
   // On paper pictures of one kind stand two beside each other, and a history is as high as its panels need, up to a page.
-  const PAPER = { width: 680, half: 336, least: 210, most: 900, font: 9 };
+  const PAPER = { width: 680, half: 336, least: 160, most: 900, font: 9 };
   const onPaper = (place, layout) => {
     const half = place.parentElement.closest(".pictures") !== null;
-    const [width, share] = [half ? PAPER.half : PAPER.width, layout.yaxis2 ? 0.47 : 0.65];
-    const margin = { ...layout.margin, t: 48, b: 36 };
+    const [width, share] = [half ? PAPER.half : PAPER.width, layout.yaxis5 ? 0.32 : layout.yaxis2 ? 0.36 : layout.yaxis?.ticktext ? 0.54 : 0.42];
+    const margin = { ...layout.margin, t: 38, b: 32 };
     const inner = layout.height - layout.margin.t - layout.margin.b;
     const height = Math.min(Math.max(Math.round(share * inner) + margin.t + margin.b, PAPER.least), PAPER.most);
     const small = Object.fromEntries(Object.entries(layout).filter(([name]) => /^[xy]axis/.test(name)).map(([name, axis]) =>
