@@ -16,7 +16,6 @@ drag has no slope at rest), couplings of zero in steady wind, and rate models of
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 import tempfile
@@ -27,6 +26,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import signal
 from scipy.stats import binom
 from tests.twins.motor_twins import VEHICLES, Twin, twin
 
@@ -96,19 +96,23 @@ class Dropped(NamedTuple):
     truth: float
 
 
+def filter_delay_s(cutoff_hz: float, rate_hz: float) -> float:
+    """Delay of slow motion behind a digital low-pass of second order."""
+    if not cutoff_hz:
+        return 0.0
+    _, delay = signal.group_delay(signal.butter(2, cutoff_hz, fs=rate_hz), w=[1e-3])
+    return float(delay[0]) / rate_hz
+
+
 def flown_truth(vehicle: str, record: FlightRecord) -> dict[str, float]:
     """What one flight shows of its vehicle."""
     craft = SimulateChoices(vehicle=vehicle).aircraft
     truth = {name: true.value for name, true in truth_of(craft).items()}
     autopilot, rotors = craft.autopilot, craft.vehicle.rotors
     if autopilot.kind in FILTERED:
-        for names, cutoff_hz in (
-            (RATE_DELAYS, autopilot.gyro_cutoff_hz),
-            (("tau_thrust",), autopilot.accelerometer_cutoff_hz),
-        ):
-            if cutoff_hz:
-                late_s = math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz)
-                truth |= {name: truth[name] + late_s for name in names}
+        filters = ((RATE_DELAYS, autopilot.gyro_cutoff_hz), (("tau_thrust",), autopilot.accelerometer_cutoff_hz))
+        for names, cutoff_hz in filters:
+            truth |= {name: truth[name] + filter_delay_s(cutoff_hz, autopilot.rate_hz) for name in names}
     if rotors.lag_down_s and rotors.lag_down_s != rotors.lag_up_s:
         apart = (rotors.lag_up_s - rotors.lag_down_s) / (rotors.lag_up_s + rotors.lag_down_s)
         truth["T_motor"] *= 1.0 - (1.0 - 8.0 / np.pi**2) * apart**2
