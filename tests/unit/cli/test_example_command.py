@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -64,18 +68,64 @@ def test_the_racing_quadrotor_is_seen_beyond_its_crossover(tmp_path: Path) -> No
     assert "<script" not in page
 
 
-def test_the_first_page_can_be_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every command of the README's first block, as it stands there; and the model holds what flew."""
+def _first_page() -> list[list[str]]:
+    """Every command of the README's first block, as it stands there."""
     (block,) = re.findall(r"```sh\n(rotorid example .*?)```", README.read_text("utf-8"), re.DOTALL)
     commands = [shlex.split(line) for line in block.splitlines()]
     assert [words[1] for words in commands] == ["example", "review", "identify", "tune", "export"]
-    monkeypatch.chdir(tmp_path)
-    for words in commands:
-        ran = rotorid(*words[1:])
-        assert ran.code == 0, f"{words}: {ran.err}"
+    return commands
+
+
+def _require_made(folder: Path) -> None:
+    """The model holds what flew, and gains and a simulator are there."""
     from rotorid.documents.result import load
 
-    model = load(tmp_path / "example-px4" / "model" / "rate.roll")
+    model = load(folder / "example-px4" / "model" / "rate.roll")
     assert abs(model["L_roll"].value - 113.1) < 3.0 * (model["L_roll"].std or 0.0)
-    assert (tmp_path / "example-px4" / "gains" / "proposed.params").is_file()
-    assert list((tmp_path / "example-px4" / "sih").iterdir())
+    assert (folder / "example-px4" / "gains" / "proposed.params").is_file()
+    assert list((folder / "example-px4" / "sih").iterdir())
+
+
+def test_the_first_page_can_be_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for words in _first_page():
+        ran = rotorid(*words[1:])
+        assert ran.code == 0, f"{words}: {ran.err}"
+    _require_made(tmp_path)
+
+
+@pytest.mark.slow
+def test_a_new_user_has_gains_after_at_most_eight_commands(tmp_path: Path) -> None:
+    """From a machine without anything, by the commands of the first page: the time is printed, and not judged."""
+    checkout = README.parent
+    assert "`pip install .`" in README.read_text("utf-8")
+    venv, program = tmp_path / "venv", tmp_path / "venv" / ("Scripts" if os.name == "nt" else "bin")
+    # As a person does it: nothing of this environment is seen, and packages come from the index that pip knows.
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "ROTORID"))}
+    environment["ROTORID_SETTINGS"] = ""
+    start = time.monotonic()
+    installing = [
+        [sys.executable, "-m", "venv", str(venv)],
+        [str(program / "pip"), "install", "--quiet", str(checkout)],
+    ]
+    for words in installing:
+        ran = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=900)
+        if ran.returncode and re.search("No matching distribution|connection|resolve|network", ran.stderr, re.I):
+            pytest.skip(f"no package index can be reached: {ran.stderr.strip().splitlines()[-1][:200]}")
+        assert ran.returncode == 0, ran.stderr
+    installed_s = time.monotonic() - start
+    commands = _first_page()
+    assert len(installing) + len(commands) <= 8
+    for words in commands:
+        ran = subprocess.run(
+            [str(program / words[0]), *words[1:]],
+            env=environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=900,
+        )
+        assert ran.returncode == 0, f"{words}: {ran.stderr}"
+    whole_s = time.monotonic() - start
+    print(f"installation {installed_s:.0f} s, {len(commands)} commands {whole_s - installed_s:.0f} s: {whole_s:.0f} s")
+    _require_made(tmp_path)
