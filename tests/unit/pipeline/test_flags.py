@@ -13,6 +13,7 @@ from rotorid.pipeline.checking.unseen import fitted_logs, has_seen
 from rotorid.pipeline.inspection import inspect
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import find_instrument, is_free, while_flying
+from rotorid.pipeline.preparation.selection import select_maneuvers
 from rotorid.pipeline.provenance import provenance
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.airborne import airborne
@@ -140,3 +141,14 @@ def test_a_log_is_known_by_its_content_and_not_by_its_name() -> None:
     assert [one.record for one in other.maneuvers] == ["flight (1).csv (2)"]
     assert not has_seen(other, fitted, maneuver)
     assert has_seen(other, same_name, maneuver)
+
+
+def test_what_another_vehicle_is_asked_for_is_no_sweep() -> None:
+    rover = replace(flown((5.0, 110.0)), vehicle="rover", named_in="the log")
+    still = record(yaw_command=np.zeros(TIME_S.size), r=np.zeros(TIME_S.size), status=rover)
+    with pytest.raises(InsufficientDataError) as caught:
+        select_maneuvers([still], ["yaw"], IdentifySettings())
+    assert "sweep" not in str(caught.value)
+    assert "in which yaw moves slowly and fast" in str(caught.value)
+    with pytest.raises(InsufficientDataError, match="needed: a sweep"):
+        select_maneuvers([record(yaw_command=np.zeros(TIME_S.size))], ["yaw"], IdentifySettings())

@@ -206,7 +206,9 @@ def _nothing_flown(
     needed = "a sweep, a multisine or a random binary signal of some 20 s and more"
     remedy = "fly one (ArduPilot: SYSTEMID mode; PX4: slow to fast stick), or name an interval with --segment"
     if any(record.status.foreign for record in records):
-        remedy = "name an interval with --segment"
+        # What helps there is nobody's test input: turns, pulses and steps of ordinary driving or flying.
+        needed = f"some 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps in turns"
+        remedy = "name such an interval with --segment"
     if settings.segments:
         came = f"no given segment of {wanted} lies inside {names}"
         spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
