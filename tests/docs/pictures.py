@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import os
-import shutil
+import contextlib
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
+
+from tests.browser.lab_page import chromium, opened, serving
 
 from rotorid.pipeline.examples import EXAMPLES
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images"
 WIDTH, HEIGHT = 1300, 860
+TRACKS = 3
+"""Of what the lab shows first: a command, the rate and the angle that it moves."""
 PAGES = {
     "review": ("review/review.html", "body"),
     "model": ("model/rate.roll/report.html", "#s1-responses"),
@@ -34,17 +38,11 @@ def commands(folder: Path) -> list[list[str]]:
 
 def main() -> None:
     """Make the pages, and take their pictures."""
-    from playwright.sync_api import sync_playwright
-
-    browser_path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if browser_path is None:
-        sys.exit("no browser: chromium, chromium-browser or google-chrome is needed on the path")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "example-px4"
         for command in commands(folder):
             subprocess.run(command, check=True, cwd=scratch)
-        with sync_playwright() as play:
-            browser = play.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
+        with chromium() as browser:
             page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
             for name, (place, top) in PAGES.items():
                 page.goto((folder / place).as_uri())
@@ -53,22 +51,21 @@ def main() -> None:
                 page.add_style_tag(content="nav.parts { display: none } html { scroll-behavior: auto }")
                 page.locator(top).first.evaluate("one => one.scrollIntoView()")
                 page.screenshot(path=FOLDER / f"{name}.png", animations="disabled")
-            _lab(page, folder / EXAMPLES["px4"].file)
-            browser.close()
+            _lab(browser, folder / EXAMPLES["px4"].file, Path(scratch) / "private")
 
 
-def _lab(page: object, log: Path) -> None:
-    """The lab with the example's log open."""
-    program = [sys.executable, "-m", "rotorid", "lab", str(log), "--no-open", "--port", "0"]
-    server = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
-    try:
-        assert server.stdout is not None
-        page.goto(server.stdout.readline().strip())  # type: ignore[attr-defined]
-        page.wait_for_selector("#tracks .u-over", timeout=120_000)  # type: ignore[attr-defined]
-        page.screenshot(path=FOLDER / "lab.png")  # type: ignore[attr-defined]
-    finally:
-        server.terminate()
-        server.wait()
+def _lab(started: Any, log: Path, private: Path) -> None:
+    """The lab with the example's log open: read, inspected and drawn."""
+    private.mkdir()
+    # From its folder, so that commands name it as a reader would.
+    with (
+        contextlib.chdir(log.parent),
+        serving(log.name, private=private) as (address, _),
+        opened(started, address) as lab,
+    ):
+        lab.page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+        lab.wait_for_tracks(count=TRACKS)
+        lab.page.screenshot(path=FOLDER / "lab.png", animations="disabled")
 
 
 if __name__ == "__main__":
