@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.browser.lab_page import TOKEN, LabPage, chromium, example_log, opened, serving
 
@@ -343,3 +344,34 @@ def test_what_is_drawn_and_let_go(shared_browser: Any, served: str) -> None:
     lab.page.click("#tracks .head button >> nth=0")
     assert lab.page.evaluate("window.watchers.size") == watching - 1
     context.close()
+
+
+def test_angles_are_shown_in_degrees_where_that_is_preferred(
+    shared_browser: Any, tmp_path: Path, example: Path, looking: LabPage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tracks and spectra of a rate carry the factor; what has no angle in it stays, and so does what is kept."""
+    settings, private = tmp_path / "rotorid.toml", tmp_path / "private"
+    settings.write_text('angles = "deg"\n', encoding="utf-8")
+    private.mkdir()
+    monkeypatch.setenv("ROTORID_SETTINGS", str(settings))
+    plots = "document.querySelector('#tracks .track:nth-child({}) .head .soft').textContent"
+    with serving(example, private=private) as (address, _), opened(shared_browser, address) as lab:
+        lab.wait_for_tracks(3)
+        assert str(lab.page.evaluate(plots.format(2))).startswith("deg/s · ")
+        assert not str(lab.page.evaluate(plots.format(1))).startswith("deg")
+        degrees = pointed(lab)
+        lab.page.click("#spectrum")
+        lab.page.click("#spectrogram")
+        lab.until("document.querySelector('#spectra').textContent.includes('dB of (deg)²/Hz')")
+        state = lab.page.evaluate("fetch('/api/state').then((answer) => answer.json())")
+        assert state["preferred"] == {"angles": "deg"}
+    looking.wait_for_tracks(3)
+    assert str(looking.page.evaluate(plots.format(2))).startswith("rad/s · ")
+    assert degrees == pytest.approx(np.degrees(pointed(looking)), rel=1e-3)
+
+
+def pointed(lab: LabPage) -> float:
+    """The value of the second track in its middle, as the pointer reads it."""
+    lab.page.locator("#tracks .u-over").nth(1).hover()
+    text = str(lab.page.locator("#tracks .track").nth(1).locator(".value").text_content())
+    return float(text.rpartition(":")[2].replace("−", "-"))

@@ -4,6 +4,7 @@ r"""What a person prefers: a file of a few lines that changes how results look a
 it is empty)::
 
     frequency = "Hz"         # or "rad/s": what pages and the lab show first
+    angles = "deg"           # or "rad": in what the lab shows angles and rates of a log
     magnitude = "linear"     # or "dB"
     theme = "dark"           # or "light"; without it as the system asks
     out = "~/flights/out"    # instead of rotorid-out
@@ -21,7 +22,12 @@ from typing import Any, Final
 
 from rotorid.errors import UsageError
 
-CHOICES: Final = {"frequency": ("rad/s", "Hz"), "magnitude": ("dB", "linear"), "theme": ("light", "dark")}
+CHOICES: Final = {
+    "frequency": ("rad/s", "Hz"),
+    "angles": ("rad", "deg"),
+    "magnitude": ("dB", "linear"),
+    "theme": ("light", "dark"),
+}
 """Keys that take one of a few words."""
 
 _MOST_BYTES = 1 << 16
@@ -35,6 +41,8 @@ class Preferences:
     ----------
     frequency, magnitude
         Units that pages and the lab show first.
+    angles
+        Unit of angles and rates in the tracks and spectra of the lab; pages show them in degrees anyway.
     theme
         Of pages and the lab.
     out
@@ -42,6 +50,7 @@ class Preferences:
     """
 
     frequency: str | None = None
+    angles: str | None = None
     magnitude: str | None = None
     theme: str | None = None
     out: Path | None = None

@@ -22,16 +22,17 @@ def _file(folder: Path, text: str) -> Path:
 
 
 def test_what_it_says_is_read(tmp_path: Path) -> None:
-    text = 'frequency = "Hz"\nmagnitude = "linear"\ntheme = "dark"\nout = "~/flights"\n'
-    expected = Preferences(frequency="Hz", magnitude="linear", theme="dark", out=Path.home() / "flights")
+    text = 'frequency = "Hz"\nangles = "deg"\nmagnitude = "linear"\ntheme = "dark"\nout = "~/flights"\n'
+    expected = Preferences(frequency="Hz", angles="deg", magnitude="linear", theme="dark", out=Path.home() / "flights")
     assert read_preferences(_file(tmp_path, text)) == expected
     assert read_preferences(_file(tmp_path, "")) == Preferences()
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [('colour = "red"', r"'colour' in line 1, which is not known; needed: one of frequency, magnitude, theme, out"),
+    [('colour = "red"', r"'colour' in line 1, .* not known; needed: one of frequency, angles, magnitude, theme, out"),
      ('theme = "pink"', r"sets theme = 'pink' in line 1; needed: 'light' or 'dark'"), ("out = 3", "needed: a folder"),
+     ('theme = "dark"\nangles = "grad"', r"sets angles = 'grad' in line 2; needed: 'rad' or 'deg'"),
      ('# mine\n"color" = 1\ntheme = "dark"\n[lab]\nport = 1', r"sets 'color' in line 2 and 'lab' in line 4, which are"),
      ("lab.port = 1", "'lab' in line 1"), ("frequency = [", "cannot be read"), ("theme = {}", "'light' or 'dark'"),
      ("\0", "cannot be read"), ('out = "~nosuch/x"', "out = '~nosuch/x' in line 1; needed: a folder that there can be"),

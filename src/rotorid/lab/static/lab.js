@@ -1,6 +1,6 @@
 // The page: what is chosen here becomes a step, a step becomes a command line, and the server runs that.
 import { Choices } from "./choices.js";
-import { $, ask, counted, keep, kept, make, post, redrawn, sentenceOf, tried, unitText, watched } from "./page.js";
+import { $, angles, ask, counted, keep, kept, make, post, redrawn, sentenceOf, tried, unitText, watched } from "./page.js";
 import { isDark } from "./plots.js";
 import { Results } from "./results.js";
 import { Spectra } from "./spectra.js";
@@ -162,6 +162,7 @@ const showSpan = () => { $("spectral-span").textContent = `from ${spectralSpan()
 // The state of the server, asked for while something runs
 const refresh = watched(async () => {
   const state = (page.state = await ask("/api/state"));
+  angles.degrees = state.preferred?.angles === "deg";
   choices.begin(state);
   showLogs();
   const isSeen = (log) => Boolean(state.logs[log - 1]?.seen), wanted = choices.now.log;

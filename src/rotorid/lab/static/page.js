@@ -90,6 +90,14 @@ export const raised = (power) => [...String(power)].map((sign) => SIGNS[sign]).j
 export const unitOf = (unit) =>
   unit === "1" ? "" : unit.replace(/\^(-?\d+)/g, (_, power) => raised(power)).replaceAll("*", "·");
 
+/** Whether angles and rates of channels are shown in degrees; what is sent and kept is in radians all the same. */
+export const angles = { degrees: false };
+/** The unit in which a channel is shown, and what its values are multiplied by. */
+export const seenAs = (unit) =>
+  angles.degrees && /^rad($|\/s)/.test(unit) ? { unit: unit.replace(/^rad/, "deg"), factor: 180 / Math.PI } : { unit, factor: 1 };
+/** Values of a channel, in what they are shown in. */
+export const times = (values, factor) => (factor === 1 ? values : values.map((value) => (value === null ? null : value * factor)));
+
 const ENDINGS = { rad_s: () => unitText(), deg: () => "deg", db: () => "dB", s: () => "s", percent: () => "%" };
 /** The words of a key such as `gain_margin_db`: what it is, and in which unit. */
 export function words(key) {

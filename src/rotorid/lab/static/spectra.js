@@ -1,6 +1,11 @@
 // Spectra and spectrograms of an interval: asked of the server once, drawn again in other units and colors.
-import { ask, make, shownOmega, tried, unitOf, unitText } from "./page.js";
+import { ask, make, seenAs, shownOmega, times, tried, unitOf, unitText } from "./page.js";
 import { gram, lines, released } from "./plots.js";
+
+/** Densities times a factor, as they are or in decibels. */
+const inUnit = (found, factor) => (found.density
+  ? { ...found, density: times(found.density, factor) }
+  : { ...found, density_db: found.density_db.map((row) => row.map((level) => (level === null ? null : level + 10 * Math.log10(factor)))) });
 
 export class Spectra {
   /** `box` holds them, the newest first. */
@@ -17,11 +22,12 @@ export class Spectra {
   }
 
   add = tried(async (kind, log, { channel, name, unit }, [start, stop]) => {
-    const found = await ask(`/api/logs/${log}/${kind}?channel=${channel}&start=${start}&stop=${stop}`);
+    const told = await ask(`/api/logs/${log}/${kind}?channel=${channel}&start=${start}&stop=${stop}`), seen = seenAs(unit);
+    const found = inUnit(told, seen.factor ** 2);
     if (!(found.density ?? found.density_db).length) throw new Error("The interval holds too few samples for that.");
     // What the server really took may be less than what was asked for.
     const title = `${kind} of ${name}, ${(found.start_s ?? start).toFixed(1)} to ${(found.stop_s ?? stop).toFixed(1)} s`;
-    const picture = make("div"), one = { kind, title, found, picture, density: `${unit === "1" ? "1" : `(${unitOf(unit)})²`}/Hz` };
+    const picture = make("div"), one = { kind, title, found, picture, density: `${unit === "1" ? "1" : `(${unitOf(seen.unit)})²`}/Hz` };
     const box = make("div", "", { class: "spectral" }, make("button", "×", { class: "plain", "aria-label": `remove the ${kind}`, onclick: () => {
       this.shown = this.shown.filter((other) => other !== one);
       released(picture);

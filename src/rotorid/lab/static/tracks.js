@@ -1,6 +1,6 @@
 // Tracks: channels over time on one axis. They zoom at once with what is drawn, and are redrawn from the pyramid of
 // the server; brushed segments lie over them, with edges that mouse, finger and keyboard move.
-import { $, ask, make, number, unitOf, watched } from "./page.js";
+import { $, ask, make, number, seenAs, times, unitOf, watched } from "./page.js";
 import { axisOf, colors, fitted, style, widthOf } from "./plots.js";
 
 const HEIGHT = 132;
@@ -32,11 +32,11 @@ export class Tracks {
   async add(channel) {
     if (this.shown.some((one) => one.channel === channel)) return;
     const row = this.channels[channel], [start, stop] = this.view, log = this.log;
-    const told = await ask(this.#path(channel, start, stop, 1200));
+    const told = await ask(this.#path(channel, start, stop, 1200)), { unit, factor } = seenAs(row.unit);
     if (log !== this.log) return;
     const value = make("span", "", { class: "value soft" }), picture = make("div", "", { class: "picture" });
     const track = make("div", "", { class: "track" }, make("div", "", { class: "head" }, make("b", row.name),
-      make("span", [unitOf(row.unit), row.topic].filter(Boolean).join(" · "), { class: "soft" }), value,
+      make("span", [unitOf(unit), row.topic].filter(Boolean).join(" · "), { class: "soft" }), value,
       make("button", "×", { class: "plain", title: "Remove the track", "aria-label": `remove ${row.name}`, onclick: () => this.remove(channel) })), picture);
     this.box.append(track);
     const plot = new uPlot({
@@ -50,13 +50,13 @@ export class Tracks {
         draw: [(u) => { this.#marks(u); this.#segments(u); }],
         setCursor: [(u) => { value.textContent = u.cursor.idx === null || u.cursor.idx === undefined ? "" : `${u.data[0][u.cursor.idx].toFixed(3)} s: ${number(u.data[1][u.cursor.idx], 5)}`; }],
       },
-    }, [told.x, told.y], picture);
+    }, [told.x, times(told.y, factor)], picture);
     plot.over.tabIndex = 0;
     plot.over.setAttribute("role", "group");
     plot.over.setAttribute("aria-label", `${row.name} over time; plus, minus, arrows and 0 zoom and move`);
     this.#gestures(plot);
     fitted(plot, picture);
-    this.shown.push({ channel, plot, track });
+    this.shown.push({ channel, plot, track, factor });
   }
 
   remove(channel) {
@@ -89,9 +89,9 @@ export class Tracks {
 
   #fetch = watched(async () => {
     const asked = (this.asked += 1), [start, stop] = this.view, log = this.log;
-    await Promise.all(this.shown.map(async ({ channel, plot }) => {
+    await Promise.all(this.shown.map(async ({ channel, plot, factor }) => {
       const told = await ask(this.#path(channel, start, stop, plot.width));
-      if (asked === this.asked && log === this.log) plot.setData([told.x, told.y]);
+      if (asked === this.asked && log === this.log) plot.setData([told.x, times(told.y, factor)]);
     }));
   });
 
