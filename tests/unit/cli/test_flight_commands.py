@@ -51,7 +51,8 @@ def test_a_plan_is_flown_identified_and_known_about_as_well_as_was_said(designed
     for name in ("L_roll", "T_motor"):
         std = max(found[name]["std"], told[name]["std"])
         assert abs(found[name]["value"] - truth[name]["value"]) < 4.0 * std + 0.005 * truth[name]["value"]
-        assert 0.2 < found[name]["std"] / told[name]["std"] < 5.0
+        # What is foretold is what noise and gusts do; what the model leaves out comes on top.
+        assert 0.2 < found[name]["std_random"] / told[name]["std"] < 5.0
 
 
 def test_a_previous_result_is_the_prior_of_the_next_plan(designed: Path, tmp_path: Path) -> None:

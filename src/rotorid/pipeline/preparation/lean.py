@@ -73,4 +73,4 @@ def with_lean_errors(
 def _squared_lean(record: FlightRecord, time_s: FloatArray) -> FloatArray:
     """Square of the lean about its mean, in rad² and at most one, shape ``(n,)``."""
     angles = [np.interp(time_s, record[name].time_s, record[name].values) for name in _ANGLES]
-    return np.minimum(sum((angle - angle.mean()) ** 2 for angle in angles), 1.0)
+    return np.asarray(np.minimum(sum((angle - angle.mean()) ** 2 for angle in angles), 1.0))
