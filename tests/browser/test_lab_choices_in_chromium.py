@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.browser.lab_page import TOKEN, LabPage, chromium, example_log, opened, serving
+from tests.browser.lab_page import LabPage, opened, serving
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
@@ -32,17 +32,6 @@ ResizeObserver.prototype.disconnect = function () { window.watchers.delete(this)
 """
 
 
-@pytest.fixture(scope="module")
-def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return example_log(tmp_path_factory)
-
-
-@pytest.fixture(scope="module")
-def shared_browser() -> Iterator[Any]:
-    with chromium() as started:
-        yield started
-
-
 @pytest.fixture
 def folder(tmp_path: Path, example: Path) -> Path:
     """Two logs: one with words in its name that a shell would take as its own."""
@@ -60,21 +49,6 @@ def lab(shared_browser: Any, tmp_path: Path, folder: Path) -> Iterator[LabPage]:
     private.mkdir()
     with serving(folder, private=private) as (address, _), opened(shared_browser, address) as lab:
         lab.page.click("#choices-of-folder button:text-is('flight.ulg')")
-        lab.wait_for_tracks()
-        yield lab
-
-
-@pytest.fixture(scope="module")
-def served(example: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Address of a lab that shows the example to everybody, and carries nothing out."""
-    with serving(example, private=tmp_path_factory.mktemp("private"), token=TOKEN) as (address, _):
-        yield address
-
-
-@pytest.fixture
-def looking(shared_browser: Any, served: str) -> Iterator[LabPage]:
-    """A page of its own, in the lab where nothing is carried out."""
-    with opened(shared_browser, served) as lab:
         lab.wait_for_tracks()
         yield lab
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.browser.lab_page import HEIGHT, TOKEN, WIDTH, LabPage, at_terminal, chromium, example_log, opened, serving
+from tests.browser.lab_page import HEIGHT, TOKEN, WIDTH, LabPage, at_terminal, opened, serving
 from tests.unit.cli.commands import rotorid
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -36,17 +36,6 @@ MARKER = "document.querySelector('#spectra .u-legend .u-series:last-child .u-mar
 SHOTS = os.environ.get("ROTORID_SHOTS")
 
 
-@pytest.fixture(scope="module")
-def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return example_log(tmp_path_factory)
-
-
-@pytest.fixture(scope="module")
-def shared_browser() -> Iterator[Any]:
-    with chromium() as started:
-        yield started
-
-
 @pytest.fixture
 def lab(shared_browser: Any, tmp_path: Path) -> Iterator[LabPage]:
     """An empty lab before the screen."""
@@ -62,21 +51,6 @@ def with_log(shared_browser: Any, tmp_path: Path, example: Path) -> Iterator[Lab
     private = tmp_path / "private"
     private.mkdir()
     with serving(example, private=private) as (address, _), opened(shared_browser, address) as lab:
-        lab.wait_for_tracks()
-        yield lab
-
-
-@pytest.fixture(scope="module")
-def served(example: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Address of a lab that shows the example to everybody, and carries nothing out."""
-    with serving(example, private=tmp_path_factory.mktemp("private"), token=TOKEN) as (address, _):
-        yield address
-
-
-@pytest.fixture
-def looking(shared_browser: Any, served: str) -> Iterator[LabPage]:
-    """A page of its own, in the lab where nothing is carried out."""
-    with opened(shared_browser, served) as lab:
         lab.wait_for_tracks()
         yield lab
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from tests.reference.simulators import ARDUPILOT_DAMPING_1_S, ARDUPILOT_DELAY_S, PX4, PX4_DELAYS_S
 
 import rotorid
 from rotorid.data.record import Channel, FlightRecord
@@ -268,8 +269,6 @@ class Promise(NamedTuple):
 
 
 CALM, WIND = 0.03, 0.05
-ARDUPILOT_DELAY_S = 2.45e-3
-ARDUPILOT_DAMPING_1_S = -1.987
 ARDUPILOT_Z_W_1_S = -0.241
 PROMISES = (
     Promise("x_calm_roll.BIN", "axis.roll", "L_roll", CALM, 437.2, "tau_roll", "L_p", {"roll": ("p", "ay")}),
@@ -341,20 +340,6 @@ def test_ardupilot_all_axes_together(read: Read) -> None:
     assert "not_verified" in kinds(document)
     assert kinds(document).isdisjoint({"poor_verification", "held_out"})
 
-
-PX4 = {
-    "L_roll": 113.1,
-    "M_pitch": 113.1,
-    "N_yaw": 13.33,
-    "Z_thrust": -20.0,
-    "L_p": -1.0,
-    "M_q": -1.0,
-    "N_r": -0.833,
-    "Z_w": -1.0,
-    "T_motor": 0.048,
-}
-PX4_DELAYS_S = {"tau_roll": 5.3e-3, "tau_pitch": 5.3e-3, "tau_yaw": 5.3e-3, "tau_thrust": 7.4e-3}
-"""Raw sensors are 2.2 ms late; the low-passes before the logged topics add 3.1 ms at 40 Hz and 5.2 ms at 30 Hz."""
 
 # Yaw trades its delay with the lag, which it shows least; the acceleration along z has noise of 1.4 m/s^2.
 PX4_DELAYS_WITHIN_S = {"tau_roll": 0.2e-3, "tau_pitch": 0.2e-3, "tau_yaw": 0.5e-3, "tau_thrust": 1.2e-3}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from tests.reference.simulators import ARDUPILOT_DAMPING_1_S, ARDUPILOT_DELAY_S, PX4, PX4_DELAYS_S
 
 import rotorid
 from rotorid.data.record import FlightRecord
@@ -16,38 +17,17 @@ from rotorid.errors import InsufficientDataError
 PROMISED = 0.93
 TWO_SIDED = 1.96
 HOVER = ("hover.longitudinal", "hover.lateral", "hover.full")
-PX4 = {
-    "L_roll": 113.1,
-    "M_pitch": 113.1,
-    "N_yaw": 13.33,
-    "Z_thrust": -20.0,
-    "L_p": -1.0,
-    "M_q": -1.0,
-    "N_r": -0.833,
-    "X_u": -1.0,
-    "Y_v": -1.0,
-    "Z_w": -1.0,
-    "T_motor": 0.048,
-    "tau_roll": 5.3e-3,
-    "tau_pitch": 5.3e-3,
-    "tau_yaw": 5.3e-3,
-    "tau_thrust": 7.4e-3,
-}
-ARDUPILOT = {
-    "L_roll": 437.2,
-    "M_pitch": 437.2,
-    "N_yaw": 14.18,
-    "Z_thrust": -27.05,
-    "tau_roll": 2.45e-3,
-    "tau_pitch": 2.45e-3,
-    "tau_yaw": 2.45e-3,
-    "tau_thrust": 2.45e-3,
-}
-ARDUPILOT_CALM = ARDUPILOT | {"Z_thrust": -27.33, "L_p": -1.987, "M_q": -1.987}
+DELAYS = ("tau_roll", "tau_pitch", "tau_yaw", "tau_thrust")
+ARDUPILOT = {"L_roll": 437.2, "M_pitch": 437.2, "N_yaw": 14.18, "Z_thrust": -27.05} | dict.fromkeys(
+    DELAYS, ARDUPILOT_DELAY_S
+)
+ARDUPILOT_CALM = ARDUPILOT | {"Z_thrust": -27.33, "L_p": ARDUPILOT_DAMPING_1_S, "M_q": ARDUPILOT_DAMPING_1_S}
 """Drag of the ArduPilot simulator grows with the square of the speed: it has no slope at rest, and none is judged."""
 
 UNCOUPLED = dict.fromkeys(("X_w", "Z_q", "L_p", "N_v", "Y_r", "L_yaw", "Y_yaw", "X_thrust", "M_thrust", "N_spin"), 0.0)
-PX4_UNCOUPLED = UNCOUPLED | dict.fromkeys(("M_u", "L_v", "X_q", "Y_p", "M_w", "Z_u", "L_r", "N_p", "N_roll"), 0.0)
+PX4_TRUTH = {**UNCOUPLED, **PX4, **PX4_DELAYS_S, "X_u": -1.0, "Y_v": -1.0} | dict.fromkeys(
+    ("M_u", "L_v", "X_q", "Y_p", "M_w", "Z_u", "L_r", "N_p", "N_roll"), 0.0
+)
 
 REFUSED = {"s500 axis.roll", "s500 axis.pitch", "s500 axis.vertical"}
 """What turns and lifts the S500 beside one axis alone is of the size of the axis itself; hover models hold it."""
@@ -63,13 +43,13 @@ class Flight(NamedTuple):
 
 
 FLIGHTS = (
-    Flight("px4_sitl", ["roll.ulg"], ("rate.roll", "axis.roll"), PX4_UNCOUPLED | PX4),
-    Flight("px4_sitl", ["pitch.ulg.xz"], ("rate.pitch", "axis.pitch"), PX4_UNCOUPLED | PX4),
-    Flight("px4_sitl", ["yaw.ulg.xz"], ("rate.yaw", "axis.yaw"), PX4_UNCOUPLED | PX4),
-    Flight("px4_sitl", ["thrust.ulg.xz"], ("rate.vertical", "axis.vertical"), PX4_UNCOUPLED | PX4),
-    Flight("px4_sitl", ["pitch.ulg.xz", "thrust.ulg.xz"], HOVER[:1], PX4_UNCOUPLED | PX4),
-    Flight("px4_sitl", ["roll.ulg", "yaw.ulg.xz"], HOVER[1:2], PX4_UNCOUPLED | PX4),
-    Flight("px4_sitl", ["roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz"], HOVER[2:], PX4_UNCOUPLED | PX4),
+    Flight("px4_sitl", ["roll.ulg"], ("rate.roll", "axis.roll"), PX4_TRUTH),
+    Flight("px4_sitl", ["pitch.ulg.xz"], ("rate.pitch", "axis.pitch"), PX4_TRUTH),
+    Flight("px4_sitl", ["yaw.ulg.xz"], ("rate.yaw", "axis.yaw"), PX4_TRUTH),
+    Flight("px4_sitl", ["thrust.ulg.xz"], ("rate.vertical", "axis.vertical"), PX4_TRUTH),
+    Flight("px4_sitl", ["pitch.ulg.xz", "thrust.ulg.xz"], HOVER[:1], PX4_TRUTH),
+    Flight("px4_sitl", ["roll.ulg", "yaw.ulg.xz"], HOVER[1:2], PX4_TRUTH),
+    Flight("px4_sitl", ["roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz"], HOVER[2:], PX4_TRUTH),
     Flight("ardupilot_sitl", ["x_calm_roll.BIN"], ("rate.roll", "axis.roll"), ARDUPILOT_CALM),
     Flight("ardupilot_sitl", ["x_calm_thrust.BIN.xz"], ("rate.vertical", "axis.vertical"), ARDUPILOT_CALM),
     Flight(

@@ -4,7 +4,6 @@ True is the exact linearization in hover, with what a flight makes of it:
 
 - rotors whose thrust is quadratic in what is commanded have the slope at the mean command, and the mean command of a
   sweep that holds the height is lower than that of hover;
-- a delay is that of the path, half a tick for which a command is held, and what the filter of the logged rates adds;
 - rotors that speed up and slow down differently show fast motion a shorter lag than the mean of the two.
 
 Reported apart, because nothing true is known of them: drag and speed derivatives of ArduPilot's vehicle (quadratic
@@ -26,13 +25,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import signal
 from scipy.stats import binom
 from tests.twins.motor_twins import VEHICLES, Twin, twin
 
 import rotorid
 from rotorid.data.record import FlightRecord
-from rotorid.errors import RotoridError
+from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import SimulateChoices
 from rotorid.pipeline.identification import identify_motors
 from rotorid.pipeline.simulation import truth_of
@@ -45,9 +43,6 @@ MOTORS = "physical.motors"
 FAMILIES = ("rate", "axis", "hover", "physical")
 SLOPES_OF_SPEED = ("X_u", "Y_v", "Z_w", "M_u", "L_v")
 QUADRATIC_THRUST = ("crazyflie", "hummingbird", "iris", "x500")
-RATE_DELAYS = ("tau_roll", "tau_pitch", "tau_yaw")
-FILTERED = ("px4", "simple")
-"""Autopilots whose log has rates and accelerations behind their filters; slow motion sees a filter as a delay."""
 TWO_SIDED = 1.96
 
 
@@ -96,23 +91,11 @@ class Dropped(NamedTuple):
     truth: float
 
 
-def filter_delay_s(cutoff_hz: float, rate_hz: float) -> float:
-    """Delay of slow motion behind a digital low-pass of second order."""
-    if not cutoff_hz:
-        return 0.0
-    _, delay = signal.group_delay(signal.butter(2, cutoff_hz, fs=rate_hz), w=[1e-3])
-    return float(delay[0]) / rate_hz
-
-
 def flown_truth(vehicle: str, record: FlightRecord) -> dict[str, float]:
     """What one flight shows of its vehicle."""
     craft = SimulateChoices(vehicle=vehicle).aircraft
     truth = {name: true.value for name, true in truth_of(craft).items()}
-    autopilot, rotors = craft.autopilot, craft.vehicle.rotors
-    if autopilot.kind in FILTERED:
-        filters = ((RATE_DELAYS, autopilot.gyro_cutoff_hz), (("tau_thrust",), autopilot.accelerometer_cutoff_hz))
-        for names, cutoff_hz in filters:
-            truth |= {name: truth[name] + filter_delay_s(cutoff_hz, autopilot.rate_hz) for name in names}
+    rotors = craft.vehicle.rotors
     if rotors.lag_down_s and rotors.lag_down_s != rotors.lag_up_s:
         apart = (rotors.lag_up_s - rotors.lag_down_s) / (rotors.lag_up_s + rotors.lag_down_s)
         truth["T_motor"] *= 1.0 - (1.0 - 8.0 / np.pi**2) * apart**2
@@ -156,8 +139,8 @@ def judge(case: Case, flight: Twin, truth: Mapping[str, float]) -> list[Judged |
             truth = flight.truth
         else:
             found = dict(rotorid.identify(flight.record, case.model, reduce=case.reduced).parameters)
-    except RotoridError as error:
-        kinds = tuple(sorted({finding.kind for finding in getattr(error, "findings", ())}))
+    except InsufficientDataError as error:
+        kinds = tuple(sorted({finding.kind for finding in error.findings}))
         return [Refused(case, kinds, str(error))]
     rows: list[Judged | Refused | Dropped] = []
     for name, known in truth.items():

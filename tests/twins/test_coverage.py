@@ -31,6 +31,7 @@ from tests.twins.motor_twins import VEHICLES, truth_of, twin
 import rotorid
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import SimulateChoices
+from rotorid.pipeline.simulation import truth_of as simulated_truth
 
 SEEDS = range(1, 16)
 LEAST, MOST, LARGEST_ERROR, LARGEST_WIDTH, REFUSED = 0.90, 0.995, 1.2, 2.2, 0.1
@@ -110,6 +111,14 @@ def test_truth_of_a_vehicle_is_what_it_is_made_of() -> None:
     assert found["I_xx"] == pytest.approx(inertia[0], rel=1e-6)
     assert found["I_yy"] == pytest.approx(inertia[1], rel=1e-6)
     assert found["kappa_per_I_zz"] == pytest.approx(craft.vehicle.rotors.torque_per_thrust_m / inertia[2], rel=1e-6)
+
+
+@pytest.mark.parametrize(("vehicle", "rate_ms", "thrust_ms"), [("px4_quad", 5.30, 9.14), ("ardupilot_quad", 2.5, 2.5)])
+def test_true_delays_are_those_that_the_log_shows(vehicle: str, rate_ms: float, thrust_ms: float) -> None:
+    """Half a tick and PX4's low-passes of 56.4 and 30 Hz at 250 Hz; a tick of ArduPilot, whose log has means."""
+    found = simulated_truth(SimulateChoices(vehicle=vehicle).aircraft)
+    assert 1e3 * found["tau_roll"].value == pytest.approx(rate_ms, abs=0.01)
+    assert 1e3 * found["tau_thrust"].value == pytest.approx(thrust_ms, abs=0.01)
 
 
 @pytest.mark.slow

@@ -45,7 +45,6 @@ from rotorid.planning.responses import (
     setpoint_of,
     with_known,
 )
-from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.units import require_units
@@ -120,7 +119,6 @@ def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None
     """
     known = {name: true.value for name, true in truth_of(craft).items()}
     known["T_motor"] = max(known["T_motor"], _SHORTEST_LAG_S)
-    known |= {f"tau_{axis}": known[f"tau_{axis}"] + filtered_s(craft, axis) for axis in AXES}
     known |= dict(prior.values) if prior is not None else {}
     if missing := [name for name in model.parameters.free if name not in known]:
         raise ModelError(
@@ -129,18 +127,6 @@ def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None
             remedy="give the result of an earlier flight with --prior",
         )
     return {name: _inside(model, name, known[name]) for name in model.parameters.free}
-
-
-def filtered_s(craft: Aircraft, axis: str) -> float:
-    """How late the log shows the motion of an axis: the autopilot's filters, or the mean over a turn of its loop."""
-    autopilot = craft.autopilot
-    if autopilot.kind == "ardupilot":
-        # The force of rotors without lag does not change in a turn, so that its mean is not late.
-        even = axis == "thrust" and not craft.vehicle.rotors.lag_up_s
-        return 0.0 if even else 0.5 / autopilot.rate_hz
-    cutoff_hz = autopilot.accelerometer_cutoff_hz if axis == "thrust" else autopilot.gyro_cutoff_hz
-    lag_s = craft.sensors.accelerometer_lag_s if axis == "thrust" else craft.sensors.gyro_lag_s
-    return lag_s + (butterworth_low_pass(cutoff_hz, autopilot.rate_hz).delay_s if cutoff_hz > 0.0 else 0.0)
 
 
 def _inside(model: LinearStructure, name: str, value: float) -> float:

@@ -28,6 +28,7 @@ from rotorid.pipeline.flight_settings import SimulateChoices
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance
 from rotorid.pipeline.settings import require_seed
 from rotorid.planning.amplitude import Reached, reached
+from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.typing import Axis
@@ -270,10 +271,9 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
 
     About level flight where it flew at one speed; without derivatives where the speed changed.
 
-    A delay is that of the path plus half a tick, for which commands are held on average, and with ArduPilot another
-    half for rates, which its log has as means over a turn of the loop. Filters come on top where the log has rates and
-    accelerations behind them. Rotors without lag push at once: the accelerometer shows their thrust at the first tick
-    after the delay of the path.
+    A delay is what the log shows: that of the path, half a tick, for which commands are held on average, and what
+    stands between the motion and its channel, see :func:`logged_late_s`. Rotors without lag push at once: the
+    accelerometer shows their thrust at the first tick after the delay of the path.
     """
     first, last = speed_m_s
     derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=first) if first == last else {}
@@ -281,15 +281,25 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
     held_s = 0.5 / craft.autopilot.rate_hz
     delays = dict(zip(("roll", "pitch", "yaw", "thrust"), craft.autopilot.delay_s, strict=True))
     values = derivatives | {f"tau_{axis}": delay_s + held_s for axis, delay_s in delays.items()}
-    if craft.autopilot.kind == "ardupilot":
-        values |= {name: values[name] + held_s for name in ("tau_roll", "tau_pitch", "tau_yaw")}
     if not craft.vehicle.rotors.lag_up_s:
         rate_hz = craft.autopilot.rate_hz
         values["tau_thrust"] = (math.floor(delays["thrust"] * rate_hz + _NOTICED) + 1) / rate_hz
-    rotors = craft.vehicle.rotors
+    values |= {f"tau_{axis}": values[f"tau_{axis}"] + logged_late_s(craft, axis) for axis in delays}
     # A rotor that speeds up and slows down with different lags shows the mean of the two.
-    values["T_motor"] = 0.5 * (rotors.lag_up_s + (rotors.lag_down_s or 0.0))
+    values["T_motor"] = craft.vehicle.rotors.mean_lag_s
     return {name: TrueValue(value=_clean(values[name]), unit=unit) for name, unit in units.items() if name in values}
+
+
+def logged_late_s(craft: Aircraft, axis: str) -> float:
+    """How late the log shows the motion of an axis: the autopilot's filters, or the mean over a turn of its loop."""
+    autopilot = craft.autopilot
+    if autopilot.kind == "ardupilot":
+        # The force of rotors without lag does not change in a turn, so that its mean is not late.
+        even = axis == "thrust" and not craft.vehicle.rotors.lag_up_s
+        return 0.0 if even else 0.5 / autopilot.rate_hz
+    cutoff_hz = autopilot.accelerometer_cutoff_hz if axis == "thrust" else autopilot.gyro_cutoff_hz
+    lag_s = craft.sensors.accelerometer_lag_s if axis == "thrust" else craft.sensors.gyro_lag_s
+    return lag_s + (butterworth_low_pass(cutoff_hz, autopilot.rate_hz).delay_s if cutoff_hz > 0.0 else 0.0)
 
 
 def _clean(value: float) -> float:

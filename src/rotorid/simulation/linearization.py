@@ -310,13 +310,12 @@ def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot, *, airspeed_
     turned[:3, 3:] = [[0.0, -w, v], [w, 0.0, -u], [-v, u, 0.0]]
     table = np.hstack([system.F[:rows, :rows] - turned, control])
     columns = MOTION[:rows] + AXES
-    rotors = vehicle.rotors
-    lag_s = 0.5 * (rotors.lag_up_s + (rotors.lag_down_s or rotors.lag_up_s))
+    spin = vehicle.rotors.mean_lag_s * float(system.G[FORCES_AND_MOMENTS.index("N"), AXES.index("yaw")])
     return {
         f"{letter}_{column}": float(table[row, place])
         for row, letter in enumerate(FORCES_AND_MOMENTS)
         for place, column in enumerate(columns)
-    } | {"N_spin": lag_s * float(system.G[FORCES_AND_MOMENTS.index("N"), AXES.index("yaw")])}
+    } | {"N_spin": spin}
 
 
 def _slopes(trim: Trim, body: Body) -> FloatArray:

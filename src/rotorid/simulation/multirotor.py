@@ -101,6 +101,12 @@ class Rotors(Immutable):
         self._set(thrust=tuple(self.thrust), lag_down_s=lags[1])
 
     @property
+    def mean_lag_s(self) -> float:
+        """Mean of the lags of speeding up and slowing down."""
+        assert self.lag_down_s is not None
+        return 0.5 * (self.lag_up_s + self.lag_down_s)
+
+    @property
     def torque_curve(self) -> tuple[float, float, float]:
         """Coefficients of the torque, N m."""
         if self.torque is not None:

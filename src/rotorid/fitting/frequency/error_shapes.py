@@ -92,22 +92,22 @@ def response_error_shapes(
             smooth.append(block)
             group += [place] * columns.shape[1]
         names.append(f"{outputs[y]}/{inputs[u]}")
-    clocks = np.zeros((2 * count, 0))
+    known = np.zeros((2 * count, 0))
     if sample_rate_hz is not None:
         late = phase * omega_rad_s * CLOCK_SAMPLES / sample_rate_hz
         channels = [*(source == u for u in np.unique(source)), *(output == y for y in np.unique(output))]
-        clocks = np.concatenate([np.zeros((count, len(channels))), late[:, None] * np.stack(channels, axis=1)])
+        known = np.concatenate([np.zeros((count, len(channels))), late[:, None] * np.stack(channels, axis=1)])
     if sensor_errors is not None:
-        clocks = np.concatenate([clocks, _contradicted(sensor_errors, magnitude, phase * omega_rad_s, output)], axis=1)
+        known = np.concatenate([known, _contradicted(sensor_errors, magnitude, phase * omega_rad_s, output)], axis=1)
     if slope_changes is not None:
         changed = np.concatenate([magnitude * slope_changes, np.zeros(count)])
-        clocks = np.concatenate([clocks, changed[:, None]], axis=1)
+        known = np.concatenate([known, changed[:, None]], axis=1)
     if lean_errors is not None:
-        clocks = np.concatenate([clocks, _leant(lean_errors, magnitude, phase, output, source)], axis=1)
+        known = np.concatenate([known, _leant(lean_errors, magnitude, phase, output, source)], axis=1)
     if sensor_shapes is not None:
         left = np.concatenate([magnitude * sensor_shapes.real, phase * sensor_shapes.imag], axis=1)
-        clocks = np.concatenate([clocks, left.T], axis=1)
-    shapes = ErrorShapes(names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), known=clocks)
+        known = np.concatenate([known, left.T], axis=1)
+    shapes = ErrorShapes(names=tuple(names), smooth=np.concatenate(smooth, axis=1), group=np.array(group), known=known)
     return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
 
 

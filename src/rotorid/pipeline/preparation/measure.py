@@ -300,10 +300,12 @@ def _measured(
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
-    bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
-    known = with_slope_changes(replace(joint or direct, sensor_errors=errors), records, bent)
+    known = replace(joint or direct, sensor_errors=errors)
+    if any(is_command(name) for name in inputs):
+        bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
+        known = with_lean_errors(with_slope_changes(known, records, bent), flights, segments, bent)
     measured = Measured(
-        response=with_lean_errors(known, flights, segments, bent),
+        response=known,
         direct=direct if joint else None,
         diagnostics=diagnostics,
         segments=segments,
