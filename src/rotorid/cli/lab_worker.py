@@ -60,6 +60,7 @@ def main() -> None:
         say(f"rotorid: it needed more memory than the {memory_bytes / 2**30:g} GiB that a command has")
         sys.exit(SAID_WHY)
     except Exception as error:
+        # The page shows the last line that a worker says: a fault of ours is a sentence there too, not a traceback.
         say(f"rotorid: {type(error).__name__}: {error}")
         sys.exit(SAID_WHY)
 

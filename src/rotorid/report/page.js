@@ -74,17 +74,23 @@ const rotorid = (() => {
   const FONT = 12;
   const onScreen = (place, layout) => fitted(layout, place.clientWidth, FONT);
   // On paper pictures of one kind stand two beside each other, and a history is as high as its panels need, up to a page.
-  const PAPER = { width: 680, half: 336, least: 160, most: 900, font: 9 };
+  const PAPER = { width: 680, half: 336, least: 160, most: 900, font: 9, above: 38, below: 32, legend: 16 };
+  // Of the height on a screen: a history of many panels, two panels, bars with names, one panel.
+  const shareOnPaper = (layout) => {
+    if (layout.yaxis5) return 0.32;
+    if (layout.yaxis2) return 0.36;
+    return layout.yaxis?.ticktext ? 0.54 : 0.42;
+  };
   const onPaper = (place, layout) => {
     const half = place.parentElement.closest(".pictures") !== null;
-    const [width, share] = [half ? PAPER.half : PAPER.width, layout.yaxis5 ? 0.32 : layout.yaxis2 ? 0.36 : layout.yaxis?.ticktext ? 0.54 : 0.42];
-    const margin = { ...layout.margin, t: 38, b: 32 };
+    const width = half ? PAPER.half : PAPER.width;
+    const margin = { ...layout.margin, t: PAPER.above, b: PAPER.below };
     const inner = layout.height - layout.margin.t - layout.margin.b;
-    const height = Math.min(Math.max(Math.round(share * inner) + margin.t + margin.b, PAPER.least), PAPER.most);
+    const height = Math.min(Math.max(Math.round(shareOnPaper(layout) * inner) + margin.t + margin.b, PAPER.least), PAPER.most);
     const small = Object.fromEntries(Object.entries(layout).filter(([name]) => /^[xy]axis/.test(name)).map(([name, axis]) =>
       [name, { ...axis, tickfont: { size: PAPER.font - 1 }, title: { ...axis.title, font: { size: PAPER.font } } }]));
     const annotations = (layout.annotations ?? []).map((one) => ({ ...one, font: { ...one.font, size: PAPER.font } }));
-    const legend = layout.legend && { ...layout.legend, font: { size: PAPER.font - 1 }, y: 1 + 16 / (height - margin.t - margin.b) };
+    const legend = layout.legend && { ...layout.legend, font: { size: PAPER.font - 1 }, y: 1 + PAPER.legend / (height - margin.t - margin.b) };
     return fitted({ ...layout, ...small, annotations, legend, margin, width, height, autosize: false }, width, PAPER.font);
   };
 
