@@ -72,8 +72,8 @@ def commands(folder: Path) -> None:
         command = group.commands[name]
         lines = [f"# rotorid {name}", "", " ".join((command.help or "").split()), ""]
         lines += ["```", f"rotorid {name} {' '.join(_usage(command))}", "```", ""]
-        rows = [_option(one) for one in command.params if not getattr(one, "hidden", False)]
-        lines += ["| option | what it does | default |", "|---|---|---|", *rows, ""]
+        for heading, options in _panels(command).items():
+            lines += [f"## {heading}", "", *(line for one in options for line in _option(one))]
         (folder / f"{name}.md").write_text("\n".join(lines), encoding="utf-8")
     listed = [f"| [`rotorid {name}`]({name}.md) | {_cell(words)} |" for name, words in COMMANDS.items()]
     tree = _TREE.format(caption="Commands", entries="\n".join(COMMANDS))
@@ -88,25 +88,42 @@ def _usage(command: Any) -> Iterator[str]:
             yield (one.metavar or one.name.upper()) + ("..." if one.nargs == -1 and not one.metavar else "")
 
 
-def _option(one: Any) -> str:
+def _panels(command: Any) -> dict[str, list[Any]]:
+    """What a command takes, in the groups of its help."""
+    panels: dict[str, list[Any]] = {}
+    for one in command.params:
+        if not getattr(one, "hidden", False):
+            kind = "Arguments" if one.param_type_name == "argument" else "Options"
+            panels.setdefault(getattr(one, "rich_help_panel", None) or kind, []).append(one)
+    return panels
+
+
+def _option(one: Any) -> Iterator[str]:
+    """A term and what it means: long words and long sentences each have the whole width, on a phone too."""
     if one.param_type_name == "argument":
-        return f"| `{(one.metavar or one.name).upper()}` | {_cell(getattr(one, 'help', '') or '')} | |"
-    taken = f" {one.metavar}".replace("|", "\\|") if one.metavar else ""
-    written = ", ".join(f"`{word}{taken}`" for word in (*one.opts, *one.secondary_opts))
-    default = "" if one.default in (None, False, (), []) or callable(one.default) else f"`{one.default}`"
-    return f"| {written} | {_cell(one.help or '')} | {_cell(default)} |"
+        written = f"`{(one.metavar or one.name).upper()}`"
+    else:
+        taken = f" {one.metavar}" if one.metavar else ""
+        written = ", ".join(f"`{word}{taken}`" for word in (*one.opts, *one.secondary_opts))
+    unsaid = one.default in (None, False, (), []) or callable(one.default)
+    default = "" if unsaid or "[default" in (one.help or "") else f" Default: `{one.default}`."
+    yield from (written, f": {_cell(one.help or '')}{default}", "")
 
 
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
 
 
+def _first(documented: str | None) -> str:
+    """The first paragraph, which says what something is."""
+    return (documented or "").split("\n\n")[0]
+
+
 def schemas(page: Path, folder: Path) -> None:
     """Every document with what it says of itself, and its schema as a file."""
     rows = []
     for name, kind in SCHEMAS.items():
-        told = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
-        rows.append(f"| {{download}}`{name} <schemas/{name}.json>` | {_cell(told)} |")
+        rows.append(f"| {{download}}`{name} <schemas/{name}.json>` | {_cell(_first(kind.__doc__))} |")
         json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
     head = "# Schemas\n\nJSON schemas of the files that commands write; see [files and schemas](results.md).\n\n"
     head += "| schema | of |\n|---|---|\n"
@@ -118,7 +135,7 @@ def names(folder: Path) -> None:
     folder.mkdir()
     for face in FACES:
         package = importlib.import_module(face)
-        lines = [f"# {face}", "", "```{eval-rst}"]
+        lines = [f"# {face}", "", _cell(_first(package.__doc__)), "", "```{eval-rst}"]
         for name in package.__all__:
             value = getattr(package, name)
             if not getattr(value, "__doc__", None) or not (isinstance(value, type) or callable(value)):
@@ -131,9 +148,10 @@ def names(folder: Path) -> None:
                 lines.append("   :members:")
             lines.append("")
         (folder / f"{face}.md").write_text("\n".join([*lines, "```", ""]), encoding="utf-8")
-    listed = "\n".join(f"- [{face}]({face}.md)" for face in FACES)
+    listed = [f"| [`{face}`]({face}.md) | {_cell(_first(importlib.import_module(face).__doc__))} |" for face in FACES]
     tree = _TREE.format(caption="Packages", entries="\n".join(FACES))
-    (folder / "index.md").write_text(f"# Python names\n\n{listed}\n\n{tree}", encoding="utf-8")
+    head = "# Python names\n\n| package | what it holds |\n|---|---|\n"
+    (folder / "index.md").write_text(head + "\n".join(listed) + f"\n\n{tree}", encoding="utf-8")
 
 
 PARTS = {
