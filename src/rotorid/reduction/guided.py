@@ -26,6 +26,7 @@ from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
+from rotorid.models.structure import LinearStructure
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, bounds
 
@@ -259,7 +260,8 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     judged by all their responses together. The least certain goes first, and none that lies more than five standard
     deviations from zero where errors are weighed by their covariance: CIFER's cost knows nothing of noise, and precise
     data show a lag that costs little, without which the others are biased. Any parameter whose bound of zero holds it
-    goes too: it would have crossed into values that the vehicle cannot have.
+    goes too: it would have crossed into values that the vehicle cannot have. A lead that works against a lag, such as
+    the spin-up of rotors, goes with it: alone it would be the derivative of a command.
 
     Parameters
     ----------
@@ -271,21 +273,24 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     kept: set[str] = set()
     while optional := [name for name in _optional(best) if name not in kept]:
         name = optional[0] if len(optional) == 1 else min(optional, key=_distances(best, solution).__getitem__)
-        smaller = best.with_parameters(best.parameters.drop(name))
+        gone = (name, *_leads(best.structure, best.parameters, name))
+        smaller = best.with_parameters(_drop(best.parameters, gone))
         trial = fit_frequency(smaller)
         rise = mean_cost(smaller, trial) - mean_cost(best, solution)
         if rise > LARGEST_RISE or _is_certain(best, solution, name):
             kept.add(name)
             continue
-        findings.append(_not_missed(best.parameters[name], rise, inputs=len(problem.structure.inputs)))
+        inputs = len(problem.structure.inputs)
+        findings += [_not_missed(best.parameters[one], rise, inputs=inputs) for one in gone]
         best, solution = smaller, trial
     for name in best.parameters.free:
         value = dict(zip(best.parameters.free, solution.theta, strict=True)).get(name)
         bounds = (best.parameters[name].lower, best.parameters[name].upper)
         if value == 0.0 and value in bounds:
-            best = best.with_parameters(best.parameters.drop(name))
+            leads = _leads(best.structure, best.parameters, name)
+            best = best.with_parameters(_drop(best.parameters, (name, *leads)))
             solution = fit_frequency(best)
-            findings.append(_at_zero(name))
+            findings += [_at_zero(name), *(_without_lag(lead, name) for lead in leads)]
     return Reduced(problem=best, solution=solution, findings=tuple(findings))
 
 
@@ -297,6 +302,29 @@ def mean_cost(problem: FrequencyProblem, solution: Solution) -> float:
 def _optional(problem: FrequencyProblem) -> list[str]:
     free = problem.parameters.free
     return [name for name in problem.structure.optional if name in free and _may_be_zero(problem.parameters[name])]
+
+
+def _drop(parameters: ParameterSet, names: Iterable[str]) -> ParameterSet:
+    for name in names:
+        parameters = parameters.drop(name)
+    return parameters
+
+
+def _leads(structure: LinearStructure, parameters: ParameterSet, lag: str) -> tuple[str, ...]:
+    """Optional parameters that work against a lag: without it they would be derivatives of a command."""
+    without = parameters.drop(lag)
+    rows = structure.condensed(without).M
+    among = frozenset().union(*(entry.names for row in rows for entry in row))
+    leads = tuple(name for name in structure.optional if name in among and name in without.free)
+    if not leads or _each_state_moves(structure, without):
+        return ()
+    return leads if _each_state_moves(structure, _drop(without, leads)) else ()
+
+
+def _each_state_moves(structure: LinearStructure, parameters: ParameterSet) -> bool:
+    """Whether every state of what is left has a derivative."""
+    left = structure.condensed(parameters)
+    return bool(np.linalg.matrix_rank(left.matrices(left.parameters.values).M) == len(left.states))
 
 
 def _is_certain(problem: FrequencyProblem, solution: Solution, name: str) -> bool:
@@ -335,6 +363,14 @@ def _not_missed(parameter: Parameter, rise: float, *, inputs: int) -> Finding:
         f"only {max(rise, 0.0):.2f} (limit {LARGEST_RISE:g}), so it is set to zero{absorbed}.",
         cost_rise=rise,
         limit=LARGEST_RISE,
+    )
+
+
+def _without_lag(lead: str, lag: str) -> Finding:
+    return warn(
+        "dropped_parameter",
+        lead,
+        f"{lead} was left out with {lag}, which the data put at zero: a lead is one only against a lag.",
     )
 
 
@@ -587,6 +623,8 @@ def _without(state: _State, name: str) -> tuple[_State | None, str]:
     parameters = state.problem.parameters.unpack(state.solution.theta)
     if not parameters[name].lower <= 0.0 <= parameters[name].upper:
         return None, f"zero lies outside the bounds of {name}"
+    if leads := _leads(state.problem.structure, parameters, name):
+        return None, f"{', '.join(leads)} would be the derivative of a command without it"
     try:
         smaller = state.problem.with_parameters(parameters.drop(name))
         obstacle = _obstacle(smaller)

@@ -10,8 +10,9 @@ import pytest
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.models.library import rate_model
+from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.reduction.guided import LARGEST_RISE, Reduced, fit_and_drop
 from rotorid.typing import ComplexArray
@@ -25,18 +26,22 @@ def problem(values: ComplexArray, level: float = 0.0) -> FrequencyProblem:
     rng = np.random.default_rng(2)
     shape = (1, 1, OMEGA.size)
     scatter = level * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+    return posed_for(STRUCTURE, values.reshape(shape) * (1.0 + scatter))
+
+
+def posed_for(structure: LinearStructure, values: ComplexArray) -> FrequencyProblem:
+    """Every response that is not zero, with equal errors."""
     data = FrequencyResponse(
         omega_rad_s=OMEGA,
-        values=values.reshape(shape) * (1.0 + scatter),
-        coherence=np.full(shape, 0.95),
-        random_error=np.full(shape, 0.03),
-        covariance=np.zeros((*shape, OMEGA.size)),
-        inputs=STRUCTURE.inputs,
-        outputs=STRUCTURE.outputs,
+        values=values,
+        coherence=np.full(values.shape, 0.95),
+        random_error=np.full(values.shape, 0.03),
+        covariance=np.zeros((*values.shape, OMEGA.size)),
+        inputs=structure.inputs,
+        outputs=structure.outputs,
         estimate="direct",
     )
-    used = np.ones(shape, dtype=bool)
-    return FrequencyProblem(structure=STRUCTURE, parameters=STRUCTURE.parameters, data=data, used=used)
+    return FrequencyProblem(structure=structure, parameters=structure.parameters, data=data, used=np.abs(values) > 0.0)
 
 
 def model(**change: float) -> ComplexArray:
@@ -89,6 +94,28 @@ def test_what_the_user_fixed_is_left_alone() -> None:
     assert all(finding.where != "T_motor" for finding in reduced.findings)
 
 
+def test_a_lead_goes_with_the_lag_that_it_works_against() -> None:
+    # The spin-up of rotors that react at once would make the rate of yaw jump with the command.
+    structure = library_model("axis.yaw")
+    truth = {"N_yaw": 20.0, "N_spin": 0.0, "N_r": -0.5, "tau_yaw": 0.02, "T_motor": 0.0}
+    posed = posed_for(structure, structure.response(truth, OMEGA))
+    reduced = fit_and_drop(posed)
+    status = {name: reduced.problem.parameters[name].status for name in ("N_spin", "T_motor")}
+    assert status == {"N_spin": "dropped", "T_motor": "dropped"}
+    assert reduced.problem.structure.condensed(reduced.problem.parameters).states == ("r",)
+    assert {finding.where for finding in reduced.findings} == {"N_spin", "T_motor"}
+
+
+def test_a_lag_is_not_dropped_alone_while_a_lead_needs_it() -> None:
+    structure = library_model("axis.yaw")
+    truth = {"N_yaw": 20.0, "N_spin": 0.8, "N_r": -0.5, "tau_yaw": 0.02, "T_motor": 0.0}
+    reduced = fit_and_drop(posed_for(structure, structure.response(truth, OMEGA)))
+    parameters = reduced.problem.parameters
+    assert (parameters["T_motor"].status == "dropped") <= (parameters["N_spin"].status == "dropped")
+    states = reduced.problem.structure.condensed(parameters).matrices(found(reduced))
+    assert np.linalg.matrix_rank(states.M) == len(states.M)
+
+
 SHARED = """
 name = "roll and pitch"
 inputs = ["roll_command", "pitch_command"]
@@ -110,19 +137,7 @@ def test_a_lag_that_two_inputs_share_is_judged_by_both(lag_s: float) -> None:
     text = SHARED + "".join(f"[parameters.{name}]\nvalue = {value}\n" for name, value in truth.items())
     text = text.replace(f"value = {lag_s}\n", 'value = 0.02\nunit = "s"\nlower = 0.0\n')
     structure = from_toml(text)
-    exact = structure.response(truth, OMEGA)
-    used = np.abs(exact) > 0.0
-    data = FrequencyResponse(
-        omega_rad_s=OMEGA,
-        values=exact,
-        coherence=np.full(exact.shape, 0.95),
-        random_error=np.full(exact.shape, 0.03),
-        covariance=np.zeros((*exact.shape, OMEGA.size)),
-        inputs=structure.inputs,
-        outputs=structure.outputs,
-        estimate="direct",
-    )
-    posed = FrequencyProblem(structure=structure, parameters=structure.parameters, data=data, used=used)
+    posed = posed_for(structure, structure.response(truth, OMEGA))
     reduced = fit_and_drop(posed)
     assert reduced.problem.parameters["T_motor"].status == ("free" if lag_s else "dropped")
     for name, value in truth.items():
