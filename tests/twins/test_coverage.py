@@ -31,6 +31,7 @@ from tests.twins.motor_twins import VEHICLES, truth_of, twin
 import rotorid
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import SimulateChoices
+from rotorid.pipeline.identification import identify_motors
 from rotorid.pipeline.simulation import truth_of as simulated_truth
 
 SEEDS = range(1, 16)
@@ -171,6 +172,13 @@ def test_a_speed_that_pushes_is_refused(model: str, name: str, tmp_path: Path) -
     with pytest.raises(InsufficientDataError) as refusal:
         rotorid.identify(record, model)
     assert name in {finding.where for finding in refusal.value.findings if finding.kind == "impossible_physics"}
+
+
+@pytest.mark.slow
+def test_a_delay_of_a_whole_sample_is_not_taken_for_two(tmp_path: Path) -> None:
+    flight = twin("iris", "wind", 2, tmp_path)
+    found = identify_motors([flight.record], flight.choices).parameters
+    assert found["tau_gyro"].value == pytest.approx(flight.truth["tau_gyro"], abs=2e-4)
 
 
 @pytest.mark.slow

@@ -106,12 +106,15 @@ class ErrorShapes(Immutable):
         Index of the group of each column, shape ``(m,)``.
     known
         Columns of known size, shape ``(n, c)``: clocks, and places of sensors.
+    largest
+        How many of the last of these state the largest size there may be: residuals say how much of it is there.
     """
 
     names: tuple[str, ...]
     smooth: FloatArray
     group: IntArray
     known: FloatArray
+    largest: int = 0
 
     def __post_init__(self) -> None:
         self._set(
@@ -119,6 +122,12 @@ class ErrorShapes(Immutable):
             group=read_only(self.group, np.int64, ndim=1),
             known=read_only(self.known, np.float64, ndim=2),
         )
+
+    def seen(self, shares: FloatArray) -> ErrorShapes:
+        """The same shapes, where residuals show shares of their :attr:`largest` columns."""
+        factors = np.ones(self.known.shape[1])
+        factors[factors.size - self.largest :] = shares
+        return replace(self, known=self.known * factors)
 
     def covariance(self, sizes: Mapping[str, float]) -> FloatArray:
         """Of the residuals, for given sizes of the groups, shape ``(n, n)``."""

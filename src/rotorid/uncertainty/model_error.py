@@ -18,6 +18,9 @@ from residuals to parameters,
 
 .. math:: \mathrm{Cov}\,\theta = M \, (C + \sum_k a_k^2 s B_k B_k^T s + T T^T) \, M^T
 
+An accelerometer may lie beside the center of gravity by some centimeters. Where no parameter follows it, that would
+leave a large trace; of this column the share counts that the residuals leave of it, its root mean square given them.
+
 Errors that leave no trace in residuals, a wrong scale or a slope that depends on amplitude, are covered by the floor
 alone. How often such intervals hold, over simulated flights of seven vehicles, stands in ``docs/accuracy.md``.
 
@@ -139,11 +142,12 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
         own[rows], start[place] = _OWN_ERRORS[best] * scale[rows], tried[best][1]
     likelihood = _Likelihood.of(shapes, residual, jacobian, covariance, own)
     logs = likelihood.best(start, tops)
+    columns = np.concatenate([shapes.smooth, shapes.known], axis=1)
     return ModelError(
-        shapes=shapes,
+        shapes=shapes.seen(likelihood.shares(logs)[columns.shape[1] - shapes.largest :]),
         sizes=dict(zip(shapes.names, map(float, np.exp(logs)), strict=True)),
         scatter=own,
-        expected=np.concatenate([shapes.smooth, shapes.known], axis=1) @ likelihood.expected(logs),
+        expected=columns @ likelihood.expected(logs),
     )
 
 
@@ -225,6 +229,12 @@ class _Likelihood:
         """Most likely factors of all columns."""
         D = self._sizes(logs)
         return np.asarray(D * np.linalg.solve(np.eye(D.size) + D[:, None] * self.S * D, D * self.y))
+
+    def shares(self, logs: FloatArray) -> FloatArray:
+        """Of the size that each column may have, what the residuals leave of it: root mean square, at most one."""
+        D = self._sizes(logs)
+        left = np.linalg.inv(np.eye(D.size) + D[:, None] * self.S * D)
+        return np.asarray(np.sqrt(np.minimum((left @ (D * self.y)) ** 2 + np.diag(left), 1.0)))
 
 
 def _members(group: IntArray, groups: int, columns: int) -> FloatArray:

@@ -39,6 +39,15 @@ def test_in_calm_air_the_truth_comes_back(found: MotorFit) -> None:
         assert values[name] == pytest.approx(TRUTH[name], rel=0.02), name
 
 
+@pytest.mark.parametrize("samples", [-2, 3])
+def test_a_delay_some_samples_away_is_no_obstacle(calm: MotorRecord, found: MotorFit, samples: int) -> None:
+    """Held outputs give the cost a corner at every whole number of samples."""
+    values = found.parameters.values
+    away = max(values["tau_gyro"] + samples / calm.sample_rate_hz, 0.0)
+    again = fit_motors(replace(found.problem, filters=()), start={**values, "tau_gyro": away})
+    assert again.parameters.values["tau_gyro"] == pytest.approx(values["tau_gyro"], abs=1e-5)
+
+
 def test_twice_the_mass_is_twice_the_thrust_and_inertia(calm: MotorRecord, found: MotorFit) -> None:
     heavy = fitted(calm, {"m": 2.0 * TRUTH["m"]}).parameters.values
     for name in ("c_1", "c_2", "I_xx", "I_yy"):

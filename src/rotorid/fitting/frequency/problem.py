@@ -623,7 +623,8 @@ class FrequencyProblem(Problem):
         )
         if self.structure.constants.get(_PLACE) != 0.0:
             return shapes
-        return replace(shapes, known=np.concatenate([shapes.known, self._displaced(theta)[:, None]], axis=1))
+        known = np.concatenate([shapes.known, self._displaced(theta)[:, None]], axis=1)
+        return replace(shapes, known=known, largest=1)
 
     def _displaced(self, theta: FloatArray) -> FloatArray:
         """What an accelerometer beside the center of gravity does to the residuals, to first order, shape ``(2 n,)``.

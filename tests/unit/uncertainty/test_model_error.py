@@ -1,0 +1,64 @@
+"""What residuals say of errors that have a shape: how large they are, and that they are not there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rotorid.fitting.frequency.error_shapes import response_error_shapes
+from rotorid.fitting.problem import ErrorShapes
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.model_error import model_error
+
+OMEGA = np.geomspace(1.0, 50.0, 60)
+NOISE = 0.003
+
+
+def shapes(column: FloatArray, *, largest: int) -> ErrorShapes:
+    """One response, and a column of known size beside its smooth error."""
+    nothing = np.zeros(OMEGA.size, dtype=np.int64)
+    plain = response_error_shapes(
+        OMEGA, nothing, nothing, np.ones(2 * OMEGA.size), outputs=["ax"], inputs=["pitch"], sample_rate_hz=None
+    )
+    return replace(plain, known=column[:, None], largest=largest)
+
+
+def left(residual: FloatArray, column: FloatArray, *, largest: int = 1, jacobian: FloatArray | None = None) -> float:
+    """Size that the column has at the end, as a share of what it may have."""
+    count = residual.size
+    slopes = np.zeros((count, 0)) if jacobian is None else jacobian
+    found = model_error(shapes(column, largest=largest), residual, slopes, NOISE**2 * np.eye(count))
+    return float(np.linalg.norm(found.shapes.known) / np.linalg.norm(column))
+
+
+@pytest.fixture(scope="module")
+def steep() -> FloatArray:
+    """An error that grows tenfold over the band, as that of an accelerometer beside the center of gravity."""
+    return np.concatenate([0.5 * (OMEGA / OMEGA[-1]) ** 2, np.zeros(OMEGA.size)])
+
+
+@pytest.fixture(scope="module")
+def noise() -> FloatArray:
+    return NOISE * np.random.default_rng(1).standard_normal(2 * OMEGA.size)
+
+
+def test_an_error_that_would_show_and_does_not_is_none(steep: FloatArray, noise: FloatArray) -> None:
+    assert left(noise, steep) < 0.1
+
+
+def test_an_error_that_shows_counts_as_much_as_it_shows(steep: FloatArray, noise: FloatArray) -> None:
+    assert left(noise + 0.6 * steep, steep) == pytest.approx(0.6, abs=0.1)
+
+
+def test_no_more_counts_than_there_may_be(steep: FloatArray, noise: FloatArray) -> None:
+    assert left(noise + 3.0 * steep, steep) == pytest.approx(1.0)
+
+
+def test_an_error_that_parameters_follow_leaves_no_trace_and_counts_whole(steep: FloatArray, noise: FloatArray) -> None:
+    assert left(noise, steep, jacobian=steep[:, None]) == pytest.approx(1.0)
+
+
+def test_a_clock_counts_whole_whatever_residuals_show(steep: FloatArray, noise: FloatArray) -> None:
+    assert left(noise, steep, largest=0) == 1.0
