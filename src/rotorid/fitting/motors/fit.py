@@ -725,7 +725,7 @@ def fit_motors(
         problem = _with_whitening(problem, solution.theta, white_force=white_force)
         following = solver.minimize(problem.residuals, solution.theta, *problem.box)
         if count == 1:
-            following = _at_the_best_sample(problem, following, solver)
+            following = at_the_best_sample(problem, following, solver)
         moved = float(np.max(_deviations(following, solution.theta), initial=0.0))
         last = following.theta - solution.theta
         solution, settled = following, moved <= _AT_REST
@@ -747,11 +747,20 @@ _CORNER, _WORTH, _MOST_SAMPLES = 0.25, 0.95, 4
 _GLANCE = LevenbergMarquardt(iterations=4, tolerance=1e-3)
 
 
-def _at_the_best_sample(problem: MotorProblem, solution: Solution, solver: LevenbergMarquardt) -> Solution:
+def at_the_best_sample(problem: MotorProblem, solution: Solution, solver: LevenbergMarquardt) -> Solution:
     """The minimum near a delay of another whole number of samples, where that explains clearly more.
 
     Outputs are held from sample to sample. At such a delay their steps meet a sample of the rates, and the cost has a
     corner, which a search that follows slopes does not pass.
+
+    Parameters
+    ----------
+    problem
+        With the filters of the solution.
+    solution
+        Where the search ended.
+    solver
+        Goes on from a neighbor that explains a twentieth more after four steps with the delay held.
     """
     free = problem.parameters.free
     if "tau_gyro" not in free:
