@@ -2,7 +2,7 @@
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import AsyncIterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,8 +70,8 @@ def lab_app(
         }
         return JSONResponse(told)
 
-    _add_logs(app, session)
-    _add_steps(app, session)
+    for add in (_add_logs, _add_views, _add_steps, _add_files):
+        add(app, session)
     app.mount("/static", StaticFiles(directory=STATIC, follow_symlink=False))
     return Guard(app, token=token, secret=secret, hosts=hosts, cookie=cookie, once=once)
 
@@ -117,14 +117,9 @@ def _add_sentences(app: "FastAPI") -> None:
 
 
 def _add_logs(app: "FastAPI", session: Session) -> None:
-    """Routes that open logs, and show what is in them."""
+    """Routes that open logs, and close them."""
     from fastapi import Request
     from fastapi.responses import JSONResponse, Response
-
-    def log_of(number: int) -> OpenLog:
-        if not 1 <= number <= len(session.logs) or session.logs[number - 1].closed:
-            raise UsageError(f"log {number} came", needed=f"one of the {len(session.logs)} that are open")
-        return session.logs[number - 1]
 
     @app.get("/api/folder")
     def folder() -> Response:
@@ -140,59 +135,52 @@ def _add_logs(app: "FastAPI", session: Session) -> None:
 
     @app.post("/api/upload")
     async def upload(request: Request, name: str) -> Response:
-        from anyio import open_file
-
-        path, called = session.upload_path(name)
-        try:
-            # What is announced is refused before it is sent, and what was not announced as it comes.
-            session.take_in(path, 0, announced=int(request.headers.get("content-length", 0)))
-            async with await open_file(path, "xb") as file:
-                async for part in request.stream():
-                    session.take_in(path, len(part))
-                    await file.write(part)
-            return JSONResponse({"log": session.open(path, called).number})
-        except OSError as error:
-            session.drop_upload(path)
-            why = error.strerror or type(error).__name__
-            raise UsageError(f"the log could not be put down: {why}", needed=f"room in {path.parents[1]}") from error
-        except BaseException:
-            session.drop_upload(path)
-            raise
+        # What is announced is refused before it is sent, and what was not announced as it comes.
+        announced = int(request.headers.get("content-length", 0))
+        return JSONResponse({"log": (await _taken_in(session, name, request.stream(), announced)).number})
 
     @app.delete("/api/logs/{number}")
     def close(number: int) -> Response:
-        session.close_log(log_of(number))
+        session.close_log(_log_of(session, number))
         return JSONResponse({})
+
+
+def _add_views(app: "FastAPI", session: Session) -> None:
+    """Routes that show what is in a log."""
+    from fastapi.responses import JSONResponse, Response
+
+    def tracks_of(number: int, channel: int = 0) -> Tracks:
+        log = _log_of(session, number)
+        if log.tracks is None:
+            raise UsageError(f"{log.name} is not read", needed="a log that was read")
+        if not 0 <= channel < len(log.tracks.channels):
+            raise UsageError(f"channel {channel} came", needed=f"one of the {len(log.tracks.channels)} there are")
+        return log.tracks
 
     @app.get("/api/logs/{number}")
     def log(number: int) -> Response:
-        tracks = _tracks(log_of(number))
+        tracks = tracks_of(number)
         told = {"channels": tracks.channels, "span_s": tracks.span_s, "inspection": tracks.inspection()}
         return JSONResponse(told)
 
     @app.get("/api/logs/{number}/track")
     def track(number: int, channel: int, start: Seconds, stop: Seconds, points: int = 1000) -> Response:
-        pyramid = _tracks(log_of(number), channel).pyramid(channel)
+        pyramid = tracks_of(number, channel).pyramid(channel)
         x, y = pyramid.view(start, stop, min(max(points, 10), 4000))
         return JSONResponse({"x": listed(x), "y": listed(y)})
 
     @app.get("/api/logs/{number}/spectrum")
     def spectrum(number: int, channel: int, start: Seconds, stop: Seconds) -> Response:
-        return JSONResponse(_tracks(log_of(number), channel).spectrum(channel, start, stop))
+        return JSONResponse(tracks_of(number, channel).spectrum(channel, start, stop))
 
     @app.get("/api/logs/{number}/spectrogram")
     def spectrogram(number: int, channel: int, start: Seconds, stop: Seconds) -> Response:
-        return JSONResponse(_tracks(log_of(number), channel).spectrogram(channel, start, stop))
+        return JSONResponse(tracks_of(number, channel).spectrogram(channel, start, stop))
 
 
 def _add_steps(app: "FastAPI", session: Session) -> None:
-    """Routes that carry out commands, and hand out what they wrote."""
-    from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse, Response
-
-    def ran_of(number: int) -> Ran:
-        if not 1 <= number <= len(session.steps):
-            raise UsageError(f"step {number} came", needed=f"one of the {len(session.steps)} there are")
-        return session.steps[number - 1]
+    """Routes that carry out commands."""
+    from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
     @app.get("/api/models")
     def models() -> Response:
@@ -213,7 +201,7 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
 
     @app.get("/api/steps/{number}")
     def step(number: int) -> Response:
-        ran = ran_of(number)
+        ran = _step_of(session, number)
         if not ran.job.ended.is_set():
             return JSONResponse({"document": None, "curves": {}, "parts": {}, "files": []})
         files = [one.relative_to(ran.folder).as_posix() for one in session.files(ran)]
@@ -222,12 +210,17 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
 
     @app.delete("/api/steps/{number}")
     def cancel(number: int) -> Response:
-        session.workers.cancel(ran_of(number).job)
+        session.workers.cancel(_step_of(session, number).job)
         return JSONResponse({})
+
+
+def _add_files(app: "FastAPI", session: Session) -> None:
+    """Routes that hand out what the commands wrote."""
+    from fastapi.responses import FileResponse, Response
 
     @app.get("/api/steps/{number}/files/{place}")
     def file(number: int, place: int) -> Response:
-        files = session.files(ran_of(number))
+        files = session.files(_step_of(session, number))
         if not 0 <= place < len(files):
             raise UsageError(f"file {place} came", needed=f"one of the {len(files)} there are")
         return FileResponse(
@@ -239,7 +232,7 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
 
     @app.get("/api/steps/{number}/report")
     def report(number: int) -> Response:
-        page = session.report(ran_of(number))
+        page = session.report(_step_of(session, number))
         return FileResponse(page, media_type="text/html", headers={"content-security-policy": _REPORT_POLICY})
 
     @app.get("/api/project")
@@ -249,6 +242,39 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
             media_type="application/toml",
             headers={"Content-Disposition": 'attachment; filename="rotorid.toml"'},
         )
+
+
+def _log_of(session: Session, number: int) -> OpenLog:
+    if not 1 <= number <= len(session.logs) or session.logs[number - 1].closed:
+        raise UsageError(f"log {number} came", needed=f"one of the {len(session.logs)} that are open")
+    return session.logs[number - 1]
+
+
+def _step_of(session: Session, number: int) -> Ran:
+    if not 1 <= number <= len(session.steps):
+        raise UsageError(f"step {number} came", needed=f"one of the {len(session.steps)} there are")
+    return session.steps[number - 1]
+
+
+async def _taken_in(session: Session, name: str, parts: AsyncIterable[bytes], announced: int) -> OpenLog:
+    """The log that a page sends, put down as it comes and opened; nothing of it stays where that fails."""
+    from anyio import open_file
+
+    path, called = session.upload_path(name)
+    try:
+        session.take_in(path, 0, announced=announced)
+        async with await open_file(path, "xb") as file:
+            async for part in parts:
+                session.take_in(path, len(part))
+                await file.write(part)
+        return session.open(path, called)
+    except OSError as error:
+        session.drop_upload(path)
+        why = error.strerror or type(error).__name__
+        raise UsageError(f"the log could not be put down: {why}", needed=f"room in {path.parents[1]}") from error
+    except BaseException:
+        session.drop_upload(path)
+        raise
 
 
 def _told_log(log: OpenLog) -> dict[str, Any]:
@@ -268,12 +294,3 @@ def _told_step(ran: Ran, logs: list[OpenLog]) -> dict[str, Any]:
 def _told(job: Job) -> dict[str, Any]:
     """How far a job is."""
     return {"state": job.state, "told": job.told, "share": job.share, "sentence": job.sentence}
-
-
-def _tracks(log: OpenLog, channel: int = 0) -> Tracks:
-    tracks = log.tracks
-    if tracks is None:
-        raise UsageError(f"{log.name} is not read", needed="a log that was read")
-    if not 0 <= channel < len(tracks.channels):
-        raise UsageError(f"channel {channel} came", needed=f"one of the {len(tracks.channels)} there are")
-    return tracks
