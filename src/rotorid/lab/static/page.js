@@ -107,14 +107,23 @@ export function words(key) {
 
 export const counted = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;
 
+const halfOf = (one) => (Number.isFinite(one.upper) && Number.isFinite(one.lower) ? (one.upper - one.lower) / 2 : 0);
+/** A number as an interval of this half width tells it: two digits of the width. */
+export function told(value, half) {
+  if (value === null || value === undefined || !half) return number(value);
+  const places = Math.max(1 - Math.floor(Math.log10(half)), 0);
+  return places > 10 ? number(value) : value.toFixed(places).replaceAll("-", "−");
+}
 /** A value with half the width of its interval, as many digits as the width allows. */
 export function within(one) {
   if (!one || one.value === null || one.value === undefined) return "–";
-  const half = one.upper !== null && one.lower !== null && one.upper !== undefined ? (one.upper - one.lower) / 2 : null;
-  if (!half) return number(one.value);
-  const places = Math.min(Math.max(1 - Math.floor(Math.log10(half)), 0), 10);
-  return `${one.value.toFixed(places)} ± ${half.toFixed(places)}`.replaceAll("-", "−");
+  const half = halfOf(one);
+  return half ? `${told(one.value, half)} ± ${told(half, half)}` : number(one.value);
 }
+/** A value and the ends of its interval, as many digits as its width allows. */
+export const ends = (one) => [one.value, one.lower, one.upper].map((value) => told(value, halfOf(one)));
+/** A value with its interval, of a value and its standard deviation. */
+export const withStd = (value, std) => within({ value, lower: value - 1.96 * std, upper: value + 1.96 * std });
 
 export function tableOf(caption, heads, rows) {
   const table = make("table", "", {}, ...(caption ? [make("caption", caption)] : []));

@@ -1,6 +1,6 @@
 // Results: a card for every step, and a table that puts identifications beside each other.
 import { CommandLine, copyable } from "./commands.js";
-import { $, ask, counted, make, number, omegaOf, redrawn, shownOmega, shownRate, tableOf, tried, unitOf, unitText, watched, within, words } from "./page.js";
+import { $, ask, counted, ends, make, number, omegaOf, redrawn, shownOmega, shownRate, tableOf, tried, unitOf, unitText, watched, withStd, within, words } from "./page.js";
 import { colors, lines, phaseOf, released } from "./plots.js";
 
 const TARGETS = ["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "matlab", "control", "fmu", "json"];
@@ -229,14 +229,12 @@ const SHOWS = {
   identify(body, told) {
     const rows = Object.entries(told.parameters ?? {});
     if (!rows.length) return;
-    body.append(tableOf("Parameters", ["parameter", "value", "95 % from", "to", "unit", "status"], rows.map(([name, one]) => [name, number(one.value, 6), number(one.lower, 6), number(one.upper, 6), unitOf(one.unit), one.status])));
+    body.append(tableOf("Parameters", ["parameter", "value", "95 % from", "to", "unit", "status"], rows.map(([name, one]) => [name, ...ends(one), unitOf(one.unit), one.status])));
     if (told.cost) body.append(make("p", `Average cost ${number(told.cost.average)}: ${told.cost.average <= 50 ? "excellent" : told.cost.average <= 100 ? "acceptable" : "poor"} by the guideline (50, 100).`));
     if (told.poles?.length) {
-      const poles = told.poles.filter((one) => one.imag >= 0);
-      body.append(tableOf(`Poles, in ${unitText()}`, ["pole", "frequency", "damping"], poles.map((one) => {
-        const part = (value) => number(shownOmega(value));
-        return [`${part(one.real)}${one.imag ? ` ± ${part(one.imag)}j` : ""}`, part(one.frequency_rad_s), number(one.damping, 3)];
-      })));
+      const part = (value, std) => withStd(shownOmega(value), shownOmega(std));
+      body.append(tableOf(`Poles, in ${unitText()}, ± half of the 95 % interval`, ["real part", "imaginary part", "frequency", "damping"], told.poles.filter((one) => one.imag >= 0).map((one) =>
+        [part(one.real, one.real_std), one.imag ? part(one.imag, one.imag_std) : "0", part(one.frequency_rad_s, one.frequency_std_rad_s), withStd(one.damping, one.damping_std)])));
     }
     scores(body, told.verification?.maneuvers ?? []);
   },
