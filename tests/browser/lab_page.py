@@ -89,7 +89,7 @@ class LabPage:
     def wait_for_tracks(self, count: int = 1) -> None:
         """Until so many tracks are drawn, and the log is inspected."""
         self.page.wait_for_selector(f"#tracks .u-over >> nth={count - 1}")
-        self.until("document.querySelectorAll('#models .mark').length > 0")
+        self.until("document.querySelectorAll('#models .mark:is(.good,.bad)').length > 0")
 
     def until(self, expression: str) -> None:
         """Wait for something to hold; the page's own policy forbids Playwright's way of waiting in it."""
