@@ -152,7 +152,7 @@ LATERAL = Twin(
     inputs=("roll_command", "yaw_command"),
     outputs=("p", "r", "v", "phi", "ay"),
     truth=without_zeros(s500.LATERAL),
-    held={**zeros(s500.LATERAL), "T_motor": 0.0},
+    held={**zeros(s500.LATERAL), "T_motor": 0.0, "N_spin": 0.0},
     flight=s500_flight({"roll": 0.035, "yaw": 0.1}),
 )
 
