@@ -65,3 +65,14 @@ def test_an_interrupt_is_said_and_leaves_nothing_half_written(tmp_path: Path) ->
     assert "interrupted" in said
     assert "Traceback" not in said
     assert not list(tmp_path.glob("**/.rotorid-making-*"))
+
+
+@UNIX
+def test_an_interrupt_while_a_class_is_made_ends_with_the_same_code(tmp_path: Path) -> None:
+    """The making of named tuples and data classes runs source, whose interrupts Python remembers until its end."""
+    program = "from rotorid.cli import app\napp._parsed = lambda words: exec('raise KeyboardInterrupt')\napp.main()\n"
+    (tmp_path / "interrupted.py").write_text(program)
+    command = [sys.executable, "-m", "interrupted"]
+    ran = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path)
+    assert ran.returncode == 130
+    assert "interrupted" in ran.stderr

@@ -239,6 +239,9 @@ def main() -> None:
         sys.exit(code)
     except KeyboardInterrupt:
         say("rotorid: interrupted; files that were complete stay, and no file is left half written")
+        # Python takes an interrupt of a class that was just being made (it runs their source) for one that nobody
+        # caught, and would end by the signal in place of the code; source that runs through takes that back.
+        exec("")
         sys.exit(_INTERRUPTED)
     except RotoridError as error:
         _print_error(error)
