@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import rotorid
@@ -49,3 +51,15 @@ def test_a_fit_in_time_that_misses_the_responses_is_refused(swept: FlightRecord,
     with pytest.raises(InsufficientDataError, match="Beside the responses") as refused:
         rotorid.identify(swept, "rate.roll", method=method)
     assert "poor_fit" in {one.kind for one in refused.value.findings}
+
+
+def test_a_fit_in_time_that_exchanges_lag_and_damping_is_refused(tmp_path: Path) -> None:
+    """In gusts the noise of a px4_quad's yaw fits a motor of 1.2 s and a damping of 110/s better than the truth."""
+    craft = SimulateChoices(vehicle="px4_quad").aircraft
+    plan = plan_for(craft, PlanChoices(axes=("yaw",))).plan
+    choices = SimulateChoices(vehicle="px4_quad", plan=plan, seed=1)
+    path = tmp_path / choices.file_names[0]
+    write_run(path, fly_run(choices, 0), choices)
+    with pytest.raises(InsufficientDataError, match="in time and 13") as refused:
+        rotorid.identify(rotorid.read(path), "rate.yaw", method="prediction_error")
+    assert {one.kind for one in refused.value.findings} == {"not_identifiable"}

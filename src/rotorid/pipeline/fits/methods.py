@@ -53,6 +53,7 @@ from rotorid.pipeline.fits.time import (
     judge_following,
     judge_time_fit,
     record_fits,
+    require_one_gain,
     require_sound_in_time,
     residuals,
     simulated_records,
@@ -505,6 +506,7 @@ class InTime(_Linear[TimeDomainData]):
         require_sound_in_time(fitted, side, data.records)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
+        require_one_gain(widened, side)
         return replace(widened, bootstrap=again)
 
     def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:

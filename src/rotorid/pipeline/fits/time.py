@@ -46,7 +46,7 @@ from rotorid.models.expression import Expression
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.bootstrapping import Bootstrap
-from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds, judge_parameters
+from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds, judge_parameters, require_known_gain
 from rotorid.pipeline.fits.searching import Searched, refuse_search, searched
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
@@ -887,6 +887,33 @@ def with_model_error(
             off = fitted.parameters[name].value + other.hold_s - other.value
             distance[place] = off if abs(off) > math.hypot(std[place], other.std) else 0.0
     return replace(fitted, bounds=replace(bounds, covariance=bounds.covariance + added + np.outer(distance, distance)))
+
+
+def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
+    """Refuse a model whose gain could as well have the other sign, its distance to that of the responses counted.
+
+    Raises
+    ------
+    InsufficientDataError
+        The gain lies within two standard deviations of zero.
+    """
+    gain = fitted.problem.structure.gain
+    if gain is None or gain not in fitted.bounds.names:
+        return
+    if frequency is None or gain not in frequency.bounds.names:
+        require_known_gain(gain, fitted.parameters, fitted.bounds)
+        return
+    here, there = fitted.parameters[gain], frequency.parameters[gain]
+    std = float(fitted.bounds.std[fitted.bounds.names.index(gain)])
+    if abs(here.value) >= 2.0 * std:
+        return
+    said = f"{gain} is {here.value:.4g} {here.unit} in time and {there.value:.4g} {here.unit} by the responses"
+    raise InsufficientDataError(
+        f"{said} of the same flights",
+        needed="methods that agree on it, within a half of its size at least",
+        remedy="take --method frequency or output_error, or hold what trades against it with --fix NAME=VALUE",
+        findings=[refusal("not_identifiable", gain, f"{said}.", value=here.value, std=std, by_responses=there.value)],
+    )
 
 
 def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
