@@ -12,7 +12,7 @@ from tests.hostile.samples import SAMPLES
 from rotorid.errors import LogError
 from rotorid.io import read
 
-QUICK = Campaign(truncations=75, flips=165)
+QUICK = Campaign(truncations=40, flips=90)
 THOROUGH = Campaign(truncations=2000, flips=6000, seed=1)
 
 CUT_BETWEEN: Mapping[str, float] = {

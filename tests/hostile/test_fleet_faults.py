@@ -211,6 +211,7 @@ def test_a_scheduler_with_two_workers_gives_the_same_bytes_although_one_is_kille
     assert (tmp_path / "here" / TABLE).read_bytes() == (tmp_path / "there" / TABLE).read_bytes()
 
 
+@pytest.mark.slow
 @posix
 @quiet
 def test_a_scheduler_that_is_restarted_costs_time_alone(tmp_path: Path) -> None:

@@ -165,6 +165,7 @@ def test_intervals_cover_over_two_hundred_seeds(spread: float) -> None:
             assert np.std(z[seen]) == pytest.approx(1.0, abs=0.2 + spread), name
 
 
+@pytest.mark.slow
 def test_errors_of_forty_flights_are_as_large_as_they_say() -> None:
     for name, z in scores(40, 0.04).items():
         assert np.isfinite(z).all(), name
