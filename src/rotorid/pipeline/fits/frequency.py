@@ -738,18 +738,19 @@ LONGEST_SPIN_UP_S = 1.0
 
 LARGEST_DEVIATION_DB, LARGEST_DEVIATION_DEG = 2.0, 15.0
 _LEFT_OUT_SHARE = 1.0 / 3.0
-"""Of the responses at most: where more are not described, the structure does not hold at all."""
+"""Of the responses at most: where more are not described, the structure does not hold at all. What one input does
+beside its own axis may go whole: in wind a vehicle that yaws is pushed in ways that no model of hover has."""
 
 
 def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
     """Fit as :func:`fit_with_bounds` does, leave out what the structure cannot follow, and refuse what does not hold.
 
     A response that costs more than 150 and is off by more than 2 dB or 15°, as root mean squares, is left out with a
-    finding, unless it is the main response to its input or they are more than a third. What is left must have
-    converged, with an average cost of at most 100 and no pole that a sample could not show. A rate model that does not
-    hold in a band that nobody chose is fitted above the speed modes of the airframe, which it has no place for, if it
-    holds there. A rate model of yaw that does not hold gets the reaction to the spin-up of the rotors, if that is what
-    it lacks.
+    finding, unless it is the main response to its input or they are more than a third, of several inputs. What is left
+    must have converged, with an average cost of at most 100 and no pole that a sample could not show. A rate model that
+    does not hold in a band that nobody chose is fitted above the speed modes of the airframe, which it has no place
+    for, if it holds there. A rate model of yaw that does not hold gets the reaction to the spin-up of the rotors, if
+    that is what it lacks.
 
     Raises
     ------
@@ -789,10 +790,11 @@ def _with_reasons(
     """
     whole = replace(settings, reduce=False)
     fitted = fit_with_bounds(problem, measured, whole)
-    main, left_out = _main_pairs(problem), list[Finding]()
+    main, left_out = _main_pairs(problem), dict[tuple[int, int], Finding]()
     may_go = int(np.count_nonzero(problem.used.any(axis=-1)) * _LEFT_OUT_SHARE)
     while beside := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
-        if len(left_out) + len(beside) > may_go:
+        gone = left_out | beside
+        if len(gone) > may_go and len({u for _, u in gone}) > 1:
             break
         used = np.array(problem.used)
         for place in beside:
@@ -803,11 +805,11 @@ def _with_reasons(
         except InsufficientDataError:
             # Without them nothing shows some parameters: what is not described is what they were needed for.
             break
-        problem = smaller
-        left_out += [replace(finding, message=f"{finding.message} It was left out.") for finding in beside.values()]
+        problem, left_out = smaller, gone
     if settings.reduce:
         fitted = fit_with_bounds(problem, measured, settings)
-    fitted = replace(fitted, findings=(*left_out, *fitted.findings))
+    said = (replace(finding, message=f"{finding.message} It was left out.") for finding in left_out.values())
+    fitted = replace(fitted, findings=(*said, *fitted.findings))
     poor = _poor_pairs(fitted)
     return fitted, [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
 
@@ -859,9 +861,19 @@ def _with_spin_up(
 
 
 def _main_pairs(problem: FrequencyProblem) -> set[tuple[int, int]]:
-    """The response to each input that is known best: the most points over their squared errors."""
-    error = np.where(problem.used, problem.data.random_error, np.inf)
+    """The response to each input that it is there for: of a vehicle's axis its own rate, else what is known best.
+
+    Known best is what has the most points over their squared errors. In wind that may be a coupling, such as the side
+    force of a vehicle that yaws.
+    """
+    own = {axis.input: axis.output for axis in RATE_AXES.values()}
+    data = problem.data
+    error = np.where(problem.used, data.random_error, np.inf)
     weight = np.sum(1.0 / np.maximum(error, 1e-3) ** 2, axis=-1)
+    for u, name in enumerate(data.inputs):
+        if own.get(name) in data.outputs:
+            row = data.outputs.index(own[name])
+            weight[row, u] = np.inf if weight[row, u] > 0.0 else 0.0
     return {(int(np.argmax(weight[:, u])), u) for u in range(weight.shape[1]) if weight[:, u].any()}
 
 
