@@ -447,11 +447,6 @@ KINDS: Mapping[str, Kind] = {
         "Fitted above the speed modes",
         "A rate model does not hold where the speed of the vehicle turns it; it was fitted above.",
     ),
-    "spin_up_added": Kind(
-        "info",
-        "Spin-up of the rotors added",
-        "Yaw leads its command by the reaction to rotors that change their speed; the rate model got N_spin for it.",
-    ),
     "structure_error": Kind(
         "warning", "The structure does not hold", "A response is missed by far more than its errors or the others are."
     ),

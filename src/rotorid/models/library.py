@@ -166,7 +166,7 @@ def nonlinear_model(name: str) -> NonlinearStructure:
 
 
 MOTOR_LAG = "T_motor"
-SPIN_UP, TURNED_BY_SPIN_UP = "N_spin", "rate.yaw"
+SPIN_UP = "N_spin"
 
 
 class _Axis(NamedTuple):
@@ -191,42 +191,37 @@ _RATE_SOURCE = (
 )
 
 
-def rate_model(name: str, *, spin_up: bool = False) -> LinearStructure:
+def rate_model(name: str) -> LinearStructure:
     """The rate model ``rate.roll``, ``rate.pitch``, ``rate.yaw`` or ``rate.vertical``.
 
-    Parameters
-    ----------
-    name
-        One of these.
-    spin_up
-        In yaw with the reaction to the spin-up of the rotors, as ``axis.yaw`` has it.
+    Yaw has the reaction to the spin-up of the rotors besides, as ``axis.yaw``: above a few rad/s it turns many vehicles
+    more than drag does, and what lacks it takes it for control power and damping. Of light rotors it is dropped.
 
     Raises
     ------
     ModelError
-        There is no such model, or rotors that spin up do not turn that axis.
+        There is no such model.
 
     Examples
     --------
     >>> rate_model("rate.roll").parameters.names
     ('L_roll', 'L_p', 'T_motor', 'tau_roll')
-    >>> rate_model("rate.yaw", spin_up=True).parameters.names
+    >>> rate_model("rate.yaw").parameters.names
     ('N_yaw', 'N_spin', 'N_r', 'T_motor', 'tau_yaw')
     """
     if name not in RATE_AXES:
         raise ModelError(f"there is no model {name!r}", needed=f"one of {', '.join(RATE_AXES)}")
-    if spin_up and name != TURNED_BY_SPIN_UP:
-        raise ModelError(f"{name} came with the spin-up of rotors", needed=TURNED_BY_SPIN_UP)
     axis = RATE_AXES[name]
+    lead = [Parameter(name=SPIN_UP, value=0.5, unit="rad/s", lower=0.0)] if axis.input == "yaw_command" else []
     vertical = name == "rate.vertical"
     parameters = (
         Parameter(name=axis.gain, value=-10.0 if vertical else 100.0, unit=axis.gain_unit),
-        *([Parameter(name=SPIN_UP, value=0.5, unit="rad/s")] if spin_up else []),
+        *lead,
         Parameter(name=axis.damping, value=-1.0, unit="1/s", lower=-200.0, upper=0.0, starts=(-0.5, -4.0)),
         Parameter(name=MOTOR_LAG, value=0.03, unit="s", lower=0.0, upper=2.0, starts=(0.01, 0.04, 0.1)),
         Parameter(name=axis.delay, value=0.01, unit="s", lower=0.0, upper=1.0, starts=(0.002, 0.02, 0.06)),
     )
-    left = f"{axis.state}'" + (f" - {SPIN_UP}*motor'" if spin_up else "")
+    left = f"{axis.state}'" + (f" - {SPIN_UP}*motor'" if lead else "")
     lag = f"{MOTOR_LAG}*motor' = -motor + {axis.input}"
     return structure_from_equations(
         name=name,
@@ -237,7 +232,7 @@ def rate_model(name: str, *, spin_up: bool = False) -> LinearStructure:
         delays={axis.input: axis.delay},
         parameters=ParameterSet(parameters),
         gain=axis.gain,
-        optional=(SPIN_UP, MOTOR_LAG) if spin_up else (MOTOR_LAG,),
+        optional=(*(one.name for one in lead), MOTOR_LAG),
         source=_RATE_SOURCE,
     )
 

@@ -232,6 +232,10 @@ CERTAIN = 5.0
 """Standard deviations from zero beyond which a parameter is there, whatever the cost says: small errors of the model
 itself make two or three of them."""
 
+CERTAIN_LEAD = 3.0
+"""Standard deviations from zero below which a lead is none, whatever the cost says: what no model of one axis has looks
+like one, and it takes control power and damping with it."""
+
 LARGEST_RISE = 2.0
 """A parameter is kept when leaving it out raises the mean cost by more than this (paper practice with CIFER)."""
 
@@ -261,7 +265,8 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
     deviations from zero where errors are weighed by their covariance: CIFER's cost knows nothing of noise, and precise
     data show a lag that costs little, without which the others are biased. Any parameter whose bound of zero holds it
     goes too: it would have crossed into values that the vehicle cannot have. A lead that works against a lag, such as
-    the spin-up of rotors, goes with it: alone it would be the derivative of a command.
+    the spin-up of rotors, goes with it: alone it would be the derivative of a command. It also goes where it lies less
+    than three standard deviations from zero.
 
     Parameters
     ----------
@@ -277,11 +282,16 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
         smaller = best.with_parameters(_drop(best.parameters, gone))
         trial = fit_frequency(smaller)
         rise = mean_cost(smaller, trial) - mean_cost(best, solution)
-        if rise > LARGEST_RISE or _is_certain(best, solution, name):
+        away = _distances(best, solution, model_errors=True)[name]
+        doubtful = 0.0 < away < CERTAIN_LEAD and _is_lead(best, name)
+        if (rise > LARGEST_RISE and not doubtful) or away > CERTAIN:
             kept.add(name)
             continue
         inputs = len(problem.structure.inputs)
-        findings += [_not_missed(best.parameters[one], rise, inputs=inputs) for one in gone]
+        if rise > LARGEST_RISE:
+            findings.append(_no_lead(name, away, rise))
+        else:
+            findings += [_not_missed(best.parameters[one], rise, inputs=inputs) for one in gone]
         best, solution = smaller, trial
     for name in best.parameters.free:
         value = dict(zip(best.parameters.free, solution.theta, strict=True)).get(name)
@@ -327,9 +337,10 @@ def _each_state_moves(structure: LinearStructure, parameters: ParameterSet) -> b
     return bool(np.linalg.matrix_rank(left.matrices(left.parameters.values).M) == len(left.states))
 
 
-def _is_certain(problem: FrequencyProblem, solution: Solution, name: str) -> bool:
-    """Whether a parameter lies more than five standard deviations from zero, random and model errors together."""
-    return _distances(problem, solution, model_errors=True)[name] > CERTAIN
+def _is_lead(problem: FrequencyProblem, name: str) -> bool:
+    """Whether a parameter works against one of the lags that may go."""
+    lags = (one for one in problem.structure.optional if one in problem.parameters.free)
+    return any(name in _leads(problem.structure, problem.parameters, lag) for lag in lags if lag != name)
 
 
 def _distances(problem: FrequencyProblem, solution: Solution, *, model_errors: bool = False) -> dict[str, float]:
@@ -363,6 +374,17 @@ def _not_missed(parameter: Parameter, rise: float, *, inputs: int) -> Finding:
         f"only {max(rise, 0.0):.2f} (limit {LARGEST_RISE:g}), so it is set to zero{absorbed}.",
         cost_rise=rise,
         limit=LARGEST_RISE,
+    )
+
+
+def _no_lead(name: str, away: float, rise: float) -> Finding:
+    return remark(
+        "dropped_parameter",
+        name,
+        f"{name} lies {away:.1f} standard deviations from zero, where a lead, which takes control power and damping "
+        f"with it, needs {CERTAIN_LEAD:g}. It was left out, although the cost rises by {rise:.1f}.",
+        cost_rise=rise,
+        deviations=away,
     )
 
 

@@ -57,7 +57,7 @@ from rotorid.fitting.frequency.screening import (
     without_unseen_couplings,
 )
 from rotorid.fitting.least_squares import Outcome, Solution
-from rotorid.models.library import MOTOR_LAG, RATE_AXES, SPIN_UP, TURNED_BY_SPIN_UP, rate_model, speed_damping
+from rotorid.models.library import MOTOR_LAG, RATE_AXES, speed_damping
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
@@ -749,8 +749,7 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
     finding, unless it is the main response to its input or they are more than a third, of several inputs. What is left
     must have converged, with an average cost of at most 100 and no pole that a sample could not show. A rate model that
     does not hold in a band that nobody chose is fitted above the speed modes of the airframe, which it has no place
-    for, if it holds there. A rate model of yaw that does not hold gets the reaction to the spin-up of the rotors, if
-    that is what it lacks.
+    for, if it holds there.
 
     Raises
     ------
@@ -769,9 +768,6 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
         above = above_speed_modes(problem, tried)
         if above is not None:
             return _without_speed_modes(above, fitted)
-    led = _with_spin_up(problem, fitted, measured, settings)
-    if led is not None:
-        return led
     name = problem.structure.name
     raise InsufficientDataError(
         f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
@@ -828,36 +824,6 @@ def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyF
         whole_cost=before,
     )
     return replace(above, findings=(said, *above.findings))
-
-
-def _with_spin_up(
-    problem: FrequencyProblem, without: FrequencyFit, measured: Measured, settings: IdentifySettings
-) -> FrequencyFit | None:
-    """The fit of yaw with the reaction to the spin-up of the rotors, where that is all that was missing.
-
-    Other things than rotors lead a response too: what is found must turn the vehicle to the side of ``N_yaw``.
-    """
-    if problem.structure.name != TURNED_BY_SPIN_UP or MOTOR_LAG not in problem.parameters.free:
-        return None
-    structure = rate_model(TURNED_BY_SPIN_UP, spin_up=True)
-    led = replace(problem, structure=structure, parameters=chosen_parameters(structure, settings))
-    try:
-        found, against = _with_reasons(led, measured, settings)
-    except InsufficientDataError:
-        return None
-    values = found.parameters.values
-    if against or values[SPIN_UP] * values[RATE_AXES[TURNED_BY_SPIN_UP].gain] <= 0.0:
-        return None
-    before, cost = without.average_cost, found.average_cost
-    said = remark(
-        "spin_up_added",
-        SPIN_UP,
-        f"Without the reaction to the spin-up of the rotors {structure.name} costs {before:.0f}, with it {cost:.1f}: "
-        f"{SPIN_UP} was added, as axis.yaw has it.",
-        average_cost=cost,
-        cost_without=before,
-    )
-    return replace(found, findings=(said, *found.findings))
 
 
 def _main_pairs(problem: FrequencyProblem) -> set[tuple[int, int]]:
