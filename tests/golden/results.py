@@ -102,7 +102,9 @@ CASES: dict[str, Case] = {
     "full": Case(f"identify {_PX4} --model hover.full", slow=True),
     # the other methods
     "output_error": Case("identify @ardupilot_sitl/x_calm_roll.BIN --model rate.roll --method output_error"),
-    "prediction_error": Case("identify @px4_sitl/roll.ulg --model rate.roll --method prediction_error"),
+    "prediction_error": Case(
+        "identify @ardupilot_sitl/x_wind_yawthrust.BIN.xz --model rate.yaw --method prediction_error"
+    ),
     "prediction_error_longitudinal": Case(f"identify {_LONGITUDINAL} --method prediction_error", slow=True),
     "equation_error": Case(f"identify {_LONGITUDINAL} --method equation_error", slow=True),
     "responses_crossed": Case(f"identify {_TWO_UNFILTERED} --model response.first_order_delay --cross-validate each"),

@@ -41,11 +41,15 @@ def vehicles(draw: st.DrawFn) -> tuple[str, dict[str, float]]:
     name = draw(st.sampled_from(sorted(RATE_AXES)))
     axis = RATE_AXES[name]
     sign = -1.0 if name == "rate.vertical" else 1.0
+    gain, lag_s = draw(powers(3.0, 1000.0)), draw(st.one_of(st.just(0.0), powers(0.005, 0.15)))
+    # Angular momentum of a rotor over twice its torque; without a lag rotors take no time to spin up.
+    lead_s = draw(st.one_of(st.just(0.0), powers(0.05, 0.3))) if lag_s else 0.0
     return name, {
-        axis.gain: sign * draw(powers(3.0, 1000.0)),
+        axis.gain: sign * gain,
         axis.damping: -draw(powers(0.1, 20.0)),
-        "T_motor": draw(st.one_of(st.just(0.0), powers(0.005, 0.15))),
+        "T_motor": lag_s,
         axis.delay: draw(powers(0.002, 0.05)),
+        **({"N_spin": gain * lead_s} if name == "rate.yaw" else {}),
     }
 
 

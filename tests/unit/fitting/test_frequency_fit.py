@@ -117,13 +117,15 @@ def test_residuals_square_to_the_cost_and_leave_out_what_is_not_used() -> None:
 @pytest.mark.parametrize("lag", [0.001, 0.04])
 def test_jacobian_of_residuals_against_central_differences(name: str, lag: float) -> None:
     axis = RATE_AXES[name]
-    exact = rate_model(name).response({axis.gain: 50.0, axis.damping: -2.0, "T_motor": 0.05, axis.delay: 0.01}, OMEGA)
-    posed = problem(measured(exact, name=name), name)
-    theta = np.array([40.0, -1.0, lag, 0.02])
+    truth = {axis.gain: 50.0, axis.damping: -2.0, "T_motor": 0.05, axis.delay: 0.01, "N_spin": 4.0}
+    posed = problem(measured(rate_model(name).response(truth, OMEGA), name=name), name)
+    begun = {axis.gain: 40.0, axis.damping: -1.0, "T_motor": lag, axis.delay: 0.02, "N_spin": 3.0}
+    theta = np.array([begun[one] for one in posed.parameters.free])
     _, jacobian = posed.residuals(theta)
-    for slot, size in enumerate((40.0, 1.0, 0.05, 0.05)):
+    sizes = {axis.gain: 40.0, axis.damping: 1.0, "T_motor": 0.05, axis.delay: 0.05, "N_spin": 3.0}
+    for slot, one in enumerate(posed.parameters.free):
         # Truncation h^2 and rounding eps / h are both near 1e-10 of the slope at h = 1e-5.
-        step = 1e-5 * size * np.eye(4)[slot]
+        step = 1e-5 * sizes[one] * np.eye(theta.size)[slot]
         difference = (posed.residuals(theta + step)[0] - posed.residuals(theta - step)[0]) / (2.0 * step[slot])
         np.testing.assert_allclose(jacobian[:, slot], difference, rtol=1e-6, atol=1e-6 * np.abs(difference).max())
 
@@ -154,10 +156,13 @@ def test_exact_responses_give_the_truth_back(gain: float, damping: float, lag: f
     # Damping and lag are two poles in a row, and which is which is only known by the motor being the faster one.
     assume(-damping * lag < 0.8)
     axis = RATE_AXES[name]
-    truth = {axis.gain: gain, axis.damping: damping, "T_motor": lag, axis.delay: delay}
+    truth = {axis.gain: gain, axis.damping: damping, "T_motor": lag, axis.delay: delay, "N_spin": 0.0}
     structure = rate_model(name)
-    solution = fit_frequency(problem(measured(structure.response(truth, OMEGA), name=name), name))
-    found = structure.parameters.unpack(solution.theta).values
+    posed = problem(measured(structure.response(truth, OMEGA), name=name), name)
+    if "N_spin" in posed.parameters.names:
+        # A lead as long as the lag is none, and neither is seen.
+        posed = posed.with_parameters(posed.parameters.fix("N_spin", 0.0))
+    found = posed.parameters.unpack(fit_frequency(posed).theta).values
     assert found[axis.gain] == pytest.approx(gain, rel=1e-6)
     assert found[axis.damping] == pytest.approx(damping, rel=1e-6)
     # A lag or delay is seen through its phase at the end of the band: 60 rad/s times 1.7e-8 s is a phase of 1e-6. A lag

@@ -50,10 +50,11 @@ def test_response_against_scipy() -> None:
 @pytest.mark.parametrize("name", RATE_AXES)
 def test_response_of_rate_models_is_the_formula_on_paper(name: str) -> None:
     axis = RATE_AXES[name]
-    K, a, T, tau = -35.0, -2.5, 0.04, 0.013
-    response = rate_model(name).response({axis.gain: K, axis.damping: a, "T_motor": T, axis.delay: tau}, OMEGA)
+    K, a, T, tau, lead = -35.0, -2.5, 0.04, 0.013, 2.0 if name == "rate.yaw" else 0.0
+    values = {axis.gain: K, axis.damping: a, "T_motor": T, axis.delay: tau, "N_spin": lead}
+    response = rate_model(name).response(values, OMEGA)
     s = 1j * OMEGA
-    expected = K / ((s - a) * (T * s + 1.0)) * np.exp(-s * tau)
+    expected = (K + lead * s) / ((s - a) * (T * s + 1.0)) * np.exp(-s * tau)
     np.testing.assert_allclose(response[0, 0], expected * s if name == "rate.vertical" else expected, rtol=1e-12)
 
 
@@ -65,7 +66,7 @@ def test_proper_form_has_the_same_response() -> None:
 @pytest.mark.parametrize("name", RATE_AXES)
 def test_a_lag_of_zero_is_the_limit_of_a_small_one(name: str) -> None:
     axis = RATE_AXES[name]
-    values = {axis.gain: 80.0, axis.damping: -2.0, axis.delay: 0.0}
+    values = {axis.gain: 80.0, axis.damping: -2.0, axis.delay: 0.0, "N_spin": 0.0}
     structure = rate_model(name)
     without = structure.matrices({**values, "T_motor": 0.0})
     for lag in (1e-5, 1e-7):

@@ -122,7 +122,8 @@ def test_jacobian_of_random_structures_against_the_complex_step(seed: int, curve
 @pytest.mark.parametrize("lag", [0.0, 0.05])
 def test_jacobian_of_rate_models_against_the_complex_step(name: str, lag: float) -> None:
     axis, structure = RATE_AXES[name], rate_model(name)
-    values = {axis.gain: -42.0, axis.damping: -1.7, "T_motor": lag, axis.delay: 0.011}
+    set_to = {axis.gain: -42.0, axis.damping: -1.7, "T_motor": lag, axis.delay: 0.011, "N_spin": 3.0 * (lag > 0.0)}
+    values = {one: set_to[one] for one in structure.parameters.names}
     _, jacobian = structure.response_and_jacobian(values, OMEGA, structure.parameters.directions)
     for slot, parameter in enumerate(values):
         exact = complex_step(structure, stepped(values, parameter), OMEGA)
@@ -177,7 +178,8 @@ def test_frequency_response_against_time_response(name: str, lag: float) -> None
     Between samples the simulation interpolates linearly, which weighs a sine by sinc^2(omega h / 2); the rest is exact.
     """
     axis = RATE_AXES[name]
-    system = rate_model(name).matrices({axis.gain: 60.0, axis.damping: -3.0, "T_motor": lag, axis.delay: 0.0137})
+    values = {axis.gain: 60.0, axis.damping: -3.0, "T_motor": lag, axis.delay: 0.0137, "N_spin": 3.0 * (lag > 0.0)}
+    system = rate_model(name).matrices(values)
     rate_hz, samples, periods = 500.0, 2000, 5
     harmonics = np.array([1, 3, 8, 20, 45, 90])
     phases = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, harmonics.size)

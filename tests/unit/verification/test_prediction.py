@@ -27,7 +27,8 @@ PULSE = FROM_REST[round(1.1 * RATE_HZ) :]
 
 def system(name: str = "rate.roll", *, gain: float = 60.0, lag: float = 0.05) -> StateSpace:
     axis = RATE_AXES[name]
-    return rate_model(name).matrices({axis.gain: gain, axis.damping: -2.0, "T_motor": lag, axis.delay: 0.012})
+    values = {axis.gain: gain, axis.damping: -2.0, "T_motor": lag, axis.delay: 0.012, "N_spin": 5.0 * (lag > 0.0)}
+    return rate_model(name).matrices(values)
 
 
 def history(name: str, u: FloatArray, y: FloatArray) -> TimeHistory:
