@@ -282,15 +282,15 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
         smaller = best.with_parameters(_drop(best.parameters, gone))
         trial = fit_frequency(smaller)
         rise = mean_cost(smaller, trial) - mean_cost(best, solution)
-        away = _distances(best, solution, model_errors=True)[name]
-        doubtful = 0.0 < away < CERTAIN_LEAD and _is_lead(best, name)
-        if (rise > LARGEST_RISE and not doubtful) or away > CERTAIN:
+        missed = rise > LARGEST_RISE
+        away = 0.0 if missed and not _is_lead(best, name) else _distances(best, solution, model_errors=True)[name]
+        if away > CERTAIN or (missed and not 0.0 < away < CERTAIN_LEAD):
             kept.add(name)
             continue
-        inputs = len(problem.structure.inputs)
-        if rise > LARGEST_RISE:
+        if missed:
             findings.append(_no_lead(name, away, rise))
         else:
+            inputs = len(problem.structure.inputs)
             findings += [_not_missed(best.parameters[one], rise, inputs=inputs) for one in gone]
         best, solution = smaller, trial
     for name in best.parameters.free:
