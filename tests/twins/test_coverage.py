@@ -72,6 +72,8 @@ TOO_MANY: Missed = {
     Cell("px4_quad", "rate"): "errors are a half of what is stated, and nothing scatters further",
     Cell("iris", "axis"): _ALIKE,
     Cell("iris", "hover"): _ALIKE,
+    Cell("hummingbird", "hover"): _ALIKE,
+    Cell("hummingbird", "hover", reduced=True): _ALIKE,
 }
 TOO_WIDE: Missed = {
     **{Cell("ardupilot_quad", family): _EXACT for family in FAMILIES},
@@ -81,13 +83,7 @@ TOO_WIDE: Missed = {
     ): "X_pitch and Y_roll follow an accelerometer 10 mm away; it lies where it should: a hundred times too wide",
     Cell("hummingbird", "physical"): "inertia and damping: two and a half to three times their errors",
 }
-OFTEN_REFUSED: Missed = {
-    Cell("s500", "axis"): _TURNED,
-    Cell(
-        "hummingbird", "hover"
-    ): "in wind some answers to yaw, of ay and phi, are no hover any more: 7 of 60 are refused",
-    Cell("hummingbird", "rate"): "rate.yaw has no place for the spin-up of its rotors; axis.yaw and hover.lateral have",
-}
+OFTEN_REFUSED: Missed = {Cell("s500", "axis"): _TURNED}
 PARAMETERS: Missed = {
     Cell(
         "px4_quad", "hover", reduced=True

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.twins.coverage import flown_truth
+from tests.twins.motor_twins import twin
 from tests.twins.twin_flights import BAND, HUMMINGBIRD_YAW, flown, plan
 
 import rotorid
 from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
 from rotorid.models.library import library_model
 from rotorid.vehicles import hummingbird
 
@@ -40,3 +44,14 @@ def test_what_is_no_lead_gets_none(share: float) -> None:
     found = rotorid.identify(swept(share), "rate.yaw")
     assert found["N_spin"].status == "dropped"
     assert [one for one in found.findings if (one.kind, one.where) == ("dropped_parameter", "N_spin")]
+
+
+def test_a_lead_that_no_rotor_has_is_none(tmp_path: Path) -> None:
+    """What turns the S500 beside its motors looks like rotors that react for seven seconds."""
+    record = twin("s500", "calm", 1, tmp_path).record
+    with pytest.raises(InsufficientDataError, match="no rotor reacts"):
+        rotorid.identify(record, "axis.yaw")
+    found = rotorid.identify(record, "rate.yaw")
+    assert found["N_spin"].status == "dropped"
+    assert found["N_yaw"].std is not None
+    assert abs(found["N_yaw"].value - flown_truth("s500", record)["N_yaw"]) < 2.0 * found["N_yaw"].std

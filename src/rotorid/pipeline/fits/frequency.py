@@ -920,7 +920,7 @@ def _endless_spin_up(fitted: FrequencyFit) -> Iterator[Finding]:
             "impossible_physics",
             "N_spin",
             f"N_spin is {lead_s:.2g} s of N_yaw, and no rotor reacts for longer than {LONGEST_SPIN_UP_S:g} s. A "
-            "damping and a lag of the motors explain this response alike: hold it with --fix N_spin=0.",
+            "damping and a lag of the motors explain this response alike: leave it out with --fix N_spin=0.",
             lead_s=lead_s,
         )
 
