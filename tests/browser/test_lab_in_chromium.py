@@ -202,6 +202,7 @@ def test_what_is_seen(looking: LabPage) -> None:
     assert page.is_visible("#keyboard")
 
 
+@pytest.mark.slow
 def test_results_beside_each_other_and_units(with_log: LabPage, example: Path) -> None:
     lab, page = with_log, with_log.page
     lab.fill("#model", "rate.roll")

@@ -67,7 +67,7 @@ COMMANDS = {
 }
 
 
-QUICK = ("rates", "tune", "inspect", "fleet")
+QUICK = ("rates", "inspect", "fleet")
 """Pages of every kind of part, which are looked at each time; all of them in the studies."""
 
 

@@ -43,6 +43,7 @@ def require_all(one: Fleet, numbers: range) -> None:
     assert sorted(row.value for row in one.rows()) == [100.0 + k for k in numbers]
 
 
+@pytest.mark.slow
 @posix
 def test_workers_killed_ten_times_during_a_hundred_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_logs(tmp_path / "logs", 100, "slow")
