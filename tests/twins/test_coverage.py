@@ -62,6 +62,7 @@ _EXACT = (
     "no gyroscope is known, and of the 0.15 sample that no log tells"
 )
 _ALIKE = "errors are the same in every flight: within a weather they scatter by 0.04 to 0.3 of what is stated"
+_NEARLY = "three of 614, and of 623, intervals miss; a fourth would reach the bar"
 _LEANT = "swept to 20 degrees in calm air its speed derivatives are 7 to 10 % lower, two deviations"
 TOO_FEW: Missed = {Cell("s500", "axis"): _TURNED}
 TOO_NARROW: Missed = {Cell("s500", "axis"): _TURNED}
@@ -72,8 +73,8 @@ TOO_MANY: Missed = {
     Cell("px4_quad", "rate"): "errors are a half of what is stated, and nothing scatters further",
     Cell("iris", "axis"): _ALIKE,
     Cell("iris", "hover"): _ALIKE,
-    Cell("hummingbird", "hover"): _ALIKE,
-    Cell("hummingbird", "hover", reduced=True): _ALIKE,
+    Cell("hummingbird", "hover"): _NEARLY,
+    Cell("hummingbird", "hover", reduced=True): _NEARLY,
 }
 TOO_WIDE: Missed = {
     **{Cell("ardupilot_quad", family): _EXACT for family in FAMILIES},

@@ -504,9 +504,9 @@ class InTime(_Linear[TimeDomainData]):
         fitted = replace(fitted, simulated=simulated_records(fitted, data.records))
         side = data.frequency.fitted
         require_sound_in_time(fitted, side, data.records)
-        again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
         require_one_gain(widened, side)
+        again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         return replace(widened, bootstrap=again)
 
     def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:
