@@ -61,3 +61,12 @@ def test_in_a_band_that_reaches_into_them_it_is_refused(shared_data: Path) -> No
     record = rotorid.read(shared_data / "s500" / "roll_sweeps.csv")
     with pytest.raises(InsufficientDataError, match=r"does not describe these flights.*narrow --band"):
         rotorid.identify([record], "rate.roll", band_rad_s=(1.7, 35.0))
+
+
+def test_what_roll_does_to_yaw_is_no_spin_up(shared_data: Path) -> None:
+    """It looks like a lead of 2.8 deviations, with which not even the sign of N_yaw would be certain."""
+    found = rotorid.identify(rotorid.read(shared_data / "s500" / "yaw_sweeps.csv"), "rate.yaw")
+    (said,) = (one for one in found.findings if one.where == "N_spin")
+    assert (found["N_spin"].status, said.kind) == ("dropped", "dropped_parameter")
+    assert said.numbers["deviations"] < 3.0
+    assert said.numbers["cost_rise"] > 2.0
