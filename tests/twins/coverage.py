@@ -136,7 +136,10 @@ def judge(case: Case, flight: Twin, truth: Mapping[str, float]) -> list[Judged |
             model = identify_motors([flight.record], flight.choices)
             assert model.motors is not None
             found = {**model.motors.derived, **model.parameters}
-            truth = flight.truth
+            truth = dict(flight.truth)
+            if not {"I_xx", "I_yy"} & set(found) and "tau_gyro" in truth:
+                # Where yaw alone is known, the delay is that of yaw.
+                truth["tau_gyro"] = truth["tau_gyro_yaw"]
         else:
             found = dict(rotorid.identify(flight.record, case.model, reduce=case.reduced).parameters)
     except InsufficientDataError as error:

@@ -122,9 +122,12 @@ def truth_of(craft: Aircraft) -> dict[str, float]:
         "N_r": derivatives["N_r"],
         "Z_w": derivatives["Z_w"],
     }
+    momentum = rotors.inertia_kg_m2 * rotors.full_speed_rad_s
+    truth["h_per_I_zz"] = momentum / float(vehicle.inertia_kg_m2[2, 2]) * slope
     if vehicle.name != "crazyflie":
         # Filters of which its log says nothing are late too.
         truth |= {"tau_gyro": autopilot.delay_s[0], "tau_accel": autopilot.delay_s[3]}
+        truth |= {"tau_gyro_yaw": autopilot.delay_s[2]}
     if rotors.lag_up_s:
         up_s, down_s = rotors.lag_up_s, rotors.lag_down_s or rotors.lag_up_s
         mean_s, apart = 0.5 * (up_s + down_s), (up_s - down_s) / (up_s + down_s)

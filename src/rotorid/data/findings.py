@@ -224,6 +224,9 @@ KINDS: Mapping[str, Kind] = {
         "Logged without a filter in front",
         "The log keeps every n-th sample without a filter in front, so that faster motion is folded into it.",
     ),
+    "delay_of_yaw": Kind(
+        "info", "Yaw has a delay of its own", "Motors and yaw lie apart in time by another delay than roll and pitch."
+    ),
     "delay_or_lag": Kind("info", "Delay or lag", "A delay that a model of another order would take for a lag."),
     "delays_disagree": Kind("warning", "Delays disagree", "Estimates of one delay lie apart."),
     "differentiated": Kind(
@@ -340,6 +343,11 @@ KINDS: Mapping[str, Kind] = {
         "warning", "Not what was foretold", "A loop with proposed gains does not fly as the proposal said."
     ),
     "other_gains": Kind("warning", "Other gains flew", "A log that is to show proposed gains was flown with others."),
+    "spin_up": Kind(
+        "info",
+        "Rotors that speed up turn the vehicle",
+        "Yaw follows what rotors gain of their speed, besides their torque.",
+    ),
     "thrust_stays": Kind(
         "info", "Thrust stays as it is", "What straightens the curve of thrust stays as it was flown, for a reason."
     ),

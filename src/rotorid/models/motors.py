@@ -8,11 +8,12 @@ r"""The chain from motor outputs to accelerations: its parameters, which of them
 
     \dot p &= \tfrac{1}{I_{xx}} \sum (-y_i) F_i + L_p p, \qquad
     \dot q = \tfrac{1}{I_{yy}} \sum x_i F_i + M_q q, \qquad
-    \dot r = \tfrac{\kappa}{I_{zz}} \sum s_i F_i + N_r r
+    \dot r = \tfrac{\kappa}{I_{zz}} \sum s_i F_i + \tfrac{h}{I_{zz}} \sum s_i \dot x_i + N_r r
 
-with rotor i at :math:`(x_i, y_i)` and the direction :math:`s_i` of its torque. Accelerations alone know ratios: thrust
-by mass, mass by inertia, :math:`\kappa` by :math:`I_{zz}`. One known mass, thrust or inertia sets the scale of all; one
-of :math:`\kappa` and :math:`I_{zz}` gives the other.
+with rotor i at :math:`(x_i, y_i)`, the direction :math:`s_i` of its torque, and the angular momentum h of a rotor at
+full output: the vehicle takes up what rotors gain that speed up. Accelerations alone know ratios: thrust by mass, mass
+by inertia, :math:`\kappa` and h by :math:`I_{zz}`. One known mass, thrust or inertia sets the scale of all; one of
+:math:`\kappa` and :math:`I_{zz}` gives the other.
 
 Identified constants are then put to the test: bodies, rotors that rise with their command, the weight that flies.
 """
@@ -61,8 +62,10 @@ _UNITS: Mapping[str, str] = {
     "I_xx": "kg m^2",
     "I_yy": "kg m^2",
     "kappa_per_I_zz": "1/(kg m)",
+    "h_per_I_zz": "rad/s",
     "T_motor": "s",
     "tau_gyro": "s",
+    "tau_gyro_yaw": "s",
     "tau_accel": "s",
     "L_p": "1/s",
     "M_q": "1/s",
@@ -77,16 +80,27 @@ _STARTS: Mapping[str, float] = {
     "kappa_per_I_zz": 1.0,
     "T_motor": 0.03,
     "tau_gyro": 0.005,
+    "tau_gyro_yaw": 0.005,
     "tau_accel": 0.005,
 }
 _BOUNDS: Mapping[str, tuple[float, float]] = {
     "m": (1e-4, 1e4),
     "I_xx": (1e-9, 1e5),
     "I_yy": (1e-9, 1e5),
+    "h_per_I_zz": (0.0, 1e4),
     "T_motor": (1e-4, 1.0),
     "tau_gyro": (0.0, 0.2),
+    "tau_gyro_yaw": (0.0, 0.2),
     "tau_accel": (0.0, 0.2),
 }
+SPIN_UP = "h_per_I_zz"
+"""Angular momentum of a rotor at full output over the inertia of yaw: what yaw gains while a rotor speeds up."""
+
+YAW_DELAY = "tau_gyro_yaw"
+"""Delay to the gyro of yaw, where it is not that of roll and pitch."""
+
+DELAYS = ("tau_gyro", YAW_DELAY, "tau_accel")
+
 _OF_AXIS: Mapping[str, tuple[str, ...]] = {
     "az": ("tau_accel", "Z_w"),
     "p": ("I_xx", "L_p"),
@@ -105,6 +119,8 @@ def motor_parameters(
     heave_damping: bool = True,
     earliest_s: float = 0.0,
     delays: bool = True,
+    spin_up: bool = False,
+    yaw_delay: bool = False,
 ) -> ParameterSet:
     """Parameters of the motor chain, with what is known held.
 
@@ -126,6 +142,10 @@ def motor_parameters(
         Least delay; below zero where a delay is what is left of a known one, whose stamps may be off.
     delays
         Whether the sensors are late by delays of their own.
+    spin_up
+        Whether yaw has the reaction to the spin-up of the rotors; in any case where it is known.
+    yaw_delay
+        Whether the gyro of yaw is late by a delay of its own; in any case where it is known.
 
     Raises
     ------
@@ -143,11 +163,13 @@ def motor_parameters(
         held["m"] = 1.0
     names = ["m", *CURVE_TERMS[curve]]
     names += [name for axis in ("p", "q", "r", "az") if axis in axes for name in _OF_AXIS[axis]]
+    names += [SPIN_UP] if "r" in axes and (spin_up or SPIN_UP in held) else []
     # Without a lag a delay to samples of the force moves whole samples or nothing.
     names = [*names, "T_motor"] if lag else [name for name in names if name != "tau_accel"]
     names += ["tau_gyro"] if set(axes) & set(RATES) else []
+    names += [YAW_DELAY] if "r" in axes and (yaw_delay or YAW_DELAY in held) else []
     if not delays:
-        names = [name for name in names if name not in ("tau_gyro", "tau_accel")]
+        names = [name for name in names if name not in DELAYS]
     if not heave_damping:
         names = [name for name in names if name != "Z_w"]
     parameters = [_parameter(name, held.get(name), earliest_s) for name in names]
@@ -169,7 +191,7 @@ def scale_of(known: Mapping[str, float], axes: Sequence[str]) -> str | None:
 
 def _parameter(name: str, value: float | None, earliest_s: float) -> Parameter:
     lower, upper = _BOUNDS.get(name, (-1e9, 1e9))
-    lower = earliest_s if name in ("tau_gyro", "tau_accel") else lower
+    lower = earliest_s if name in DELAYS else lower
     return Parameter(
         name=name,
         value=_STARTS.get(name, 0.0) if value is None else value,

@@ -52,6 +52,8 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "c_2": "N",
         "kappa": "m",
         "kappa_per_I_zz": "1/(kg m)",
+        "h_per_I_zz": "rad/s",
+        "h": "kg m^2/s",
         "T_motor": "s",
         "delay": "s",
         "X_u": "1/s",
@@ -71,7 +73,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Numbers of a vehicle. ``I_xy I_xz I_yz`` are entries of the matrix of inertia, forward, right, down; thrust of one
-rotor is ``c_0 + c_1 x + c_2 x^2`` of the lagged output x from zero to one."""
+rotor is ``c_0 + c_1 x + c_2 x^2`` of the lagged output x from zero to one, and its angular momentum ``h x``."""
 
 MOTION: Mapping[str, tuple[int, int]] = MappingProxyType(
     {
@@ -88,12 +90,12 @@ MOTION: Mapping[str, tuple[int, int]] = MappingProxyType(
 """Acceleration by motion: rows and columns of ``u v w p q r``."""
 
 _POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "arm", "speed_max", "disc_area", "reference_v")
-_FROM_ZERO = ("T_motor", "spin_min", "spin_max")
+_FROM_ZERO = ("T_motor", "spin_min", "spin_max", "h", "h_per_I_zz")
 _INERTIA = ("I_xx", "I_yy", "I_zz")
 _PRODUCTS: Mapping[str, tuple[int, int]] = {"I_xy": (0, 1), "I_xz": (0, 2), "I_yz": (1, 2)}
 _TERMS = ("c_0", "c_1", "c_2")
 _SCALED = ("m", *_TERMS, "I_xx", "I_yy")
-_OF_MOTORS = ("T_motor", "L_p", "M_q", "N_r", "Z_w", "kappa_per_I_zz")
+_OF_MOTORS = ("T_motor", "L_p", "M_q", "N_r", "Z_w", "h_per_I_zz")
 _BODY = ("m", "I_xx", "I_yy", "I_zz", "kappa", "arm")
 _AGREEMENT_SIGMAS = 3.0
 _SAME = 1e-6
@@ -297,6 +299,7 @@ def joined_vehicle(
     numbers |= _usual(numbers, usual or {})
     rotors, findings = _turning(rotors, numbers)
     findings += _yaw(numbers)
+    findings += _spinning_up(numbers, rotors, models)
     body = _multirotor(name, numbers, rotors, source=", ".join(dict.fromkeys(map(_label, models))))
     vehicle = JoinedVehicle(
         name=name,
@@ -468,7 +471,7 @@ def _of_motors(
         # Of kappa and I_zz only the one that was held is a measurement, the other follows below.
         if told and (power != 0.0 or held[name].status == "fixed"):
             found[name] = _number(name, held[name], of, factors[name] * (scale or 1.0) ** power)
-    found |= {name: _number(name, held[name], of) for name in _OF_MOTORS[:-1] if name in held}
+    found |= {name: _number(name, held[name], of) for name in _OF_MOTORS if name in held}
     delay = next((name for name in ("tau_gyro", "tau_accel") if name in held), None)
     if delay is not None:
         found["delay"] = _number("delay", held[delay], of)
@@ -679,6 +682,63 @@ def _yaw(numbers: dict[str, VehicleNumber]) -> list[Finding]:
     return []
 
 
+_ANY_SPEED_RAD_S = 1000.0
+"""Of rotors at full output, where it is not known: only its product with their inertia acts."""
+
+
+def _spinning_up(
+    numbers: dict[str, VehicleNumber], rotors: RotorLayout | None, models: Sequence[IdentifiedModel]
+) -> list[Finding]:
+    r"""Fill in the angular momentum of a rotor, from motors with the inertia of yaw, or from yaw with its torque.
+
+    Yaw by a command knows what the spin-up adds to the torque: :math:`h = (N_{spin} / N_{yaw}) \, \kappa \, dF/dx` in
+    hover, whatever the mixer makes of the command.
+    """
+    of_motors, inertia = numbers.get("h_per_I_zz"), numbers.get("I_zz")
+    if "h" in numbers:
+        return []
+    if of_motors is not None and inertia is not None:
+        numbers["h"] = _product("h", of_motors, inertia.value, inertia)
+    else:
+        lead = next((found for model in models if (found := _lead_of(model)) is not None), None)
+        slope, kappa = _hover_slope_n(numbers, rotors), numbers.get("kappa")
+        if lead is None or slope is None or kappa is None:
+            return []
+        numbers["h"] = _product("h", lead, kappa.value * slope, kappa)
+    message = (
+        f"A rotor has an angular momentum of {numbers['h'].value:.3g} kg m^2/s at full output: yaw follows what rotors "
+        "gain of their speed. rotorid simulate has that; exported simulators have it as far as they know of it "
+        "themselves."
+    )
+    return [remark("spin_up", "h", message, kg_m2_s=numbers["h"].value)]
+
+
+def _product(name: str, one: VehicleNumber, factor: float, other: VehicleNumber) -> VehicleNumber:
+    std = None if one.std is None else abs(factor) * one.std
+    source: Source = "default" if other.source == "default" else "derived"
+    of = " and ".join(dict.fromkeys(text for text in (one.of, other.of) if text))
+    return VehicleNumber(value=one.value * factor, unit=UNITS[name], source=source, std=std, of=of)
+
+
+def _lead_of(model: IdentifiedModel) -> VehicleNumber | None:
+    """By how many seconds of torque yaw leads, where a model from commands says so."""
+    spin, torque = model.parameters.get("N_spin"), model.parameters.get("N_yaw")
+    if spin is None or torque is None or spin.status == "dropped" or spin.value <= 0.0 or torque.value <= 0.0:
+        return None
+    share = math.hypot((spin.std or 0.0) / spin.value, (torque.std or 0.0) / torque.value)
+    lead_s = spin.value / torque.value
+    return VehicleNumber(value=lead_s, unit="s", source="derived", std=share * lead_s, of=_label(model))
+
+
+def _hover_slope_n(numbers: Mapping[str, VehicleNumber], rotors: RotorLayout | None) -> float | None:
+    """Slope of thrust by output in hover, in newtons, where mass, curve and rotors are known."""
+    if "m" not in numbers or not any(term in numbers for term in _TERMS) or rotors is None or not rotors.arm_known:
+        return None
+    c_0, c_1, c_2 = (numbers[term].value if term in numbers else 0.0 for term in _TERMS)
+    weight_n = numbers["m"].value * STANDARD_GRAVITY_M_S2
+    return c_1 + 2.0 * c_2 * Rotors(layout=rotors, thrust=(c_0, c_1, c_2)).share_of(weight_n / rotors.rotors)
+
+
 def _follows(name: str, value: float, share: float, other: VehicleNumber) -> VehicleNumber:
     std = value * share if share else None
     of = f"the identified kappa/I_zz and {other.of}" if other.of else "the identified kappa/I_zz"
@@ -730,6 +790,8 @@ def _multirotor(
             thrust=(c_0, c_1, c_2),
             torque_per_thrust_m=value["kappa"],
             lag_up_s=value.get("T_motor", 0.0),
+            inertia_kg_m2=value.get("h", 0.0) / value.get("speed_max", _ANY_SPEED_RAD_S),
+            full_speed_rad_s=value.get("speed_max", _ANY_SPEED_RAD_S) if "h" in value else 0.0,
         ),
         aerodynamics=air,
         source=source,

@@ -78,6 +78,8 @@ def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
     torque = float(np.polynomial.polynomial.polyval(share, rotors.torque_curve))
     if torque > 0.0:
         values["kappa"] = torque / rotors.thrust_at(share)
+    if rotors.inertia_kg_m2:
+        values["h"] = rotors.inertia_kg_m2 * rotors.full_speed_rad_s
     values["delay"] = float(np.mean(craft.autopilot.delay_s))
     return {
         name: VehicleNumber(value=float(value), unit=UNITS[name], source="default", of=craft.name)

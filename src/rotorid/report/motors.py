@@ -147,6 +147,8 @@ def _torque(document: ResultDocument) -> Iterator[VehicleRow]:
         yield _row("Torque of a rotor by its thrust", "kappa", found["kappa"], note=note)
     elif "kappa_per_I_zz" in found:
         yield _row("Torque by thrust, over yaw inertia", "kappa_per_I_zz", found["kappa_per_I_zz"])
+    if "h_per_I_zz" in found:
+        yield _row("Angular momentum of a rotor, over yaw inertia", "h_per_I_zz", found["h_per_I_zz"])
 
 
 def excitation_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[ExcitationRow, ...]:

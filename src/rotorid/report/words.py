@@ -396,8 +396,13 @@ _PHYSICAL = {
     "c_2": "thrust of a rotor by its output squared",
     "kappa": "torque of a rotor by its thrust",
     "kappa_per_I_zz": "torque by thrust, over yaw inertia",
+    "h_per_I_zz": "angular momentum of a rotor at full output, over yaw inertia",
 }
-_LATE = {"tau_gyro": "delay from outputs to the gyros", "tau_accel": "delay from outputs to the accelerometer"}
+_LATE = {
+    "tau_gyro": "delay from outputs to the gyros",
+    "tau_gyro_yaw": "delay from outputs to the gyro of yaw",
+    "tau_accel": "delay from outputs to the accelerometer",
+}
 _FOUND: dict[Found, tuple[Level, str, str]] = {
     "good": ("good", "good", "predicted well"),
     "diverges": (

@@ -31,7 +31,15 @@ TRUTH = {
     "N_r": -0.3,
     "Z_w": -0.4,
 }
-UNITS = {"m": "kg", "I_xx": "kg m^2", "I_yy": "kg m^2", "kappa_per_I_zz": "1/(kg m)", "T_motor": "s", "tau_gyro": "s"}
+UNITS = {
+    "m": "kg",
+    "I_xx": "kg m^2",
+    "I_yy": "kg m^2",
+    "kappa_per_I_zz": "1/(kg m)",
+    "T_motor": "s",
+    "tau_gyro": "s",
+    "h_per_I_zz": "rad/s",
+}
 ARM_M = 0.25
 
 
@@ -136,6 +144,30 @@ def test_a_result_of_motors_is_a_body() -> None:
         "derived",
     )
     assert vehicle.numbers["delay"].value == TRUTH["tau_gyro"]
+
+
+def test_the_momentum_of_rotors_follows_from_motors() -> None:
+    vehicle = joined_vehicle([motors(h_per_I_zz=1.5)], given={"I_zz": 0.04, "speed_max": 800.0})
+    rotors = require(vehicle, target="test").rotors
+    assert vehicle.numbers["h"].value == pytest.approx(0.06)
+    assert (rotors.full_speed_rad_s, rotors.inertia_kg_m2) == pytest.approx((800.0, 0.06 / 800.0))
+    assert [finding.kind for finding in vehicle.findings if finding.where == "h"] == ["spin_up"]
+
+
+def test_the_momentum_of_rotors_follows_from_yaw() -> None:
+    """A command shows spin-up over torque, and the torque of a rotor makes a momentum of that."""
+    yaw = result(
+        "rate.yaw", {"N_yaw": 10.0, "N_spin": 2.0}, units={"N_yaw": "rad/s^2", "N_spin": "rad/s"}, log="yaw.ulg"
+    )
+    vehicle = joined_vehicle([motors(), yaw], given={"I_zz": 0.04})
+    assert vehicle.numbers["h"].value == pytest.approx(0.2 * 0.02 * vehicle.hover_slope_n)
+    rotors = require(vehicle, target="test").rotors
+    assert rotors.inertia_kg_m2 * rotors.full_speed_rad_s == pytest.approx(vehicle.numbers["h"].value)
+
+
+def test_light_rotors_have_no_momentum() -> None:
+    rotors = require(joined_vehicle([motors()], given={"I_zz": 0.04}), target="test").rotors
+    assert (rotors.full_speed_rad_s, rotors.inertia_kg_m2) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("scale", [None, "m"])

@@ -43,7 +43,7 @@ from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.fitting.problem import Fit, Part, Problem, Scale, StartBox
-from rotorid.models.motors import RATES
+from rotorid.models.motors import RATES, SPIN_UP, YAW_DELAY
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -237,6 +237,13 @@ class MotorProblem(Problem):
         """What is fitted, for messages."""
         return "motors"
 
+    @cached_property
+    def excitations(self) -> tuple[dict[str, Excitation], ...]:
+        """For every record, how far the motors explain the slow motion of each axis."""
+        names = self.parameters.names
+        spin_up = SPIN_UP in names and (SPIN_UP in self.parameters.free or self.parameters[SPIN_UP].value != 0.0)
+        return excitations(self.records, self.levers, spin_up=spin_up)
+
     def with_filters(self, filters: Sequence[Mapping[str, Filter]]) -> Self:
         """The same problem with errors taken as of another color."""
         return replace(self, filters=tuple(filters))
@@ -328,8 +335,9 @@ class MotorProblem(Problem):
             found += [force] if "az" in wanted else []
             found += [_mean(force)] if "weight" in wanted else []
         if rates:
-            late = _derived(record, values, "tau_gyro", step, moved=moved)
-            found += [self._rate_axis(record, values, late, axis, step) for axis in rates]
+            names = {axis: YAW_DELAY if axis == "r" and YAW_DELAY in values else "tau_gyro" for axis in rates}
+            delayed = {name: _derived(record, values, name, step, moved=moved) for name in set(names.values())}
+            found += [self._rate_axis(record, values, delayed[names[axis]], axis, step) for axis in rates]
         return found
 
     def _rate_axis(self, record: MotorRecord, values: Mapping[str, float], late: _Late, axis: str, step: float) -> Axis:
@@ -346,9 +354,16 @@ class MotorProblem(Problem):
         # Damping acts on the mean of both ends. The later one is predicted, since its noise is that of the error.
         half = 0.5 * step * values[damping]
         moment = _combined(values, torque(late.integrals(values, step)))
-        predicted = (gain * moment + 2.0 * half * rate[:-1]) / (1.0 - half)
-        slopes = {name: gain / (1.0 - half) * term for name, term in torque(late.sums(values, step)).items()}
-        slopes[inertia] = (moment if axis == "r" else -moment * gain**2) / (1.0 - half)
+        driven = gain * moment
+        slopes = {name: gain * term for name, term in torque(late.sums(values, step)).items()}
+        slopes[inertia] = moment if axis == "r" else -moment * gain**2
+        if axis == "r" and SPIN_UP in values:
+            gained = {name: _passed(lever @ term, record.gyro_taps) for name, term in late.gained(record).items()}
+            driven = driven + values[SPIN_UP] * gained[SPIN_UP]
+            for name, term in gained.items():
+                slopes[name] = term if name == SPIN_UP else slopes[name] + values[SPIN_UP] * term
+        predicted = (driven + 2.0 * half * rate[:-1]) / (1.0 - half)
+        slopes = {name: term / (1.0 - half) for name, term in slopes.items()}
         slopes[damping] = step * (rate[:-1] + 0.5 * predicted) / (1.0 - half)
         return Axis(
             name=axis,
@@ -374,6 +389,11 @@ class _Late(NamedTuple):
             slopes[name] = _combined(values, _impulses(moved, values, step)).imag / _STEP
         return slopes
 
+    def gained(self, record: MotorRecord) -> dict[str, Row]:
+        """What each rotor gains of its speed over a sample, and derivatives by lag and delay, ``(motors, n - 1)``."""
+        gains: dict[str, Row] = {SPIN_UP: _gained(self.here, record)}
+        return gains | {name: _gained(moved, record).imag / _STEP for name, moved in self.moved.items()}
+
     def levels(self, values: Mapping[str, float]) -> dict[str, Row]:
         return _thrusts(self.here, values)
 
@@ -394,6 +414,12 @@ def _impulses(motors: MotorSpeed, values: Mapping[str, float], step: float) -> d
     if "c_2" in values:
         terms["c_2"] = motors.second
     return terms
+
+
+def _gained(motors: MotorSpeed, record: MotorRecord) -> Row:
+    """What each rotor gains of its speed over a sample; thrust goes with the square of the voltage, speed with it."""
+    gained: Row = np.diff(motors.level * np.sqrt(record.strength), axis=1)
+    return gained
 
 
 def _thrusts(motors: MotorSpeed, values: Mapping[str, float]) -> dict[str, Row]:
@@ -501,7 +527,9 @@ class Excitation(NamedTuple):
     opposed: float = 0.0
 
 
-def excitations(records: Sequence[MotorRecord], levers: FloatArray) -> tuple[dict[str, Excitation], ...]:
+def excitations(
+    records: Sequence[MotorRecord], levers: FloatArray, *, spin_up: bool = False
+) -> tuple[dict[str, Excitation], ...]:
     """For every record, axis to its excitation.
 
     Parameters
@@ -510,6 +538,9 @@ def excitations(records: Sequence[MotorRecord], levers: FloatArray) -> tuple[dic
         What was flown.
     levers
         As for :class:`rotorid.fitting.motors.fit.MotorProblem`.
+    spin_up
+        Whether rotors turn the vehicle by what they gain of their speed too. A controller does not look like that: it
+        slows down what turns.
 
     Examples
     --------
@@ -522,19 +553,20 @@ def excitations(records: Sequence[MotorRecord], levers: FloatArray) -> tuple[dic
     >>> {axis: round(one.correlation, 1) for axis, one in excitations([record], levers)[0].items()}
     {'az': 0.0, 'p': 1.0, 'q': 0.0, 'r': 0.0}
     """
-    return tuple(_of(record, levers) for record in records)
+    return tuple(_of(record, levers, spin_up=spin_up) for record in records)
 
 
-def _of(record: MotorRecord, levers: FloatArray) -> dict[str, Excitation]:
+def _of(record: MotorRecord, levers: FloatArray, *, spin_up: bool) -> dict[str, Excitation]:
     mixing = np.vstack([-np.ones(levers.shape[1]), levers])
     moved = [_slow_part(row, record.sample_rate_hz) for row in (record.az[1:], *np.diff(record.rates, axis=1))]
     best = {axis: Excitation(0.0, _LAGS_S[0]) for axis in _AXES}
     for lag_s in _LAGS_S:
         motors = motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / record.sample_rate_hz).level[:, 1:]
         for axis, mix, motion in zip(_AXES, mixing, moved, strict=True):
-            correlation = _correlation(
-                _slow_part(mix @ np.asarray(motors, dtype=np.float64), record.sample_rate_hz), motion
-            )
+            made = mix @ np.asarray(motors, dtype=np.float64)
+            rows = [made, np.diff(made, prepend=made[:1])] if spin_up and axis == "r" else [made]
+            slow = np.stack([_slow_part(row, record.sample_rate_hz) for row in rows])
+            correlation = _correlation(_positive_part(slow, motion), motion)
             opposed = min(best[axis].opposed, correlation)
             if correlation > best[axis].correlation:
                 best[axis] = Excitation(correlation, lag_s, opposed)
@@ -561,6 +593,16 @@ def _slow_part(row: FloatArray, sample_rate_hz: float) -> FloatArray:
     found: FloatArray = np.asarray(oaconvolve(row - row.mean(), slow_taps(sample_rate_hz), mode="valid"))
     centered: FloatArray = found - found.mean()
     return centered
+
+
+def _positive_part(rows: FloatArray, motion: FloatArray) -> FloatArray:
+    """A row, or of several what most resembles a motion with factors from zero up."""
+    from scipy.optimize import nnls
+
+    if len(rows) == 1:
+        return np.asarray(rows[0])
+    factors, _ = nnls(rows.T, motion)
+    return np.asarray(factors @ rows if np.any(factors) else rows[0])
 
 
 def _correlation(one: FloatArray, other: FloatArray) -> float:
@@ -659,6 +701,28 @@ class MotorFit(Fit):
         return [part._replace(slopes=part.slopes[..., kept]) for part in self.problem.parts(self.solution.theta)]
 
 
+def likely_step(fit: MotorFit, more: MotorProblem, name: str) -> tuple[float, float]:
+    """Where one parameter more would go from its value, to first order, and the deviation of white errors.
+
+    Parameters
+    ----------
+    fit
+        Without the parameter.
+    more
+        The same problem with it, at the end of the fit, and with its filters.
+    name
+        Of the parameter.
+    """
+    residual, jacobian = more.residuals(more.parameters.pack())
+    free = more.parameters.free
+    kept = [place for place, one in enumerate(free) if one == name or one in fit.moving]
+    slopes = jacobian[:, kept]
+    length = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    inverse = np.linalg.pinv(slopes.T @ slopes / np.outer(length, length), hermitian=True) / np.outer(length, length)
+    place = kept.index(free.index(name))
+    return float(-inverse[place] @ (slopes.T @ residual)), float(np.sqrt(inverse[place, place]))
+
+
 def excited_axes(found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:
     """Axes that some record excites, in the order ``az p q r``."""
     return tuple(
@@ -708,7 +772,7 @@ def fit_motors(
     shortest = min(record.samples for record in problem.records)
     if shortest < LEAST_SAMPLES:
         raise InsufficientDataError(f"a record of {shortest} samples came", needed=f"{LEAST_SAMPLES} or more")
-    found = excitations(problem.records, problem.levers)
+    found = problem.excitations
     if missing := set(problem.axes) - {"weight", *excited_axes(found)}:
         raise InsufficientDataError(
             f"the motors explain the motion along {', '.join(sorted(missing))} in no record",
@@ -762,10 +826,16 @@ def at_the_best_sample(problem: MotorProblem, solution: Solution, solver: Levenb
     solver
         Goes on from a neighbor that explains a twentieth more after four steps with the delay held.
     """
-    free = problem.parameters.free
-    if "tau_gyro" not in free:
-        return solution
-    place, step_s = free.index("tau_gyro"), 1.0 / problem.records[0].sample_rate_hz
+    for name in ("tau_gyro", YAW_DELAY):
+        if name in problem.parameters.free:
+            solution = _at_the_best_sample_of(name, problem, solution, solver)
+    return solution
+
+
+def _at_the_best_sample_of(
+    name: str, problem: MotorProblem, solution: Solution, solver: LevenbergMarquardt
+) -> Solution:
+    place, step_s = problem.parameters.free.index(name), 1.0 / problem.records[0].sample_rate_hz
     lower, upper = problem.box
     for _ in range(_MOST_SAMPLES):
         here = solution.theta[place] / step_s
@@ -774,7 +844,7 @@ def at_the_best_sample(problem: MotorProblem, solution: Solution, solver: Levenb
             start[place] = samples * step_s
             if not lower[place] <= start[place] <= upper[place]:
                 continue
-            held = problem.with_parameters(problem.parameters.fix("tau_gyro", float(start[place])))
+            held = problem.with_parameters(problem.parameters.fix(name, float(start[place])))
             glance = _GLANCE.minimize(held.residuals, np.delete(start, place), *held.box)
             if glance.cost < _WORTH * solution.cost:
                 start[np.arange(start.size) != place] = glance.theta
@@ -790,6 +860,7 @@ _FAR = 5.0
 _REACH: Mapping[str, tuple[float, float]] = {
     "T_motor": (0.003, 0.3),
     "tau_gyro": (0.0, 0.06),
+    YAW_DELAY: (0.0, 0.06),
     "tau_accel": (0.0, 0.06),
     "L_p": (-6.0, 1.0),
     "M_q": (-6.0, 1.0),
@@ -810,7 +881,7 @@ def searched_motors(problem: MotorProblem) -> MotorProblem:
         As for :func:`fit_motors`.
     """
     coarse = replace(problem, records=tuple(coarser(record) for record in problem.records), filters=(), region=None)
-    found = excitations(coarse.records, coarse.levers)
+    found = coarse.excitations
     slow = _slow_problem(coarse.with_parameters(started(coarse, found)), found)
     return slow.within(reach(slow))
 
@@ -942,14 +1013,31 @@ def _inertia(
 ) -> dict[str, float]:
     """Inertia from the regression of slow acceleration on the torque of a unit inertia."""
     products = {axis: np.zeros(2) for axis in probe.axes}
+    yaw: list[tuple[FloatArray, FloatArray]] = []
     for record, equations, seen in zip(probe.records, probe.equations(probe.parameters.pack()), found, strict=True):
         shape = Filter(slow_taps(record.sample_rate_hz), 1.0)
         for axis in equations:
             if axis.name in _counted(seen, probe.axes):
                 motion, torque = (shape(row - row.mean()) for row in (axis.measured, axis.predicted))
                 products[axis.name] += [float(motion @ torque), float(torque @ torque)]
+                if axis.name == "r" and SPIN_UP in probe.parameters.free:
+                    gained = shape(axis.slopes[probe.parameters.names.index(SPIN_UP)])
+                    yaw.append((np.stack([torque, gained - gained.mean()]), motion))
     gains = {axis: top / bottom for axis, (top, bottom) in products.items() if top > 0.0}
     values = {
         name: gains.get(axis, 1.0) if axis == "r" else 1.0 / gains.get(axis, 1.0) for axis, name in _INERTIA.items()
     }
-    return {name: value for name, value in values.items() if name in units}
+    if yaw:
+        values |= _of_yaw(np.concatenate([rows for rows, _ in yaw], axis=1), np.concatenate([row for _, row in yaw]))
+    return {name: value for name, value in values.items() if name in (*units, SPIN_UP)}
+
+
+def _of_yaw(rows: FloatArray, motion: FloatArray) -> dict[str, float]:
+    """Torque and spin-up, from zero up; where slow motion shows but one of them, the other gets a little."""
+    from scipy.optimize import nnls
+
+    factors, _ = nnls(rows.T, motion)
+    most = float(np.max(factors * np.linalg.norm(rows, axis=1)))
+    least = 0.01 * most / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
+    torque, gained = np.maximum(factors, least).tolist()
+    return {"kappa_per_I_zz": torque, SPIN_UP: gained} if most > 0.0 else {}

@@ -31,7 +31,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.fit import Axis, Filter, MotorFit
-from rotorid.models.motors import RATES
+from rotorid.models.motors import RATES, SPIN_UP
 from rotorid.typing import FloatArray
 
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
@@ -190,6 +190,8 @@ def _rows(
     share = axis.slopes[names.index(_INERTIA[axis.name])] * (value if axis.name == "r" else -value)
     damped = axis.predicted - share
     known = [rate[:-1]] if fit.parameters[_DAMPING[axis.name]].status == "free" else []
+    if axis.name == "r" and SPIN_UP in fit.parameters.free:
+        known = [*known, axis.slopes[names.index(SPIN_UP)]]
     # Nearer than the lag of a motor the past is the present: the two regressions would be one.
     past = [round(lag_s * rate_hz) for lag_s in _PAST_S]
     lags = past if excitation is None else [0, *past]
@@ -210,7 +212,7 @@ def _rows(
 
 
 def _beside(rows: FloatArray, known: FloatArray) -> FloatArray:
-    """Rows without what the damping, whose size is not known, may explain of them."""
+    """Rows without what damping and spin-up, whose size is not known, may explain of them."""
     if not known.size:
         return rows
     solved = np.linalg.lstsq(known.T, rows.T, rcond=None)[0]

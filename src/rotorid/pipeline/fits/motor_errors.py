@@ -41,7 +41,7 @@ from rotorid.fitting.motors.fit import (
     MotorProblem,
     slow_taps,
 )
-from rotorid.models.motors import RATES
+from rotorid.models.motors import DELAYS, RATES, SPIN_UP
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.preparation.motor_data import MotorData
 from rotorid.typing import FloatArray
@@ -62,7 +62,6 @@ flights of rotors that feel their inflow, or that speed up faster than they slow
 
 _GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
-_DELAYS = ("tau_gyro", "tau_accel")
 
 PIECES = 10
 """Of all flights together: long enough to hold motion of their own, and enough to scatter."""
@@ -246,7 +245,10 @@ def _made_by_motors(axis: Axis, problem: MotorProblem, values: Mapping[str, floa
     if axis.name in _INERTIA:
         name = _INERTIA[axis.name]
         sign = 1.0 if axis.name == "r" else -1.0
-        return np.asarray(sign * values[name] * axis.slopes[problem.parameters.names.index(name)])
+        names = problem.parameters.names
+        made = sign * values[name] * axis.slopes[names.index(name)]
+        gained = values[SPIN_UP] * axis.slopes[names.index(SPIN_UP)] if axis.name == "r" and SPIN_UP in names else 0.0
+        return np.asarray(made + gained)
     damped = values["Z_w"] * w[1:] if axis.name == "az" and "Z_w" in values and w.size else 0.0
     return np.asarray(axis.predicted - damped)
 
@@ -301,15 +303,16 @@ def _by_sensors(values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
     """Scales of the gyros, and the slope of thrust, which inertia follows; the scale of the accelerometer is in it."""
     for name in _INERTIA.values():
         if name in values:
-            yield {name: SENSOR_SHARE * values[name]}
+            of_yaw = {SPIN_UP: SENSOR_SHARE * values.get(SPIN_UP, 0.0)} if name == _INERTIA["r"] else {}
+            yield {name: SENSOR_SHARE * values[name], **of_yaw}
     yield _of_slope(values, THRUST_SHARE)
 
 
 def _by_clocks(data: MotorData) -> Iterator[Mapping[str, float]]:
     """A shift of either end of a delay; lag and delay are told apart by less than a sample."""
     late_s = CLOCK_SAMPLES / min(record.sample_rate_hz for record in data.records)
-    yield dict.fromkeys(_DELAYS, late_s)
-    yield from ({name: late_s} for name in ("T_motor", *_DELAYS))
+    yield dict.fromkeys(DELAYS, late_s)
+    yield from ({name: late_s} for name in ("T_motor", *DELAYS))
 
 
 def _by_bias(fit: MotorFit) -> FloatArray:
@@ -328,7 +331,7 @@ def _by_bias(fit: MotorFit) -> FloatArray:
 
 def _by_slow_motors(parameters: ParameterSet, fit: MotorFit, data: MotorData) -> Iterator[Mapping[str, float]]:
     step_s = 1.0 / min(history.sample_rate_hz for history in data.histories)
-    yield from ({name: 0.5 * step_s} for name in ("T_motor", *_DELAYS))
+    yield from ({name: 0.5 * step_s} for name in ("T_motor", *DELAYS))
     for axis, names in _GAINS.items():
         seen = [one[axis].correlation for one in fit.excitations if one[axis].correlation >= LEAST_CORRELATION]
         if seen:

@@ -11,7 +11,7 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import MotorProblem
-from rotorid.models.motors import CURVE_TERMS, scale_of
+from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
 from rotorid.pipeline.checking.flown_motors import predicted, verification_of
 from rotorid.pipeline.fits.frequency import judge_combinations
 from rotorid.pipeline.fits.methods import Described
@@ -152,7 +152,7 @@ def _expected(found: Combination, fitted: FittedMotors) -> bool:
     """Whether a combination needs no words: terms of one curve, and delays that are nearly none."""
     names = set(found.vector)
     curve = fitted.curve == "polynomial" and names <= set(CURVE_TERMS["polynomial"])
-    return curve or names <= {"tau_gyro", "tau_accel"}
+    return curve or names <= {*DELAYS}
 
 
 def _alike(data: MotorData, other: MotorData) -> bool:

@@ -36,12 +36,15 @@ from rotorid.fitting.motors.fit import (
     excitations,
     excited_axes,
     fit_motors,
+    likely_step,
     motor_speed,
     searched_motors,
 )
 from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
 from rotorid.models.motors import (
     CURVE_TERMS,
+    SPIN_UP,
+    YAW_DELAY,
     Curve,
     check_figure_of_merit,
     check_motor_constants,
@@ -404,7 +407,7 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
         an end, or ends where physics allows nothing to be.
     """
     levers = levers_of(data)
-    found = excitations(data.records, levers)
+    found = excitations(data.records, levers, spin_up=_may_spin_up(data, choices))
     axes = excited_axes(found)
     if not axes:
         raise _nothing_excited(data, found)
@@ -598,32 +601,121 @@ def _fitted(
     if choices.method == "accelerations":
         return _by_accelerations(data, choices, levers, axes, curve)
 
-    def posed(*, lag: bool) -> MotorProblem:
+    plain = excitations(data.records, levers)
+    # Rotors so heavy that yaw follows what they gain of their speed, and hardly their torque.
+    heavy = "r" in axes and "r" not in excited_axes(plain)
+
+    def posed(parts: _Parts) -> MotorProblem:
+        wanted = axes if parts.spin_up or not heavy else tuple(axis for axis in axes if axis != "r")
+        if not wanted:
+            raise _nothing_excited(data, plain)
         parameters = motor_parameters(
             curve=curve,
             known=choices.known,
-            axes=axes,
-            lag=lag,
+            axes=wanted,
+            lag=parts.lag,
+            spin_up=parts.spin_up,
+            yaw_delay=parts.yaw_delay,
             heave_damping=all(record.w.size > 0 for record in data.records),
             earliest_s=-_STAMPS_S if any(record.gyro_taps.size > 1 for record in data.records) else 0.0,
         )
-        return MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *axes))
+        return MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *wanted))
 
-    search = _searched(posed(lag=data.kind != "speed"), choices)
+    parts = _Parts(lag=data.kind != "speed", spin_up=heavy and _may_spin_up(data, choices))
+    search = _searched(posed(parts), choices)
     start = search.values(search.minima[0]) if search else None
-
-    def fitted(lag: bool, *, gusty: bool = False) -> MotorFit:
-        return fit_motors(posed(lag=lag), white_force=gusty, start=start)
-
     _PROGRESS.info("fitting motors, thrust and inertia")
-    fit = fitted(data.kind != "speed")
+    fit = fit_motors(posed(parts), start=start)
     # What motors that were logged too slowly do not explain is no gust.
-    if gusty := not data.slow and gusts_between(fit) > _GUSTY:
+    gusty = not data.slow and gusts_between(fit) > _GUSTY
+    if gusty:
         _PROGRESS.info("gusts move the vehicle as thrust does: fitting with their color")
-        fit = fitted(data.kind != "speed", gusty=True)
+        fit = fit_motors(posed(parts), white_force=True, start=start)
     if _lag_unseen(fit):
-        fit = fitted(False, gusty=gusty)
+        # Without a lag of the motors their spin-up is a delay.
+        parts = replace(parts, lag=False, spin_up=False)
+        fit = fit_motors(posed(parts), white_force=gusty, start=start)
+    # Yaw by spin-up is so well seen that its delay would be that of all: what is known without yaw has its say.
+    alone = None
+    if heavy and parts.spin_up and set(axes) != {"r"}:
+        alone = fit_motors(posed(replace(parts, spin_up=False)), white_force=gusty, start=start)
+    for name in (YAW_DELAY, SPIN_UP):
+        more = _with(parts, name, fit, data, choices)
+        begin = None if more is None else _begin(fit, alone, posed(more), name)
+        if more is not None and begin is not None:
+            _PROGRESS.info(f"yaw asks for {name}: fitting with it")
+            again = fit_motors(posed(more), white_force=gusty, start=begin)
+            if _certain(again, name, data, choices, curve):
+                fit, parts = again, more
+    if heavy and parts.spin_up and not _certain(fit, SPIN_UP, data, choices, curve):
+        fit = alone or fit_motors(posed(replace(parts, spin_up=False, yaw_delay=False)), start=start)
     return fit, curve, search
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Parts:
+    """What the model has besides thrust, inertia and damping."""
+
+    lag: bool
+    spin_up: bool = False
+    yaw_delay: bool = False
+
+
+_CERTAIN = 3.0
+"""Deviations from nothing of what yaw has beside torque: less is no spin-up, and no delay of its own."""
+
+
+def _may_spin_up(data: MotorData, choices: MotorChoices) -> bool:
+    """Whether rotors may turn the vehicle by speeding up: not in the published cost, nor without a lag of motors."""
+    return choices.method != "accelerations" and data.kind != "speed" and SPIN_UP not in choices.known
+
+
+def _with(parts: _Parts, name: str, fit: MotorFit, data: MotorData, choices: MotorChoices) -> _Parts | None:
+    """The model with one more of what yaw may have; ``None`` where it cannot, or has it already."""
+    if "r" not in fit.problem.axes or name in fit.parameters.names:
+        return None
+    if name == SPIN_UP:
+        return replace(parts, spin_up=True) if parts.lag and _may_spin_up(data, choices) else None
+    return replace(parts, yaw_delay=True) if {"p", "q"} & set(fit.problem.axes) else None
+
+
+def _begin(fit: MotorFit, alone: MotorFit | None, more: MotorProblem, name: str) -> dict[str, float] | None:
+    """Where a fit with one more parameter of yaw begins, where the data ask for it; ``None`` where they do not.
+
+    Parameters
+    ----------
+    fit
+        Without the parameter.
+    alone
+        The same without yaw, where yaw may have decided on the delay of all.
+    more
+        The problem with the parameter.
+    name
+        :data:`SPIN_UP` or :data:`YAW_DELAY`.
+    """
+    values = fit.parameters.values
+    here = 0.0 if name == SPIN_UP else values["tau_gyro"]
+    if name == YAW_DELAY and alone is not None and "tau_gyro" in alone.parameters.names:
+        apart_s = abs(here - alone.parameters["tau_gyro"].value)
+        told = apart_s > 0.5 / fit.problem.records[0].sample_rate_hz
+        return {**values, **alone.parameters.values, name: here} if told else None
+    begun = fit.problem.with_parameters(more.parameters.with_values({**values, name: here}))
+    step, std = likely_step(fit, begun, name)
+    if not abs(step) > _CERTAIN * std or (name == SPIN_UP and step < 0.0):
+        return None
+    return {**values, name: here + step}
+
+
+def _certain(fit: MotorFit, name: str, data: MotorData, choices: MotorChoices, curve: Curve) -> bool:
+    """Whether what yaw has besides lies well beyond its deviation, model error and all."""
+    bounds = _bounded(data, choices, fit, curve).bounds
+    if name not in bounds.names:
+        return False
+    away, row = fit.parameters[name].value, np.array([float(one == name) for one in bounds.names])
+    if name == YAW_DELAY and "tau_gyro" in bounds.names:
+        away -= fit.parameters["tau_gyro"].value
+        row -= [one == "tau_gyro" for one in bounds.names]
+    return abs(away) >= _CERTAIN * math.sqrt(float(row @ bounds.covariance @ row))
 
 
 def _by_accelerations(
@@ -785,6 +877,7 @@ def judge_motors(
         *_scale(identified, choices),
         *_arm(identified),
         *_yaw(identified),
+        *_beside_torque(identified),
         *_physics(identified, choices),
         *_merit(identified, choices),
         *judge_both_ways(identified.both),
@@ -912,6 +1005,32 @@ def _yaw(identified: FittedMotors) -> Iterator[Finding]:
     )
 
 
+def _beside_torque(identified: FittedMotors) -> Iterator[Finding]:
+    """What yaw shows besides torque: rotors that speed up, and a delay that is not that of roll and pitch."""
+    parameters = identified.parameters
+    if SPIN_UP in parameters.free:
+        value = parameters[SPIN_UP].value
+        lead_s = value / (parameters["kappa_per_I_zz"].value * identified.derived["thrust_slope"].value)
+        yield remark(
+            "spin_up",
+            SPIN_UP,
+            f"Rotors that speed up turn the vehicle too, by {value:.3g} rad/s for one that goes from rest to full "
+            f"output: beyond {1.0 / lead_s:.2g} rad/s that makes more of yaw than the torque of the rotors.",
+            rad_s=value,
+            lead_s=lead_s,
+        )
+    if YAW_DELAY in parameters.free and "tau_gyro" in parameters.names:
+        own_s, other_s = parameters[YAW_DELAY].value, parameters["tau_gyro"].value
+        yield remark(
+            "delay_of_yaw",
+            YAW_DELAY,
+            f"Yaw is late by {1e3 * own_s:.3g} ms, roll and pitch by {1e3 * other_s:.3g} ms: gyros of one sensor are "
+            "late alike, so that something turns the vehicle that the model does not have, or its sensors are several.",
+            yaw_s=own_s,
+            roll_pitch_s=other_s,
+        )
+
+
 def _judged_parameters(identified: FittedMotors) -> Iterator[Finding]:
     """Guidelines of single parameters; coefficients of one curve trade against each other, and their sum counts."""
     for finding in judge_parameters(identified.parameters, identified.bounds):
@@ -1003,7 +1122,12 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
     for axis, levers in zip(("p", "q", "r"), levers_of(identified.data), strict=True):
         if axis in axes:
             moment = _sum({thrusts[i]: lever for i, lever in zip(motors, levers.tolist(), strict=True)})
-            equations.append(f"{axis}' = {_DAMPING[axis]}*{axis} + {axis}_thrust*({moment})")
+            gained = "".join(
+                f" - ({lever!r})*{SPIN_UP}*{thrusts[i]}'"
+                for i, lever in zip(motors, levers.tolist(), strict=True)
+                if axis == "r" and SPIN_UP in parameters.names and lag
+            )
+            equations.append(f"{axis}'{gained} = {_DAMPING[axis]}*{axis} + {axis}_thrust*({moment})")
     force = f"az_thrust*({_sum(dict.fromkeys(thrusts.values(), -1.0))})"
     heave = "Z_w" in parameters.names
     equations.append(f"w' = {'Z_w*w + ' if heave else ''}{force}")
@@ -1051,6 +1175,7 @@ def _parameter_tables(identified: FittedMotors, axes: Sequence[str]) -> list[str
         term for name, term in (("c_1", "c_1"), ("c_2", "2*c_2*x_0")) if name in identified.parameters.names
     )
     used = {"m", "c_1", "c_2", "Z_w", "T_motor", *_delayed(identified)}
+    used |= {SPIN_UP} if "r" in axes and "T_motor" in identified.parameters.names else set()
     used |= {name for axis in axes for name in (_DAMPING[axis], _INERTIA[axis].removeprefix("1/"))}
     lines: list[str] = []
     for one in identified.parameters:
