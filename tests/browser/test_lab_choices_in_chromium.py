@@ -248,6 +248,7 @@ def test_commands_are_those_of_what_is_chosen(looking: LabPage) -> None:
     lab.until("document.querySelector('#message').textContent === ''")
 
 
+@pytest.mark.slow
 def test_names_are_words_of_a_shell(lab: LabPage) -> None:
     page = lab.page
     page.click("#opener")
@@ -267,6 +268,7 @@ def test_names_are_words_of_a_shell(lab: LabPage) -> None:
     assert lab.command(1) == ["review", log, "--out", "step-1"]
 
 
+@pytest.mark.slow
 def test_nothing_waits_for_a_list(shared_browser: Any, tmp_path: Path, folder: Path) -> None:
     """A folder that is slow to be read holds up nothing, and models that did not come are asked for again."""
     private = tmp_path / "private"
@@ -320,6 +322,7 @@ def test_what_is_drawn_and_let_go(shared_browser: Any, served: str) -> None:
     context.close()
 
 
+@pytest.mark.slow
 def test_angles_are_shown_in_degrees_where_that_is_preferred(
     shared_browser: Any, tmp_path: Path, example: Path, looking: LabPage, monkeypatch: pytest.MonkeyPatch
 ) -> None:

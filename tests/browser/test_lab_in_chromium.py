@@ -332,6 +332,7 @@ def _workers() -> list[int]:
     return found
 
 
+@pytest.mark.slow
 def test_a_session_is_reopened_and_runs_without_the_page(
     with_log: LabPage, shared_browser: Any, example: Path, tmp_path: Path
 ) -> None:

@@ -162,6 +162,7 @@ def is_quick(command: str) -> bool:
     return not any(word in command for word in ("--figures", "design", "--bootstrap", "kmeans:5", "--composition"))
 
 
+@pytest.mark.slow
 def test_quick_commands_run_and_write_what_their_lines_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     chosen, lines = of_paper(sections()[0][0])

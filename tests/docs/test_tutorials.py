@@ -22,7 +22,9 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#]+)(?:#[^)]*)?\)")
 
 
-LONG = frozenset({"paper-1-rig", "paper-2-s500", "paper-4-hummingbird", "paper-5-bebop", "plan-fly-identify"})
+LONG = frozenset(
+    {"paper-1-rig", "paper-2-s500", "paper-4-hummingbird", "paper-5-bebop", "plan-fly-identify", "my-drone"}
+)
 """Ten seconds to half a minute each; the site executes all."""
 
 

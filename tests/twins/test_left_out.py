@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from tests.twins.coverage import flown_truth
 from tests.twins.motor_twins import twin
 
 import rotorid
 
 
+@pytest.mark.slow
 def test_what_yaw_does_to_roll_in_wind_is_left_out(tmp_path: Path) -> None:
     record = twin("hummingbird", "wind", 3, tmp_path).record
     found = rotorid.identify(record, "hover.lateral")

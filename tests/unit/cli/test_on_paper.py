@@ -44,6 +44,7 @@ def test_every_command_with_a_page_prints_it(command: str) -> None:
     assert "--pdf" in rotorid(command, "--help").out
 
 
+@pytest.mark.slow
 def test_a_page_is_printed_again_and_again(flight: Path, browser: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     for words in (("identify", flight, *ROLL), ("inspect", flight)):

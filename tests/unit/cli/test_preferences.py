@@ -82,6 +82,7 @@ def test_where_it_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert place() == tmp_path / "rotorid.toml"
 
 
+@pytest.mark.slow
 def test_commands_follow_it_and_numbers_do_not(tmp_path: Path) -> None:
     out = tmp_path / "there"
     wanted = _file(tmp_path, f'frequency = "Hz"\ntheme = "dark"\nout = {json.dumps(str(out))}\n')

@@ -17,6 +17,7 @@ from rotorid.vehicles.motor_flight import TRUTH
 CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
 
 
+@pytest.mark.slow
 def test_values_come_back_with_what_the_search_reached_alone(tmp_path: Path) -> None:
     found = identify_motors([read(flight(tmp_path / "flight.csv"))], replace(CHOICES, search="genetic:6x5", runs=3))
     assert found.fit.method == "accelerations"
