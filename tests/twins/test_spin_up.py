@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 from tests.twins.coverage import flown_truth
-from tests.twins.motor_twins import twin
+from tests.twins.motor_twins import Twin, twin
 from tests.twins.twin_flights import BAND, HUMMINGBIRD_YAW, flown, plan
 
 import rotorid
@@ -18,6 +18,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.fit import MotorFit, MotorProblem, excitations, fit_motors, motor_speed
 from rotorid.models.library import library_model
 from rotorid.models.motors import motor_parameters
+from rotorid.pipeline.fits import motors
 from rotorid.pipeline.identification import identify_motors
 from rotorid.vehicles import aircraft, hummingbird
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
@@ -130,9 +131,13 @@ def test_speeding_up_counts_as_excitation_and_slowing_down_what_turns_does_not(l
 
 
 @pytest.fixture(scope="module")
-def flown_heavy(tmp_path_factory: pytest.TempPathFactory) -> tuple[rotorid.IdentifiedModel, dict[str, float]]:
-    flight = twin("hummingbird", "calm", 1, tmp_path_factory.mktemp("heavy"), sweep_s=15.0)
-    return identify_motors(flight.record, flight.choices), dict(flight.truth)
+def heavy_flight(tmp_path_factory: pytest.TempPathFactory) -> Twin:
+    return twin("hummingbird", "calm", 1, tmp_path_factory.mktemp("heavy"), sweep_s=15.0)
+
+
+@pytest.fixture(scope="module")
+def flown_heavy(heavy_flight: Twin) -> tuple[rotorid.IdentifiedModel, dict[str, float]]:
+    return identify_motors(heavy_flight.record, heavy_flight.choices), dict(heavy_flight.truth)
 
 
 def test_motors_of_a_flight_with_heavy_rotors(
@@ -162,6 +167,24 @@ def test_the_linear_model_of_motors_leads_in_yaw(
     lagged = 1.0 / (1j * omega[0] * truth["T_motor"] + 1.0)
     by_spin_up = truth["h_per_I_zz"] * lagged
     assert abs(reply[row, column, 0]) == pytest.approx(abs(by_spin_up), rel=0.15)
+
+
+@pytest.mark.slow
+def test_a_momentum_that_could_be_none_is_none(heavy_flight: Twin, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing else explains this yaw: it is left out, and the rest is as without it."""
+    monkeypatch.setattr(motors, "_CERTAIN", 1e4)
+    found = identify_motors(heavy_flight.record, heavy_flight.choices)
+    assert not {"h_per_I_zz", "kappa_per_I_zz", "N_r", "tau_gyro_yaw"} & set(found.parameters)
+    assert [one.where for one in found.findings if one.kind == "no_excitation"] == ["yaw"]
+    assert found["I_xx"].value == pytest.approx(heavy_flight.truth["I_xx"], rel=0.02)
+
+
+def test_a_momentum_may_be_known(heavy_flight: Twin) -> None:
+    """Held at zero it is no spin-up, so that torque has to explain yaw, and does not."""
+    choices = replace(heavy_flight.choices, known={**heavy_flight.choices.known, "h_per_I_zz": 0.0})
+    found = identify_motors(heavy_flight.record, choices)
+    assert "kappa_per_I_zz" not in found.parameters
+    assert "no_excitation" in {one.kind for one in found.findings}
 
 
 def test_light_rotors_have_no_momentum(tmp_path: Path) -> None:

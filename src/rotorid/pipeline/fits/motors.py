@@ -407,7 +407,9 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
         an end, or ends where physics allows nothing to be.
     """
     levers = levers_of(data)
-    found = excitations(data.records, levers, spin_up=_may_spin_up(data, choices))
+    found = excitations(data.records, levers)
+    if "r" not in excited_axes(found) and _may_spin_up(data, choices):
+        found = excitations(data.records, levers, spin_up=True)
     axes = excited_axes(found)
     if not axes:
         raise _nothing_excited(data, found)
@@ -601,14 +603,13 @@ def _fitted(
     if choices.method == "accelerations":
         return _by_accelerations(data, choices, levers, axes, curve)
 
-    plain = excitations(data.records, levers)
     # Rotors so heavy that yaw follows what they gain of their speed, and hardly their torque.
-    heavy = "r" in axes and "r" not in excited_axes(plain)
+    heavy = "r" in axes and "r" not in excited_axes(excitations(data.records, levers))
 
     def posed(parts: _Parts) -> MotorProblem:
         wanted = axes if parts.spin_up or not heavy else tuple(axis for axis in axes if axis != "r")
         if not wanted:
-            raise _nothing_excited(data, plain)
+            raise _nothing_excited(data, excitations(data.records, levers))
         parameters = motor_parameters(
             curve=curve,
             known=choices.known,
