@@ -261,6 +261,9 @@ def spread(parent: Mapping[str, Json], name: str) -> float:
     number, value, std = (parent.get(key) for key in (name, "value", "std"))
     if not isinstance(number, float):
         return 0.0
+    if name == "cost_rise":
+        # The difference of two costs, of which two are told apart where they differ by one.
+        return 1.0
     if name.endswith("_percent") and value and std:
         return float(abs(number * std / value))
     first, _, unit = name.partition("_")

@@ -82,7 +82,7 @@ TOO_WIDE: Missed = {
     Cell(
         "s500", "hover"
     ): "X_pitch and Y_roll follow an accelerometer 10 mm away; it lies where it should: a hundred times too wide",
-    Cell("hummingbird", "physical"): "inertia and damping: two and a half to three times their errors",
+    Cell("hummingbird", "physical"): "inertia, delay and damping: three and more times their errors",
 }
 OFTEN_REFUSED: Missed = {Cell("s500", "axis"): _TURNED}
 PARAMETERS: Missed = {

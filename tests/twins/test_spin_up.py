@@ -167,6 +167,11 @@ def test_the_linear_model_of_motors_leads_in_yaw(
     lagged = 1.0 / (1j * omega[0] * truth["T_motor"] + 1.0)
     by_spin_up = truth["h_per_I_zz"] * lagged
     assert abs(reply[row, column, 0]) == pytest.approx(abs(by_spin_up), rel=0.15)
+    # The delay of yaw alone is in it: 12.6 ms, and the torque trails the spin-up by a quarter of a turn.
+    torque = -1j * truth["kappa_per_I_zz"] * truth["thrust_slope"] * lagged / omega[0]
+    late = np.exp(-1j * omega[0] * truth["tau_gyro_yaw"])
+    spin = np.sign((reply[row, column, 0] / by_spin_up).real)
+    assert reply[row, column, 0] == pytest.approx(spin * (by_spin_up + torque) * late, rel=0.06)
 
 
 @pytest.mark.slow

@@ -44,6 +44,8 @@ Weights: TypeAlias = Literal["cifer", "covariance"]
 """Which weights a solution was found with: CIFER's, or those of the measured covariance."""
 
 _FLAT = 1e-8
+_SAME_MOTION = 1e-7
+"""Singular value over the largest, of derivatives of unit length, that the rounding of a normal matrix hides."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -221,7 +223,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
     try:
         colored = colored_covariance(parts) if alike else colored_apart(parts)
     except np.linalg.LinAlgError as error:
-        raise _not_determined(names) from error
+        raise _not_determined(_mixed(slopes, names)) from error
     length = np.sqrt(fisher.diagonal())
     inverse = np.linalg.inv(fisher / np.outer(length, length)).diagonal() / fisher.diagonal()
     corrected, white = colored.corrected[:count, :count], colored.white[:count, :count]
@@ -239,6 +241,14 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
         inflation=math.exp(0.5 * float(np.mean(ratio))),
         ar_order=colored.ar_order,
     )
+
+
+def _mixed(slopes: FloatArray, names: Sequence[str]) -> list[str]:
+    """Parameters of which one does what others do, so that only their sum is seen; all where none stands out."""
+    length = np.sqrt(np.sum(slopes**2, axis=0))
+    _, singular, right = np.linalg.svd(slopes / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    flat = np.abs(right[singular <= _SAME_MOTION * singular.max(initial=0.0), : len(names)])
+    return [name for name, share in zip(names, flat.max(axis=0, initial=0.0), strict=True) if share > 0.1] or [*names]
 
 
 def _not_determined(names: Sequence[str]) -> InsufficientDataError:

@@ -12,12 +12,13 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.error_shapes import smooth_columns
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.problem import Part
 from rotorid.models.expression import Expression
 from rotorid.models.library import rate_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import ComplexArray, FloatArray
-from rotorid.uncertainty.cramer_rao import bounds
+from rotorid.uncertainty.cramer_rao import bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
@@ -264,3 +265,13 @@ def test_a_parameter_without_effect_is_refused_by_name() -> None:
 )
 def test_words_name_the_parts_that_matter(vector: dict[str, float], start: str) -> None:
     assert Combination(vector=vector, relative_std=0.7).words().startswith(start)
+
+
+def test_parameters_that_do_the_same_are_named_and_no_others() -> None:
+    rng = np.random.default_rng(3)
+    slopes = rng.standard_normal((400, 1, 3))
+    slopes[:, :, 2] = -slopes[:, :, 0]
+    part = Part(rng.standard_normal((400, 1)), slopes, np.full((400, 1, 1), 400**-0.5))
+    with pytest.raises(InsufficientDataError) as refused:
+        bounds_of_parts([part], ("T_zero", "omega", "tau"))
+    assert [finding.where for finding in refused.value.findings] == ["T_zero", "tau"]

@@ -605,11 +605,28 @@ def _fitted(
 
     # Rotors so heavy that yaw follows what they gain of their speed, and hardly their torque.
     heavy = "r" in axes and "r" not in excited_axes(excitations(data.records, levers))
+    others = tuple(axis for axis in axes if axis != "r")
+    if heavy and others:
+        # Such a yaw never takes along what is known without it.
+        with contextlib.suppress(InsufficientDataError):
+            return _by_increments(data, choices, levers, axes, curve, heavy=True)
+        heavy, axes = False, others
+    return _by_increments(data, choices, levers, axes, curve, heavy=heavy)
+
+
+def _by_increments(
+    data: MotorData, choices: MotorChoices, levers: FloatArray, axes: tuple[str, ...], curve: Curve, *, heavy: bool
+) -> tuple[MotorFit, Curve, Searched | None]:
+    """The fit of increments, with what yaw has besides torque where the data ask for it.
+
+    Raises
+    ------
+    InsufficientDataError
+        Yaw was to be explained by the spin-up of rotors, and is not, or the data do not tell the parameters apart.
+    """
 
     def posed(parts: _Parts) -> MotorProblem:
-        wanted = axes if parts.spin_up or not heavy else tuple(axis for axis in axes if axis != "r")
-        if not wanted:
-            raise _nothing_excited(data, excitations(data.records, levers))
+        wanted = tuple(axis for axis in axes if axis != "r" or parts.yaw)
         parameters = motor_parameters(
             curve=curve,
             known=choices.known,
@@ -636,10 +653,10 @@ def _fitted(
         # Without a lag of the motors their spin-up is a delay.
         parts = replace(parts, lag=False, spin_up=False)
         fit = fit_motors(posed(parts), white_force=gusty, start=start)
-    # Yaw by spin-up is so well seen that its delay would be that of all: what is known without yaw has its say.
     alone = None
-    if heavy and parts.spin_up and set(axes) != {"r"}:
-        alone = fit_motors(posed(replace(parts, spin_up=False)), white_force=gusty, start=start)
+    if heavy and set(axes) != {"r"}:
+        # Yaw by spin-up is so well seen that its delay would be that of all: what is known without yaw has its say.
+        alone = fit_motors(posed(replace(parts, spin_up=False, yaw=False)), white_force=gusty, start=start)
     for name in (YAW_DELAY, SPIN_UP):
         more = _with(parts, name, fit, data, choices)
         begin = None if more is None else _begin(fit, alone, posed(more), name)
@@ -648,8 +665,10 @@ def _fitted(
             again = fit_motors(posed(more), white_force=gusty, start=begin)
             if _certain(again, name, data, choices, curve):
                 fit, parts = again, more
-    if heavy and parts.spin_up and not _certain(fit, SPIN_UP, data, choices, curve):
-        fit = alone or fit_motors(posed(replace(parts, spin_up=False, yaw_delay=False)), start=start)
+    if heavy and not _certain(fit, SPIN_UP, data, choices, curve):
+        if alone is None:
+            raise _nothing_excited(data, excitations(data.records, levers))
+        fit = alone
     return fit, curve, search
 
 
@@ -658,6 +677,7 @@ class _Parts:
     """What the model has besides thrust, inertia and damping."""
 
     lag: bool
+    yaw: bool = True
     spin_up: bool = False
     yaw_delay: bool = False
 
@@ -700,7 +720,8 @@ def _begin(fit: MotorFit, alone: MotorFit | None, more: MotorProblem, name: str)
         apart_s = abs(here - alone.parameters["tau_gyro"].value)
         told = apart_s > 0.5 / fit.problem.records[0].sample_rate_hz
         return {**values, **alone.parameters.values, name: here} if told else None
-    begun = fit.problem.with_parameters(more.parameters.with_values({**values, name: here}))
+    known = {one: value for one, value in {**values, name: here}.items() if one in more.parameters.free}
+    begun = fit.problem.with_parameters(more.parameters.with_values(known))
     step, std = likely_step(fit, begun, name)
     if not abs(step) > _CERTAIN * std or (name == SPIN_UP and step < 0.0):
         return None
@@ -1161,6 +1182,10 @@ def _sum(terms: dict[str, float]) -> str:
 
 
 def _delays(identified: FittedMotors) -> list[str]:
+    """One delay is that of the motors; where yaw has its own, delays are those of what is measured."""
+    if YAW_DELAY in identified.parameters.names:
+        outputs = {axis: "tau_gyro" for axis in (*identified.axes, "az") if axis != "r"} | {"r": YAW_DELAY}
+        return [f'{output} = "{name}"' for output, name in outputs.items()]
     motors = range(1, identified.data.layout.rotors + 1)
     return [f'motor_{i} = "{name}"' for name in _delayed(identified) for i in motors]
 
@@ -1176,7 +1201,7 @@ def _parameter_tables(identified: FittedMotors, axes: Sequence[str]) -> list[str
         term for name, term in (("c_1", "c_1"), ("c_2", "2*c_2*x_0")) if name in identified.parameters.names
     )
     used = {"m", "c_1", "c_2", "Z_w", "T_motor", *_delayed(identified)}
-    used |= {SPIN_UP} if "r" in axes and "T_motor" in identified.parameters.names else set()
+    used |= {SPIN_UP, YAW_DELAY} if "r" in axes and "T_motor" in identified.parameters.names else set()
     used |= {name for axis in axes for name in (_DAMPING[axis], _INERTIA[axis].removeprefix("1/"))}
     lines: list[str] = []
     for one in identified.parameters:
