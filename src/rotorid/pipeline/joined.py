@@ -300,6 +300,8 @@ def joined_vehicle(
     rotors, findings = _turning(rotors, numbers)
     findings += _yaw(numbers)
     findings += _spinning_up(numbers, rotors, models)
+    if "h" not in numbers and usual is not None and "h" in usual:
+        numbers["h"] = usual["h"]
     body = _multirotor(name, numbers, rotors, source=", ".join(dict.fromkeys(map(_label, models))))
     vehicle = JoinedVehicle(
         name=name,
@@ -324,8 +326,11 @@ def _assumed(
 
 
 def _usual(numbers: Mapping[str, VehicleNumber], usual: Mapping[str, VehicleNumber]) -> dict[str, VehicleNumber]:
-    """What is missing and does not follow from what is known: curves are whole, and kappa and I_zz have a ratio."""
-    found = {name: one for name, one in usual.items() if name not in numbers}
+    """What is missing and does not follow from what is known: curves are whole, and kappa and I_zz have a ratio.
+
+    The momentum of a rotor may follow from what is filled in here, and comes after it.
+    """
+    found = {name: one for name, one in usual.items() if name not in numbers and name != "h"}
     follows = set(_TERMS) if any(term in numbers for term in _TERMS) else set()
     if "kappa_per_I_zz" in numbers:
         follows |= {"kappa", "I_zz"} if "kappa" in numbers or "I_zz" in numbers else {"I_zz"}

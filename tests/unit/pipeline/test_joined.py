@@ -165,6 +165,13 @@ def test_the_momentum_of_rotors_follows_from_yaw() -> None:
     assert rotors.inertia_kg_m2 * rotors.full_speed_rad_s == pytest.approx(vehicle.numbers["h"].value)
 
 
+def test_the_momentum_of_another_vehicle_counts_where_nothing_is_known() -> None:
+    usual = {"h": VehicleNumber(value=0.5, unit="kg m^2/s", source="default", of="another")}
+    unknown = joined_vehicle([motors()], given={"I_zz": 0.04}, usual=usual)
+    known = joined_vehicle([motors(h_per_I_zz=1.5)], given={"I_zz": 0.04}, usual=usual)
+    assert (unknown.numbers["h"].value, known.numbers["h"].value) == pytest.approx((0.5, 0.06))
+
+
 def test_light_rotors_have_no_momentum() -> None:
     rotors = require(joined_vehicle([motors()], given={"I_zz": 0.04}), target="test").rotors
     assert (rotors.full_speed_rad_s, rotors.inertia_kg_m2) == (0.0, 0.0)
