@@ -190,6 +190,11 @@ def test_a_momentum_may_be_known(heavy_flight: Twin) -> None:
     found = identify_motors(heavy_flight.record, choices)
     assert "kappa_per_I_zz" not in found.parameters
     assert "no_excitation" in {one.kind for one in found.findings}
+    choices = replace(choices, known={**choices.known, "h_per_I_zz": heavy_flight.truth["h_per_I_zz"]})
+    found = identify_motors(heavy_flight.record, choices)
+    assert found["h_per_I_zz"].status == "fixed"
+    assert found["kappa_per_I_zz"].value == pytest.approx(heavy_flight.truth["kappa_per_I_zz"], rel=0.05)
+    assert found["I_xx"].value == pytest.approx(heavy_flight.truth["I_xx"], rel=0.02)
 
 
 def test_light_rotors_have_no_momentum(tmp_path: Path) -> None:

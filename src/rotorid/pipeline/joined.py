@@ -706,7 +706,8 @@ def _spinning_up(
         numbers["h"] = _product("h", of_motors, inertia.value, inertia)
     else:
         lead = next((found for model in models if (found := _lead_of(model)) is not None), None)
-        slope, kappa = _hover_slope_n(numbers, rotors), numbers.get("kappa")
+        kappa = numbers.get("kappa")
+        slope = None if lead is None else _hover_slope_n(numbers, rotors)
         if lead is None or slope is None or kappa is None:
             return []
         numbers["h"] = _product("h", lead, kappa.value * slope, kappa)

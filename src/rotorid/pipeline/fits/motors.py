@@ -408,7 +408,7 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
     """
     levers = levers_of(data)
     found = excitations(data.records, levers)
-    if "r" not in excited_axes(found) and _may_spin_up(data, choices):
+    if "r" not in excited_axes(found) and (_may_spin_up(data, choices) or choices.known.get(SPIN_UP)):
         found = excitations(data.records, levers, spin_up=True)
     axes = excited_axes(found)
     if not axes:
@@ -665,7 +665,7 @@ def _by_increments(
             again = fit_motors(posed(more), white_force=gusty, start=begin)
             if _certain(again, name, data, choices, curve):
                 fit, parts = again, more
-    if heavy and not _certain(fit, SPIN_UP, data, choices, curve):
+    if heavy and SPIN_UP not in choices.known and not _certain(fit, SPIN_UP, data, choices, curve):
         if alone is None:
             raise _nothing_excited(data, excitations(data.records, levers))
         fit = alone
