@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.signal import lfilter
 
@@ -19,14 +21,23 @@ def binary(samples: int, rng: np.random.Generator, *, shortest: int = 8) -> Floa
     return np.asarray(levels[:samples])
 
 
-def flight(*, seed: int = 0, samples: int = 1500, noise: float = 0.004, jitter_s: float = 0.0) -> FlightRecord:
-    """Set-point and angle of roll; stamps stray by ``jitter_s``."""
+def flight(
+    *,
+    seed: int = 0,
+    samples: int = 1500,
+    noise: float = 0.004,
+    jitter_s: float = 0.0,
+    form: str = "response.second_order_delay",
+    truth: Mapping[str, float] = TRUTH,
+    rate_hz: float = RATE_HZ,
+) -> FlightRecord:
+    """Set-point and angle of roll that answers in a form; stamps stray by ``jitter_s``."""
     rng = np.random.default_rng(seed)
     setpoint = binary(samples, rng)
-    model = response_model("response.second_order_delay", [("phi_setpoint", "phi")])
-    exact = simulate_linear(model.matrices(TRUTH), setpoint[None], sample_rate_hz=RATE_HZ)[0]
+    model = response_model(form, [("phi_setpoint", "phi")])
+    exact = simulate_linear(model.matrices(truth), setpoint[None], sample_rate_hz=rate_hz)[0]
     color = lfilter([np.sqrt(1.0 - 0.9**2)], [1.0, -0.9], rng.standard_normal(samples))
-    time_s = 3.0 + np.arange(samples) / RATE_HZ + jitter_s * rng.uniform(-1.0, 1.0, samples)
+    time_s = 3.0 + np.arange(samples) / rate_hz + jitter_s * rng.uniform(-1.0, 1.0, samples)
     names = ("phi_setpoint", "phi")
     return FlightRecord(
         source=Source(name=f"flight{seed}.csv", format="CSV", sha256=f"{seed}"),

@@ -26,7 +26,7 @@ Flight Testing*, eq 21.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -661,29 +661,45 @@ def _determined(problem: FrequencyProblem, solution: Solution, settings: Identif
         problem, solution = smaller, fit_frequency(smaller)
 
 
+def grown(parameters: ParameterSet, limits: Bounds, couplings: Collection[str] = ()) -> list[str]:
+    """Parameters that grow against others with no bound, the least certain first.
+
+    Parameters
+    ----------
+    parameters, limits
+        What a fit found, and how certain it is.
+    couplings
+        Those that are zero unless known better.
+    """
+    size = np.array([abs(parameters[name].value) for name in limits.names])
+    ratio = np.divide(limits.std, size, out=np.full(size.shape, np.inf), where=size > 0.0)
+    largest = np.where([name in couplings for name in limits.names], _UNBOUND_COUPLING, _UNBOUND)
+    loose = (ratio > largest) & (limits.cramer_rao > _LOOP * limits.insensitivity)
+    return [limits.names[row] for row in np.argsort(-ratio, kind="stable").tolist() if loose[row]]
+
+
 def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds) -> list[str]:
     """Parameters without a bound, the least certain first.
 
     A ratio or a product of which a structure shows no more, such as that of force and inertia, is no matter of the
     data: the response is known, and the parameters stay where they began. That is said with the answer.
     """
-    size = np.abs(final.theta)
-    ratio = np.divide(limits.std, size, out=np.full(size.shape, np.inf), where=size > 0.0)
-    couplings = [is_coupling(problem.structure.parameters[name]) for name in limits.names]
-    largest = np.where(couplings, _UNBOUND_COUPLING, _UNBOUND)
-    loose = (ratio > largest) & (limits.cramer_rao > _LOOP * limits.insensitivity)
-    if not loose.any():
+    parameters = problem.parameters.unpack(final.theta)
+    loose = grown(parameters, limits, [one.name for one in problem.structure.parameters if is_coupling(one)])
+    if not loose:
         return []
-    began = np.array([abs(problem.structure.parameters[name].value) for name in limits.names])
-    near = (size > began / _GROWN) & (size < began * _GROWN)
     flat = {
         name
-        for found in unseen_combinations(problem.parameters.unpack(final.theta), limits)
+        for found in unseen_combinations(parameters, limits)
         if found.flat
         for name in found.names or [name for name, share in found.vector.items() if abs(share) > 0.1]
     }
-    by_structure = np.array([name in flat for name in limits.names]) & near
-    return [limits.names[row] for row in np.argsort(-ratio, kind="stable").tolist() if (loose & ~by_structure)[row]]
+
+    def stays(name: str) -> bool:
+        size, began = abs(parameters[name].value), abs(problem.structure.parameters[name].value)
+        return began / _GROWN < size < began * _GROWN
+
+    return [name for name in loose if not (name in flat and stays(name))]
 
 
 def _smaller(problem: FrequencyProblem, name: str) -> FrequencyProblem | None:
@@ -873,11 +889,7 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
     reasons = []
     if fitted.solution.outcome is not Outcome.CONVERGED:
         reasons.append(refusal("not_converged", name, f"The fit did not converge: {fitted.solution.outcome.value}"))
-    rate_hz = problem.data.sample_rate_hz
-    fastest = float(np.abs(fitted.system.poles()).max(initial=0.0))
-    if rate_hz is not None and fastest > 2.0 * np.pi * rate_hz:
-        message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {rate_hz:.3g} Hz."
-        reasons.append(refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=rate_hz))
+    reasons += faster_than_sampled(name, fitted.system, problem.data.sample_rate_hz)
     reasons += _led_by_feedback(fitted)
     reasons += _endless_spin_up(fitted)
     reasons += _pushed_on_by_speed(fitted)
@@ -887,6 +899,14 @@ def _unsound(fitted: FrequencyFit) -> list[Finding]:
         )
         reasons.append(refusal("poor_fit", name, message, average_cost=fitted.average_cost))
     return reasons
+
+
+def faster_than_sampled(name: str, system: StateSpace, sample_rate_hz: float | None) -> Iterator[Finding]:
+    """A pole that no sample shows: a lag that is not there, such as the second one of what is of first order."""
+    fastest = float(np.abs(system.poles()).max(initial=0.0))
+    if sample_rate_hz is not None and fastest > 2.0 * np.pi * sample_rate_hz:
+        message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {sample_rate_hz:.3g} Hz."
+        yield refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=sample_rate_hz)
 
 
 _NO_MODEL = 0.99

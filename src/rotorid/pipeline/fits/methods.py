@@ -53,6 +53,7 @@ from rotorid.pipeline.fits.time import (
     judge_following,
     judge_time_fit,
     record_fits,
+    require_bounds,
     require_one_gain,
     require_sound_in_time,
     residuals,
@@ -506,6 +507,7 @@ class InTime(_Linear[TimeDomainData]):
         require_sound_in_time(fitted, side, data.records)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
         require_one_gain(widened, side)
+        require_bounds(widened)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         return replace(widened, bootstrap=again)
 

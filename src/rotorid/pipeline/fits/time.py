@@ -31,6 +31,7 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, pair_names
+from rotorid.fitting.frequency.screening import is_coupling
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import (
@@ -46,7 +47,14 @@ from rotorid.models.expression import Expression
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.bootstrapping import Bootstrap
-from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds, judge_parameters, require_known_gain
+from rotorid.pipeline.fits.frequency import (
+    FrequencyFit,
+    faster_than_sampled,
+    fit_with_bounds,
+    grown,
+    judge_parameters,
+    require_known_gain,
+)
 from rotorid.pipeline.fits.searching import Searched, refuse_search, searched
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
@@ -59,7 +67,7 @@ from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import Compared, EquationFit, Information, RecordFit, Residuals
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.uncertainty.colored import autoregression
-from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
+from rotorid.uncertainty.cramer_rao import Bounds, bounds, bounds_of_parts
 from rotorid.verification.scores import GOOD_FIT_PERCENT, nrmse_fit_percent
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -643,10 +651,11 @@ _SIGNIFICANT = 3.0
 def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, records: TimeRecords) -> None:
     """Refuse a model that does not describe the records it was fitted to.
 
-    A simulation that leaves more of every output than it explains; a search that came to no rest, but for black boxes,
-    whose single numbers mean nothing; derivatives of a vehicle that miss the responses of the same flights by what no
-    fit of responses may, and by many times what these responses state. A fit in time has its least errors where noise
-    is least and none of its own for what the structure lacks: nothing else would tell.
+    A simulation that leaves more of every output than it explains; a search that came to no rest, or poles that no
+    sample shows, but for black boxes, whose single numbers mean nothing; derivatives of a vehicle that miss the
+    responses of the same flights by what no fit of responses may, and by many times what these responses state. A fit
+    in time has its least errors where noise is least and none of its own for what the structure lacks: nothing else
+    would tell.
 
     Parameters
     ----------
@@ -670,14 +679,20 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
     if fitted.solution.outcome is Outcome.OUT_OF_ITERATIONS and not black_box:
         message = f"The fit did not converge: {fitted.solution.outcome.value}"
         reasons.append(refusal("not_converged", name, message))
+    if not black_box:
+        system = fitted.structure.matrices(fitted.parameters.values)
+        reasons += faster_than_sampled(name, system, min(one.sample_rate_hz for one in records.data))
     of_vehicles = all(is_command(name) for name in fitted.problem.structure.inputs)
     if frequency is not None and not black_box and of_vehicles:
         reasons += _missed_responses(fitted, frequency, records)
     if reasons:
+        too_large = all(reason.kind == "impossible_physics" for reason in reasons)
         raise InsufficientDataError(
             f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
             needed="a model that follows the records it is fitted to",
-            remedy="take a structure with the missing dynamics, or segments in which the inputs move the vehicle",
+            remedy="take a model of an order less, whose lags all show"
+            if too_large
+            else "take a structure with the missing dynamics, or segments in which the inputs move the vehicle",
             findings=reasons,
         )
 
@@ -862,7 +877,8 @@ def with_model_error(
     Records in time do not tell model error from noise. What the residuals of responses show of it, see
     :mod:`rotorid.uncertainty.model_error`, bends a fit of the same data in time as well, though not alike: with the
     distance :math:`d` between both where it exceeds what they state, hold of the inputs apart. Nothing tells which of
-    the two is right.
+    the two is right. Where responses leave a
+    parameter without a bound they have run away with it: then their errors are taken at the values of the fit in time.
 
     Parameters
     ----------
@@ -875,10 +891,13 @@ def with_model_error(
     shared = [name for name in frequency.bounds.names if name in names]
     if not shared:
         return fitted
+    by_responses = frequency.bounds
+    if grown(frequency.parameters, by_responses):
+        by_responses = _bounds_beside(fitted, frequency, records)
     here = [names.index(name) for name in shared]
-    there = [frequency.bounds.names.index(name) for name in shared]
+    there = [by_responses.names.index(name) for name in shared]
     added = np.zeros(bounds.covariance.shape)
-    added[np.ix_(here, here)] = (frequency.bounds.covariance - frequency.bounds.random)[np.ix_(there, there)]
+    added[np.ix_(here, here)] = (by_responses.covariance - by_responses.random)[np.ix_(there, there)]
     std = np.sqrt(np.diag(bounds.covariance + added))
     distance = np.zeros(len(names))
     for name, other in compare_with(frequency, structure, fitted, records).items():
@@ -887,6 +906,42 @@ def with_model_error(
             off = fitted.parameters[name].value + other.hold_s - other.value
             distance[place] = off if abs(off) > math.hypot(std[place], other.std) else 0.0
     return replace(fitted, bounds=replace(bounds, covariance=bounds.covariance + added + np.outer(distance, distance)))
+
+
+def _bounds_beside(fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords) -> Bounds:
+    """What the responses of the same flights know of parameters at the values of a fit in time."""
+    problem, theta = beside_responses(fitted, frequency, records)
+    residual, jacobian = problem.residuals(theta)
+    there = replace(frequency.final, theta=theta, residual=residual, jacobian=jacobian)
+    return bounds(problem, there, weights=frequency.weights)
+
+
+def require_bounds(fitted: TimeFit) -> None:
+    """Refuse a model with a parameter that nothing bounds, for others take over whatever it does.
+
+    Raises
+    ------
+    InsufficientDataError
+        A parameter, no coupling, is ten times less certain than it is large.
+    """
+    structure = fitted.problem.structure
+    if black_box_order(structure) is not None:
+        return
+    couplings = [one.name for one in structure.parameters if is_coupling(one)]
+    loose = [name for name in grown(fitted.parameters, fitted.bounds) if name not in couplings]
+    if not loose:
+        return
+    found = ", ".join(
+        f"{name} is {fitted.parameters[name].value:.2g} ± {std:.1g} {fitted.parameters[name].unit}"
+        for name, std in zip(fitted.bounds.names, map(float, fitted.bounds.std), strict=True)
+        if name in loose
+    )
+    raise InsufficientDataError(
+        f"nothing bounds {', '.join(loose)}: {found}",
+        needed="records that tell them apart from the other parameters",
+        remedy="take a smaller model, such as one of an order less, or hold one of them with --fix NAME=VALUE",
+        findings=[refusal("not_identifiable", ", ".join(loose), f"{found}: other parameters take over what they do.")],
+    )
 
 
 def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
