@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 DEMO   ?= rotorid-out/demo
+# Python compiles what it imports, which is a small part of what is installed.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 
 # Hundreds of tests start the program: what Python compiled once is kept.
 unexport PYTHONDONTWRITEBYTECODE
@@ -22,9 +24,11 @@ checks: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
-# A flight and two identifications: most of what is compiled, before the tests would do so on every core at once.
+# A flight and two identifications: most of what is compiled, before the tests would do so on every core at once; then
+# the tests themselves, which pytest rewrites.
 compiled: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/rotorid demo --quiet --force --out $(VENV)/compiled
+	$(BIN)/pytest --collect-only --quiet > $(VENV)/collected
 
 # The tests of what changed since BASE, in under a minute.
 BASE ?= HEAD
@@ -57,12 +61,12 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: $(VENV)/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable '.[figures]'
+	$(INSTALL) --editable '.[figures]'
 	touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed pyproject.toml
-	$(BIN)/python -m pip install --quiet 'pip>=25.1'
-	$(BIN)/python -m pip install --quiet --group dev
+	$(INSTALL) 'pip>=25.1'
+	$(INSTALL) --group dev
 	touch $@
 
 clean:

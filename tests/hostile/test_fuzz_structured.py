@@ -74,7 +74,7 @@ def faults(lines: list[str]) -> list[str]:
     return [line for line in lines if "FAULT" in line]
 
 
-@pytest.mark.parametrize(("formats", "count"), [(CHEAP, 200), (("ROS",), 200)], ids=["own", "ROS"])
+@pytest.mark.parametrize(("formats", "count"), [(CHEAP, 100), (("ROS",), 200)], ids=["own", "ROS"])
 def test_hostile_logs(formats: tuple[str, ...], count: int, tmp_path: Path) -> None:
     if "ROS" in formats:
         pytest.importorskip("rosbags", reason="the extra [ros] is not installed")

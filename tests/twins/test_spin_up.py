@@ -184,6 +184,7 @@ def test_a_momentum_that_could_be_none_is_none(heavy_flight: Twin, monkeypatch: 
     assert found["I_xx"].value == pytest.approx(heavy_flight.truth["I_xx"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_momentum_may_be_known(heavy_flight: Twin) -> None:
     """Held at zero it is no spin-up, so that torque has to explain yaw, and does not."""
     choices = replace(heavy_flight.choices, known={**heavy_flight.choices.known, "h_per_I_zz": 0.0})
