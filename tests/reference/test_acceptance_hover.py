@@ -319,6 +319,17 @@ def test_ardupilot_damping_of_heave_is_that_at_rest(heave_damping: ParameterEsti
     assert heave_damping.value == pytest.approx(ARDUPILOT_Z_W_1_S, rel=0.10)
 
 
+def test_two_sweeps_of_heave_show_what_drag_is_at_rest(read: Read) -> None:
+    """The second one swings 0.6 times as far; the line through both ends within 5 % of the damping of small motions."""
+    found = rotorid.identify([read("ardupilot_sitl/x_calm_thrust.BIN.xz")], "axis.vertical")
+    (told,) = (one for one in found.findings if one.kind == "amplitude_dependent")
+    assert (told.where, told.numbers["at_rest"]) == ("Z_w", pytest.approx(ARDUPILOT_Z_W_1_S, rel=0.05))
+    low, high = found["Z_w"].lower, found["Z_w"].upper
+    assert low is not None
+    assert high is not None
+    assert low < ARDUPILOT_Z_W_1_S < found["Z_w"].value < high
+
+
 def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(heave_damping: ParameterEstimate) -> None:
     """A regression in time gives 0.21 1/s and 0.06 w|w| per meter, which are 0.26 1/s for a sine of 1 m/s."""
     assert heave_damping.std is not None

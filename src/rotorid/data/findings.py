@@ -148,6 +148,11 @@ KINDS: Mapping[str, Kind] = {
         "Reaches beyond the flight",
         "A maneuver reaches beyond the flight; as a warning, a part of it lay on the ground and was cut.",
     ),
+    "amplitude_dependent": Kind(
+        "warning",
+        "Depends on amplitude",
+        "Maneuvers with different swings of the inputs say different values; the interval reaches that of small ones.",
+    ),
     "assumed_axis": Kind("info", "An axis was assumed", "What no result says of an axis of a flight was assumed."),
     "assumed_curve": Kind(
         "warning", "Assumed curve", "The curve of thrust over motor output was assumed, not identified."

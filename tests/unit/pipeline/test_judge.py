@@ -87,7 +87,7 @@ def test_lag_and_delay_that_trade_have_a_sum_that_is_known_better() -> None:
     assert remark.numbers["std_s"] == pytest.approx(1.8e-3, rel=1e-12)
 
 
-@pytest.mark.parametrize(("value", "refused"), [(0.09, True), (0.02, False), (-0.2, False)])
+@pytest.mark.parametrize(("value", "refused"), [(0.09, True), (0.021, True), (0.019, False), (-0.2, False)])
 def test_a_vehicle_that_its_own_speed_pushes_on_is_refused(value: float, *, refused: bool) -> None:
     model = library_model("axis.roll")
     fitted = SimpleNamespace(

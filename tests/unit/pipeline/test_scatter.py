@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,9 @@ import pytest
 from tests.unit.cli.commands import fly_roll_sweeps
 from tests.unit.pipeline.motor_logs import ARM_M, written
 
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.io.registry import read
-from rotorid.pipeline.fits.scatter import Alone, disagreements
+from rotorid.pipeline.fits.scatter import Alone, amplitude_dependences, disagreements
 from rotorid.pipeline.identification import identify, identify_motors
 from rotorid.pipeline.settings import IdentifySettings, MotorChoices
 from rotorid.vehicles.motor_flight import TRUTH, flights
@@ -100,3 +101,108 @@ def test_repeated_maneuvers_that_disagree_are_told(sweeps: FlightRecord) -> None
 def test_maneuvers_that_agree_are_not_told_apart(sweeps: FlightRecord) -> None:
     found = identify([sweeps], "rate.roll", settings=SETTINGS)
     assert "logs_disagree" not in {one.kind for one in found.findings}
+
+
+def swung(swings: Sequence[float], values: Sequence[float], *, random: float = 0.1) -> list[Alone]:
+    """Maneuvers of one log, whose deviations are wide and alike."""
+    return [
+        Alone(
+            record=f"at {place} s",
+            values={"x": x},
+            stds={"x": 5.0 * random},
+            random={"x": random},
+            asked=swing,
+            moved=swing,
+        )
+        for place, (swing, x) in enumerate(zip(swings, values, strict=True))
+    ]
+
+
+def test_what_grows_with_the_swing_is_told_with_its_value_at_none() -> None:
+    (found,) = amplitude_dependences(swung([0.3, 0.1, 0.2], [-4.5, -3.5, -4.0]))
+    assert found.at_rest == pytest.approx(-3.0, rel=1e-3)
+    assert [swing for _, _, swing in found.said.values()] == pytest.approx([1.0, 2.0, 3.0])
+    assert "at 0 s (3 times the swing)" in found.finding("1/s").message
+    assert disagreements(swung([0.3, 0.1, 0.2], [-4.5, -3.5, -4.0])) == ()
+
+
+@pytest.mark.parametrize(
+    ("swings", "values"),
+    [([0.1, 0.12], [-3.0, -5.0]), ([0.1, 0.0], [-3.0, -5.0]), ([0.1, 0.3], [-3.0, -3.3]), ([0.2], [-3.0])],
+    ids=["alike", "not known", "within errors", "alone"],
+)
+def test_nothing_is_said_of_swings_that_tell_nothing(swings: list[float], values: list[float]) -> None:
+    assert amplitude_dependences(swung(swings, values)) == ()
+
+
+@pytest.mark.parametrize("other", ["asked", "moved"])
+def test_another_vehicle_swings_otherwise_than_it_is_asked_to(other: str) -> None:
+    """A payload asks for larger commands of the same motion, or lets the same commands move less."""
+    logs = [replace(one, **{other: 0.1}) for one in swung([0.1, 0.3], [-3.0, -5.0])]
+    assert amplitude_dependences(logs) == ()
+
+
+def test_half_a_percent_is_no_dependence() -> None:
+    """No instrument is better: with the least of random errors, 1 % of difference is within 2.6 deviations."""
+    assert amplitude_dependences(swung([0.1, 0.3], [-100.0, -101.0], random=1e-3)) == ()
+    assert amplitude_dependences(swung([0.1, 0.3], [-100.0, -103.0], random=1e-3))
+
+
+def test_maneuvers_with_honest_errors_rarely_depend_on_swing() -> None:
+    rng = np.random.default_rng(7)
+    told = sum(len(amplitude_dependences(swung([0.1, 0.2, 0.25], 0.1 * rng.standard_normal(3)))) for _ in range(400))
+    assert told <= 4 + 3 * 2
+
+
+RATE_HZ, L_P, L_ROLL, LAG_S = 200.0, -3.0, 100.0, 0.03
+
+
+def swept_twice(quadratic: float, swings: Sequence[float] = (0.04, 0.1)) -> FlightRecord:
+    r"""Sweeps of 0.4 to 8 Hz of :math:`\dot p = L_p p - c |p| p + L_{roll} u`, behind a lag of the motors."""
+    time_s = np.arange(0.0, 60.0, 1.0 / RATE_HZ)
+    rise = np.log(8.0 / 0.4) / 60.0
+    one = np.sin(2.0 * np.pi * 0.4 / rise * np.expm1(rise * time_s)) * np.minimum(
+        1.0, np.minimum(time_s, 60 - time_s) / 3
+    )
+    pause = np.zeros(int(4.0 * RATE_HZ))
+    command = np.concatenate([pause, *(part for size in swings for part in (size * one, pause))])
+    p, motors, rates, step_s = 0.0, 0.0, np.empty(command.size), 0.2 / RATE_HZ
+    for place, asked in enumerate(command.tolist()):
+        rates[place] = p
+        for _ in range(5):
+            motors += step_s * (asked - motors) / LAG_S
+            p += step_s * (L_P * p - quadratic * abs(p) * p + L_ROLL * motors)
+    rates += 0.01 * np.random.default_rng(1).standard_normal(rates.size)
+    return FlightRecord(
+        source=Source(name="sweeps.csv", format="CSV", sha256="1"),
+        topics=(
+            Topic(
+                name="log",
+                time_s=np.arange(command.size) / RATE_HZ,
+                channels=(Channel(name="roll_command", unit="1"), Channel(name="p", unit="rad/s")),
+                values=np.stack([command, rates]),
+            ),
+        ),
+    )
+
+
+@pytest.mark.parametrize("quadratic", [0.1, 0.5, 2.0])
+def test_a_drag_that_grows_with_the_square_of_speed_is_told_and_its_interval_reaches_small_motions(
+    quadratic: float,
+) -> None:
+    found = identify([swept_twice(quadratic)], "rate.roll")
+    told = {one.where: one for one in found.findings if one.kind == "amplitude_dependent"}
+    # Small motions have L_p; the line ends within 5 % of it, and the interval holds it.
+    assert told["L_p"].numbers["at_rest"] == pytest.approx(L_P, rel=0.05)
+    low, high = found["L_p"].lower, found["L_p"].upper
+    assert low is not None
+    assert high is not None
+    assert low < L_P < high
+    assert not {"T_motor", "tau_roll"} & set(told)
+
+
+def test_a_linear_vehicle_depends_on_no_swing() -> None:
+    found = identify([swept_twice(0.0)], "rate.roll")
+    assert "amplitude_dependent" not in {one.kind for one in found.findings}
+    assert found["L_p"].std is not None
+    assert found["L_p"].std < 0.1

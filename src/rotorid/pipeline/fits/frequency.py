@@ -407,6 +407,10 @@ def _too_narrow(measured: Measured, low: float, high: float, needed: float) -> I
     )
 
 
+_CERTAIN_SIGN = 2.0
+"""Standard deviations from zero at which the sign of a value is certain."""
+
+
 def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bounds) -> None:
     """Refuse a model whose gain could as well have the other sign.
 
@@ -418,7 +422,7 @@ def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bound
     if gain not in bounds.names:
         return
     value, std = parameters[gain].value, float(bounds.std[bounds.names.index(gain)])
-    if abs(value) >= 2.0 * std:
+    if abs(value) >= _CERTAIN_SIGN * std:
         return
     found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"
     raise InsufficientDataError(
@@ -748,7 +752,6 @@ def _held_at_zero(coupling: UnseenCoupling) -> Finding:
 
 
 WORST_PAIR_COST = 150.0
-_PUSHED_SIGMAS = 3.0
 LONGEST_SPIN_UP_S = 1.0
 """Angular momentum of a rotor over twice its torque is 0.05 to 0.3 s; a second is none."""
 
@@ -952,7 +955,7 @@ def _pushed_on_by_speed(fitted: FrequencyFit) -> Iterator[Finding]:
     deviations = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
     for name in _STEPS:
         value, std = fitted.parameters.values.get(name, 0.0), deviations.get(name, math.inf)
-        if value > _PUSHED_SIGMAS * std:
+        if value > _CERTAIN_SIGN * std:
             yield refusal(
                 "impossible_physics",
                 name,

@@ -425,7 +425,11 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
         if not axes:
             raise _nothing_explained(data, left_out)
     found_apart = disagreements(_each_alone(fitted, choices))
-    fitted = replace(fitted, bounds=widened(fitted.bounds, found_apart), disagreeing=found_apart)
+    fitted = replace(
+        fitted,
+        bounds=widened(fitted.bounds, {one.parameter: one.scatter for one in found_apart}),
+        disagreeing=found_apart,
+    )
     _require_end(fitted, choices)
     again = None
     if choices.bootstrap is not None:

@@ -248,7 +248,7 @@ class Nonlinear:
             model=replace(data.whole, parameters=fit.estimate.parameters),
             outputs=structure.outputs,
             fit=fit,
-            bounds=widened(bounds, scattered),
+            bounds=widened(bounds, {one.parameter: one.scatter for one in scattered}),
             simulated=_simulated(fit, records),
             alone=alone,
             scattered=scattered,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -14,11 +15,11 @@ from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.fitting.least_squares import Outcome
 from rotorid.pipeline.fits.frequency import FrequencyFit
-from rotorid.pipeline.fits.scatter import Alone, disagreements, widened
+from rotorid.pipeline.fits.scatter import Alone, amplitude_dependences, disagreements, widened
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of
 from rotorid.pipeline.preparation.inverse import pose_screened
-from rotorid.pipeline.preparation.measure import measure
+from rotorid.pipeline.preparation.measure import Measured, measure
 from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.typing import Axis
@@ -31,7 +32,8 @@ def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: Iden
     """The fit with intervals that hold how parts of the flights scatter, each of which shows every input by itself.
 
     Parts are logs, or the repetitions of its maneuvers where one log holds all. Each is measured alone and fitted at
-    the structure that all together ended with; one that cannot be is not compared.
+    the structure that all together ended with; one that cannot be is not compared. Repetitions with different swings
+    show besides what depends on amplitude.
     """
     alone: list[Alone] = []
     parts = _apart(flights, axes_of(fitted.problem.data.inputs, fitted.problem.data.outputs))
@@ -39,10 +41,14 @@ def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: Iden
         _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(parts)})
         with contextlib.suppress(RotoridError):  # a part may be too short for what all show together
             alone += _said_alone(fitted, name, part, settings)
-    found = disagreements(alone)
+    bent = amplitude_dependences(alone) if len({id(flight.record) for flight in flights}) == 1 else ()
+    told = {one.parameter for one in bent}
+    apart = [one for one in disagreements(alone) if one.parameter not in told]
+    added = {one.parameter: one.scatter for one in apart}
+    added |= {one.parameter: abs(fitted.parameters[one.parameter].value - one.at_rest) for one in bent}
     units = {parameter.name: parameter.unit for parameter in fitted.parameters}
-    said = (one.finding(units[one.parameter]) for one in found)
-    return replace(fitted, bounds=widened(fitted.bounds, found), findings=(*fitted.findings, *said))
+    said = [one.finding(units[one.parameter]) for one in bent] + [one.finding(units[one.parameter]) for one in apart]
+    return replace(fitted, bounds=widened(fitted.bounds, added), findings=(*fitted.findings, *said))
 
 
 def _apart(flights: Sequence[Flight], axes: Sequence[Axis]) -> dict[str, list[Flight]]:
@@ -80,5 +86,25 @@ def _said_alone(
     if solution.outcome is Outcome.CONVERGED and float(np.mean(costs)) <= ACCEPTABLE_COST:
         limits = bounds(problem, final, weights=fitted.weights)
         values = problem.parameters.unpack(final.theta).values
-        stds = dict(zip(limits.names, map(float, limits.std), strict=True))
-        yield Alone(record=name, values={one: values[one] for one in limits.names}, stds=stds)
+        yield Alone(
+            record=name,
+            values={one: values[one] for one in limits.names},
+            stds=dict(zip(limits.names, map(float, limits.std), strict=True)),
+            random={
+                one: float(std)
+                for one, std in zip(limits.names, limits.random_std, strict=True)
+                if whole.parameters[one].unit != "s"
+            },
+            asked=_swing(measured, measured.response.inputs),
+            moved=_swing(measured, measured.response.outputs),
+        )
+
+
+def _swing(measured: Measured, names: Sequence[str]) -> float:
+    """Root mean square of channels about their means; of several, their geometric mean."""
+    histories = [segment.history for segment in measured.segments]
+    sizes = []
+    for name in names:
+        moved = np.concatenate([history[name] - history[name].mean() for history in histories])
+        sizes.append(float(np.sqrt(np.mean(moved**2))))
+    return math.prod(sizes) ** (1.0 / len(sizes))

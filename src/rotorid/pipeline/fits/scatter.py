@@ -13,23 +13,34 @@ log would scatter as these do: by the variance between logs
 
 which the interval of what they say together then holds (DerSimonian and Laird, *Meta-analysis in clinical trials*,
 Controlled Clinical Trials 7(3), 1986). Any method can ask: it fits each log, and gives values and deviations.
+
+Maneuvers of one log in which inputs and outputs swing differently far tell more; where only one of both does, the
+vehicle was another one. What the structure leaves out is nearly the same in all of them and cancels, so that they may
+differ by their random errors and by the 0.5 % that no instrument is better than. Drag that grows with the square of
+speed differs by more: to a sine it is a slope in proportion to the swing :math:`A_i` of the outputs, and leaves no
+residual. So a line :math:`v_i = v_0 + b A_i` is laid through the values; where :math:`b` is certain, the interval
+reaches as far as :math:`v_0`, the slope of small motions, on either side. Lags and delays are no slopes, and follow
+what bends: they are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 _CHANCE = 0.01
 """Of a vehicle that is the same in all logs, to be told otherwise about one parameter."""
 
 _TWO_SIDED = 1.96
+_LEAST_RATIO = 1.3
+"""Of swings, below which a difference between them tells nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +55,22 @@ class Alone(Immutable):
         Parameter to its value.
     stds
         To its stated deviation, random and model errors together; what has none is not compared.
+    random
+        To its random deviation, where swings are to be compared.
+    asked, moved
+        How far inputs and outputs moved, as root mean squares that can be compared with those of others; zero where
+        unknown.
     """
 
     record: str
     values: Mapping[str, float]
     stds: Mapping[str, float]
+    random: Mapping[str, float] = field(default_factory=dict)
+    asked: float = 0.0
+    moved: float = 0.0
 
     def __post_init__(self) -> None:
-        self._set(values=self.values, stds=self.stds)
+        self._set(values=self.values, stds=self.stds, random=self.random)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,8 +151,99 @@ def _compared(name: str, logs: Sequence[Alone]) -> Disagreement | None:
     return Disagreement(parameter=name, said=said, chance=chance, scatter=float(np.sqrt(max(between, 0.0))))
 
 
-def widened(bounds: Bounds, found: Sequence[Disagreement]) -> Bounds:
-    """Bounds of logs together, that hold how they scatter."""
-    scatter = {one.parameter: one.scatter for one in found}
-    extra = np.array([scatter.get(name, 0.0) ** 2 for name in bounds.names])
+@dataclass(frozen=True, kw_only=True)
+class AmplitudeDependence(Immutable):
+    """A parameter that is another one the farther inputs and outputs swing.
+
+    Parameters
+    ----------
+    parameter
+        Its name.
+    said
+        Maneuver to value, deviation, and swing of the outputs as a multiple of the smallest; the smallest first.
+    at_rest
+        Where a line through the values ends at no swing.
+    sigmas
+        How many deviations the slope of that line lies from zero.
+    """
+
+    parameter: str
+    said: Mapping[str, tuple[float, float, float]]
+    at_rest: float
+    sigmas: float
+
+    def __post_init__(self) -> None:
+        self._set(said=self.said)
+
+    def finding(self, unit: str) -> Finding:
+        """What a careful engineer would remark."""
+        words = ", ".join(
+            f"{value:.4g} ± {_TWO_SIDED * std:.2g} in {name}"
+            + (f" ({swing:.2g} times the swing)" if swing > 1.0 else "")
+            for name, (value, std, swing) in self.said.items()
+        )
+        return warn(
+            "amplitude_dependent",
+            self.parameter,
+            f"{self.parameter} depends on how far the vehicle swings{f', in {unit}' if unit not in ('', '1') else ''}: "
+            f"{words}. Drag that grows faster than speed does that, and a battery that sinks looks like it. In a "
+            f"straight line small motions have {self.at_rest:.4g}, and the interval reaches there.",
+            at_rest=self.at_rest,
+            distance_std=self.sigmas,
+        )
+
+
+def amplitude_dependences(alone: Sequence[Alone]) -> tuple[AmplitudeDependence, ...]:
+    """Parameters that maneuvers of one log know, and that change with their swing.
+
+    Parameters
+    ----------
+    alone
+        Each maneuver by itself, with random deviations and swings; those without are not compared.
+
+    Examples
+    --------
+    >>> def sweep(Z_w, swing):
+    ...     said = {"values": {"Z_w": Z_w}, "stds": {"Z_w": 0.01}, "random": {"Z_w": 0.004}}
+    ...     return Alone(record=f"{swing}", **said, asked=swing, moved=swing)
+    >>> (found,) = amplitude_dependences([sweep(-0.281, 0.034), sweep(-0.300, 0.055)])
+    >>> found.parameter, round(found.at_rest, 2)
+    ('Z_w', -0.25)
+    """
+    swung = sorted((one for one in alone if min(one.asked, one.moved) > 0.0), key=lambda one: one.moved)
+    if not _unlike(swung):
+        return ()
+    names = dict.fromkeys(name for one in swung for name in one.random)
+    found = (_along_swing(name, [one for one in swung if one.random.get(name, 0.0) > 0.0]) for name in names)
+    return tuple(one for one in found if one is not None)
+
+
+def _unlike(swung: Sequence[Alone]) -> bool:
+    """Whether the last of maneuvers swung farther than the first, as it was asked to."""
+    return len(swung) > 1 and all(
+        last >= _LEAST_RATIO * first
+        for first, last in ((swung[0].asked, swung[-1].asked), (swung[0].moved, swung[-1].moved))
+    )
+
+
+def _along_swing(name: str, swung: Sequence[Alone]) -> AmplitudeDependence | None:
+    from scipy.stats import norm
+
+    if not _unlike(swung):
+        return None
+    swings, values = np.array([one.moved for one in swung]), np.array([one.values[name] for one in swung])
+    stds = np.hypot([one.random[name] for one in swung], SMALLEST_MODEL_ERROR * np.abs(values))
+    line = np.column_stack([np.ones(swings.size), swings]) / stds[:, None]
+    covariance = np.linalg.inv(line.T @ line)
+    at_rest, slope = covariance @ line.T @ (values / stds)
+    sigmas = abs(float(slope)) / float(np.sqrt(covariance[1, 1]))
+    if not 2.0 * norm.sf(sigmas) < _CHANCE:
+        return None
+    said = {one.record: (one.values[name], one.stds[name], one.moved / swung[0].moved) for one in swung}
+    return AmplitudeDependence(parameter=name, said=said, at_rest=float(at_rest), sigmas=sigmas)
+
+
+def widened(bounds: Bounds, added: Mapping[str, float]) -> Bounds:
+    """Bounds of parts together, with what each parameter's deviation gains by how the parts differ."""
+    extra = np.array([added.get(name, 0.0) ** 2 for name in bounds.names])
     return replace(bounds, covariance=bounds.covariance + np.diag(extra))
