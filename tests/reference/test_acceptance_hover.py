@@ -327,7 +327,7 @@ def test_two_sweeps_of_heave_show_what_drag_is_at_rest(read: Read) -> None:
     low, high = found["Z_w"].lower, found["Z_w"].upper
     assert low is not None
     assert high is not None
-    assert low < ARDUPILOT_Z_W_1_S < found["Z_w"].value < high
+    assert low < found["Z_w"].value < ARDUPILOT_Z_W_1_S < high
 
 
 def test_ardupilot_damping_of_heave_is_that_of_the_speeds_flown(heave_damping: ParameterEstimate) -> None:
