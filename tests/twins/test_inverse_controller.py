@@ -11,10 +11,14 @@ from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sweep import pilot_sweep
 from rotorid.models.library import rate_model
+from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.fits.time import TimeMethod
+from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.inverse import Screened, pose_screened
+from rotorid.pipeline.preparation.inverse import Screened, pose_screened, require_vehicle
 from rotorid.pipeline.preparation.measure import measure
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.preparation.resolve import named_model
+from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.typing import FloatArray
 
 RATE_HZ = 250.0
@@ -82,6 +86,25 @@ def test_flown_by_gusts_alone_it_is_refused_with_or_without_the_gains(gains: dic
     assert ("known_cost" in finding.numbers) == bool(gains)
     # Above its corner of half a rad/s the controller is its proportional gain, and the angle loop adds to it below 2.
     assert finding.numbers["gain"] == pytest.approx(PROPORTIONAL, rel=0.1)
+
+
+BLACK_BOX = named_model("black_box:2", inputs=("yaw_command",), outputs=("r",))
+IN_TIME = IdentifySettings(band_rad_s=BAND, segments=(parse_segment("yaw:0:89"),))
+
+
+@pytest.mark.parametrize("model", [BLACK_BOX, "rate.yaw"], ids=["black box", "rate.yaw"])
+@pytest.mark.parametrize("method", ["output_error", "prediction_error"])
+def test_it_is_refused_by_every_method(model: LinearStructure | str, method: TimeMethod) -> None:
+    """What follows the commands of a controller by any model of any order is the controller."""
+    with pytest.raises(InsufficientDataError, match="inverse of the controller") as refusal:
+        identify([fly()], model, settings=replace(IN_TIME, method=method))
+    assert "inverse_controller" in {finding.kind for finding in refusal.value.findings}
+
+
+def test_a_strong_sweep_is_left_to_the_methods_in_time() -> None:
+    flown = (Flight(fly(excitation=sweep(0.3, 60.0)), IN_TIME.segments[0]),)
+    measured = measure(flown, inputs=("yaw_command",), outputs=("r",), settings=IN_TIME)
+    require_vehicle(measured, IN_TIME, flown)
 
 
 @pytest.mark.parametrize("gains", [GAINS, {}])

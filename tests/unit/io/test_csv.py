@@ -80,6 +80,7 @@ def test_a_mapping_takes_any_header_and_ignores_the_rest(tmp_path: Path) -> None
         ("time [s],q [rad/s]\n0,1\n1,2,3\n", "line 3 has 3 cells and the header 2"),
         ("time [s],note\n0,1\n", "has the columns time"),
         ("stamp,q\n0,1\n", "first column is 'stamp'"),
+        ("timestamp,output[0]\n0,1\n", "first column is 'timestamp'.*ulog2csv.*give their folder"),
         ("time [s],q,q\n0,1,1\n", "two columns 'q'"),
         ("time [s],q,q [rad/s]\n0,1,1\n", "two columns for q"),
         (b"time [s],q\n0,\xff\n", "no text in UTF-8"),

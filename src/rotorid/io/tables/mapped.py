@@ -389,7 +389,8 @@ def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[F
     names = [_name_and_unit(cell) for cell in header]
     if not names or names[0][0] != "time":
         first = repr(header[0]) if header else "missing"
-        raise _no_header(f"{file} is a table whose first column is {first}")
+        came = f"{file} is a table whose first column is {first}"
+        raise _no_header(came, microseconds=first == repr("timestamp"))
     channels: list[MappedChannel] = []
     findings: list[Finding] = []
     for cell, (name, unit) in zip(header[1:], names[1:], strict=True):
@@ -451,10 +452,11 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
     return name.strip(), rest.rstrip().removesuffix("]").strip()
 
 
-def _no_header(came: str) -> LogError:
-    return LogError(
-        came, needed=HEADER_RULE, remedy="correct the header, or name the columns with a mapping: --map FILE.toml"
-    )
+def _no_header(came: str, *, microseconds: bool = False) -> LogError:
+    remedy = "correct the header, or name the columns with a mapping: --map FILE.toml"
+    if microseconds:
+        remedy += "; a topic of a PX4 log that ulog2csv wrote is read with the others: give their folder"
+    return LogError(came, needed=HEADER_RULE, remedy=remedy)
 
 
 def _check_unit(name: str, unit: str, cell: str, file: str) -> None:

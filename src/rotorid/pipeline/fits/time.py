@@ -58,7 +58,7 @@ from rotorid.pipeline.fits.frequency import (
 from rotorid.pipeline.fits.searching import Searched, refuse_search, searched
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
-from rotorid.pipeline.preparation.inverse import pose_screened
+from rotorid.pipeline.preparation.inverse import pose_screened, require_vehicle
 from rotorid.pipeline.preparation.measure import Measured, measure
 from rotorid.pipeline.preparation.resolve import black_box_order, chosen_parameters
 from rotorid.pipeline.preparation.segments import TimeRecords
@@ -607,12 +607,20 @@ def frequency_side(
         Whether to fit the structure; one without start values of its own cannot be.
     searches
         Whether the search that the settings ask for belongs here, and not to the fit in time.
+
+    Raises
+    ------
+    InsufficientDataError
+        All that a response shows is the inverse of the controller.
     """
-    measured = None
     try:
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
-        if not fits:
-            return FrequencySide(measured)
+    except (InsufficientDataError, ModelError) as error:
+        return FrequencySide(None, None, error.came.rstrip("."))
+    require_vehicle(measured, settings, flights)
+    if not fits:
+        return FrequencySide(measured)
+    try:
         _PROGRESS.info(f"fitting {structure.name} in the frequency domain")
         problem = pose_screened(structure, measured, settings, flights).problem
         own = settings if searches else replace(settings, search=None, evaluations=None, starts="default")

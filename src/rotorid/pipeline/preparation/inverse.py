@@ -146,6 +146,30 @@ def without_inverse_controller(
     return kept, tuple(findings)
 
 
+def require_vehicle(measured: Measured, settings: MeasureSettings, flights: Sequence[Flight]) -> None:
+    """Refuse records in which all that a response shows is the inverse of the controller.
+
+    For fits in time, which have no points that could be left out: a model that follows such records is one of the
+    controller, whatever its order.
+
+    Parameters
+    ----------
+    measured, settings, flights
+        See :func:`without_inverse_controller`.
+
+    Raises
+    ------
+    InsufficientDataError
+        No usable point of the response of an input's own rate shows the vehicle.
+    """
+    response = measured.response
+    limit = settings.least_coherence(joint=response.estimate == "joint")
+    _, findings = without_inverse_controller(measured, measured.trusted_points(response, limit), settings, flights)
+    gone = [finding for finding in findings if finding.severity == "error"]
+    if gone:
+        raise InsufficientDataError(gone[0].message, needed=_NEEDED, remedy=_REMEDY, findings=gone)
+
+
 def _blame_controller(
     error: InsufficientDataError, measured: Measured, settings: MeasureSettings, flights: Sequence[Flight]
 ) -> None:
