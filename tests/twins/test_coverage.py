@@ -56,7 +56,7 @@ CELLS = tuple(
     if is_judged(cell.vehicle, cell.family)
 )
 Missed = Mapping[Cell, str]
-_TURNED = "what turns and lifts with pitch has no place in one axis: most are refused, what is left misses X_u and N_r"
+_TURNED = "what turns and lifts beside one axis has no place in it: 86 % are refused, and yaw, which is left, misses N_r"
 _EXACT = (
     "its thrust is in proportion to the command and its stamps are exact: errors are a tenth of the 0.5 % below which "
     "no gyroscope is known, and of the 0.15 sample that no log tells"
@@ -95,8 +95,8 @@ PARAMETERS: Missed = {
     Cell("hummingbird", "axis"): f"M_u and L_v: {_LEANT}",
     Cell("ardupilot_quad", "hover", reduced=True): "Y_p and X_q, which are zero, and are kept at some thousandths",
 }
-LEAST_OF_ALL, LARGEST_OF_ALL = 0.7, 2.5
-"""What even the worst cell of those that miss must keep."""
+LEAST_OF_ALL, LARGEST_OF_ALL = 0.65, 2.5
+"""What even the worst cell of those that miss must keep: two of three, the models of yaw of the simulated S500."""
 
 
 def cells(missed: Missed) -> list[Any]:
