@@ -56,7 +56,7 @@ CELLS = tuple(
     if is_judged(cell.vehicle, cell.family)
 )
 Missed = Mapping[Cell, str]
-_TURNED = "what turns and lifts beside one axis has no place in it: 86 % are refused, and yaw, which is left, misses N_r"
+_TURNED = "what turns and lifts beside one axis has no place in it: 86 % are refused; yaw, which is left, misses N_r"
 _EXACT = (
     "its thrust is in proportion to the command and its stamps are exact: errors are a tenth of the 0.5 % below which "
     "no gyroscope is known, and of the 0.15 sample that no log tells"

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args
 
 from rotorid.data.base import Immutable
+from rotorid.data.trust import least_coherence
 from rotorid.errors import UsageError
 from rotorid.io.documents import read_text
 from rotorid.units import read_measure, read_measures, require_units, writable
@@ -435,11 +436,6 @@ def require_seed(seed: int) -> None:
 
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
 
-DIRECT_COHERENCE = 0.6
-JOINT_COHERENCE = 0.2
-"""Limits below which a point is left out. A joint estimate is judged by instrument and output, whose coherence feedback
-and other inputs lower without harm: its random error tells what a point is worth, down to about this value."""
-
 CompositionChoice: TypeAlias = Literal["variance", "least_squares", "weights"]
 """How windows of several lengths are joined: with the least variance, by least squares over spectra and coherence as
 CIFER does, or as the weighted mean from which that starts."""
@@ -612,9 +608,7 @@ class MeasureSettings(Immutable):
 
     def least_coherence(self, *, joint: bool) -> float:
         """The limit in force."""
-        if self.coherence is not None:
-            return self.coherence
-        return JOINT_COHERENCE if joint else DIRECT_COHERENCE
+        return least_coherence(self.coherence, joint=joint)
 
     def as_json(self) -> dict[str, Setting]:
         """The choices for the provenance of a result."""

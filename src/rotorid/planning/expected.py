@@ -22,8 +22,9 @@ from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import least_coherence
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.frequency.fit import refine
+from rotorid.fitting.frequency.fit import refine, weights_of
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, usable_points
 from rotorid.fitting.frequency.screening import (
     SPEED_MODES,
@@ -38,16 +39,20 @@ from rotorid.signal.excitations import find_excitations
 from rotorid.spectral.conditioning import line_variance
 from rotorid.spectral.estimate import response_from
 from rotorid.spectral.spectra import SpectralMatrix, record_spectra
-from rotorid.spectral.windows import HANN, WindowPlan, given_windows, plan_windows, refined
+from rotorid.spectral.windows import (
+    HANN,
+    WindowPlan,
+    band_of,
+    excited_to_rad_s,
+    margin_s,
+    plan_of_records,
+    refined,
+    trusted_to_rad_s,
+)
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Weights
 
-_POINTS = 100
-_HIGHEST_RAD_S = 100.0
-_LONGEST_MARGIN_S = 20.0
 _SHORT_KINDS = ("doublet", "multistep")
-_ENDING_KINDS = ("sweep", "multisine")
-"""Of which nothing lies above a highest frequency; what shows there is the flank of a window's spectral line."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,34 +89,17 @@ class Planned(Immutable):
 
     def windows(self, band_rad_s: tuple[float, float], lengths_s: Sequence[float] = ()) -> WindowPlan:
         """Windows for the band: those given, or by the rule that an identification follows."""
-        lengths = np.sort([(last - first) / self.flight.sample_rate_hz for first, last in self.spans])[::-1]
-        typical = float(lengths[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])
-        if lengths_s:
-            return given_windows(lengths_s, typical)
-        return plan_windows(typical, float(lengths.sum()), band_rad_s)
+        records_s = [(last - first) / self.flight.sample_rate_hz for first, last in self.spans]
+        return plan_of_records(records_s, band_rad_s, lengths_s)
 
     @property
     def band_rad_s(self) -> tuple[float, float]:
         """The band to look at where none was asked for: that of the sweeps, or what the log carries."""
-        nyquist_rad_s = np.pi * self.flight.sample_rate_hz
-        carried = min(0.25 * nyquist_rad_s, _HIGHEST_RAD_S)
-        bands = [maneuver.band_rad_s for maneuver in self.fitted if maneuver.band_rad_s is not None]
-        sweeps = len(bands) == len(self.fitted) and all(maneuver.kind == "sweep" for maneuver in self.fitted)
-        low = min((band[0] for band in bands), default=0.5)
-        return low, min(max(band[1] for band in bands) if sweeps else carried, 0.8 * nyquist_rad_s)
+        return band_of(self.fitted, self.flight.sample_rate_hz)
 
     def excited_to_rad_s(self, axis: Axis) -> float:
         """How far up sweeps and multisines of an axis go; infinite where others leave that to the coherence."""
-        own = [maneuver for maneuver in self.fitted if maneuver.axis == axis]
-        bands = [maneuver.band_rad_s for maneuver in own if maneuver.kind in _ENDING_KINDS]
-        tops = [band[1] for band in bands if band is not None]
-        return max(tops) if tops and len(tops) == len(own) else np.inf
-
-
-def grid_rad_s(band_rad_s: tuple[float, float], windows: WindowPlan) -> FloatArray:
-    """Logarithmic grid over what the windows support of a band, shape ``(f,)``."""
-    low, high = max(band_rad_s[0], windows.lowest_rad_s), band_rad_s[1]
-    return np.geomspace(min(low, 0.9 * high), high, _POINTS)
+        return excited_to_rad_s([maneuver for maneuver in self.fitted if maneuver.axis == axis])
 
 
 def as_planned(
@@ -167,7 +155,7 @@ def as_planned(
 
 def _spans(plan: FlightPlan, fitted: Sequence[PlannedInput], alone: Sequence[Entry]) -> list[tuple[float, float]]:
     """Start and stop of each record; no quiet time goes with what enters at one of ``alone``."""
-    widest_s = min(0.5 * max(entered.maneuver.duration_s for entered in fitted), _LONGEST_MARGIN_S)
+    widest_s = margin_s([entered.maneuver for entered in fitted])
     barriers = [
         other
         for other in plan.inputs
@@ -177,8 +165,8 @@ def _spans(plan: FlightPlan, fitted: Sequence[PlannedInput], alone: Sequence[Ent
     for entered in sorted(fitted, key=lambda own: own.start_s):
         earliest = max([0.0, *(other.stop_s for other in barriers if other.stop_s <= entered.start_s)])
         latest = min([plan.duration_s, *(other.start_s for other in barriers if other.start_s >= entered.stop_s)])
-        margin_s = 0.0 if entered.entry in alone else widest_s
-        start_s, stop_s = max(entered.start_s - margin_s, earliest), min(entered.stop_s + margin_s, latest)
+        quiet_s = 0.0 if entered.entry in alone else widest_s
+        start_s, stop_s = max(entered.start_s - quiet_s, earliest), min(entered.stop_s + quiet_s, latest)
         if spans and start_s < spans[-1][1]:
             start_s, stop_s = spans[-1][0], max(spans.pop()[1], stop_s)
         spans.append((start_s, stop_s))
@@ -412,9 +400,6 @@ def _self_excited(matrix: SpectralMatrix, history: SpectralMatrix) -> SpectralMa
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
 WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
 
-_JOINT_COHERENCE, _DIRECT_COHERENCE = 0.2, 0.6
-"""The limits of an identification."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class FitChoices(Immutable):
@@ -460,13 +445,7 @@ class FitChoices(Immutable):
     @property
     def least_coherence(self) -> float:
         """The limit in force."""
-        if self.coherence is not None:
-            return self.coherence
-        return _JOINT_COHERENCE if self.joint else _DIRECT_COHERENCE
-
-
-_HALF_LINE = 1.5
-"""Half the width of a window's spectral line, in units of one over its length: it must lie below the end of a sweep."""
+        return least_coherence(self.coherence, joint=self.joint)
 
 
 class ExpectedFit(NamedTuple):
@@ -509,7 +488,7 @@ def expected_fit(problem: FrequencyProblem, choices: FitChoices) -> ExpectedFit:
     reduced, cost = tried(problem)
     if cost > ACCEPTABLE_COST and problem.structure.name in SPEED_MODES and choices.band_rad_s is None:
         reduced = above_speed_modes(problem, tried) or reduced
-    weights = _weights(problem, choices)
+    weights = weights_of(problem, choices.weights)
     return ExpectedFit(
         problem=reduced.problem,
         solution=refine(reduced.problem, reduced.solution) if weights == "covariance" else reduced.solution,
@@ -536,16 +515,9 @@ def usable(
     band_rad_s, choices
         The band to look at, and how the flight will be identified.
     """
-    line = _HALF_LINE * 2.0 * np.pi / min(response.windows_s)
-    tops = [min(band_rad_s[1], planned.excited_to_rad_s(axis) - line) for axis in axes]
+    tops = [min(band_rad_s[1], trusted_to_rad_s(planned.excited_to_rad_s(axis), response.windows_s)) for axis in axes]
     each = [
         usable_points(response, coherence=choices.least_coherence, band_rad_s=(band_rad_s[0], top))[:, u]
         for u, top in enumerate(tops)
     ]
     return np.stack(each, axis=1)
-
-
-def _weights(problem: FrequencyProblem, choices: FitChoices) -> Weights:
-    if choices.weights != "auto":
-        return choices.weights
-    return "covariance" if np.count_nonzero(problem.used.any(axis=(1, 2))) > 1 else "cifer"

@@ -37,12 +37,12 @@ from rotorid.planning.expected import (
     excited_channels,
     expected_fit,
     expected_response,
-    grid_rad_s,
     loop_rows,
     usable,
 )
 from rotorid.planning.loop import LoopModel
 from rotorid.planning.remarks import remarks, require_octave
+from rotorid.spectral.windows import grid_rad_s
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, Weights, bounds
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import CERTAIN_SIGN, FITTED_SHARE, LEAST_WIDTH, SMALL_ERROR
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
 from rotorid.fitting.least_squares import Solution
@@ -19,9 +20,8 @@ from rotorid.typing import BoolArray
 from rotorid.uncertainty.cramer_rao import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, Bounds
 from rotorid.uncertainty.identifiability import unseen_combinations
 
-_EXCITED_SHARE = 0.7
-_LEAST_WIDTH = 2.0
-_CERTAIN = 2.0
+_BY_CHANCE = 2.0
+"""Standard deviations within which an estimate misses a value by chance."""
 
 
 def require_octave(response: FrequencyResponse, used: BoolArray, least_coherence: float) -> None:
@@ -33,14 +33,14 @@ def require_octave(response: FrequencyResponse, used: BoolArray, least_coherence
         With the finding ``low_coherence``.
     """
     omega = response.omega_rad_s[used.any(axis=(0, 1))]
-    if omega.size and omega[-1] >= _LEAST_WIDTH * omega[0]:
+    if omega.size and omega[-1] >= LEAST_WIDTH * omega[0]:
         return
     names, best = ", ".join(pair_names(response)), float(response.coherence.max())
     low, high = (float(omega[0]), float(omega[-1])) if omega.size else (0.0, 0.0)
     message = f"Of {names} less than an octave will be usable; the coherence will reach {best:.2f} at best."
     raise InsufficientDataError(
         f"a flight came of which only {low:.3g} to {high:.3g} rad/s can be used",
-        needed=f"at least an octave with a coherence of {least_coherence:g} and an error below 30 %",
+        needed=f"at least an octave with a coherence of {least_coherence:g} and {SMALL_ERROR}",
         remedy="excite harder, longer or a wider band, or fly in calmer air",
         findings=[
             refusal(
@@ -92,7 +92,7 @@ def _on_bands(problem: FrequencyProblem, band_rad_s: tuple[float, float]) -> tup
     findings = []
     for y, u in np.ndindex(problem.used.shape[:2]):
         omega = data.omega_rad_s[problem.used[y, u]]
-        if omega.size and np.log(omega[-1] / omega[0]) < _EXCITED_SHARE * np.log(high / low):
+        if omega.size and np.log(omega[-1] / omega[0]) < FITTED_SHARE * np.log(high / low):
             findings.append(
                 warn(
                     "low_coherence",
@@ -147,7 +147,7 @@ def _on_gain(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> t
         return ()
     row = limits.names.index(gain)
     value, std = float(solution.theta[row]), float(limits.std[row])
-    if abs(value) >= _CERTAIN * std:
+    if abs(value) >= CERTAIN_SIGN * std:
         return ()
     return (
         refusal(
@@ -167,7 +167,7 @@ def _on_biases(
     findings = []
     for name, found, std in zip(limits.names, solution.theta, limits.std, strict=True):
         missed = float(found - values[name])
-        if abs(missed) > _CERTAIN * std:
+        if abs(missed) > _BY_CHANCE * std:
             cause = (
                 "a direct estimate in closed loop leans toward the inverse of the controller"
                 if problem.data.estimate == "direct"

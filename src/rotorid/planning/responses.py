@@ -26,6 +26,7 @@ import numpy as np
 from rotorid.data.findings import Finding, remark
 from rotorid.data.flight_plan import Entry, FlightPlan
 from rotorid.data.record import TimeHistory
+from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt
 from rotorid.fitting.problem import Part
@@ -38,18 +39,17 @@ from rotorid.planning.expected import (
     as_planned,
     excited_flight,
     expected_response,
-    grid_rad_s,
     usable,
 )
 from rotorid.planning.loop import LoopModel, Noise
 from rotorid.planning.prediction import PredictedParameter, Prediction
+from rotorid.spectral.windows import grid_rad_s
 from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 
 _DRAWS = 4
 _FASTEST_RAD_S = 400.0
 _SLOWEST_RAD_S, _GRID = 0.01, 256
-_LEAST_COHERENCE = 0.6
 _LEAST_NOISE = 1e-12
 _MISFIT = 1.2
 
@@ -307,7 +307,7 @@ def predict_responses(
         joint=False,
     )
     apart = np.eye(len(structure.outputs), len(structure.inputs), dtype=np.bool_)[:, :, None]
-    least = choices.coherence if choices.coherence is not None else _LEAST_COHERENCE
+    least = choices.coherence if choices.coherence is not None else DIRECT_COHERENCE
     used = usable(response, shown, axes, band, replace(choices, estimate="direct", coherence=least)) & apart
     known = {**weighed.parameters.unpack(ended.theta).values, **values}
     return Prediction(

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.typing import BoolArray, FloatArray
 
@@ -23,6 +24,8 @@ WINDOWS = 5
 _SHORTEST_PERIODS = 20.0
 _RECORD_SHARE = 2.0
 _TOTAL_SHARE = 5.0
+_ENDING = ("sweep", "multisine")
+"""Kinds of maneuvers that have a highest frequency."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -135,6 +138,77 @@ def plan_windows(record_s: float, total_s: float, band_rad_s: tuple[float, float
     shortest = min(_SHORTEST_PERIODS * 2.0 * math.pi / high, longest)
     lengths = np.geomspace(longest, shortest, WINDOWS) if longest > 1.2 * shortest else [longest]
     return WindowPlan(lengths_s=tuple(float(length) for length in lengths), findings=findings)
+
+
+def plan_of_records(
+    lengths_s: Sequence[float], band_rad_s: tuple[float, float], given_s: Sequence[float] = ()
+) -> WindowPlan:
+    """Windows for records of several lengths: those given, or by rule, where half of the time lies in longer records.
+
+    A gap may leave a stub of a second beside records of a minute. Windows that do not fit into it pass it over.
+
+    Parameters
+    ----------
+    lengths_s
+        Of the records.
+    band_rad_s
+        Lowest and highest frequency that is wanted.
+    given_s
+        Lengths that were asked for.
+
+    Examples
+    --------
+    >>> plan_of_records([90.0, 90.0, 1.0], (0.6, 60.0)) == plan_windows(90.0, 181.0, (0.6, 60.0))
+    True
+    """
+    lengths = np.sort(np.asarray(lengths_s, dtype=np.float64))[::-1]
+    typical = float(lengths[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])
+    return given_windows(given_s, typical) if given_s else plan_windows(typical, float(lengths.sum()), band_rad_s)
+
+
+POINTS = 100
+"""Of the grid over a band."""
+
+HIGHEST_DEFAULT_RAD_S = 100.0
+"""Where the band ends by default that no sweep tells."""
+
+HALF_LINE = 1.5
+"""Half the width of a window's spectral line, in units of one over its length."""
+
+LONGEST_MARGIN_S = 20.0
+"""Of the quiet time that goes with a maneuver."""
+
+
+def grid_rad_s(band_rad_s: tuple[float, float], plan: WindowPlan) -> FloatArray:
+    """Logarithmic grid over what the windows support of a band, shape ``(f,)``."""
+    low, high = max(band_rad_s[0], plan.lowest_rad_s), band_rad_s[1]
+    return np.geomspace(min(low, 0.9 * high), high, POINTS)
+
+
+def band_of(maneuvers: Sequence[Maneuver], sample_rate_hz: float) -> tuple[float, float]:
+    """Band to look at where none was asked for: that of the sweeps, or what the sample rate carries for others."""
+    carried = min(0.25 * np.pi * sample_rate_hz, HIGHEST_DEFAULT_RAD_S)
+    bands = [one.band_rad_s for one in maneuvers if one.band_rad_s is not None]
+    sweeps = len(bands) == len(maneuvers) and all(one.kind == "sweep" for one in maneuvers)
+    low = min((band[0] for band in bands), default=0.5)
+    high = max((band[1] for band in bands), default=carried) if sweeps else carried
+    return low, min(high, 0.8 * np.pi * sample_rate_hz)
+
+
+def excited_to_rad_s(maneuvers: Sequence[Maneuver]) -> float:
+    """How far up sweeps and multisines go; infinite where other maneuvers leave that to the coherence."""
+    tops = [one.band_rad_s[1] for one in maneuvers if one.kind in _ENDING and one.band_rad_s is not None]
+    return max(tops) if tops and len(tops) == len(maneuvers) else math.inf
+
+
+def trusted_to_rad_s(top_rad_s: float, windows_s: Sequence[float]) -> float:
+    """How far up a response is trusted of which the excitation ends: above shows the flank of a spectral line."""
+    return top_rad_s - HALF_LINE * 2.0 * math.pi / min(windows_s)
+
+
+def margin_s(maneuvers: Sequence[Maneuver]) -> float:
+    """How much quiet time goes with each of some maneuvers: half of the longest of them, at most 20 s."""
+    return min(0.5 * max(one.duration_s for one in maneuvers), LONGEST_MARGIN_S)
 
 
 def given_windows(lengths_s: Sequence[float], record_s: float) -> WindowPlan:

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from rotorid.data.record import Maneuver
+from rotorid.data.trust import DIRECT_COHERENCE, JOINT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.pipeline.settings import (
-    DIRECT_COHERENCE,
-    JOINT_COHERENCE,
     IdentifySettings,
     as_names,
     as_records,

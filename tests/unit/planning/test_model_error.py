@@ -16,10 +16,10 @@ from rotorid.planning.expected import (
     as_planned,
     expected_fit,
     expected_response,
-    grid_rad_s,
     usable,
 )
 from rotorid.planning.prediction import _bounds, expected_inflation, scattering_errors
+from rotorid.spectral.windows import grid_rad_s
 
 CHOICES = FitChoices(band_rad_s=(2.0, 40.0))
 

@@ -12,8 +12,9 @@ from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.data.record import FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.excitation.plan import planned as make
-from rotorid.planning.expected import as_planned, grid_rad_s
+from rotorid.planning.expected import as_planned
 from rotorid.signal.excitations import find_excitations
+from rotorid.spectral.windows import grid_rad_s
 from rotorid.typing import Axis
 
 

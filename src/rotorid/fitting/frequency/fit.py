@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -306,7 +306,16 @@ _ROUNDS = 2
 """Errors are taken about the model of the round before; after two they stand still."""
 
 
-def refine(problem: FrequencyProblem, solution: Solution, *, solver: LevenbergMarquardt | None = None) -> Solution:
+def weights_of(
+    problem: FrequencyProblem, asked: Literal["auto", "cifer", "covariance"]
+) -> Literal["cifer", "covariance"]:
+    """How errors are weighed: as asked, or by their covariance where several outputs share them."""
+    if asked != "auto":
+        return asked
+    return "covariance" if np.count_nonzero(problem.used.any(axis=(1, 2))) > 1 else "cifer"
+
+
+def refine(problem: FrequencyProblem, solution: Solution) -> Solution:
     """Continue a fit from its solution in CIFER's cost to the one of least variance.
 
     Parameters
@@ -315,15 +324,13 @@ def refine(problem: FrequencyProblem, solution: Solution, *, solver: LevenbergMa
         What was fitted. The errors of its data must be those it states; feedback and a wrong structure are not in them.
     solution
         Where to start.
-    solver
-        Local solver.
 
     Returns
     -------
     Solution
         Its residuals are normalized: of a structure that fits their squares sum to about their number or less.
     """
-    solver = solver or LevenbergMarquardt()
+    solver = LevenbergMarquardt()
     for _ in range(_ROUNDS):
         errors = problem.errors_about(solution.theta)
 

@@ -34,6 +34,7 @@ import numpy as np
 
 from rotorid.data.base import read_only
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import LARGEST_RANDOM_ERROR
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.fitting.frequency.parameter_map import Matrices, ParameterMap, Slopes
@@ -497,7 +498,6 @@ ACCELEROMETER_PLACE_M = 0.01
 """Standard deviation of its distance from the center of gravity where nobody measured it: the board of an autopilot is
 mounted by eye. What turns the vehicle moves such an accelerometer, as a force would."""
 
-_LARGEST_ERROR = 0.3
 _LONGEST_DIP = 3
 _FEWEST_POINTS = 3
 
@@ -687,10 +687,11 @@ def usable_points(
 ) -> BoolArray:
     """Points of a response that can be trusted, shape ``(y, u, f)``.
 
-    A point counts where the coherence reaches the limit and the random error stays below 0.3; of these the longest
+    A point counts where the coherence reaches the limit and the random error stays below
+    :data:`rotorid.data.trust.LARGEST_RANDOM_ERROR`; of these the longest
     stretch is taken, across dips of up to three points, and within the band that was asked for.
     """
-    good = (data.coherence >= coherence) & (data.random_error <= _LARGEST_ERROR)
+    good = (data.coherence >= coherence) & (data.random_error <= LARGEST_RANDOM_ERROR)
     if band_rad_s is not None:
         low, high = band_rad_s
         good &= (data.omega_rad_s >= low * (1 - 1e-9)) & (data.omega_rad_s <= high * (1 + 1e-9))

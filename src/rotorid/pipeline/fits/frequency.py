@@ -34,8 +34,9 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES
+from rotorid.data.trust import CERTAIN_SIGN, FITTED_SHARE, LARGEST_RANDOM_ERROR, LEAST_WIDTH, SMALL_ERROR
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.fitting.frequency.fit import fit_frequency, refine
+from rotorid.fitting.frequency.fit import fit_frequency, refine, weights_of
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
     DB_PER_NEPER,
@@ -80,8 +81,6 @@ from rotorid.uncertainty.cramer_rao import (
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR
 from rotorid.uncertainty.propagation import covariance_of_all
-
-_EXCITED_SHARE = 0.7
 
 _INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
 _KNOWN = 0.25
@@ -255,7 +254,7 @@ def _what_ends(measured: Measured, top: float) -> str:
     """Why the fitted band ends where it does."""
     if measured.excited_to_rad_s < measured.asked_rad_s[1] and top > 0.9 * measured.trusted_rad_s[1]:
         return f"the sweeps end at {measured.excited_to_rad_s:.3g} rad/s"
-    return "the rest is not coherent enough, or its error is above 30 %"
+    return f"the rest is not coherent enough, or its error is above {100.0 * LARGEST_RANDOM_ERROR:g} %"
 
 
 def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
@@ -267,7 +266,7 @@ def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
         if not omega.size:
             continue
         share = np.log(omega[-1] / omega[0]) / np.log(measured.asked_rad_s[1] / measured.asked_rad_s[0])
-        if share < _EXCITED_SHARE:
+        if share < FITTED_SHARE:
             low, high = measured.asked_rad_s
             findings.append(
                 warn(
@@ -280,10 +279,6 @@ def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
                 )
             )
     return tuple(findings)
-
-
-_LEAST_WIDTH = 2.0
-"""Highest over lowest fitted frequency: below an octave, gain, damping and delay cannot be told apart."""
 
 
 def require_support(
@@ -326,7 +321,7 @@ def require_support(
     omega = measured.response.omega_rad_s[used.any(axis=(0, 1))]
     if omega.size == 0:
         raise _not_coherent(measured, least_coherence)
-    if omega[-1] < needed or omega[-1] < _LEAST_WIDTH * omega[0]:
+    if omega[-1] < needed or omega[-1] < LEAST_WIDTH * omega[0]:
         raise _too_narrow(measured, float(omega[0]), float(omega[-1]), needed)
 
 
@@ -373,7 +368,7 @@ def _not_coherent(measured: Measured, least_coherence: float) -> InsufficientDat
     reason = f"reaches a coherence of {best:.3f} and an error of {100.0 * error:.0f} % at best"
     return InsufficientDataError(
         f"{name} {reason} inside {low:.3g} to {high:.3g} rad/s",
-        needed=f"points with a coherence of {least_coherence:g} and an error below 30 %",
+        needed=f"points with a coherence of {least_coherence:g} and {SMALL_ERROR}",
         remedy="excite the axis harder or longer, fly in calmer air, or lower --coherence",
         findings=[
             refusal(
@@ -407,10 +402,6 @@ def _too_narrow(measured: Measured, low: float, high: float, needed: float) -> I
     )
 
 
-_CERTAIN_SIGN = 2.0
-"""Standard deviations from zero at which the sign of a value is certain."""
-
-
 def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bounds) -> None:
     """Refuse a model whose gain could as well have the other sign.
 
@@ -422,7 +413,7 @@ def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bound
     if gain not in bounds.names:
         return
     value, std = parameters[gain].value, float(bounds.std[bounds.names.index(gain)])
-    if abs(value) >= _CERTAIN_SIGN * std:
+    if abs(value) >= CERTAIN_SIGN * std:
         return
     found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"
     raise InsufficientDataError(
@@ -648,7 +639,7 @@ def _determined(problem: FrequencyProblem, solution: Solution, settings: Identif
     """
     findings: list[Finding] = []
     while True:
-        weights = _weights(problem, settings)
+        weights = weights_of(problem, settings.weights)
         final = refine(problem, solution) if weights == "covariance" else solution
         limits = bounds(problem, final, weights=weights)
         loose = _without_bound(problem, final, limits)
@@ -955,7 +946,7 @@ def _pushed_on_by_speed(fitted: FrequencyFit) -> Iterator[Finding]:
     deviations = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
     for name in _STEPS:
         value, std = fitted.parameters.values.get(name, 0.0), deviations.get(name, math.inf)
-        if value > _CERTAIN_SIGN * std:
+        if value > CERTAIN_SIGN * std:
             yield refusal(
                 "impossible_physics",
                 name,
@@ -979,18 +970,11 @@ def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProbl
 
 def _distances(problem: FrequencyProblem, solution: Solution, settings: IdentifySettings) -> dict[str, float]:
     """How many standard deviations each parameter lies from zero, where errors are weighed by their covariance."""
-    if _weights(problem, settings) == "cifer":
+    if weights_of(problem, settings.weights) == "cifer":
         return {}
     final = refine(problem, solution)
     limits = bounds(problem, final, weights="covariance", model_errors=False)
     return dict(zip(limits.names, map(float, np.abs(final.theta) / limits.std), strict=True))
-
-
-def _weights(problem: FrequencyProblem, settings: IdentifySettings) -> Weights:
-    if settings.weights != "auto":
-        return settings.weights
-    several = int(problem.used.any(axis=(1, 2)).sum()) > 1
-    return "covariance" if several else "cifer"
 
 
 _STEPS = {"X_u": ("u_dot", "theta", "pitch"), "Y_v": ("v_dot", "phi", "roll")}

@@ -27,6 +27,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
@@ -968,7 +969,7 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
         return
     here, there = fitted.parameters[gain], frequency.parameters[gain]
     std = float(fitted.bounds.std[fitted.bounds.names.index(gain)])
-    if abs(here.value) >= 2.0 * std:
+    if abs(here.value) >= CERTAIN_SIGN * std:
         return
     said = f"{gain} is {here.value:.4g} {here.unit} in time and {there.value:.4g} {here.unit} by the responses"
     raise InsufficientDataError(

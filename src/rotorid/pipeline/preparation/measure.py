@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import AXES, TimeHistory
+from rotorid.data.record import AXES, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
@@ -36,23 +36,18 @@ from rotorid.spectral.joined import by_input, joined_diagnostics, joined_respons
 from rotorid.spectral.windows import (
     HALF_SINE,
     HANN,
-    PERIODS_IN_WINDOW,
     Taper,
     WindowPlan,
-    given_windows,
-    plan_windows,
+    band_of,
+    excited_to_rad_s,
+    grid_rad_s,
+    margin_s,
+    plan_of_records,
+    trusted_to_rad_s,
 )
 from rotorid.typing import BoolArray, FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
-
-
-POINTS = 100
-HIGHEST_DEFAULT_RAD_S = 100.0
-_HALF_LINE = 1.5
-"""Half the width of a window's spectral line, in units of one over its length."""
-
-_LONGEST_MARGIN_S = 20.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,8 +126,7 @@ class Measured:
 
     def _trusted_to(self, top_rad_s: float) -> tuple[float, float]:
         low, high = self.asked_rad_s
-        line = _HALF_LINE * 2.0 * np.pi / min(self.response.windows_s)
-        return low, min(high, top_rad_s - line)
+        return low, min(high, trusted_to_rad_s(top_rad_s, self.response.windows_s))
 
 
 def measure(
@@ -162,7 +156,7 @@ def measure(
     require_known(settings.shifts, [name for one in prepared for name in one.channels])
     band = settings.band_rad_s or _common_band(prepared)
     longest = max((plan for one in prepared for plan in one.windows.values()), key=lambda plan: max(plan.lengths_s))
-    omega = _grid(band, longest)
+    omega = grid_rad_s(band, longest)
     _PROGRESS.info("frequency responses")
     parts = [_measured(one, omega, band, settings) for one in prepared]
     if len(parts) == 1 and not left:
@@ -310,7 +304,7 @@ def _measured(
         diagnostics=diagnostics,
         segments=segments,
         asked_rad_s=band_rad_s,
-        excited_rad_s={name: _excited_to(_of_input(flights, name)) for name in inputs},
+        excited_rad_s={name: excited_to_rad_s(_of_input(flights, name)) for name in inputs},
         lowest_rad_s={name: windows[name].lowest_rad_s for name in inputs if name in settings.input_windows_s},
         findings=(
             *prepared.findings,
@@ -479,55 +473,28 @@ def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
     given = [*settings.windows_s, *(one for lengths in settings.input_windows_s.values() for one in lengths)]
     if given:
         return max(given)
-    return min(0.5 * max(maneuver.duration_s for _, maneuver in flights), _LONGEST_MARGIN_S)
+    return margin_s([maneuver for _, maneuver in flights])
 
 
 def _windows(
     records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: MeasureSettings, inputs: Sequence[str]
 ) -> dict[str, WindowPlan]:
-    """Windows of each input: half of the time flown lies in records of at least the planned length.
-
-    A gap may leave a stub of a second beside records of a minute. Windows that do not fit into it pass it over.
-    """
-    lengths = np.sort([record.duration_s for record in records])[::-1]
-    typical = float(lengths[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])
-    own = {name: lengths for name, lengths in settings.input_windows_s.items() if name in inputs}
-    usual = None
-    if any(name not in own for name in inputs):
-        usual = (
-            given_windows(settings.windows_s, typical)
-            if settings.windows_s
-            else plan_windows(typical, float(lengths.sum()), band_rad_s)
-        )
-    plans = {name: given_windows(one, typical) for name, one in own.items()}
-    return {name: plan for name in inputs if (plan := plans.get(name, usual)) is not None}
-
-
-def _grid(band_rad_s: tuple[float, float], plan: WindowPlan) -> FloatArray:
-    """Logarithmic grid over what the windows support of the band."""
-    lowest = PERIODS_IN_WINDOW * 2.0 * np.pi / max(plan.lengths_s)
-    low, high = max(band_rad_s[0], lowest), band_rad_s[1]
-    return np.geomspace(min(low, 0.9 * high), high, POINTS)
+    """Windows of each input."""
+    lengths = [record.duration_s for record in records]
+    given = {name: settings.input_windows_s.get(name, settings.windows_s) for name in inputs}
+    plans = {own: plan_of_records(lengths, band_rad_s, own) for own in dict.fromkeys(given.values())}
+    return {name: plans[own] for name, own in given.items()}
 
 
 def default_band(flights: Sequence[Flight], sample_rate_hz: float) -> tuple[float, float]:
     """Band to look at: that of the sweeps, or whatever the sample rate carries for other excitations."""
-    carried = min(0.25 * np.pi * sample_rate_hz, HIGHEST_DEFAULT_RAD_S)
-    bands = [m.band_rad_s for _, m in flights if m.band_rad_s is not None]
-    sweeps_only = all(m.kind == "sweep" and m.band_rad_s is not None for _, m in flights)
-    low = min((band[0] for band in bands), default=0.5)
-    high = max((band[1] for band in bands), default=carried) if sweeps_only else carried
-    return low, min(high, 0.8 * np.pi * sample_rate_hz)
+    return band_of([maneuver for _, maneuver in flights], sample_rate_hz)
 
 
-def _of_input(flights: Sequence[Flight], input: str) -> Sequence[Flight]:
+def _of_input(flights: Sequence[Flight], input: str) -> Sequence[Maneuver]:
     """The maneuvers of an input's own axis; all, where it has none."""
-    return [item for item in flights if input == f"{item[1].axis}_command"] or flights
-
-
-def _excited_to(flights: Sequence[Flight]) -> float:
-    tops = [m.band_rad_s[1] for _, m in flights if m.kind in ("sweep", "multisine") and m.band_rad_s is not None]
-    return max(tops) if len(tops) == len(flights) else np.inf
+    maneuvers = [maneuver for _, maneuver in flights]
+    return [one for one in maneuvers if input == f"{one.axis}_command"] or maneuvers
 
 
 def _other_commands(flights: Sequence[Flight], inputs: Sequence[str]) -> tuple[str, ...]:

@@ -1,0 +1,41 @@
+"""From where on data are trusted: limits that an identification and the prediction of one share.
+
+A design says what an identification of its flight will use, drop and refuse. So both read the limits here.
+"""
+
+from __future__ import annotations
+
+DIRECT_COHERENCE = 0.6
+"""Least coherence of a point of a direct estimate."""
+
+JOINT_COHERENCE = 0.2
+"""Least coherence of a point of a joint estimate, between instrument and output: feedback and other inputs lower that
+without harm, and the random error tells what a point is worth, down to about this value."""
+
+LARGEST_RANDOM_ERROR = 0.3
+"""Largest relative random error of a point."""
+
+SMALL_ERROR = f"an error below {100.0 * LARGEST_RANDOM_ERROR:g} %"
+"""The same in words."""
+
+LEAST_WIDTH = 2.0
+"""Highest over lowest frequency of what a fit needs: below an octave, gain, damping and delay cannot be told apart."""
+
+FITTED_SHARE = 0.7
+"""Share of the octaves that were asked for, below which it is said that so little of them could be fitted."""
+
+CERTAIN_SIGN = 2.0
+"""Standard deviations from zero at which the sign of a value is certain."""
+
+
+def least_coherence(asked: float | None, *, joint: bool) -> float:
+    """The coherence that points of an estimate need: the one that was asked for, or that of the kind of estimate.
+
+    Examples
+    --------
+    >>> least_coherence(None, joint=True), least_coherence(0.8, joint=True)
+    (0.2, 0.8)
+    """
+    if asked is not None:
+        return asked
+    return JOINT_COHERENCE if joint else DIRECT_COHERENCE
