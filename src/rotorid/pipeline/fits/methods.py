@@ -26,38 +26,27 @@ from rotorid.pipeline.checking.candidate import output_sources
 from rotorid.pipeline.checking.checks import checks_of
 from rotorid.pipeline.checking.unseen import verify_fitted, verify_fitted_in_time
 from rotorid.pipeline.fits.bootstrapping import bootstrap, require_bootstrap
-from rotorid.pipeline.fits.frequency import (
-    FrequencyFit,
-    cost_of,
-    delay_budget,
-    first_step,
-    fit_sound,
-    judge_combinations,
-)
+from rotorid.pipeline.fits.delay_budget import delay_budget
+from rotorid.pipeline.fits.feedback import following, judge_following
+from rotorid.pipeline.fits.frequency import FrequencyFit, cost_of
 from rotorid.pipeline.fits.orders import chosen_order
 from rotorid.pipeline.fits.parts import with_scatter
+from rotorid.pipeline.fits.remarks import judge_combinations
 from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
-from rotorid.pipeline.fits.time import (
+from rotorid.pipeline.fits.soundness import fit_sound
+from rotorid.pipeline.fits.soundness_in_time import require_bounds, require_sound_in_time
+from rotorid.pipeline.fits.speed_damping import first_step
+from rotorid.pipeline.fits.time import TimeFit, TimeMethod, fit_in_time, simulated_records
+from rotorid.pipeline.fits.time_remarks import judge_time_fit
+from rotorid.pipeline.fits.time_summary import equation_fits, information, record_fits, residuals
+from rotorid.pipeline.fits.two_domains import (
     FrequencySide,
-    TimeFit,
-    TimeMethod,
-    beside_responses,
     compare_with,
-    equation_fits,
-    fit_in_time,
-    following,
     frequency_side,
     held_response,
-    information,
     judge_agreement,
-    judge_following,
-    judge_time_fit,
-    record_fits,
-    require_bounds,
     require_one_gain,
-    require_sound_in_time,
-    residuals,
-    simulated_records,
+    responses_without_hold,
     with_model_error,
 )
 from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
@@ -590,7 +579,7 @@ class InTime(_Linear[TimeDomainData]):
         """CIFER's cost of the values that the time domain gives, where responses were fitted too."""
         if data.frequency.fitted is None:
             return None
-        problem, theta = beside_responses(fitted, data.frequency.fitted, data.records)
+        problem, theta = responses_without_hold(fitted, data.frequency.fitted, data.records)
         return cost_of(problem, problem.costs(theta))
 
 

@@ -13,7 +13,6 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import MotorProblem
 from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
 from rotorid.pipeline.checking.flown_motors import predicted, verification_of
-from rotorid.pipeline.fits.frequency import judge_combinations
 from rotorid.pipeline.fits.methods import Described
 from rotorid.pipeline.fits.motors import (
     FittedMotors,
@@ -25,6 +24,7 @@ from rotorid.pipeline.fits.motors import (
     scores,
     simulated_record,
 )
+from rotorid.pipeline.fits.remarks import judge_combinations
 from rotorid.pipeline.fits.searching import judge_minima, search_summary, searched_minima
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.motor_data import MotorData, motor_data

@@ -56,9 +56,9 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
-from rotorid.pipeline.fits.frequency import judge_parameters
 from rotorid.pipeline.fits.motor_errors import CURVE_SHARE, gusts_between, motor_model_error, with_model_errors
 from rotorid.pipeline.fits.motor_loads import judge_loads, thrust_of_logs, voltage_exponent
+from rotorid.pipeline.fits.remarks import judge_parameters
 from rotorid.pipeline.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, searched
 from rotorid.pipeline.preparation.motor_data import MotorData, MotorFlight

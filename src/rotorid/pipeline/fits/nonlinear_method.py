@@ -32,21 +32,14 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.checking.checks import checks_of
 from rotorid.pipeline.checking.flown_nonlinear import flown_records, logged_outputs, verified_through, whole_flights
-from rotorid.pipeline.fits.frequency import judge_combinations, judge_parameters
 from rotorid.pipeline.fits.methods import Described
+from rotorid.pipeline.fits.remarks import judge_combinations, judge_parameters
 from rotorid.pipeline.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
-from rotorid.pipeline.fits.time import (
-    LEAST_EXPLAINED_PERCENT,
-    explained_percents,
-    information_of,
-    judge_colors,
-    judge_explained,
-    judge_solver,
-    nothing_unseen,
-    record_fits,
-    residual_colors,
-)
+from rotorid.pipeline.fits.soundness_in_time import LEAST_EXPLAINED_PERCENT
+from rotorid.pipeline.fits.time import explained_percents
+from rotorid.pipeline.fits.time_remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
+from rotorid.pipeline.fits.time_summary import information_of, record_fits, residual_colors
 from rotorid.pipeline.preparation.coverage import covered_by
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.resolve import chosen_parameters
