@@ -1,13 +1,10 @@
 """How commands speak: results to standard output, everything else to standard error.
 
-What comes from files is shown as it is written: no name can color a terminal, clear it or turn its direction.
+What comes from files is shown as it is written: no name can color a terminal, clear it or turn its direction. Results
+go to folders that are named after the logs (:func:`default_folder`).
 
-Names of the folders that commands write to.
-
-Ctrl-C that is not lost.
-
-Python raises an interrupt wherever it happens to be. While a kernel is compiled that may be inside of a callback from
-compiled code, which prints the exception and goes on: the interrupt would be gone. So it is remembered, and raised
+Ctrl-C is never lost. Python raises an interrupt wherever it happens to be; while a kernel is compiled that may be
+inside a callback from compiled code, which prints the exception and goes on. So an interrupt is remembered, and raised
 again with the next thing that a command says about its progress.
 """
 

@@ -3,7 +3,7 @@
 A command is a function. Where one of its arguments is a class of settings, :func:`with_options` puts an option for
 every field with an :class:`~rotorid.pipeline.settings.Option` in its place, and hands the command the settings.
 
-A number may come with its unit, words of a short list are completed by the shell.
+Numbers may be given with a unit. Options with a short list of words are completed by the shell.
 """
 
 import functools

@@ -1,6 +1,7 @@
-"""What is to be flown: test inputs at their times, before anyone has flown them.
+"""Flights that nobody has flown yet: planned test inputs, and what a simulation makes of them.
 
-A simulated flight: what the autopilot knew at every turn of its loop, and what was true.
+A :class:`FlightPlan` is test inputs at their times. A :class:`SimulatedFlight` is what the autopilot knew at every turn
+of its loop while it flew the plan, and what was true.
 """
 
 from __future__ import annotations

@@ -1,14 +1,10 @@
-"""A channel: what a row of numbers is, in which unit, and where it came from.
+"""What a log holds, as values: channels on their own clocks, and histories on one.
 
-A flight record: what a log holds, in the vocabulary of the package, each topic on its own clock.
-
-A status: what the autopilot itself says of its vehicle and of its flight.
-
-A maneuver: an interval of a flight in which an axis was excited. It holds no data.
-
-A time history: channels on one uniform clock.
-
-A flight as the physics of motors needs it: outputs, rates, specific force on one clock.
+A :class:`Channel` says what a row of numbers is, in which unit, and where it came from. Rows with common stamps are a
+:class:`Topic`; a :class:`FlightRecord` is all topics of a log in the vocabulary of the package, each on its own clock,
+with what the autopilot says of the vehicle and the flight (:class:`Status`). A :class:`Maneuver` is an interval in
+which an axis was excited; it holds no data. A :class:`TimeHistory` is channels brought onto one uniform clock, and a
+:class:`MotorRecord` one with what the physics of motors needs: outputs, rates, specific force.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """A measured frequency response, with its coherence and its error.
 
-What moved the outputs of an estimate beside its inputs.
+Gusts and noise move the outputs beside the inputs; an estimate keeps that as a :class:`Disturbance`, from which the
+disturbance about any other response follows.
 """
 
 from __future__ import annotations

@@ -15,7 +15,8 @@ full output: the vehicle takes up what rotors gain that speed up. Accelerations 
 by inertia, :math:`\kappa` and h by :math:`I_{zz}`. One known mass, thrust or inertia sets the scale of all; one of
 :math:`\kappa` and :math:`I_{zz}` gives the other.
 
-Identified constants are then put to the test: bodies, rotors that rise with their command, the weight that flies.
+Identified constants are checked against physics (:func:`check_motor_constants`): inertia that a rigid body can have,
+thrust that rises with the command, and carries the weight that flew.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Files with which ArduPilot's Copter flies a plan: parameters of its SYSTEMID mode, and scripts for its Lua.
 
-SYSTEMID mode (25) flies one waveform, a logarithmic chirp, on one axis at a time. Everything else needs a script; what
-scripts can reach is the attitude set-point, in GUIDED mode. Nothing but the firmware can add to the mixer's input or to
-a rate set-point in another form than that chirp.
-
-A planned chirp as ArduPilot's SYSTEMID mode flies it: its settings, and the waveform that they make.
+SYSTEMID mode (25) flies one waveform, a logarithmic chirp, on one axis at a time; :class:`SystemId` holds its settings
+and the waveform that they make. Everything else needs a script; what scripts can reach is the attitude set-point, in
+GUIDED mode. Nothing but the firmware can add to the mixer's input or to a rate set-point in another form than that
+chirp.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""The test inputs of a plan as one table over time.
+"""The test inputs of a plan as one table over time, and how the text files of a plan are written.
 
-Text files made from templates: scripts and parameter files of a plan, which are no HTML.
+:func:`plan_csv` makes the table. Scripts and parameter files of the autopilots are made from templates
+(:func:`filled`), with numbers of single precision and names from elsewhere made safe.
 """
 
 from __future__ import annotations

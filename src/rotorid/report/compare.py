@@ -1,6 +1,6 @@
 """The report of ``compare``: models and methods side by side, on their own data and on the same logs.
 
-A comparison as rows: one for each model, one for each parameter, one for each maneuver.
+A comparison becomes rows, one for each model, each shared parameter and each maneuver, with pictures of the maneuvers.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The page of a design: what to fly, what it reaches in the simulator, and what its data will be able to tell.
 
-Tables and sentences of every plan, pictures of its flight and of what it excites, and plans side by side.
+Every plan has its tables, sentences and pictures: its flight, the spectra of its inputs, and the response that is
+expected. Several plans are compared by the standard deviations of their parameters.
 """
 
 from __future__ import annotations

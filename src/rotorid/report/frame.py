@@ -1,8 +1,7 @@
 """The frame of every page: one HTML file that holds everything it shows, and asks the network for nothing.
 
-Pictures of a page, in every unit that its buttons offer.
-
-Numbers as a reader wants them: no more digits than their standard deviation supports.
+A :class:`Picture` brings a figure in every unit that the buttons of the page offer. Numbers are written with no more
+digits than their standard deviation supports (:func:`with_error`, :func:`significant`).
 """
 
 from __future__ import annotations

@@ -1,18 +1,9 @@
-"""What the page says about one identification.
+"""The report on identifications: a section for each model, with its tables, sentences and pictures.
 
-The report on identifications.
-
-The identified equations as matrices, with the names of their rows and columns.
-
-The delay budget on the page: where the time between a command and a sensor goes.
-
-Which parameters the data hardly tell apart: correlations in words and as a picture.
-
-What a page says of a bootstrap: mean, spread and interval of every parameter beside what is stated.
-
-What a page says of a global search: how the cost fell, and every minimum that was met.
-
-The steps of a reduction on the page, each with its reason.
+A section holds parameters, costs, responses, poles and matrices, the budget of delays, correlated parameters, the steps
+of a reduction, a search with all of its minima, and the spread of a bootstrap, as far as the result has them. What a
+number means is said by :mod:`rotorid.report.words`; the parts that other pages share are in
+:mod:`rotorid.report.parts`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A fit of ``physical.motors`` on the page: the vehicle in numbers and pictures, its flights, unseen ones.
-
-Rows of what a fit of ``physical.motors`` found: the vehicle, its excitation, unseen stretches.
-"""
+"""A fit of ``physical.motors`` on the page: the vehicle in numbers and pictures, its flights, unseen stretches."""
 
 from __future__ import annotations
 

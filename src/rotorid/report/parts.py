@@ -1,12 +1,7 @@
-"""Rows of the report's tables: text for the page, and which cells deserve attention.
+"""Parts that several pages share: rows of tables, the table of parameters, and pictures of responses and flights.
 
-Where a model holds: what the data covered, and the constants that it was fitted with.
-
-Bode pictures of measured responses and the model, those on the axis of their input first.
-
-Pictures of the flights behind a result: what was commanded, what answered, and where the maneuvers were.
-
-The table of parameters: rows by force and moment, and the dropped ones in a sentence.
+Rows are text with marks for the cells that deserve attention. Parameters are grouped by force and moment, the dropped
+ones in a sentence. Responses on the axis of their input come first. What the data covered says where a model holds.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A fit in time on the page: records measured and simulated, residuals, the frequency domain beside.
+"""A fit in time on the page: records measured and simulated, residuals, and the frequency domain beside.
 
-A cross-validation as a table: identified on the record of a row, scored on that of a column.
+A cross-validation is a table: the model of a row was identified on its records and is scored on that of each column.
 """
 
 from __future__ import annotations

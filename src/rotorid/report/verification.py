@@ -1,10 +1,7 @@
 """The report of ``verify``: what unseen maneuvers and unseen sweeps say about a model.
 
-Maneuvers that the fit had not seen, each measured and predicted.
-
-Scores of unseen maneuvers as rows: open loop, ahead, closed loop.
-
-Bode pictures of sweeps that the fit had not seen, with the model over them and the cost of each response.
+Each maneuver is shown measured and predicted, with its scores in open loop, a little ahead, and in closed loop. Sweeps
+are shown as Bode plots with the model over them and the cost of each response.
 """
 
 from __future__ import annotations

@@ -1,14 +1,8 @@
 """What numbers mean, in plain words and by the guidelines of the field.
 
-How the fit went, in words and as a small curve.
-
-How a fit in time went, in words.
-
-What a fit of ``physical.motors`` found, rests on and leaves open, in sentences.
-
-What a run of ``response`` found, in sentences.
-
-What the poles say: how the vehicle moves by itself.
+Sentences and verdicts for pages: on costs, fits and unseen maneuvers, on how a fit ended, on the poles of a model, on a
+fit of ``physical.motors`` and on measured responses. Two small pictures go with them, of the poles and of the cost over
+the steps of a fit.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Verification of the loop: an identified airframe flown under its controller, against what both did in flight.
 
-Whether a controller is the one that flew shows without any model of the airframe, and is asked first.
+First the controller alone is checked: driven by the measured set-point and rate it must reproduce the logged command
+(:func:`controller_alone`). That needs no model of the airframe.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """A verification: what was measured, what the model predicted, and how far apart they are.
 
-Its numbers mean a good model, a poor one, or an unstable airframe that diverges.
+:func:`verdict` reads its numbers: a good model, a poor one, a disturbance that does not let the maneuver tell, or an
+unstable airframe, whose open loop leaves the measurement although its prediction ahead is good.
 """
 
 from __future__ import annotations
