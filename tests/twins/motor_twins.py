@@ -94,7 +94,7 @@ def truth_of(craft: Aircraft) -> dict[str, float]:
     derivatives = hover_derivatives_of(vehicle, autopilot)
     rows = {name: MOTION.index(name) for name in ("w", "p", "q", "r")}
     # A rotor that turns steadily: what its acceleration does to the vehicle is in the slope by the output.
-    spread = np.linalg.pinv(rotor_slopes(vehicle, autopilot))
+    spread = np.linalg.pinv(rotor_slopes(vehicle, autopilot, vehicle.hover_shares))
     per_share = system.F[: len(MOTION), len(MOTION) :] + system.G[: len(MOTION)] @ spread
     # Logged is the demand where the autopilot straightens the curve, else the speed that is asked for.
     slope = 1.0

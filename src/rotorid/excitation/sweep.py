@@ -14,30 +14,6 @@ C2 = 0.0187
 """Constants of the exponential law; 0.0187 is :math:`1 / (e^4 - 1)` as printed, so that K ends at 1.0023."""
 
 
-def frequency_law(fraction: FloatArray) -> FloatArray:
-    r"""Share K of the band that an exponential sweep has passed after a fraction of its time.
-
-    .. math:: K(x) = C_2 \, (e^{C_1 x} - 1), \qquad \omega = \omega_{min} + K (\omega_{max} - \omega_{min})
-
-    Parameters
-    ----------
-    fraction
-        Time over the length of the sweep, 0 to 1, any shape.
-
-    References
-    ----------
-    Tischler and Remple, *Aircraft and Rotorcraft System Identification*, AIAA, chapter 5. A version with misplaced
-    brackets circulates, which does not start at zero.
-
-    Examples
-    --------
-    >>> frequency_law(np.array([0.0, 0.5, 1.0])).round(3)
-    array([0.   , 0.119, 1.002])
-    """
-    law: FloatArray = C2 * np.expm1(C1 * np.asarray(fraction, dtype=np.float64))
-    return law
-
-
 def pilot_sweep(
     *,
     amplitude: float,
@@ -56,8 +32,9 @@ def pilot_sweep(
         \theta(t) = \omega_{min} t + (\omega_{max} - \omega_{min}) \, C_2
         \left[ \tfrac{T}{C_1} (e^{C_1 t / T} - 1) - t \right]
 
-    which is the exact integral of :func:`frequency_law`. It stays at low frequency longer than a linear sweep and
-    reaches high frequency faster than a logarithmic one.
+    which is the exact integral of :math:`\omega = \omega_{min} + K (\omega_{max} - \omega_{min})` with the share of the
+    band that is passed after a share :math:`x` of the time, :math:`K(x) = C_2 \, (e^{C_1 x} - 1)`. It stays at low
+    frequency longer than a linear sweep and reaches high frequency faster than a logarithmic one.
 
     A record resolves its lowest frequency when ``duration_s`` is 4 to 5 of its periods; a shorter one is flown as asked
     and answers less.
@@ -93,6 +70,11 @@ def pilot_sweep(
     ------
     UsageError
         The band, the times or the noise do not make a sweep.
+
+    References
+    ----------
+    Tischler and Remple, *Aircraft and Rotorcraft System Identification*, AIAA, chapter 5. A version with misplaced
+    brackets circulates, which does not start at zero.
 
     Examples
     --------

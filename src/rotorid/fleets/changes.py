@@ -120,8 +120,8 @@ def within_by_neighbors(
     return Spread(float(optimize.brentq(too_wide, 0.0, float(difference.max()) * 10.0)), freedom)
 
 
-def discoveries(probabilities: AnyArray | Sequence[float], share: float = FALSE_SHARE) -> BoolArray:
-    """Which of many tests are discoveries, so that no more than a share of them is false (Benjamini and Hochberg).
+def discoveries(probabilities: AnyArray | Sequence[float]) -> BoolArray:
+    """Which of many tests are discoveries, so that no more than 5 % of them are false (Benjamini and Hochberg).
 
     Examples
     --------
@@ -130,7 +130,7 @@ def discoveries(probabilities: AnyArray | Sequence[float], share: float = FALSE_
     """
     p = np.asarray(probabilities, dtype=np.float64)
     order = np.argsort(p)
-    allowed = share * np.arange(1, p.size + 1) / max(p.size, 1)
+    allowed = FALSE_SHARE * np.arange(1, p.size + 1) / max(p.size, 1)
     below = np.flatnonzero(p[order] <= allowed)
     found = np.zeros(p.size, dtype=np.bool_)
     if below.size:

@@ -369,7 +369,6 @@ def check_figure_of_merit(
     speed_rad_s: float,
     rotor_diameter_m: float,
     rotors: int = 4,
-    air_density_kg_m3: float = _AIR_DENSITY_KG_M3,
 ) -> list[Finding]:
     r"""A remark where the rotors would hover with more or less power than rotors do.
 
@@ -383,8 +382,8 @@ def check_figure_of_merit(
         With ``m`` and ``kappa``; nothing is judged without them.
     speed_rad_s
         Of the rotors in hover.
-    rotor_diameter_m, rotors, air_density_kg_m3
-        Of the vehicle and its air.
+    rotor_diameter_m, rotors
+        Of the vehicle.
 
     Examples
     --------
@@ -395,7 +394,7 @@ def check_figure_of_merit(
     if not {"m", "kappa"} <= set(values):
         return []
     thrust = values["m"] * STANDARD_GRAVITY_M_S2 / rotors
-    ideal = math.sqrt(thrust / (2.0 * air_density_kg_m3 * math.pi * (rotor_diameter_m / 2.0) ** 2))
+    ideal = math.sqrt(thrust / (2.0 * _AIR_DENSITY_KG_M3 * math.pi * (rotor_diameter_m / 2.0) ** 2))
     merit = ideal / (abs(values["kappa"]) * speed_rad_s) if values["kappa"] and speed_rad_s > 0.0 else math.inf
     if _MERIT[0] <= merit <= _MERIT[1]:
         return []

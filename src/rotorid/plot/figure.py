@@ -91,8 +91,8 @@ def _packed_plotly() -> str:
     return base64.b64encode(gzip.compress(plotly_script().encode(), mtime=0)).decode()
 
 
-def numbers(values: FloatArray, *, digits: int = 5) -> list[float | None]:
-    """Values as JSON numbers with ``digits`` significant digits; what is not finite becomes a gap.
+def numbers(values: FloatArray) -> list[float | None]:
+    """Values as JSON numbers with five significant digits; what is not finite becomes a gap.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def numbers(values: FloatArray, *, digits: int = 5) -> list[float | None]:
     [3.1416, None, 1e-09]
     """
     # Rounded before it is judged: the largest doubles round up to infinity.
-    return _finite(_rounded(values, f"%.{digits}g"))
+    return _finite(_rounded(values, "%.5g"))
 
 
 def stamps(time_s: FloatArray) -> list[float | None]:

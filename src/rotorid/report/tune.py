@@ -210,11 +210,6 @@ def _check_pictures(axis: str, one: CheckedAxis) -> list[Picture]:
     ]
 
 
-def pictures_of(proposal: TuningProposal) -> list[Picture]:
-    """All pictures of the page."""
-    return [picture for axis, one in proposal.axes.items() for picture in _pictures(axis, one, proposal.scale)]
-
-
 def _limit(proposal: TuningProposal) -> float:
     value = proposal.provenance.settings.get("robustness", 1.7)
     return float(value) if isinstance(value, (int, float)) else 1.7

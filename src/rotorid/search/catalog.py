@@ -16,9 +16,6 @@ from rotorid.search.multistart import multistart_from_text
 from rotorid.search.population import evolution_from_text, genetic_from_text
 from rotorid.search.result import Report, SearchResult
 
-DEFAULT = "evolution"
-"""The search to take when nothing is known of the problem."""
-
 
 class Search(Protocol):
     """A global search as a value: what it is and its options, without what it is used on."""

@@ -230,7 +230,7 @@ def linearize(
     count, rotors = len(MOTION), vehicle.rotors.layout.rotors
     size = count + rotors
     states, outputs = slopes[:, :size], slopes[:, size:]
-    allotted = _allotted(vehicle, autopilot, trim.shares)
+    allotted = rotor_slopes(vehicle, autopilot, trim.shares)
     M, H0, H1 = np.eye(size), np.zeros((len(OUTPUTS), size)), np.zeros((len(OUTPUTS), size))
     if body.has_lag:
         F, G, felt = states[:size], outputs[:size] @ allotted, states[size:]
@@ -261,13 +261,16 @@ def linearize(
     )
 
 
-def rotor_slopes(vehicle: Multirotor, autopilot: Autopilot) -> FloatArray:
-    """Steady change of each rotor's speed, a share of the largest, per unit of each command, shape ``(rotors, 4)``."""
-    return _allotted(vehicle, autopilot, vehicle.hover_shares)
+def rotor_slopes(vehicle: Multirotor, autopilot: Autopilot, shares: FloatArray) -> FloatArray:
+    """Steady change of each rotor's speed per unit of each command, shape ``(rotors, 4)``.
 
-
-def _allotted(vehicle: Multirotor, autopilot: Autopilot, shares: FloatArray) -> FloatArray:
-    """:func:`rotor_slopes` at other speeds of the rotors."""
+    Parameters
+    ----------
+    vehicle, autopilot
+        See :func:`linearize`.
+    shares
+        Speeds of the rotors about which this holds, shares of the largest one, as the change is.
+    """
     line = autopilot.linearization
     curve = ExpoCurve(expo=line.expo, low=line.low, high=line.high)
     return np.asarray(autopilot.mixer_for(vehicle) / curve.slope(shares)[:, None])

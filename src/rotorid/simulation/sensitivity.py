@@ -103,7 +103,17 @@ class Stepped:
     _step_s: float
 
     def motion(self, u: FloatArray, before: FloatArray, *, starts: bool = True, biases: bool = False) -> Motion:
-        """What the model does with the inputs of one record; see :func:`motion`."""
+        """What the model does with the inputs of one record.
+
+        Parameters
+        ----------
+        u
+            Inputs, shape ``(u, n)``.
+        before
+            Inputs before the first sample, shape ``(u,)``.
+        starts, biases
+            Whether ``free`` holds the responses to initial states, and to constants in the state equations.
+        """
         groups = tuple(_Group(*view, u, before, self._step_s) for view in self._views)
         parts = [group.free(starts=starts, biases=biases) for group in groups]
         outputs = np.empty((u.shape[1], self._outputs))
@@ -115,18 +125,8 @@ class Stepped:
         return Motion(outputs=outputs, free=free, _groups=groups, _starts=starts, _biases=biases)
 
 
-def motion(
-    system: StateSpace,
-    slopes: Slopes,
-    u: FloatArray,
-    *,
-    sample_rate_hz: float,
-    before: FloatArray,
-    hold: Hold,
-    starts: bool = True,
-    biases: bool = False,
-) -> Motion:
-    """Simulate a linear model on a record.
+def stepped(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, hold: Hold) -> Stepped:
+    """Discretize a linear model for the records of one rate.
 
     Parameters
     ----------
@@ -134,33 +134,10 @@ def motion(
         The model; ``M`` regular.
     slopes
         Its derivatives along ``p`` directions.
-    u
-        Inputs, shape ``(u, n)``.
     sample_rate_hz
-        Their rate.
-    before
-        Inputs before the first sample, shape ``(u,)``.
+        Rate of the inputs.
     hold
         What the inputs do between their samples.
-    starts, biases
-        Whether ``free`` holds the responses to initial states, and to constants in the state equations.
-
-    Raises
-    ------
-    ModelError
-        ``M`` is singular: a state follows the input at once.
-    """
-    shared = stepped(system, slopes, sample_rate_hz=sample_rate_hz, hold=hold)
-    return shared.motion(u, before, starts=starts, biases=biases)
-
-
-def stepped(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, hold: Hold) -> Stepped:
-    """Discretize a linear model for the records of one rate.
-
-    Parameters
-    ----------
-    system, slopes, sample_rate_hz, hold
-        As for :func:`motion`.
 
     Raises
     ------

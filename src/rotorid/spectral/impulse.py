@@ -138,8 +138,8 @@ class ImpulseResponse(Immutable):
         return np.asarray(np.sqrt(np.maximum(np.sum((rows @ self.covariance) * rows, axis=1), 0.0)))
 
 
-def phase_crossing(omega_rad_s: FloatArray, values: ComplexArray, phase_rad: float = -0.5 * math.pi) -> float:
-    """Lowest frequency at which the phase, unwrapped from the lowest one, falls through a value; infinite where never.
+def phase_crossing(omega_rad_s: FloatArray, values: ComplexArray) -> float:
+    """Lowest frequency at which the phase, unwrapped from the lowest one, falls through -90°; infinite where never.
 
     Parameters
     ----------
@@ -147,8 +147,6 @@ def phase_crossing(omega_rad_s: FloatArray, values: ComplexArray, phase_rad: flo
         Rising, shape ``(f,)``.
     values
         Response, shape ``(f,)``.
-    phase_rad
-        The value.
 
     Examples
     --------
@@ -157,7 +155,7 @@ def phase_crossing(omega_rad_s: FloatArray, values: ComplexArray, phase_rad: flo
     10.0
     """
     phase = np.unwrap(np.angle(values))
-    return float(_falls(np.log(omega_rad_s), phase[None], phase_rad, exponential=True)[0])
+    return float(_falls(np.log(omega_rad_s), phase[None], -0.5 * math.pi, exponential=True)[0])
 
 
 def impulse_response(

@@ -39,6 +39,12 @@ _STAYS, _MOVES = 0.25, 0.4
 """Parts of the movement to be expected of a rotor by which a line of the frame may, and one of a rotor must move."""
 _LEAST_LEVEL = 0.05
 _JUMP = 0.08
+_LONGEST_STEP = 1.5
+"""Usual steps of a clock; a longer one is a gap."""
+
+_DELAY_WINDOW_S = 1.0
+"""Length of the windows by which a delay is measured."""
+
 _MOST_MISSES = 2
 
 Maker = Literal["rotor", "frame", "unknown"]
@@ -78,8 +84,8 @@ class ShortSpectra(Immutable):
         return float(self.frequency_hz[0])
 
 
-def stretches(time_s: FloatArray, *, longest_step: float = 1.5) -> tuple[slice, ...]:
-    """Samples between which no step is longer than ``longest_step`` usual ones: batches, or a log without gaps.
+def stretches(time_s: FloatArray) -> tuple[slice, ...]:
+    """Samples between which no step is longer than one and a half usual ones: batches, or a log without gaps.
 
     Examples
     --------
@@ -89,15 +95,13 @@ def stretches(time_s: FloatArray, *, longest_step: float = 1.5) -> tuple[slice, 
     if time_s.size < 2:
         return ()
     steps = np.diff(time_s)
-    edges = np.flatnonzero(steps > longest_step * float(np.median(steps))) + 1
+    edges = np.flatnonzero(steps > _LONGEST_STEP * float(np.median(steps))) + 1
     ends = [0, *edges.tolist(), time_s.size]
     return tuple(slice(begin, end) for begin, end in pairwise(ends) if end - begin > 1)
 
 
-def short_spectra(
-    time_s: FloatArray, values: FloatArray, *, window_s: float = WINDOW_S, overlap: float = OVERLAP
-) -> ShortSpectra | None:
-    """Densities of overlapping windows within the stretches without gaps, mean removed.
+def short_spectra(time_s: FloatArray, values: FloatArray) -> ShortSpectra | None:
+    """Densities of windows of 0.3 s within the stretches without gaps, mean removed; each shares 3/4 with the next.
 
     Windows are shorter where most of the stretches are: batches of 512 samples at 2 kHz last 0.26 s.
 
@@ -107,10 +111,6 @@ def short_spectra(
         Rising stamps, shape ``(samples,)``.
     values
         Shape ``(samples,)``.
-    window_s
-        Length of a window.
-    overlap
-        Part of a window that the next one shares.
 
     Returns
     -------
@@ -124,10 +124,10 @@ def short_spectra(
     lengths = np.array([part.stop - part.start for part in parts])
     # The length of the stretch in which the median sample lies.
     usual = int(np.repeat(lengths, lengths)[lengths.sum() // 2]) if lengths.size > 1 else int(lengths[0])
-    size = min(round(window_s * rate_hz), usual)
+    size = min(round(WINDOW_S * rate_hz), usual)
     if size < 16:
         return None
-    step = max(round((1.0 - overlap) * size), 1)
+    step = max(round((1.0 - OVERLAP) * size), 1)
     taper = np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 2
     frequency_hz: FloatArray = np.fft.rfftfreq(size, 1.0 / rate_hz)[1:].astype(np.float64)
     middles, densities = [], []
@@ -404,7 +404,6 @@ def measured_delay(
     after: FloatArray,
     *,
     band_hz: tuple[float, float],
-    window_s: float = 1.0,
 ) -> Delay | None:
     r"""Delay of a filter from what goes in and what comes out, by the slope of the phase through zero.
 
@@ -420,8 +419,6 @@ def measured_delay(
         On one clock, shape ``(samples,)``.
     band_hz
         Lowest and highest frequency.
-    window_s
-        Length of a window.
 
     Returns
     -------
@@ -429,7 +426,7 @@ def measured_delay(
         ``None`` where fewer than eight windows, or none of the band, tell it.
     """
     rate_hz = 1.0 / float(np.median(np.diff(time_s)))
-    size = round(window_s * rate_hz)
+    size = round(_DELAY_WINDOW_S * rate_hz)
     omega = 2.0 * np.pi * np.fft.rfftfreq(size, 1.0 / rate_hz)
     chosen = (omega >= 2.0 * np.pi * band_hz[0]) & (omega <= 2.0 * np.pi * min(band_hz[1], 0.4 * rate_hz))
     taper = np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 2

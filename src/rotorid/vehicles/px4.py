@@ -93,6 +93,9 @@ PX4_PARAMETERS: Mapping[str, float] = MappingProxyType(
 _STICK_THRUST = 0.45
 """Mean slope of thrust over stick about the middle, in the manual flights of PX4's own simulator."""
 
+_STICK_CLIMB_M_S = 3.0
+"""What a full stick asks for where the height is held."""
+
 _YAW_STICK = 0.4
 _DEAD_ZONE, _CUBIC = 0.1, 0.6
 """Of PX4's yaw stick, which the simulation replaces by the straight line through what it makes of 0.4."""
@@ -219,7 +222,7 @@ def stabilized(parameters: Mapping[str, float]) -> Guidance:
     )
 
 
-def held(parameters: Mapping[str, float], *, climb_m_s: float = 3.0) -> Guidance:
+def held(parameters: Mapping[str, float]) -> Guidance:
     r"""A hover that is held in velocity and height, with sticks that ask for tilt and climb on top.
 
     PX4's loops of velocity give accelerations. Where they close over thrust, an acceleration of :math:`g` is the thrust
@@ -229,8 +232,6 @@ def held(parameters: Mapping[str, float], *, climb_m_s: float = 3.0) -> Guidance
     ----------
     parameters
         With the ``MPC_*`` of :data:`PX4_PARAMETERS`.
-    climb_m_s
-        What a full stick asks for.
 
     Examples
     --------
@@ -244,7 +245,7 @@ def held(parameters: Mapping[str, float], *, climb_m_s: float = 3.0) -> Guidance
         tilt_limit_rad=math.radians(parameters["MPC_TILTMAX_AIR"]),
         stick_tilt_rad=tilt_rad,
         stick_yaw_rate_rad_s=_yaw_rate(parameters),
-        stick_climb_m_s=climb_m_s,
+        stick_climb_m_s=_STICK_CLIMB_M_S,
         heading_follows=True,
         velocity_p_1_s=parameters["MPC_XY_VEL_P_ACC"],
         velocity_i_1_s2=parameters["MPC_XY_VEL_I_ACC"],

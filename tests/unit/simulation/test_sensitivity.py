@@ -11,7 +11,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.simulation.linear import Hold, simulate_linear
-from rotorid.simulation.sensitivity import Motion, Slopes, motion
+from rotorid.simulation.sensitivity import Motion, Slopes, stepped
 from rotorid.typing import FloatArray
 
 RATE_HZ = 200.0
@@ -51,7 +51,8 @@ def run(
     structure: LinearStructure, parameters: ParameterSet, u: FloatArray, hold: Hold, *, biases: bool = False
 ) -> Motion:
     system, slopes = structure.matrices_and_jacobian(parameters.values, parameters.directions)
-    return motion(system, Slopes(*slopes), u, sample_rate_hz=RATE_HZ, before=u[:, 0], hold=hold, biases=biases)
+    shared = stepped(system, Slopes(*slopes), sample_rate_hz=RATE_HZ, hold=hold)
+    return shared.motion(u, u[:, 0], biases=biases)
 
 
 def simulated(structure: LinearStructure, parameters: ParameterSet, u: FloatArray, hold: Hold) -> FloatArray:
