@@ -14,6 +14,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"])
 DOTTED = re.compile(r"(?<![/\w.-])rotorid(?!\.toml\b)((?:\.[A-Za-z_]\w*+)++)(?!/\d|-\d)")
+SHORT = re.compile(r"`(?!rotorid\.|model\.|response\.)(?:[a-z_]\w*\.){2,}([A-Za-z_]\w*)(?:\([^`]*\))?`")
+"""A name of three parts and more that does not begin with the package, nor with a value such as ``model``."""
+
 PATH = re.compile(r"(?:src/rotorid|tests|benchmarks|docs)/[\w./-]+\w")
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
@@ -21,6 +24,14 @@ ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 
 STANDING_FOR = {"rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown", "rotorid.tune_check"}
 """A logger, any command, and how some schemas begin: of results, a flown model, checked gains."""
+
+DEFINED = {
+    node.name
+    for path in (ROOT / "src").rglob("*.py")
+    for node in ast.parse(path.read_text("utf-8")).body
+    if isinstance(node, (ast.FunctionDef, ast.ClassDef))
+}
+"""Functions and classes of all modules."""
 
 EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
 """Paths that stand for any."""
@@ -73,6 +84,12 @@ def code_of(block: str) -> str:
 def test_every_dotted_name_exists(page: Path) -> None:
     named = {f"rotorid{match[1]}" for match in DOTTED.finditer(page.read_text("utf-8"))}
     assert not sorted(name for name in named if not exists(name))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_names_of_the_package_are_written_in_full(page: Path) -> None:
+    """A path without ``rotorid`` in front goes stale unseen when modules move."""
+    assert not [match[0] for match in SHORT.finditer(page.read_text("utf-8")) if match[1] in DEFINED]
 
 
 def test_every_dotted_name_in_the_source_exists() -> None:
