@@ -144,6 +144,29 @@ def counted(number: int, one: str, many: str = "") -> str:
     return f"{number} {one if number == 1 else many or f'{one}s'}"
 
 
+def listed(words: Sequence[str]) -> str:
+    """Words as a reader lists them.
+
+    Examples
+    --------
+    >>> listed(["p"]), listed(["p", "ay", "v"]), listed([])
+    ('p', 'p, ay and v', '')
+    """
+    *first, last = words or [""]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def capital(text: str) -> str:
+    """A text that begins with a capital letter; the rest stays as it is.
+
+    Examples
+    --------
+    >>> capital("gain A of the angle loop")
+    'Gain A of the angle loop'
+    """
+    return text[:1].upper() + text[1:]
+
+
 def cut(text: str, width: int = _WIDTH) -> str:
     """A text on one line of at most ``width`` characters."""
     line = " ".join(text.split()) if "\n" in text else text

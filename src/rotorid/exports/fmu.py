@@ -40,7 +40,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.exports.mujoco import own_slopes
-from rotorid.exports.px4_sih import lag_of
+from rotorid.exports.px4_sih import delay_steps, lag_of
 from rotorid.exports.round_trip import DELAY, compared, identified_motion, linearized
 from rotorid.exports.state_space import (
     NamedModel,
@@ -161,7 +161,7 @@ def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: Expor
         "ROTORS": len(motors),
         "INPUTS": len(motors) + len(WINDS),
         "OUTPUTS": len(OUTPUTS),
-        "DELAY_STEPS": _delay_steps(vehicle, choices),
+        "DELAY_STEPS": delay_steps(vehicle, choices, step_s=STEP_S),
     }
     scalars = {
         "STEP_S": STEP_S,
@@ -190,11 +190,6 @@ def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: Expor
     )
 
 
-def _delay_steps(vehicle: JoinedVehicle, choices: ExportChoices) -> int:
-    late = vehicle.numbers.get(DELAY)
-    return 0 if late is None or choices.delay == "lag" else max(round(late.value / STEP_S), 0)
-
-
 def _said(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
     """What became of the delay of the vehicle, and what it has not."""
     said, late = [], vehicle.numbers.get(DELAY)
@@ -202,8 +197,8 @@ def _said(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
         said.append(
             f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is a part of its lag."
             if choices.delay == "lag"
-            else f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is {_delay_steps(vehicle, choices)} steps of "
-            f"{1e3 * STEP_S:g} ms."
+            else f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is "
+            f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms."
         )
     if "T_motor" not in vehicle.numbers:
         said.append("The lag of the motors is not identified.")

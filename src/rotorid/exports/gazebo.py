@@ -34,7 +34,16 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import HOVER, compared, identified_motion, linearized
-from rotorid.exports.target import EXACT_PERCENT, Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.target import (
+    EXACT_PERCENT,
+    Compared,
+    ExportChoices,
+    Exported,
+    Held,
+    number_text,
+    table_lines,
+    xml_comment,
+)
 from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
@@ -359,7 +368,7 @@ def model_sdf(name: str, model: GazeboVehicle, head: Sequence[str]) -> str:
     arm = float(np.abs(model.hubs_m[:, :2]).max())
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        *_comment(head),
+        *xml_comment(head),
         '<sdf version="1.9">',
         f'  <model name="{name}">',
     ]
@@ -378,27 +387,18 @@ def model_sdf(name: str, model: GazeboVehicle, head: Sequence[str]) -> str:
     return "\n".join([*lines, "  </model>", "</sdf>"]) + "\n"
 
 
-def _comment(head: Sequence[str]) -> list[str]:
-    # Two hyphens end a comment too early.
-    return ["<!--", *(f"  {line}".rstrip().replace("--", "- -") for line in head), "-->"]
-
-
-def _number(value: float) -> str:
-    return f"{value:.9g}"
-
-
 def _color(rgba: str) -> str:
     return f"<material><ambient>{rgba}</ambient><diffuse>{rgba}</diffuse></material>"
 
 
 def _inertial(mass: float, inertia: FloatArray, place: FloatArray | None = None) -> list[str]:
     entries = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    tensor = "".join(f"<{key}>{_number(float(inertia[at]))}</{key}>" for key, at in entries.items())
-    pose = [] if place is None else [f"        <pose>{' '.join(map(_number, place.tolist()))} 0 0 0</pose>"]
+    tensor = "".join(f"<{key}>{number_text(float(inertia[at]))}</{key}>" for key, at in entries.items())
+    pose = [] if place is None else [f"        <pose>{' '.join(map(number_text, place.tolist()))} 0 0 0</pose>"]
     return [
         "      <inertial>",
         *pose,
-        f"        <mass>{_number(mass)}</mass>",
+        f"        <mass>{number_text(mass)}</mass>",
         f"        <inertia>{tensor}</inertia>",
         "      </inertial>",
     ]
@@ -423,23 +423,23 @@ def _rotor(index: int, hub: FloatArray, spin: float, model: GazeboVehicle, arm: 
         "jointName": f"rotor_{index}_joint",
         "linkName": f"rotor_{index}",
         "turningDirection": "ccw" if spin > 0.0 else "cw",
-        "timeConstantUp": _number(model.lag_up_s),
-        "timeConstantDown": _number(model.lag_down_s),
+        "timeConstantUp": number_text(model.lag_up_s),
+        "timeConstantDown": number_text(model.lag_down_s),
         "maxRotVelocity": str(model.fastest),
-        "motorConstant": _number(model.thrust),
-        "momentConstant": _number(model.torque_m),
+        "motorConstant": number_text(model.thrust),
+        "momentConstant": number_text(model.torque_m),
         "commandSubTopic": "command/motor_speed",
         # The first name is that of today, the second that of older versions.
         "actuator_number": str(index),
         "motorNumber": str(index),
-        "rotorDragCoefficient": _number(model.drag),
+        "rotorDragCoefficient": number_text(model.drag),
         "rollingMomentCoefficient": "0",
-        "rotorVelocitySlowdownSim": _number(_SLOWDOWN),
+        "rotorVelocitySlowdownSim": number_text(_SLOWDOWN),
         "motorType": "velocity",
     }
     return [
         f'    <link name="rotor_{index}">',
-        f"      <pose>{' '.join(map(_number, hub.tolist()))} 0 0 0</pose>",
+        f"      <pose>{' '.join(map(number_text, hub.tolist()))} 0 0 0</pose>",
         *_inertial(model.rotor_kg, model.rotor_tensor),
         f'      <visual name="rotor_{index}_visual">{disc}{_color(color)}</visual>',
         "    </link>",

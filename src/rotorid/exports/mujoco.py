@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorid.errors import ModelError
-from rotorid.exports.px4_sih import lag_of
+from rotorid.exports.px4_sih import delay_steps, lag_of
 from rotorid.exports.round_trip import DELAY, HoverMotion, compared, identified_motion, linearized
-from rotorid.exports.target import Compared, ExportChoices, Exported, table_lines
+from rotorid.exports.target import Compared, ExportChoices, Exported, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -71,7 +71,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     require_rigid(body)
-    lag_s, steps = lag_of(vehicle, choices), _delay_steps(vehicle, choices)
+    lag_s, steps = lag_of(vehicle, choices), delay_steps(vehicle, choices, step_s=STEP_S)
     name = choices.names
     rows = _compared(vehicle, body, mjcf(name, body, lag_s=lag_s), choices)
     title = f"{name}: an identified multirotor for MuJoCo, by rotorid"
@@ -106,12 +106,6 @@ def require_rigid(body: Multirotor) -> None:
             needed=f"none above the sum of the other two, {low + middle:.4g}: no rigid body has such",
             remedy=f"--set I_zz=… of at most {low + middle:.4g}",
         )
-
-
-def _delay_steps(vehicle: JoinedVehicle, choices: ExportChoices) -> int:
-    """Whole steps by which the loop is late."""
-    late = vehicle.numbers.get(DELAY)
-    return 0 if late is None or choices.delay == "lag" else max(round(late.value / STEP_S), 0)
 
 
 def tangents(body: Multirotor) -> FloatArray:
@@ -159,7 +153,7 @@ def mjcf(name: str, body: Multirotor, *, lag_s: float | None, head: Sequence[str
         '    <geom name="floor" type="plane" size="50 50 0.1" rgba="0.8 0.85 0.8 1"/>',
         f'    <body name="{name}" pos="0 0 {_HEIGHT_M:g}">',
         f'      <freejoint name="{name}"/>',
-        f'      <inertial pos="0 0 0" mass="{_number(body.mass_kg)}" fullinertia="{_numbers(entries)}"/>',
+        f'      <inertial pos="0 0 0" mass="{number_text(body.mass_kg)}" fullinertia="{_numbers(entries)}"/>',
         f'      <geom name="frame" type="box" size="{0.6 * arm:.4g} {0.6 * arm:.4g} {0.15 * arm:.4g}" mass="0" '
         'rgba="0.2 0.2 0.25 1"/>',
         '      <site name="imu" pos="0 0 0" size="0.005"/>',
@@ -183,17 +177,8 @@ def mjcf(name: str, body: Multirotor, *, lag_s: float | None, head: Sequence[str
     return "\n".join(lines) + "\n"
 
 
-def xml_comment(head: Sequence[str]) -> list[str]:
-    """Lines as a comment of XML; two hyphens would end it too early."""
-    return ["<!--", *(f"  {line}".rstrip().replace("--", "- -") for line in head), "-->"] if head else []
-
-
-def _number(value: float) -> str:
-    return f"{value:.9g}"
-
-
 def _numbers(values: Sequence[float] | FloatArray) -> str:
-    return " ".join(_number(float(value) + 0.0) for value in values)
+    return " ".join(number_text(float(value) + 0.0) for value in values)
 
 
 def _rotor_sites(body: Multirotor, arm: float) -> list[str]:
@@ -211,14 +196,14 @@ def _rotor_sites(body: Multirotor, arm: float) -> list[str]:
 def _actuators(body: Multirotor, lag_s: float | None) -> list[str]:
     layout, kappa = body.rotors.layout, body.rotors.torque_per_thrust_m
     axes, full = layout.thrust_axes.T @ FLU, max(body.rotors.thrust_at(1.0), 0.0)
-    lag = 'dyntype="none"' if not lag_s else f'dyntype="filterexact" dynprm="{_number(lag_s)}"'
+    lag = 'dyntype="none"' if not lag_s else f'dyntype="filterexact" dynprm="{number_text(lag_s)}"'
     lines = []
     for index, (axis, spin, (zero, slope)) in enumerate(zip(axes, layout.spins, tangents(body), strict=True), start=1):
         gear = np.concatenate([axis, -spin * kappa * axis])
         lines.append(
             f'    <general name="motor_{index}" site="rotor_{index}" gear="{_numbers(gear)}" {lag} gaintype="fixed" '
-            f'gainprm="{_number(slope)}" biastype="affine" biasprm="{_number(zero)} 0 0" ctrlrange="0 1" '
-            f'forcerange="0 {_number(full)}"/>'
+            f'gainprm="{number_text(slope)}" biastype="affine" biasprm="{number_text(zero)} 0 0" ctrlrange="0 1" '
+            f'forcerange="0 {number_text(full)}"/>'
         )
     return lines
 
@@ -358,7 +343,7 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: Expo
         lambda x, v, w: mujoco_accelerations(text, _BOTH @ air @ _BOTH, x, v, w), body.hover_shares, lag_s=lag_s
     )
     rows = compared(vehicle, identified, exported, {}, delay=choices.delay == "lag")
-    late_s = _delay_steps(vehicle, choices) * STEP_S
+    late_s = delay_steps(vehicle, choices, step_s=STEP_S) * STEP_S
     return tuple(replace(row, exported=late_s, held="approximated") if row.name == DELAY else row for row in rows)
 
 
@@ -371,8 +356,8 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) 
         said.append(
             f"The delay of {1e3 * late.value:.2g} ms is a part of the lag."
             if choices.delay == "lag"
-            else f"The delay of {1e3 * late.value:.2g} ms is in the loop as {_delay_steps(vehicle, choices)} steps of "
-            f"{1e3 * STEP_S:g} ms, and not in the model."
+            else f"The delay of {1e3 * late.value:.2g} ms is in the loop as "
+            f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms, and not in the model."
         )
     if np.any(body.aerodynamics):
         said.append("Drag and damping are in the loop and not in the model.")

@@ -232,6 +232,12 @@ def lag_of(vehicle: JoinedVehicle, choices: ExportChoices) -> float | None:
     return lag.value + added_s
 
 
+def delay_steps(vehicle: JoinedVehicle, choices: ExportChoices, *, step_s: float) -> int:
+    """Whole steps of a simulator by which the commands are late; none where the lag holds the delay."""
+    late = vehicle.numbers.get("delay")
+    return 0 if late is None or choices.delay == "lag" else max(round(late.value / step_s), 0)
+
+
 def _time_constant(lag_s: float) -> float:
     """``SIH_T_TAU`` of a lag; that of one step, the shortest that SIH has, where the lag is much shorter."""
     return STEP_S if lag_s < _SHORTEST_SHARE * STEP_S else sih_lag(lag_s, step_s=STEP_S)

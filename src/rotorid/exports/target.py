@@ -213,3 +213,13 @@ def percent_text(percent: float) -> str:
 
 
 _SHOWN_PERCENT = 0.005
+
+
+def number_text(value: float) -> str:
+    """A number in a file of XML, with as many digits as single precision keeps."""
+    return f"{value:.9g}"
+
+
+def xml_comment(head: Sequence[str]) -> list[str]:
+    """Lines as a comment of XML; two hyphens would end it too early."""
+    return ["<!--", *(f"  {line}".rstrip().replace("--", "- -") for line in head), "-->"] if head else []

@@ -27,7 +27,7 @@ import numpy as np
 from rotorid.data.findings import Finding
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged
-from rotorid.exports.mujoco import FLU, own_slopes, require_rigid, xml_comment
+from rotorid.exports.mujoco import FLU, own_slopes, require_rigid
 from rotorid.exports.rotorpy import SpeedVehicle, require_upright, rotor_radius, speed_vehicle
 from rotorid.exports.round_trip import (
     DELAY,
@@ -40,7 +40,7 @@ from rotorid.exports.round_trip import (
     identified_motion,
     linearized,
 )
-from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines, xml_comment
 from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 

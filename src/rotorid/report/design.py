@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.data.display import listed
 from rotorid.data.findings import worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
 from rotorid.documents.design import DesignDocument
@@ -328,7 +329,7 @@ def design_summary(designed: Sequence[Designed], choices: DesignChoices) -> tupl
 def _plan_sentence(one: Designed) -> str:
     plan = one.planned.plan
     found = compared([one])
-    lead = f"{kind_words(one.kind).capitalize()} on {_listed(plan.axes)}, {plan.duration_s:.0f} s in all: "
+    lead = f"{kind_words(one.kind).capitalize()} on {listed(plan.axes)}, {plan.duration_s:.0f} s in all: "
     refused = [told.model for told in one.told if told.prediction is None]
     zero = sum(len(told.prediction.parameters) for told in one.told if told.prediction is not None) - len(found.rows)
     parts = []
@@ -351,7 +352,7 @@ def _plan_sentence(one: Designed) -> str:
     if zero:
         parts.append(f"{zero} more {'is' if zero == 1 else 'are'} zero, of which there is no percent")
     if refused:
-        parts.append(f"it cannot support {_listed(refused)}")
+        parts.append(f"it cannot support {listed(refused)}")
     return f"{lead}{'; '.join(parts)}."
 
 
@@ -366,7 +367,7 @@ def _best_sentences(found: Compared) -> list[str]:
 def _named(labels: Sequence[str], of: int) -> str:
     if len(labels) == of:
         return "every parameter"
-    return _listed(labels) if len(labels) <= _MOST_NAMED else f"{len(labels)} of {of} parameters"
+    return listed(labels) if len(labels) <= _MOST_NAMED else f"{len(labels)} of {of} parameters"
 
 
 def reach_sentences(one: Designed) -> tuple[str, ...]:
@@ -393,7 +394,7 @@ def _shared_answers(designed: Sequence[Designed]) -> list[str]:
         ]
         lead = f"{_wanted(asked[0].wanted[model])} in {model}: "
         if enough:
-            sentences.append(f"{lead}{_listed(enough)} are enough.")
+            sentences.append(f"{lead}{listed(enough)} are enough.")
         sentences += [
             f"{lead}{kind_words(one.kind)}: {one.shortest[model].words}"
             for one in asked
@@ -403,7 +404,7 @@ def _shared_answers(designed: Sequence[Designed]) -> list[str]:
 
 
 def _wanted(wanted: Mapping[str, float]) -> str:
-    return _listed([f"{name} to {value:g} %" for name, value in wanted.items()])
+    return listed([f"{name} to {value:g} %" for name, value in wanted.items()])
 
 
 def wind_words(wind: Wind) -> str:
@@ -418,10 +419,6 @@ def wind_words(wind: Wind) -> str:
     turbulence = f"turbulence of {significant(wind.turbulence_m_s)} m/s" if wind.turbulence_m_s else ""
     steady = f"wind of {significant(steady_m_s)} m/s" if steady_m_s else ""
     return " with ".join(part for part in (steady, turbulence) if part) or "still air"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 _RATES: Mapping[Axis, str] = MappingProxyType({"roll": "p", "pitch": "q", "yaw": "r"})

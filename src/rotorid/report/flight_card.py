@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorid import __version__
+from rotorid.data.display import capital, listed
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.errors import UsageError
 from rotorid.plans.ardupilot import plan_log_bitmask
@@ -161,7 +162,7 @@ def stop_sentence(facts: FlightFacts) -> str:
     """How to stop, and the reasons that no number covers."""
     way = _WAY_OUT[facts.autopilot]
     return (
-        f"{way[0].upper()}{way[1:]}. Also when an oscillation grows, a sound is new, the link is poor, or you are not "
+        f"{capital(way)}. Also when an oscillation grows, a sound is new, the link is poor, or you are not "
         f"sure; and below {LEAST_CELL_V:g}\u00a0V in any cell under load."
     )
 
@@ -171,7 +172,7 @@ def after(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     count = f"{len(plan.inputs)} {'maneuver' if len(plan.inputs) == 1 else 'maneuvers'}"
     low, high = (100.0 * edge for edge in facts.motors)
     return [
-        f"{count} found on {_and(plan.axes)}, without gaps",
+        f"{count} found on {listed(plan.axes)}, without gaps",
         f"Commands and rates logged at {least_rate_hz(plan):.0f} Hz or more",
         f"Coherence {COHERENCE_GUIDELINE:g} or more over the band",
         f"As predicted: tilt up to {math.degrees(facts.tilt_rad):.0f}°, rates up to "
@@ -233,10 +234,6 @@ def _by_script(plan: FlightPlan) -> bool:
 def _clear_m(facts: FlightFacts) -> float:
     """Room, and as much again as the vehicle may fall away from its height."""
     return facts.stop_room_m + max(facts.height_m, 10.0)
-
-
-def _and(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 _WIDTH, _HEIGHT = 300.0, 54.0

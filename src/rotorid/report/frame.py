@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
 from urllib.parse import quote
 
 from rotorid import __version__
+from rotorid.data.display import capital
 from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure, minus, plotly_script, template
 
@@ -405,17 +406,6 @@ def typeset(text: str) -> str:
     text = _NEGATIVE.sub(lambda found: found["command"] or "−", text)
     text = _EXPONENT.sub(lambda found: f"·10{str(int(found[1])).translate(_SUPERSCRIPTS)}", text)
     return _RAISED.sub(lambda found: found[0][1:].translate(_SUPERSCRIPTS), text)
-
-
-def capital(text: str) -> str:
-    """A text that begins with a capital letter; the rest stays as it is.
-
-    Examples
-    --------
-    >>> capital("gain A of the angle loop")
-    'Gain A of the angle loop'
-    """
-    return text[:1].upper() + text[1:]
 
 
 def with_interval(value: float | None, lower: float | None, upper: float | None) -> tuple[str, str]:

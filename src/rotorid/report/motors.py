@@ -13,7 +13,7 @@ from rotorid.pipeline.summary import Correlation, ExcitedFlight, MotorPhysics, P
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
 from rotorid.report.frame import MISSING, Picture, milliseconds, significant, unit, with_error
-from rotorid.report.parts import Shown
+from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import (
     AXIS_WORDS,
     FULL_OUTPUT,
@@ -186,8 +186,6 @@ def unseen_rows(records: Mapping[str, Mapping[str, Scores]]) -> tuple[UnseenRow,
 
 
 _POINTS = 201
-_MOST_NUMBERS = 60_000
-_LEAST_POINTS = 400
 _BEYOND = 1.15
 _TERMS = {"c_0": 0, "c_1": 1, "c_2": 2}
 _OUTPUTS = {
@@ -346,7 +344,7 @@ def _flights(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...
                     motor_names=document.inputs,
                     channels=[document.outputs[row] for row in rows],
                     held=motors.outputs != "speed",
-                    most=_most(numbers),
+                    most=points_of(numbers),
                 ),
             ),
         )
@@ -371,13 +369,9 @@ def _unseen(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]
                 motor_names=one.input_names,
                 channels=one.moved,
                 held=motors.outputs != "speed",
-                most=_most(numbers),
+                most=points_of(numbers),
             ),
         )
         title = f"{one.record}, {one.time_s[0]:.1f} to {one.time_s[-1]:.1f} s"
         drawn.append(Stretch(title=title, picture=picture))
     return tuple(drawn)
-
-
-def _most(traces: int) -> int:
-    return max(_LEAST_POINTS, _MOST_NUMBERS // max(traces, 1))

@@ -32,6 +32,9 @@ _ON_AXIS = {
 }
 _MOST_UNFOLDED = 4
 
+_MOST_NUMBERS, _LEAST_POINTS = 60_000, 400
+"""Numbers in the pictures of all flights of a page, and points of a trace however many traces there are."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shown:
@@ -272,6 +275,17 @@ def _paper(name: str, si: str) -> tuple[str, str, float]:
     if name.endswith("_command"):
         return ("throttle (thrust command)" if name == "thrust_command" else paper.words), "%", _PERCENT
     return paper.words, paper.unit or unit(si), paper.factor
+
+
+def points_of(traces: int) -> int:
+    """How many points each of so many traces may have, so that a page with all of them stays small.
+
+    Examples
+    --------
+    >>> points_of(4), points_of(1000)
+    (15000, 400)
+    """
+    return max(_LEAST_POINTS, _MOST_NUMBERS // max(traces, 1))
 
 
 def timelines(

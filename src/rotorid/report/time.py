@@ -15,11 +15,9 @@ from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary, OrderC
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import residual_memory, simulated
 from rotorid.report.frame import MISSING, Picture, significant, unit, with_error
-from rotorid.report.parts import Shown
+from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import Verdict, fit_verdict
 
-_MOST_NUMBERS = 60_000
-_LEAST_POINTS = 400
 _FAR_SIGMAS = 3.0
 
 
@@ -162,7 +160,6 @@ def _record_rows(document: ResultDocument) -> tuple[RecordRow, ...]:
 def _pictures(shown: Shown, key: str) -> tuple[Picture, ...]:
     document = shown.document
     traces = sum(2 * len(one.measured) + len(one.inputs) for one in shown.data.simulated)
-    most = max(_LEAST_POINTS, _MOST_NUMBERS // traces)
     return tuple(
         Picture(
             key=f"{key}-{number}",
@@ -175,7 +172,7 @@ def _pictures(shown: Shown, key: str) -> tuple[Picture, ...]:
                 input_names=document.inputs,
                 output_names=document.outputs,
                 held=document.hold == "zero",
-                most=most,
+                most=points_of(traces),
             ),
         )
         for number, one in enumerate(shown.data.simulated)

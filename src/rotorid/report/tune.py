@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.data.display import capital
 from rotorid.data.quantity import Quantity
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
@@ -16,7 +17,7 @@ from rotorid.documents.tune_check import tune_check_document
 from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
-from rotorid.report.frame import MISSING, Picture, capital, in_all_units, render, with_interval
+from rotorid.report.frame import MISSING, Picture, in_all_units, render, with_interval
 from rotorid.report.parts import finding_rows
 from rotorid.tuning.firmware import parameters_of
 from rotorid.tuning.loops import quantities

@@ -15,6 +15,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.data.display import capital, listed
 from rotorid.data.findings import KINDS
 from rotorid.data.record import LOWEST_RATE_HZ
 from rotorid.documents.result import ResultDocument
@@ -136,7 +137,7 @@ def open_questions(document: ResultDocument) -> tuple[str, ...]:
 def _open(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
     quiet = [axis for axis in AXIS_WORDS if not any(axis in one.counted for one in motors.excitation)]
     if turns := [AXIS_WORDS[axis] for axis in quiet if axis != "az"]:
-        yield f"Inertia and damping of {_listed(turns)}: no stretch excites that. Fly a sweep or doublets."
+        yield f"Inertia and damping of {listed(turns)}: no stretch excites that. Fly a sweep or doublets."
     if "az" in quiet:
         yield "The curve of thrust: no stretch excites thrust, and it rests on the weight and the other axes alone."
     if motors.scale is None:
@@ -158,10 +159,6 @@ def _open(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
             f"Thrust beyond an output of {significant(motors.flown_outputs[1], digits=2)}: nothing was flown there, "
             "and full thrust is extrapolated."
         )
-
-
-def _listed(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def motor_warnings(document: ResultDocument) -> tuple[str, ...]:
@@ -776,7 +773,7 @@ def _measured(result: Responses) -> tuple[str, str]:
     kinds = {f"{record.axis} {record.kind.replace('_', ' ')}" for record in used}
     of = kinds.pop() if len(kinds) == 1 else "maneuver"
     data = f", from {len(used)} {of}{_s(used)} of {seconds} s{' together' if len(used) > 1 else ''}" if used else ""
-    return f"{_capital(outputs)} over {inputs}{data}.", _estimate(result)
+    return f"{capital(outputs)} over {inputs}{data}.", _estimate(result)
 
 
 def _estimate(result: Responses) -> str:
@@ -790,7 +787,7 @@ def _usable(result: Responses) -> tuple[str, ...]:
     count = len(result.pairs)
     if count <= _FEW:
         return tuple(
-            f"{_capital(_words(name))}: {f'usable {_band(pair)}' if pair.points else 'nothing can be used'}."
+            f"{capital(_words(name))}: {f'usable {_band(pair)}' if pair.points else 'nothing can be used'}."
             for name, pair in result.pairs.items()
         )
     usable = {name: pair for name, pair in result.pairs.items() if pair.points}
@@ -847,22 +844,6 @@ def _gravest(result: Responses) -> tuple[str, ...]:
                 heading = finding_heading(finding.kind)
                 return (f"Most serious finding: {heading[:1].lower()}{heading[1:]}{where}: {finding.message}",)
     return ()
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names as a reader lists them.
-
-    Examples
-    --------
-    >>> listed(["p"]), listed(["p", "ay", "v"])
-    ('p', 'p, ay and v')
-    """
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
-
-
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]
 
 
 def _s(counted: Sequence[object]) -> str:

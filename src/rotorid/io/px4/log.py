@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import LogError
@@ -382,7 +383,7 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str
     yield from _damage(facts["damage"], facts["size_bytes"])
     yield from _dropouts(facts["dropouts"])
     advice = logging_advice(facts["parameters"], firmware)
-    remedy = f"{advice[0].upper()}{advice[1:]}."
+    remedy = f"{capital(advice)}."
     yield from _missing(topics, remedy)
     yield from _slow(topics, remedy)
 
