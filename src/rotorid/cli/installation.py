@@ -46,8 +46,12 @@ EXTRAS: Mapping[str, tuple[str, ...]] = {
 
 _GIB = 1 << 30
 _LEAST_MEMORY_B, _LEAST_ROOM_B = 2 * _GIB, _GIB
+
 _PATIENCE_S = 300.0
+"""Time that the self test has."""
+
 _TOO_FAR = 4.0
+"""Standard deviations from the truth at which the self test fails."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 _NO_PLAN = "none"
 EVERYDAY = "everyday"
+
 _HOVER_S = 60.0
+"""Length of a flight without a plan, unless the user says otherwise."""
+
 RIG = "rig"
 
 

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from rotorid.pipeline.results import IdentifiedModel
 
 _POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
+
 _TRIALS_PER_DRAW = 100
+"""Impossible vehicles for each one that was wanted, beyond which the results are known too badly."""
 
 
 Made = TypeVar("Made")

@@ -221,6 +221,7 @@ def _parameters(
 
 
 _SAME_HOVER = 0.02
+"""Share of the hover output by which that of SIH may differ without a remark."""
 
 
 def lag_of(vehicle: JoinedVehicle, choices: ExportChoices) -> float | None:
@@ -364,6 +365,7 @@ def _held(body: Multirotor, frame: Frame, rotors: Arranged) -> dict[str, Held]:
 
 
 _SAME_PLACE = 0.005
+"""Share of the arm by which rotors may stand off the places that SIH has for them."""
 
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:

@@ -172,7 +172,9 @@ class ExportChoices(Immutable):
 
 
 _LONGEST_NAME = 40
+
 _HIGHEST_ORDER = 10
+"""Of a Padé approximation."""
 
 _WORDS: Mapping[Held, str] = {"exact": "exact", "approximated": "approximated", "not": "not held"}
 
@@ -213,6 +215,7 @@ def percent_text(percent: float) -> str:
 
 
 _SHOWN_PERCENT = 0.005
+"""A smaller difference is rounding, and is written without a sign."""
 
 
 def number_text(value: float) -> str:

@@ -160,3 +160,4 @@ def full_thrust_words(form: str, exported_n: float, identified_n: float) -> list
 
 
 _SAME_THRUST = 0.01
+"""Share by which thrust at full output may differ without a sentence."""

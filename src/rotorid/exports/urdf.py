@@ -52,7 +52,10 @@ NAME = "urdf"
 
 _BEARINGS_DEG = (45.0, 135.0, -135.0, -45.0)
 _SPINS = (1.0, -1.0, 1.0, -1.0)
+
 _TOLERANCE_DEG = 40.0
+"""How far a rotor may stand from its bearing in the X."""
+
 _GRAVITY_M_S2 = 9.8
 """gym-pybullet-drones' own."""
 

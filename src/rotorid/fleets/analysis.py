@@ -40,6 +40,8 @@ Name: TypeAlias = tuple[str, str]
 """Model and parameter."""
 
 _FEWEST_FLIGHTS = 4
+"""Vehicles, or flights of groups, without which they are not compared."""
+
 _LEAST_RATIO = 1e-9
 
 
@@ -404,7 +406,9 @@ def _differences(by_name: Mapping[Name, Sequence[_Series]], groups: Mapping[str,
 _POWERS = ("L_roll", "M_pitch", "N_yaw", "Z_thrust", "thrust_slope", "thrust_full")
 _INERTIAS = ("I_xx", "I_yy", "I_zz")
 _LAGS = ("T_motor", "tau_roll", "tau_pitch", "tau_yaw")
+
 _ALIKE = 0.05
+"""Ratios of control derivatives that lie nearer changed alike, as thrust changes all of them."""
 
 
 def _causes(histories: Sequence[History]) -> tuple[Cause, ...]:

@@ -29,9 +29,13 @@ FALSE_SHARE = 0.05
 """Share of false ones among what is called a change."""
 
 _FURTHER = 0.01
+"""Probability up to which a further step, before or after one that was found, counts."""
+
 _FEWEST_BEFORE = _FEWEST_AFTER = 2
 _NORMAL_MEDIAN = float(stats.norm.ppf(0.75))
+
 _MEDIAN_EFFICIENCY = 0.3
+"""Share of the differences that count as independent for their median."""
 
 
 @dataclass(frozen=True, kw_only=True)

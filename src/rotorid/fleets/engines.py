@@ -32,8 +32,13 @@ from rotorid.io.children import end_session
 from rotorid.io.folders import scratch_folder
 
 _LOGS_OF_A_CHILD = 200
+"""Logs after which a child is replaced."""
+
 _START_S = 120.0
+
 _MOST_TRIES = 2
+"""Tries after which a log is set aside."""
+
 _PATIENCE_S = 120.0
 _CONNECT_S = 30.0
 _LIBRARIES = ("numpy", "scipy", "numba")

@@ -32,6 +32,8 @@ from rotorid.errors import UsageError
 from rotorid.typing import AnyArray, FloatArray, IntArray
 
 LEAST_VEHICLES, LEAST_FLIGHTS = 3, 4
+"""Vehicles without which the spread between them, and flights without which no spread is known."""
+
 _HALF_CHI2_95 = TWO_SIDED_95**2 / 2.0
 _STARTS = ((0.7, 0.7), (0.1, 1.0), (1.0, 0.1))
 _WIDEST = 60.0

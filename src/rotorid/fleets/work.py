@@ -28,8 +28,13 @@ REVIEW = "review"
 """What the table calls measures of a review in the place of a model."""
 
 _SHORTEST_FLIGHT_S = 20.0
+"""A flight of its own is as long."""
+
 _ON_THE_GROUND_S = 10.0
+"""Time on the ground that separates two flights."""
+
 _MARGIN_S = 3.0
+"""What a flight is cut out with, before and after."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,10 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_OPEN = 200
+"""Connections that may be open at a time."""
+
 HEAD_S, PAUSE_S = 10.0, 30.0
+"""Time for the head of a request, and longest pause of a body or a reader."""
 
 _Phase: TypeAlias = Literal["head", "body", "rest"] | None
 

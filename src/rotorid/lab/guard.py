@@ -11,7 +11,11 @@ from typing import Any
 from urllib.parse import parse_qs
 
 BODY_BYTES = 1 << 16
+"""Largest body of a request."""
+
 UPLOAD_BYTES = 2 << 30
+"""Largest log."""
+
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -25,7 +29,10 @@ _HEADERS = (
 # What has a policy of its own is a report. It lives in a sandbox, whose origin is opaque: with a policy of openers the
 # HTML specification makes a network error of it.
 _OWN_PAGE = ((b"content-security-policy", _POLICY.encode()), (b"cross-origin-opener-policy", b"same-origin"))
+
 _MOST_QUERY, _MOST_FIELDS = 4096, 20
+"""Longest query, in bytes, and most fields in it."""
+
 # From a file or another site a redirection would not carry the cookie; from this page the way on does.
 _WAY_IN = (
     b'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0;url=/"><title>rotorid lab</title>'

@@ -24,7 +24,11 @@ from rotorid.lab.tracks import Tracks, listed
 from rotorid.lab.workers import Job, Workers
 
 MOST_LOGS = 20
+"""Logs that may be open at a time."""
+
 ALL_UPLOAD_BYTES = 8 << 30
+"""Largest size of all uploads that are kept."""
+
 MOST_CHOICES, MOST_ENTRIES, MOST_DEPTH = 1000, 20_000, 6
 _DRAWN = ("omega_rad_s", "values", "coherence", "random_error", "inputs", "outputs", "model", "fitted")
 _ENDINGS = re.compile(

@@ -18,7 +18,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from rotorid.errors import UsageError
 
 SCHEMA: Final = "rotorid.project/1"
+
 MOST_STEPS = 100
+"""Steps that a project may have."""
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")

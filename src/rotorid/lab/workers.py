@@ -24,11 +24,20 @@ from rotorid.io.children import end_session
 State: TypeAlias = Literal["waiting", "running", "done", "refused", "failed", "canceled"]
 
 MOST_RUNNING, MOST_WAITING = 2, 20
+"""Commands that run at once, and that wait."""
+
 MEMORY_BYTES = 4 << 30
+"""Memory that a command may have."""
+
 WALL_S = 3600.0
+"""Time after which a command is ended."""
+
 SAID_WHY: Final = 3
 """Code of a worker that could not go on, and has said why in its last line."""
+
 _MOST_OUTPUT = 64 << 20
+"""Largest standard output of a command."""
+
 _MOST_LINE = 1 << 16
 _END_S = 10.0
 

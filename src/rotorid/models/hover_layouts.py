@@ -50,8 +50,13 @@ GEOMETRY = ("m", "D", "l", "rho", "k_n")
 """What the model cannot tell and its user has to know."""
 
 _STRAIGHT = 1e-3
+"""A rotor whose axis is off by more is tilted."""
+
 _FLAT = 1e-3
+"""Height or distance, in arms, below which it is none."""
+
 _APART = 0.05
+"""Rotors nearer to each other, in arms and seen from above, are above one another."""
 
 
 def plain_mixer(layout: RotorLayout) -> FloatArray:

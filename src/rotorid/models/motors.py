@@ -249,15 +249,28 @@ def _lifts(held: Mapping[str, float], curve: Curve) -> bool:
 
 
 _TWO_SIDED = 1.96
+"""Standard deviations of a 95 % interval: what lies within it may be an error of the data."""
+
 _WEIGHT_TOLERANCE = 0.05
+"""How far the mean thrust of a flight may lie from the weight."""
+
 _THRUST_TO_WEIGHT = (1.2, 15.0)
+"""Thrust of all rotors at full output over the weight that is plausible."""
+
 _MERIT = (0.3, 0.9)
+"""Figures of merit that are plausible in hover."""
+
 _GYRATION = (0.05, 1.5)
+"""Inertia over mass by the mean square of the lever that is plausible."""
+
 _AIR_DENSITY_KG_M3 = 1.225
 _TERMS = ("c_0", "c_1", "c_2")
 _IDLE = 0.05
 """Share of full output below which a motor idles, on the ground or for a moment."""
+
 _FLOWN = (0.01, 0.99)
+"""Quantiles of the flown outputs between which the curve of thrust is judged."""
+
 _DENSE = 101
 _INERTIA = ("I_xx", "I_yy", "I_zz")
 

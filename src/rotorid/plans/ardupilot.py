@@ -46,7 +46,10 @@ _SID_AXIS: Mapping[tuple[Entry, Axis], int] = MappingProxyType(
 
 _RECOVERY = 3
 """From an input angle (1 to 3) to the same without feedforward (4 to 6)."""
+
 _AGREEMENT = 0.01
+"""Share of the amplitude by which the waveform of the firmware may differ from the planned samples."""
+
 _RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         "SID_F_START_HZ": (0.01, 100.0),

@@ -23,9 +23,16 @@ SHAPING_HZ = 30
 """Pole and zero of the filter that shapes the chirp. Equal ones take its effect away: all frequencies get the same."""
 
 _FREQUENCY_DECI_HZ = (1, 1000), (1, 10000)
+"""Lowest and highest setting of the first and of the last frequency, tenths of a hertz."""
+
 _TIME_S = (1, 255)
+"""Shortest and longest sweep."""
+
 _AMPLITUDE_DEG_S = (1, 500)
+"""Smallest and largest amplitude."""
+
 _ROUNDING = 0.05
+"""Share by which a whole number may differ from what was planned."""
 
 
 def betaflight_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:

@@ -28,6 +28,7 @@ _INTEGER, _REAL = 6, 9
 """Types of parameters, as QGroundControl's files number them."""
 
 _LEAST_SAMPLES = 10.0
+"""Set-points in a period of the highest frequency that are sent at least."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -73,8 +73,12 @@ _LIMITS: Mapping[str, str] = MappingProxyType(
     }
 )
 _TURN = 2.0 * math.pi
+
 _INFLATED = 1.05
+"""Factor on standard deviations from which it is said that a structure does not fit."""
+
 _MOST_NAMED = 6
+"""Parameters that are named; more are counted."""
 
 
 def kind_words(kind: Shape) -> str:

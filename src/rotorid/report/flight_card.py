@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 LEAST_BATTERY_PERCENT = 30
 LEAST_CELL_V = 3.5
+
 _SAMPLES_PER_PERIOD = 10.0
+"""Samples of the log in a period of the highest frequency that a plan needs."""
 
 _SHAPES: Mapping[Shape, str] = MappingProxyType(
     {

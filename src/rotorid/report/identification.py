@@ -190,8 +190,13 @@ def _inputs(pairs: Iterable[str]) -> list[str]:
 
 
 HIGH = 0.9
+"""Correlation beyond which two parameters are named."""
+
 _LEAST_DRAWN = 5
+"""Parameters from which correlations are drawn and not only said."""
+
 _MOST_TOLD = 8
+"""Pairs that are named; the others are counted."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

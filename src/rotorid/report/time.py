@@ -19,6 +19,7 @@ from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import Verdict, fit_verdict
 
 _FAR_SIGMAS = 3.0
+"""Standard deviations between the values of time and frequency from which they are marked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

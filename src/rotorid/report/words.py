@@ -38,7 +38,9 @@ FULL_OUTPUT = 0.99
 """From here on full output was flown."""
 
 _INERTIAS = {"I_xx": "p", "I_yy": "q", "I_zz": "r"}
+
 _POOR_PERCENT = 0.0
+"""Fit at which the motors explain nothing: the mean would do as well."""
 
 
 def motor_sentences(document: ResultDocument) -> tuple[str, ...]:
@@ -222,7 +224,9 @@ def _between(motors: MotorPhysics) -> str:
 
 _STILL_RAD_S = 1e-9
 """A pole this near to the origin is an integrator but for rounding."""
+
 _SURE_SIGMAS = 2.0
+"""Standard deviations by which a mode must grow to be said to grow."""
 
 _RATES = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "psi")}
 _HOVERING = {"roll": ("v", "phi"), "pitch": ("u", "theta")}

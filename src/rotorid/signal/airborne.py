@@ -26,14 +26,20 @@ _SHORTEST_EARLY_S = 5.0
 """Who raises the throttle and tips over is said to fly for seconds."""
 
 _WINDOW_S = 0.5
+"""Window over which the motion of sensors is taken."""
+
 _LIVELIER = 15.0
 """Sweeps in light gusts spread up to eleven times as much as the calm between them; rest on the ground, far less."""
 
 _QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
+"""Percentiles that stand for rest and for usual flight."""
+
 _RATES = ("p", "q", "r")
 _FORCES = ("ax", "ay", "az")
 _SENSORS = (*_FORCES, *_RATES)
+
 _HIGH_PERCENT = 99.0
+"""Percentile that stands for the highest thrust, without single peaks."""
 
 _MOVING_RAD_S = 0.1
 """Body rates, rms of half a second and without vibration, that a vehicle on the ground does not have."""
@@ -42,6 +48,8 @@ _MOVING_M_S2 = 0.5
 """The same for the size of the specific force against that of gravity, biases of sensors included."""
 
 _VIBRATION_S = 0.1
+"""Mean that takes vibration out of rates and forces."""
+
 _RUNNING_SHARE = 0.1
 """Motors run while they exceed this share of their usual output."""
 
@@ -49,6 +57,7 @@ _CARRYING_SHARE = 0.25
 """Share of the usual thrust that motors which idle on the ground do not reach."""
 
 _MOST_BELOW_ZERO = 0.05
+"""Share of the usual thrust by which a thrust may lie below zero; one that lies lower counts from hover."""
 
 
 @dataclass(frozen=True, kw_only=True)

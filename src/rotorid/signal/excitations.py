@@ -38,23 +38,55 @@ LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
 """Excitations smaller than this are taken for noise or for pilot corrections."""
 
 _ACTIVE_SHARE = 0.1
+"""Share of the largest motion above which a signal is active."""
+
 _TAIL_SHARE = 0.005
+"""Share above which an active stretch goes on."""
+
 _LONGEST_REST_S = 1.6
+"""Rests as long belong to the excitation."""
+
 _SHORTEST_S = 0.3
+"""What is shorter is no excitation."""
+
 _HYSTERESIS = 0.3
+"""Share of the level that a signal must pass to count as on the other side, against noise."""
+
 _TWO_LEVEL_SHARE = 0.7
+"""Share of the level from which samples count as at it, and share of the samples that must be."""
+
 _MOST_TRANSITIONS = 0.5
+"""Share of the samples that may be on the way between two levels."""
+
 _LEAST_VARIATION = 0.2
+"""Spread of half periods over their mean from which they are irregular, as those of a sine are not."""
+
 _HELD_SHARE = 0.9
+"""Share of the samples, without those on their way, that two levels must hold."""
+
 _LEAST_AT_LEVEL = 0.25
+"""Share of the samples at each of two levels."""
+
 _SHORTEST_RICH_S = 6.0
+"""Sweeps, random binary signals and multisines are longer."""
+
 _FEWEST_HALVES = 7
+"""Half periods that a sweep, a random binary signal or a multisine has at least."""
+
 _SHORTEST_PERIOD_S = 4.0
+"""Shorter periods are those of a sine and of steps, and make no multisine."""
 
 _MOSTLY = 0.95
+"""Share of a flight that was flown so from which all of it counts."""
+
 _MOSTLY_FLOWN = 0.5
+"""Share of a maneuver that must be in the air."""
+
 _FLIP_S = (0.5, 2.0)
+"""Times within which half a turn is a flip, the quick one and the slow one."""
+
 _MOST_OVER = 0.1
+"""Share of a long maneuver that flips may take; a crash at its end is less."""
 
 _SHORT_KINDS = ("doublet", "multistep", "other")
 
@@ -516,10 +548,19 @@ def _has_trend(halves: FloatArray) -> bool:
 
 
 _ALIKE = 0.95
+"""Correlation with itself from which a signal repeats."""
+
 _UNLIKE = 0.5
+"""Correlation below which a signal has left itself, before it can come back."""
+
 _LEAST_PERIODS = 1.9
+"""Periods that a record must hold to show that it repeats: nearly two."""
+
 _LEAST_LINE = 0.02
+"""Share of the largest line from which a line of a multisine counts."""
+
 _FEWEST_LINES = 3
+"""Lines that a multisine has at least."""
 
 
 def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float) -> float | None:

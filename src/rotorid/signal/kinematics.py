@@ -301,12 +301,25 @@ SCALE_TOLERANCE = 0.05
 Verdict: TypeAlias = Literal["consistent", "inconsistent", "uncertain"]
 
 _SURE = 3.0
+"""Standard deviations beyond which a scale or a lag is surely off."""
+
 _LARGEST_STD = 0.1
+"""Relative standard deviation of a scale beyond which there is no verdict."""
+
 _LARGEST_CANCELLATION = 10.0
+"""Size of the terms over that of their sum beyond which there is no verdict."""
+
 _REMARKED_CANCELLATION = 2.0
+"""The same beyond which it is remarked on."""
+
 _SAME_LAG_S = 5e-5
+"""Known lags that lie nearer are said as one."""
+
 _BLOCKS = 10
+
 _HIGHEST_DEFAULT_RAD_S = 60.0
+"""Highest frequency that is compared unless the user says otherwise."""
+
 _FASTEST_RAD = 1.0
 """Up to this phase per sample the derivative of a cubic spline is right within 0.6 %."""
 

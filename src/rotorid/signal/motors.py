@@ -41,9 +41,16 @@ Kind: TypeAlias = Literal["output", "thrust_demand", "speed"]
 wants, before it straightens the motor's curve; ``speed``: measured, rad/s."""
 
 _AT_LIMIT = 1e-3
+"""Distance from an end of the range of outputs that counts as at it."""
+
 _WORTH_SAYING = 1e-3
+"""Share of a flight at a limit that is remarked on; from ten times as much it is a warning."""
+
 _FASTER = 1.5
+"""Factor by which one rate must exceed another to count as the faster one."""
+
 _RELATED = 0.5
+"""Correlation of an axis of commands and motors below which the layout or the mixer is another one."""
 
 _PREFIX: dict[Kind, str] = {"output": "motor_", "thrust_demand": "motor_", "speed": "motor_speed_"}
 
@@ -399,7 +406,10 @@ EXPLAINED = 0.01
 """A reconstruction agrees when it leaves no more than this part of the variance of the logged outputs."""
 
 _SHIFTS = range(-3, 4)
+
 _FEWEST = 20
+"""Samples without which commands and motors are not compared."""
+
 _RESOLUTION = 1e-3
 """Outputs are logged in microseconds, a thousandth of their range."""
 

@@ -25,13 +25,29 @@ SAG = 0.05
 """Thrust goes about with the square of the voltage: a change by this share moves gains by a tenth."""
 
 _REMARKED_SHARE = 0.1
+"""Share of the limit for a warning from which time at a limit is remarked on."""
+
 _LEAST_MOTION = 0.05
+"""Share of the excited input from which another one counts as moved with it."""
+
 _HARD_LIMIT = 1e-6
+"""Distance from an end of the range that counts as at it."""
+
 _NORMALIZED = 1.5
+"""Above this, outputs are steps of a motor controller or microseconds, whose range is not known."""
+
 _EDGE = 2e-4
+"""Share of the range of a channel within which samples count as at its end."""
+
 _PILED = 3.0
+"""So many times more samples at an end than beside it make a limit."""
+
 _LEAST_PILE = 10
+"""Values at an end, each as long as it is held, that such a limit needs at least."""
+
 _FEW_LEVELS = 16.0
+"""Widths of an end that the range of a channel has at least; a coarser channel is not judged."""
+
 _MOTORS = tuple(f"motor_{number}" for number in range(1, MOTORS + 1))
 _SENSORS = ("p", "q", "r", "ax", "ay", "az")
 
@@ -168,6 +184,7 @@ def _limits(history: TimeHistory) -> Iterator[Finding]:
 
 
 _FEW_VALUES = 4
+"""A signal of so few values is switched between them on purpose."""
 
 
 def _is_input(name: str) -> bool:

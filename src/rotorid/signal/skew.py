@@ -27,11 +27,18 @@ _QUARTER_TURNS: Mapping[Relation, int] = {
     "integral": 3,
     "opposite derivative": 3,
 }
+
 _LONGEST_SKEW_S = 0.5
+"""Skews up to this are searched."""
+
 _WINDOW_SHARE = 0.25
+"""Share of a window up to which skews are searched, where that is less."""
+
 _GRID_STEP_RAD = 0.5
 _REFINEMENTS = 8
+
 _SURE = 3.0
+"""Standard deviations beyond which a skew of more than a sample is a warning."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,8 +29,13 @@ LARGEST_CREEP = 0.1
 """Up to this share of the step a response may still move in its last third and count as settled."""
 
 _JUMP = 0.5
+"""Share of the range of the command from which a change is a step."""
+
 _SHORTEST = 6
+"""Samples after a step without which its response is not read."""
+
 _SETTLING = 3
+"""The last of so many parts of a response is its end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,8 +260,13 @@ CHANNELS = ("velocity_down", "phi", "theta")
 """What the thrust follows from."""
 
 _WIDTH = 0.02
+"""Share of the range of thrust within which it counts as at its highest value."""
+
 _FLAT = 2.0 / 3.0
+"""A parabola stays near its top for half of the time that it stays within four times as far; a limit, longer."""
+
 _LEAST_STAY_S = 0.3
+"""A limit lasts as long."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -47,7 +47,9 @@ _EQUAL_CELLS = 115
 _WIDER = 1.03
 _EVALUATIONS = 80
 _JITTER = 1e-9
+
 _LEAST_POINTS = 8
+"""Frequencies without which there is no estimate."""
 
 # Logarithms of scale, of both rates of decay over that of the response, and of the weight of the slow part.
 _STARTS = ((0.0, math.log(0.5), math.log(0.05), math.log(1e-2)), (0.0, math.log(1.5), math.log(0.2), math.log(1e-3)))
@@ -55,13 +57,26 @@ _LOW = np.array([math.log(1e-4), math.log(0.05), math.log(1e-3), math.log(1e-7)]
 _HIGH = np.array([math.log(1e4), math.log(10.0), math.log(2.0), math.log(1e2)])
 
 _HALF_POWER = 10.0 ** (-3.0 / 20.0)
+
 _SETTLED = 0.05
+"""Distance from the end within which a step response is settled."""
+
 _PEAK_FROM = 0.2
+"""Share of the bandwidth above which a peak is looked for."""
+
 _LEAST_PEAK_DB = 0.3
+"""A lower peak is none."""
+
 _FINE = 400
+
 _BEYOND = 2.0
+"""Factor beyond the measured band up to which a bandwidth may lie."""
+
 _MOST_UNREACHED = 0.025
+"""Share of the draws that may have no such number: what one end of a 95 % interval leaves out."""
+
 _FLAT_FROM = 1.3
+"""Factor in frequency within half a decibel of -3 dB from which a -3 dB bandwidth says little."""
 
 _HELD_WIDER: Mapping[str, float] = MappingProxyType(
     {"bandwidth_3db_rad_s": 1.5, "bandwidth_90deg_rad_s": 1.5, "peak_db": 1.4, "overshoot_percent": 1.2}

@@ -227,6 +227,7 @@ def _require_single(response: FrequencyResponse) -> None:
 
 
 _LARGEST_INPUT_COHERENCE = 0.8
+"""Coherence of set-point and output up to which the two can be told apart."""
 
 
 def injected_loop(

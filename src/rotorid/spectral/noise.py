@@ -29,16 +29,29 @@ DEPENDENT = 1.92
 """Windows with Hann's taper and this overlap that count as one."""
 
 FEWEST_WINDOWS = 4
+"""Windows of a level without which its density is not known."""
+
 LEAST_HEIGHT_DB = 6.0
+"""Height above its surroundings from which a line is a peak."""
+
 HARMONICS = 3
+"""Multiples of the speed of a rotor that are looked for; the third is the passage of three blades."""
 
 _FLOOR_HZ = 60.0
 """Half width of the surroundings over whose median a line stands."""
+
 _FEWEST_BINS = 4
+"""Levels that make a line."""
+
 _STAYS, _MOVES = 0.25, 0.4
 """Parts of the movement to be expected of a rotor by which a line of the frame may, and one of a rotor must move."""
+
 _LEAST_LEVEL = 0.05
+"""Lowest level that counts for how far the line of a rotor is to move."""
+
 _JUMP = 0.08
+"""How far a line may lie from where it is expected at the next level."""
+
 _LONGEST_STEP = 1.5
 """Usual steps of a clock; a longer one is a gap."""
 
@@ -46,6 +59,7 @@ _DELAY_WINDOW_S = 1.0
 """Length of the windows by which a delay is measured."""
 
 _MOST_MISSES = 2
+"""Levels without it that end a line."""
 
 Maker = Literal["rotor", "frame", "unknown"]
 

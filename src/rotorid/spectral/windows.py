@@ -21,9 +21,17 @@ PERIODS_IN_WINDOW = 2.0
 """A window counts from the frequency of which it holds two periods."""
 
 WINDOWS = 5
+"""How many lengths there are, unless the longest is hardly longer than the shortest."""
+
 _SHORTEST_PERIODS = 20.0
+"""Periods of the highest frequency in the shortest window."""
+
 _RECORD_SHARE = 2.0
+"""So many of the longest window fit into the shortest record."""
+
 _TOTAL_SHARE = 5.0
+"""So many of the longest window fit into all records together."""
+
 _ENDING = ("sweep", "multisine")
 """Kinds of maneuvers that have a highest frequency."""
 

@@ -24,6 +24,7 @@ from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import shortest_horizon
 
 _GROWTHS = 1.0
+"""E-folds of an error within a record beyond which an unstable model is judged by its prediction ahead."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -35,10 +35,20 @@ HIGHEST_ORDER = 4
 """Orders beyond are those of a fit to noise or of a delay, for the vehicles and rates that this is made for."""
 
 _PIECES = 5
+"""Parts that few records are cut into, so that each is scored by a model that has not seen it."""
+
 _FEWEST_LOGS = 3
+"""From so many records on each is held out whole."""
+
 _SHORTEST_PIECE = 60
+"""Samples of such a part; half as many are the least."""
+
 _LAGS = 20
+"""Samples over which errors are compared with themselves."""
+
 _WORSE = 2
+"""So many last orders, all clearly behind the best, end the comparison."""
+
 _SEARCH = LevenbergMarquardt(iterations=60, tolerance=1e-7)
 """A fold begins where all records ended, and its score needs no more digits."""
 

@@ -16,12 +16,23 @@ from rotorid.verification.sampled import Sampled, bounded_states
 from rotorid.verification.scores import GOOD_FIT_PERCENT, nrmse_fit_percent, rms, theil_inequality
 
 HORIZONS_S = (0.5, 1.0)
+"""How far ahead is predicted by default, the shortest first."""
+
 _WINDOW_S = 0.3
+"""Measured time from which the state of each restart is estimated."""
+
 _LEAST_WINDOW = 12
+"""Samples of that window at least."""
+
 _LEAST_RESTARTS = 20
+"""Predictions that a score at the longest reach is made of at least."""
+
 _REWEIGHTED = 3
 _UNSEEN = 1e-6
+
 _CHANCE = 0.05
+"""Chance at which gusts alone pass the limit to the error before the maneuver."""
+
 _LOOK_AHEAD = 2.0
 """The time for which predictions hold is looked for up to this many times the longest horizon."""
 

@@ -15,6 +15,7 @@ GOOD_FIT_PERCENT = 50.0
 """An error half as large as the motion: for signals of one size the same as a Theil coefficient of 0.25."""
 
 GUIDELINES = 2
+"""Guidelines that a prediction can meet."""
 
 FOOT_M = 0.3048
 CIFER_UNITS: Mapping[str, float] = MappingProxyType(
@@ -30,6 +31,7 @@ CIFER_UNITS: Mapping[str, float] = MappingProxyType(
 """From SI to the units in which J_rms adds up: degrees and feet. A unit that is not listed counts as it is."""
 
 JRMS_GUIDELINE = (1.0, 2.0)
+"""Guideline of J_rms, before it is scaled by the size of the vehicle."""
 
 
 def nrmse_fit_percent(measured: FloatArray, predicted: FloatArray) -> float:

@@ -26,6 +26,8 @@ MOVED = 2.0
 """An output that moves this many times as much as before the maneuver was moved by it."""
 
 _QUIET_S = 0.5
+"""Time before a maneuver with which its motion is compared, at least."""
+
 _SETTLED_S = 0.8
 """The first motion of a record is what the maneuver before it left, and the filter's end; only the rest is quiet."""
 

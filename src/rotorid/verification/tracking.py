@@ -36,6 +36,8 @@ RATE_HZ = 50.0
 """Of the signals; the band ends well below half of it."""
 
 BAND_HZ = (0.5, 6.0)
+"""What of the prediction and of the rate is compared."""
+
 STEP_SHARE = 0.13
 """The change that is looked for, 15 % of inertia; larger ones are found sooner."""
 
@@ -43,23 +45,46 @@ LEAST_LEVEL = 0.15
 """Stick below which nothing is told."""
 
 THRESHOLD = math.log(2.0 * 3600.0 / 0.5)
+"""Of a cumulative sum: one false alarm an hour by the blocks of an hour, both directions counted."""
 
 BLOCK_S = 0.5
+"""Length of a block."""
+
 _BLOCK = round(BLOCK_S * RATE_HZ)
 _SETTLED = round(2.0 * RATE_HZ)
 _LAGUERRE, _LAGUERRE_RAD_S = 8, 12.0
 _RIDGE = 1e-3
 _WHITENING = 8
+
 _SHAPE_SHARE = 0.02
+"""Share of the prediction by which the model may err in shape, beside noise; it does not average out."""
+
 _CLIP = 3.0
+"""The most by which one block moves a cumulative sum."""
+
 _LEVEL_BLOCKS = 30
+"""Blocks over which the largest stick is looked for: 15 s."""
+
 _NOISE_BLOCKS = 40
+"""Blocks over which the noise is remembered: 20 s."""
+
 _NEW_GAIN_BLOCKS = 16
+"""Blocks that can tell over which the gain is measured anew after an alarm: 8 s."""
+
 _ROUGHER, _CALM_AGAIN = 2.0, 1.3
+"""Power of what is unexplained over that of the reference from which air is too rough, and below which it
+is trusted again."""
+
 _FOLLOW_S = 8.0
+"""Time constant with which the gain is followed."""
+
 _WIDER = 1.5
+
 _THRUST_UNKNOWN = 0.8
+"""Relative error of the gain by unit of the logarithm of thrust where the power of thrust is not known."""
+
 _LEAST_REFERENCE_S, _LEAST_AFTER_S = 30.0, 5.0
+"""Seconds of the reference at least, and of the flight after it."""
 
 Why: TypeAlias = Literal["", "reference", "stick", "air"]
 """Why a block cannot tell: it is part of the reference, the stick hardly moves, the air is rougher than then."""

@@ -118,6 +118,7 @@ good over a horizon in which errors have not grown yet. ``disturbed``: it is not
 worse than before the maneuver, so gusts are as likely a cause as the model."""
 
 _GROWTHS = 1.5
+"""E-folds of an error over the horizon of an unstable model: noise and gusts grow by less than five."""
 
 
 def shortest_horizon(growth_1_s: float) -> float:
