@@ -20,7 +20,7 @@ from rotorid.errors import ModelError
 from rotorid.models.compiled import Entries, Tape, tape
 from rotorid.models.equations import Symbols, check_delayed
 from rotorid.models.expression import Expression, is_symbol, parse_expression
-from rotorid.models.parameter import Parameter, ParameterSet, no_such
+from rotorid.models.parameter import Parameter, ParameterSet, changed_constants, no_such
 from rotorid.models.structure import LinearStructure, Row, silent_structure
 from rotorid.typing import FloatArray, IntArray
 
@@ -150,10 +150,7 @@ class NonlinearStructure(Immutable):
         ModelError
             There is no such constant, or a value is not finite.
         """
-        for name in constants:
-            if name not in self.constants:
-                raise no_such("constant", name, self.constants)
-        changed = {**self.constants, **constants}
+        changed = changed_constants(self.constants, constants)
         return replace(self, constants=changed, parameters=self.parameters.with_constants(changed))
 
     def select(self, outputs: Sequence[str]) -> NonlinearStructure:

@@ -215,6 +215,20 @@ def no_such(kind: str, name: str, known: Iterable[str]) -> ModelError:
     )
 
 
+def changed_constants(known: Mapping[str, float], changes: Mapping[str, float]) -> dict[str, float]:
+    """Constants of a structure, some with other values.
+
+    Raises
+    ------
+    ModelError
+        There is no such constant.
+    """
+    for name in changes:
+        if name not in known:
+            raise no_such("constant", name, known)
+    return {**known, **changes}
+
+
 def _in_order(names: tuple[str, ...], tied: Mapping[str, Expression]) -> list[str]:
     """The tied parameters, each after those it is tied to."""
     needed = {name: sorted(expression.names) for name, expression in tied.items()}

@@ -18,7 +18,7 @@ from rotorid.data.base import Immutable
 from rotorid.errors import ModelError
 from rotorid.models.compiled import Entries
 from rotorid.models.expression import Expression
-from rotorid.models.parameter import ParameterSet, no_such
+from rotorid.models.parameter import ParameterSet, changed_constants, no_such
 from rotorid.models.state_space import StateSpace
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -318,10 +318,7 @@ class LinearStructure(Immutable):
         ModelError
             There is no such constant, or a value is not finite.
         """
-        for name in constants:
-            if name not in self.constants:
-                raise no_such("constant", name, self.constants)
-        changed = {**self.constants, **constants}
+        changed = changed_constants(self.constants, constants)
         return replace(self, constants=changed, parameters=self.parameters.with_constants(changed))
 
     def select(self, outputs: Sequence[str] | None = None, inputs: Sequence[str] | None = None) -> LinearStructure:
