@@ -175,7 +175,7 @@ def test_record_shorter_than_two_windows(flight: Path, here: Path) -> None:
 
 
 def test_segment_outside_the_log_says_where_the_log_is(flight: Path, here: Path) -> None:
-    sentence = assert_one_sentence(rotorid("identify", flight, *ROLL, "--segment", "roll:500:600"), 1)
+    sentence = assert_one_sentence(rotorid("identify", flight, *ROLL, "--segment", "roll:500:600"), 2)
     assert "0.0 to 111.0 s of sweeps.csv" in sentence
     assert list(here.iterdir()) == []
 

@@ -27,7 +27,14 @@ from rotorid.pipeline.checking.unseen import fitted_logs, has_seen
 from rotorid.pipeline.cross_validation import common_horizon_s, fitted_band, score_flights
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, is_command
-from rotorid.pipeline.preparation.selection import RICH_KINDS, each_once, select_records, wholly_flown
+from rotorid.pipeline.preparation.selection import (
+    RICH_KINDS,
+    each_once,
+    require_inside,
+    require_reached,
+    select_records,
+    wholly_flown,
+)
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
 from rotorid.pipeline.settings import IdentifySettings, as_records, as_settings
@@ -143,7 +150,13 @@ def score_on_logs(
         Logs.
     settings
         Whose segments, shifts and hold count.
+
+    Raises
+    ------
+    UsageError
+        No given segment lies inside a log.
     """
+    require_inside(records, settings.segments)
     findings: list[Finding] = []
     flights: dict[str, list[Flight]] = {}
     for entry in entries:
@@ -182,6 +195,7 @@ def _scores_of_flights(
             _PROGRESS.info(f"{entry.label} on {record.source.name}")
             try:
                 assert equations is not None
+                require_reached(record, settings.segments)
                 flights = whole_flights([record], settings.segments)
                 checks, _ = verified_through(equations, equations.parameters, flights)
             except InsufficientDataError as error:
@@ -228,6 +242,7 @@ def _scores_of_motors(
         for record in records if known is not None else ():
             _PROGRESS.info(f"{entry.label} on {record.source.name}")
             try:
+                require_reached(record, settings.segments)
                 moved = predicted_by(known, record, settings.segments).moved if known else ()
             except InsufficientDataError as error:
                 findings.append(_not_scored(entry, record, error))
@@ -274,6 +289,7 @@ def _maneuvers(entry: Entry, record: FlightRecord, settings: IdentifySettings) -
     own = tuple(one for one in settings.segments if one.axis in axes or not commands)
     if settings.segments and not own:
         raise InsufficientDataError(f"no given segment is of {' or '.join(axes)}")
+    require_reached(record, own)
     if own or not commands:
         return list(select_records(structure, [record], replace(settings, segments=own)).selection.fitted)
     found = wholly_flown([Flight(record, m) for axis in axes for m in find_excitations(record, axis)])

@@ -29,7 +29,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.resolve import resolve_model
 from rotorid.pipeline.preparation.segments import require_channels, time_records
-from rotorid.pipeline.preparation.selection import each_once, select_records
+from rotorid.pipeline.preparation.selection import each_once, require_inside, require_reached, select_records
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import BestFold, CrossValidationSummary, FoldParameter, FoldSummary, SignalScore, finite
@@ -350,8 +350,10 @@ def _groups(
         _require_apart([m for _, m in fitted])
         return [_Group(name=f"{m.axis} {m.kind} at {m.start_s:.1f} s", flights=(Flight(r, m),)) for r, m in fitted], []
     groups, findings = [], []
+    require_inside(records, settings.segments)
     for name, record in zip(_names(records), records, strict=True):
         try:
+            require_reached(record, settings.segments)
             groups.append(_Group(name=name, flights=select_records(structure, [record], settings).selection.fitted))
         except InsufficientDataError as error:
             findings.append(_left_out(name, f"{name} takes no part in the cross-validation: {error.came}"))

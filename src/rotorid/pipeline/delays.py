@@ -19,7 +19,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
 from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
-from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight, never_flew
 from rotorid.pipeline.preparation.instruments import axes_of, find_instrument, is_command, is_free
 from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.preparation.segments import cut, histories, other_sources
@@ -179,17 +179,21 @@ def delay(
     pairs = _pairs(records, input, output)
     found: dict[str, PairDelay] = {}
     refusals: list[Finding] = []
+    errors: list[InsufficientDataError] = []
     for source, answer in pairs:
         try:
             found[f"{answer}/{source}"] = _pair(records, source, answer, settings)
         except InsufficientDataError as error:
             if input is not None:
                 raise
+            errors.append(error)
             refusals.append(_refusal(error, source, answer))
     # A number that tells no delay is none, beside others that do too.
     for name in [name for name, pair in found.items() if pair.recommended.unseen]:
         pair = found.pop(name)
         refusals += [replace(f, severity="error") if f.kind == "no_delay" else f for f in pair.findings]
+    if len(errors) == len(pairs) and all(map(never_flew, errors)):
+        raise errors[0]
     if not found:
         raise InsufficientDataError(
             "no pair of channels shows a delay",

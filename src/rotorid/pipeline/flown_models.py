@@ -46,6 +46,7 @@ from rotorid.pipeline.fits.time import growth, piece_s, posed_in_pieces
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.resolve import answers_setpoints
 from rotorid.pipeline.preparation.segments import holds, time_records
+from rotorid.pipeline.preparation.selection import require_inside, require_reached
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, bounds_of, parameter_estimates
 from rotorid.pipeline.settings import FlySettings, IdentifySettings, as_records, as_settings
@@ -196,10 +197,12 @@ def fly_log(
     stretches: list[FlownStretch] = []
     findings = [*(finding for record in logs for finding in record.findings), *joined]
     flights: list[Flight] = []
+    require_inside(logs, settings.segments)
     for record in logs:
         name = record.source.name
         _PROGRESS.info(f"flying {model.name} through {name}")
         try:
+            require_reached(record, settings.segments)
             found, told = fly(model, record, settings)
         except InsufficientDataError as error:
             findings += [*error.findings, warn("not_verified", name, f"{name} was not flown: {error}")]

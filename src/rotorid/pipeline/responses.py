@@ -34,6 +34,7 @@ from rotorid.pipeline.preparation.selection import (
     described,
     each_once,
     excited_pairs,
+    given_flights,
     of_axes,
     whole_flights,
     whole_record,
@@ -107,7 +108,9 @@ def choose(
     Raises
     ------
     InsufficientDataError
-        A given segment lies outside of every record, or no record has a flight.
+        No record has a flight.
+    UsageError
+        No given segment lies inside a record, or one is of another axis.
     """
     each_once(records)
     axes = axes_of(inputs, outputs)
@@ -123,18 +126,8 @@ def choose(
 def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flight]:
     if not settings.segments:
         return []
-    segments = of_axes(settings.segments, axes)
-    flown = [Flight(record, described(record, m)) for record in records for m in segments if Flight(record, m).inside]
-    if not flown:
-        spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
-        message = f"No given segment lies inside {spans}."
-        raise InsufficientDataError(
-            "no given segment lies inside the records",
-            needed=f"a segment of {' or '.join(axes)} within {spans}",
-            remedy="see the excitations that rotorid inspect finds",
-            findings=[refusal("no_excitation", ", ".join(axes), message)],
-        )
-    return flown
+    flown = given_flights(records, of_axes(settings.segments, axes))
+    return [Flight(record, described(record, m)) for record, m in flown]
 
 
 def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:

@@ -29,10 +29,10 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.controller import stepped
 from rotorid.pipeline.checking.candidate import Controllers, GivenController, no_controller, other_controller
 from rotorid.pipeline.joined_models import HALVES
+from rotorid.pipeline.preparation.flights import longest_flight
 from rotorid.pipeline.preparation.segments import built, with_ingredients
 from rotorid.pipeline.provenance import Provenance, hashes, logged
 from rotorid.pipeline.results import IdentifiedModel, bounds_of
-from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import resample
 from rotorid.simulation.stitched import (
     FORCES,
@@ -541,7 +541,7 @@ def _unflown(record: FlightRecord, finding: Finding) -> InsufficientDataError:
 
 def _history(record: FlightRecord, flying: Controllers) -> TimeHistory:
     """The longest stretch in the air, with all that the simulation takes and is judged on."""
-    start_s, stop_s = airborne(record).longest
+    start_s, stop_s = longest_flight(record, or_whole=False)
     if stop_s - start_s < _SHORTEST_S:
         raise InsufficientDataError(
             f"{record.source.name} flies for {stop_s - start_s:.1f} s", needed=f"{_SHORTEST_S:g} s in the air"

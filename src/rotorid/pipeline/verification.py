@@ -21,7 +21,7 @@ from rotorid.pipeline.preparation.coverage import covered_by, trim_of
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of
 from rotorid.pipeline.preparation.segments import cut
-from rotorid.pipeline.preparation.selection import each_once
+from rotorid.pipeline.preparation.selection import each_once, require_inside, require_reached
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, Verifications
 from rotorid.pipeline.settings import VerifySettings, as_records, as_settings
@@ -102,6 +102,7 @@ def verify(
     settings, records = as_settings(VerifySettings, settings, options), as_records(records)
     candidate = chosen(model, settings)
     each_once(records)
+    require_inside(records, settings.segments)
     if candidate.motors is not None:
         return _verify_motors(candidate, candidate.motors, records, settings)
     if candidate.nonlinear is not None:
@@ -141,6 +142,7 @@ def _verify_motors(
     flights: list[Flight] = []
     for record in records:
         try:
+            require_reached(record, settings.segments)
             found = predicted_by(known, record, settings.segments)
         except InsufficientDataError as error:
             name = record.source.name
@@ -181,6 +183,7 @@ def _verify_nonlinear(
     judged: list[Flight] = []
     for record in records:
         try:
+            require_reached(record, settings.segments)
             flights = whole_flights([record], settings.segments)
             found, told = verified_through(equations, equations.parameters, flights)
         except InsufficientDataError as error:

@@ -52,7 +52,7 @@ def test_quiet_says_nothing(flight: Path, tmp_path: Path) -> None:
         (("--input", "roll_comand", "--output", "p"), 2, "did you mean roll_command"),
         ((*PAIR, "--instrument", "roll_excitatoin"), 2, "did you mean roll_excitation"),
         ((*PAIR, "--segment", "roll:9:5"), 2, "AXIS:START:STOP"),
-        ((*PAIR, "--segment", "roll:900:990"), 1, "no given segment"),
+        ((*PAIR, "--segment", "roll:900:990"), 2, "inside no log"),
         (("--input", "roll_command", "--output", "motor_1"), 1, "motor_1"),
     ],
     ids=["alone", "slip", "instrument", "backward", "outside", "no channel"],

@@ -68,7 +68,10 @@ def test_quiet_says_nothing(result: Path, flight: Path, tmp_path: Path) -> None:
 
 
 def test_a_log_that_cannot_judge_ends_with_one_and_its_findings(result: Path, flight: Path, tmp_path: Path) -> None:
-    ran = rotorid("verify", result, flight, "--segment", "roll:900:950", "--out", tmp_path / "none", "--json")
+    log = tmp_path / "half.csv"
+    lines = flight.read_text().splitlines()
+    log.write_text("\n".join(line.split(",")[0] + "," + line.split(",")[1] for line in lines[:8000]))
+    ran = rotorid("verify", result, log, "--out", tmp_path / "none", "--json")
     assert ran.code == 1
     assert {finding["kind"] for finding in json.loads(ran.out)["findings"]} == {"not_verified"}
     assert not (tmp_path / "none").exists()
@@ -88,7 +91,13 @@ def test_gains_come_from_a_file(result: Path, flight: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     "options",
-    [("--low-pass", "much"), ("--scale", "-2"), ("--segment", "roll:9:3"), ("--band", "60:1")],
+    [
+        ("--low-pass", "much"),
+        ("--scale", "-2"),
+        ("--segment", "roll:9:3"),
+        ("--segment", "roll:900:950"),
+        ("--band", "60:1"),
+    ],
     ids=lambda options: options[0],
 )
 def test_wrong_use_ends_with_two(options: tuple[str, str], result: Path, flight: Path, tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def test_a_segment_of_another_axis_is_not_left_out_silently() -> None:
 
 def test_a_segment_beyond_the_log_is_refused_with_the_span_of_the_log() -> None:
     settings = IdentifySettings(segments=(parse_segment("roll:500:600"),))
-    with pytest.raises(InsufficientDataError, match=r"0\.0 to 100\.0 s of flight\.csv"):
+    with pytest.raises(UsageError, match=r"0\.0 to 100\.0 s of flight\.csv"):
         select_maneuvers([record(SWEEP)], ["roll"], settings)
 
 

@@ -153,6 +153,6 @@ def test_to_score_a_model_one_moving_input_will_do() -> None:
 def test_a_log_of_one_sample_is_too_short(segments: tuple[Maneuver, ...]) -> None:
     (topic,) = (record := flight(samples=500)).topics
     one = replace(record, topics=(replace(topic, time_s=topic.time_s[:1], values=topic.values[:, :1]),))
-    with pytest.raises(InsufficientDataError, match="holds one sample") as refused:
+    with pytest.raises(InsufficientDataError, match="one moment") as refused:
         select_records(SECOND, [one], IdentifySettings(segments=segments))
     assert [finding.kind for finding in refused.value.findings] == ["record_too_short"]

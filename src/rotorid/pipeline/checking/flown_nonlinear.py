@@ -14,15 +14,15 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight, longest_flight
 from rotorid.pipeline.preparation.segments import TimeRecords, absolute_records, holds
+from rotorid.pipeline.preparation.selection import given_flights
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.signal.airborne import airborne
 from rotorid.simulation.nonlinear import Scheme
 from rotorid.typing import FloatArray
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
@@ -43,23 +43,12 @@ def whole_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver])
         A log never flew.
     """
     if segments:
-        given = tuple(Flight(record, one) for record in records for one in segments if Flight(record, one).inside)
-        if not given:
-            spans = ", ".join(f"{one.start_s:.1f} to {one.stop_s:.1f} s of {one.source.name}" for one in records)
-            raise UsageError("no given segment lies inside the records", needed=f"segments within {spans}")
-        return given
-    return tuple(Flight(record, _flight(record)) for record in records)
+        return given_flights(records, segments)
+    return tuple(Flight(record, _whole(record)) for record in records)
 
 
-def _flight(record: FlightRecord) -> Maneuver:
-    """The longest flight, and the whole log where nothing tells when it flew."""
-    try:
-        found = airborne(record)
-        start_s, stop_s = found.longest if found.by_thrust else (record.start_s, record.stop_s)
-    except InsufficientDataError as error:
-        if any(finding.kind == "never_airborne" for finding in error.findings):
-            raise
-        start_s, stop_s = record.start_s, record.stop_s
+def _whole(record: FlightRecord) -> Maneuver:
+    start_s, stop_s = longest_flight(record, guessed=False)
     return Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
 
 

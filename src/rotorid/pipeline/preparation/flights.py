@@ -7,7 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.findings import refusal
 from rotorid.data.record import Channel, FlightRecord, Maneuver, TimeHistory
+from rotorid.errors import InsufficientDataError
+from rotorid.signal.airborne import airborne
 from rotorid.signal.kinematics import ATTITUDE, EARTH_VELOCITIES, VELOCITIES, to_body
 from rotorid.typing import Axis, FloatArray
 
@@ -100,3 +103,50 @@ class Flight(NamedTuple):
 def overlap(one: Maneuver, other: Maneuver) -> bool:
     """Whether two intervals of one log have a part in common."""
     return one.start_s < other.stop_s and other.start_s < one.stop_s
+
+
+def longest_flight(record: FlightRecord, *, or_whole: bool = True, guessed: bool = True) -> tuple[float, float]:
+    """Start and stop of the longest stretch in the air.
+
+    Parameters
+    ----------
+    record
+        The log.
+    or_whole
+        Whether the whole log stands in where nothing in it tells take-off and landing, as in records that were cut for
+        identification.
+    guessed
+        Whether the activity of sensors tells them, which mistakes rest in the air for the ground.
+
+    Raises
+    ------
+    InsufficientDataError
+        The log tells that the vehicle never flew, or tells nothing and may not be taken whole, or holds one sample.
+    """
+    try:
+        found = airborne(record)
+    except InsufficientDataError as error:
+        if not or_whole or never_flew(error):
+            raise
+        require_duration(record)
+        return record.start_s, record.stop_s
+    return found.longest if guessed or found.by_thrust else (record.start_s, record.stop_s)
+
+
+def require_duration(record: FlightRecord) -> None:
+    """Refuse a log that holds samples of one moment only."""
+    if record.start_s < record.stop_s:
+        return
+    name = record.source.name
+    message = f"{name} holds samples of one moment only"
+    raise InsufficientDataError(
+        message,
+        needed="a flight of some seconds",
+        remedy="give another log, or check how it was written",
+        findings=[refusal("record_too_short", name, f"{message}.")],
+    )
+
+
+def never_flew(error: InsufficientDataError) -> bool:
+    """Whether a log was refused because it tells that its vehicle never flew."""
+    return any(finding.kind == "never_airborne" for finding in error.findings)

@@ -21,12 +21,11 @@ from rotorid.fitting.motors.fit import LEAST_SAMPLES
 from rotorid.io.advice import logging_advice
 from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
 from rotorid.pipeline.preparation.differentiated import from_angles
-from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight, longest_flight
 from rotorid.pipeline.preparation.instruments import while_flying
 from rotorid.pipeline.preparation.segments import built
-from rotorid.pipeline.preparation.selection import described, each_once
+from rotorid.pipeline.preparation.selection import described, each_once, require_inside
 from rotorid.pipeline.settings import MotorChoices, chosen_layout
-from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.clock import interpolated, resample
 from rotorid.signal.excitations import find_excitations
@@ -334,9 +333,10 @@ def motor_data(
     InsufficientDataError
         A log tells no motors, no rotors, or no motion.
     UsageError
-        Logs are of different vehicles, or of motors of different kind.
+        Logs are of different vehicles, or of motors of different kind, or no given segment lies inside one.
     """
     each_once(records)
+    require_inside(records, choices.segments)
     differentiated: list[Finding] = []
     if choices.method == "accelerations":
         made = [from_angles(record, choices.outputs) for record in records]
@@ -410,28 +410,15 @@ def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayo
 def _stretches(record: FlightRecord, choices: MotorChoices) -> tuple[list[Maneuver], list[Finding]]:
     """What was given; else excitations, joined where they follow each other; else the flight."""
     if choices.segments:
-        given = [described(record, one) for one in choices.segments if Flight(record, one).inside]
-        if not given:
-            span = f"{record.start_s:.1f} to {record.stop_s:.1f} s of {record.source.name}"
-            raise UsageError("no given segment lies inside the record", needed=f"segments within {span}")
-        return given, []
+        return [described(record, one) for one in choices.segments if Flight(record, one).inside], []
     moved = [one for axis in _AXES for one in find_excitations(record, axis) if one.kind in _TELLING]
     if moved:
         flown, remarks = while_flying([Flight(record, one) for one in _joined(moved)])
         return [one for _, one in flown], remarks
-    start_s, stop_s = _flight(record)
+    start_s, stop_s = longest_flight(record)
     whole = Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
     message = f"No excitation stands out in {record.source.name}; its flight was used, {start_s:.1f} to {stop_s:.1f} s."
     return [whole], [remark("no_excitation", record.source.name, message)]
-
-
-def _flight(record: FlightRecord) -> tuple[float, float]:
-    try:
-        return airborne(record).longest
-    except InsufficientDataError as error:
-        if any(finding.kind == "never_airborne" for finding in error.findings):
-            raise
-        return record.start_s, record.stop_s
 
 
 def _joined(moved: Sequence[Maneuver]) -> list[Maneuver]:

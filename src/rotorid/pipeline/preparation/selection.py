@@ -17,7 +17,7 @@ from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.preparation.flights import Flight, overlap
+from rotorid.pipeline.preparation.flights import Flight, longest_flight, overlap, require_duration
 from rotorid.pipeline.preparation.instruments import (
     axes_of,
     find_instrument,
@@ -26,7 +26,6 @@ from rotorid.pipeline.preparation.instruments import (
     is_injection,
 )
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
-from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import (
     LEAST_MOTION,
@@ -80,7 +79,7 @@ def select_maneuvers(
     InsufficientDataError
         Nothing rich enough was flown on these axes.
     UsageError
-        No record came, or the same one twice.
+        No record came, the same one twice, or no given segment lies inside one.
     """
     each_once(records)
     # Without its command a log tells nothing of an axis that others tell of.
@@ -93,11 +92,10 @@ def select_maneuvers(
         for m in find_excitations(record, axis)
     ]
     if settings.segments:
-        given = of_axes(settings.segments, axes)
         fitted = [
-            flight
-            for flight in _described_inside(records, given)
-            if flight.axis not in told or f"{flight.axis}_command" in flight.record.channel_names
+            Flight(record, described(record, m))
+            for record, m in given_flights(records, of_axes(settings.segments, axes))
+            if m.axis not in told or f"{m.axis}_command" in record.channel_names
         ]
     else:
         fitted = [
@@ -108,7 +106,7 @@ def select_maneuvers(
     if not fitted and whole and not settings.segments:
         fitted = whole_flights(records, axes)
     if not fitted:
-        raise _nothing_flown(records, axes, [m for _, m in found], settings)
+        raise _nothing_flown(records, axes, [m for _, m in found])
     unseen = [
         Flight(record, m)
         for record, m in found
@@ -149,7 +147,7 @@ def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list
     """The airborne part of each record, where nothing in it stands out as an excitation."""
     flights = []
     for record in records:
-        start_s, stop_s = airborne(record).longest
+        start_s, stop_s = longest_flight(record, or_whole=False)
         flights.append(
             Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
         )
@@ -181,10 +179,49 @@ def each_once(records: Sequence[FlightRecord]) -> None:
         seen[record.source.sha256] = name
 
 
-def _described_inside(records: Sequence[FlightRecord], given: Sequence[Maneuver]) -> list[Flight]:
-    """Given segments in every record that they reach into."""
-    every = (Flight(record, maneuver) for record in records for maneuver in given)
-    return [Flight(flight.record, described(*flight)) for flight in every if flight.inside]
+def given_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flight, ...]:
+    """Given segments in every log that they reach into.
+
+    Raises
+    ------
+    UsageError
+        They reach into none.
+    """
+    flights = tuple(flight for record in records for one in segments if (flight := Flight(record, one)).inside)
+    if not flights:
+        given = " and ".join(f"{one.axis}:{one.start_s:.10g}:{one.stop_s:.10g}" for one in segments)
+        came = f"the segment {given} lies" if len(segments) == 1 else f"the segments {given} lie"
+        spans = ", ".join(f"{one.start_s:.1f} to {one.stop_s:.1f} s of {one.source.name}" for one in records)
+        raise UsageError(
+            f"{came} inside no log",
+            needed=f"a segment within {spans}",
+            remedy="see the excitations that rotorid inspect finds",
+        )
+    return flights
+
+
+def require_inside(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> None:
+    """Refuse segments of which none lies inside a log, before the logs are looked at one by one.
+
+    Raises
+    ------
+    UsageError
+        Segments were given and reach into no log.
+    """
+    if records and segments:
+        given_flights(records, segments)
+
+
+def require_reached(record: FlightRecord, segments: Sequence[Maneuver]) -> None:
+    """Refuse one of several logs into which no given segment reaches: it takes no part, and the others may.
+
+    Raises
+    ------
+    InsufficientDataError
+        Segments were given, and none lies inside this log.
+    """
+    if segments and not any(Flight(record, one).inside for one in segments):
+        raise InsufficientDataError("it holds no given segment")
 
 
 def described(record: FlightRecord, given: Maneuver) -> Maneuver:
@@ -200,7 +237,7 @@ def described(record: FlightRecord, given: Maneuver) -> Maneuver:
 
 
 def _nothing_flown(
-    records: Sequence[FlightRecord], axes: Sequence[Axis], found: Sequence[Maneuver], settings: IdentifySettings
+    records: Sequence[FlightRecord], axes: Sequence[Axis], found: Sequence[Maneuver]
 ) -> InsufficientDataError:
     names, wanted = ", ".join(record.source.name for record in records), " or ".join(axes)
     needed = "a sweep, a multisine or a random binary signal of some 20 s and more"
@@ -209,11 +246,7 @@ def _nothing_flown(
         # What helps there is nobody's test input: turns, pulses and steps of ordinary driving or flying.
         needed = f"some 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps in turns"
         remedy = "name such an interval with --segment"
-    if settings.segments:
-        came = f"no given segment of {wanted} lies inside {names}"
-        spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
-        needed, remedy = f"a segment of {wanted} within {spans}", "see the excitations that rotorid inspect finds"
-    elif found:
+    if found:
         kinds = ", ".join(f"{m.kind} at {m.start_s:.1f} s" for m in found[:4])
         came = f"{names} holds only short {wanted} maneuvers ({kinds})"
     else:
@@ -252,45 +285,25 @@ def select_records(
     InsufficientDataError
         Nothing was flown that shows the model, or a record holds one sample.
     UsageError
-        No record came, or the same one twice.
+        No record came, the same one twice, or no given segment lies inside one.
     """
     axes = axes_of(structure.inputs, structure.outputs)
     commands = all(is_command(name) for name in structure.inputs)
     if not in_time:
         return TimeSelection(select_maneuvers(records, axes, settings, whole=not commands))
     for record in records:
-        _require_duration(record)
+        require_duration(record)
     if commands:
         return TimeSelection(select_maneuvers(records, axes, settings))
     each_once(records)
     if settings.segments:
-        return TimeSelection(Selection(fitted=_given_records(records, settings.segments), unseen=()))
+        given = tuple(Flight(r, described(r, m)) for r, m in given_flights(records, settings.segments))
+        return TimeSelection(Selection(fitted=given, unseen=()))
     selected = _of_setpoints(structure.inputs, records)
     if selected is not None:
         return TimeSelection(selected)
     whole = [whole_record(record, axes) for record in records]
     return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(*item) for item in whole))
-
-
-def _require_duration(record: FlightRecord) -> None:
-    if record.start_s < record.stop_s:
-        return
-    name = record.source.name
-    message = f"{name} holds one sample"
-    raise InsufficientDataError(
-        message,
-        needed="a flight of some seconds",
-        remedy="give another log",
-        findings=[refusal("record_too_short", name, f"{message}.")],
-    )
-
-
-def _given_records(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flight, ...]:
-    flights = tuple(_described_inside(records, segments))
-    if not flights:
-        spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
-        raise UsageError("no given segment lies inside the records", needed=f"segments within {spans}")
-    return flights
 
 
 def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Selection | None:
@@ -344,15 +357,9 @@ def whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
     Raises
     ------
     InsufficientDataError
-        It never flew.
+        It never flew, or holds one sample.
     """
-    try:
-        start_s, stop_s = airborne(record).longest
-    except InsufficientDataError as error:
-        if any(finding.kind == "never_airborne" for finding in error.findings):
-            raise
-        # Nothing in the log tells take-off and landing, as in records that were cut for identification.
-        start_s, stop_s = record.start_s, record.stop_s
+    start_s, stop_s = longest_flight(record)
     return Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
 
 
@@ -428,11 +435,14 @@ def chosen_maneuvers(
     Raises
     ------
     InsufficientDataError
-        No given segment lies inside a record.
+        Nothing stands out in a record, and it tells that the vehicle never flew, or holds one sample.
+    UsageError
+        No given segment lies inside a record, or one is of another axis.
     """
     axes = axes_of((input,), (output,))
     if settings.segments:
-        return _given_delays(records, axes, settings), ()
+        given = given_flights(records, of_axes(settings.segments, axes))
+        return tuple(Flight(record, described(record, m)) for record, m in given), ()
     parts = [_of_record(record, axes, input) for record in records]
     return tuple(item for flights, _ in parts for item in flights), tuple(f for _, findings in parts for f in findings)
 
@@ -443,50 +453,12 @@ def _of_record(record: FlightRecord, axes: Sequence[Axis], input: str) -> tuple[
     likely = rich or [Flight(record, m) for axis in axes for m in candidate_excitations(record, axis)]
     if likely:
         return likely, []
-    whole = _whole_for_delay(record, axes)
-    return whole, [_delay_read_whole(record, maneuver, input) for _, maneuver in whole]
+    whole = whole_record(record, axes)
+    return [whole], [_delay_read_whole(record, whole.maneuver, input)]
 
 
 def _is_rich(maneuver: Maneuver) -> bool:
     return maneuver.kind in RICH_KINDS or maneuver.origin == "given"
-
-
-def _given_delays(
-    records: Sequence[FlightRecord], axes: Sequence[Axis], settings: MeasureSettings
-) -> tuple[Flight, ...]:
-    segments = of_axes(settings.segments, axes)
-    flights = tuple(_described_inside(records, segments))
-    if flights:
-        return flights
-    spans = ", ".join(f"{r.start_s:.1f} to {r.stop_s:.1f} s of {r.source.name}" for r in records)
-    message = f"No given segment lies inside {spans}."
-    raise InsufficientDataError(
-        "no given segment lies inside the records",
-        needed=f"a segment of {' or '.join(axes)} within {spans}",
-        remedy="see the excitations that rotorid inspect finds",
-        findings=[refusal("no_excitation", ", ".join(axes), message)],
-    )
-
-
-def _whole_for_delay(record: FlightRecord, axes: Sequence[Axis]) -> list[Flight]:
-    try:
-        return whole_flights([record], axes)
-    except InsufficientDataError:
-        # Nothing in the log tells take-off and landing.
-        start_s, stop_s = record.start_s, record.stop_s
-        if stop_s <= start_s:
-            raise _one_sample(record) from None
-        return [Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))]
-
-
-def _one_sample(record: FlightRecord) -> InsufficientDataError:
-    message = f"{record.source.name} holds samples of one moment only"
-    return InsufficientDataError(
-        message,
-        needed="a record of some seconds",
-        remedy="check how it was written",
-        findings=[refusal("no_delay", record.source.name, f"{message}.")],
-    )
 
 
 def _delay_read_whole(record: FlightRecord, maneuver: Maneuver, input: str) -> Finding:
