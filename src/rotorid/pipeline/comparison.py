@@ -1,8 +1,8 @@
-"""Put models and methods side by side: what each says of itself, and how each does on the same logs.
+"""Models and methods side by side: what each says of itself, and how each does on the same logs.
 
-Results of ``identify`` that are to be compared: their documents, and their models with values.
-
-Every model on the same maneuvers, by the same rules: the honest part of a comparison.
+What results say of themselves stands on different data and rules and does not compare. So every model is scored on the
+same logs by the same rules, within one band and over one horizon, with all parameters held (:func:`score_on_logs`).
+Means are taken over the maneuvers that no model has seen, where there are any.
 """
 
 from __future__ import annotations

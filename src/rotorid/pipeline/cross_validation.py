@@ -1,8 +1,8 @@
-"""Cross-validate a model with the method of a run: identify on some logs, score on the others.
+"""Cross-validation: identify on some logs, score on the others, each in its turn, with the method of the run.
 
-An identification with its cross-validation, by the same model, method and choices.
-
-Score identified models on maneuvers, every parameter frozen: the same data and the same rules for any method.
+Every fold goes through the whole identification anew (:func:`cross_validate`). Scores are those of a model with all
+parameters held (:func:`score_flights`), by the same data and the same rules for any method, so that they serve
+:mod:`rotorid.pipeline.comparison` too. :func:`cross_validated` adds the scores to an identified model.
 """
 
 from __future__ import annotations
@@ -427,7 +427,7 @@ def cross_validated(
     kind: Kind,
     settings: IdentifySettings,
 ) -> IdentifiedModel:
-    """The same identification with a cross-validation in its document.
+    """The identified model with its cross-validation.
 
     Parameters
     ----------

@@ -1,6 +1,9 @@
-"""A model that is to be judged: its structure, its values, and where it holds.
+"""A model to be judged, and the controllers under which it is flown.
 
-The controllers that flew, from the gains in a log or a file, and whether they are the ones that flew.
+A :class:`Candidate` holds structure, values, the fitted band, and where its outputs stood in the logs; it comes from a
+fit that has just ended, from an identified model, or from the files of a result. :class:`Controllers` knows the rate
+controllers of a log from its parameters or from a file of the user, and how closely they explain the logged commands:
+gains that do not are not those that flew.
 """
 
 from __future__ import annotations

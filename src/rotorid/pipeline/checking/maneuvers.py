@@ -1,10 +1,10 @@
-"""Unseen maneuvers of one log, predicted in the time domain and judged.
+"""Unseen maneuvers of one log, predicted in the time domain and in closed loop, and judged.
 
-Known filters of the autopilot between the sensor that a model was fitted to and the one that it is judged on.
-
-One unseen maneuver in closed loop.
-
-Which outputs of an unseen maneuver tell about a model: those that it moved.
+A model is judged on the sensor of this log, which may stand behind other filters than the one it was fitted to: its
+outputs are made as late as the known filters of the autopilot make them (:func:`with_known_delays`,
+:func:`with_known_filters`). Each maneuver is predicted in open loop and, where the controller of the log is known and
+explains the command, flown in closed loop (:func:`fly_maneuver`). Only outputs that the maneuver moved are scored
+(:func:`excited_outputs`): what does not move shows noise, and says nothing about the model.
 """
 
 from __future__ import annotations

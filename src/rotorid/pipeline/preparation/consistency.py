@@ -1,6 +1,9 @@
-"""Whether the sensors and clocks of a log agree with each other, over the stretches that matter.
+"""Whether the sensors and clocks of a log agree with each other, and remarks on the data of its maneuvers.
 
-Remarks on the data of the maneuvers that are used: saturation, other inputs, the battery, sensors and clocks.
+Rates and specific force are compared with the attitude and the velocities of the log, topics that hold the same channel
+with each other, and outputs with their commands and motors (:func:`check_consistency`), over the longest maneuver of
+each axis, or the middle of the flight. What known filters explain is no error. :func:`data_quality` joins that with
+what else limits the trust in a maneuver: saturation, inputs that move together, the battery.
 """
 
 from __future__ import annotations

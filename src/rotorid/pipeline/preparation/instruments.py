@@ -1,6 +1,7 @@
-"""Which channels excite the inputs of a model and contain no feedback.
+"""Instruments: the channels that excite the inputs of a model and contain no feedback.
 
-Maneuvers as far as they fly.
+An instrument is what a joint input–output estimate needs in closed loop: an injected test signal, a stick, or a
+set-point that no outer loop moves. Maneuvers count as far as the vehicle was in the air (:func:`while_flying`).
 """
 
 from __future__ import annotations

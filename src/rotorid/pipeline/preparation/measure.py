@@ -1,8 +1,9 @@
 """From selected maneuvers to frequency responses: windows, grid, joint and direct estimates.
 
-Known filters of the autopilot, taken off measured responses.
-
-Remarks on feedback in the input.
+Logs that hold different channels are estimated apart and joined. Where every input has an instrument the estimate is
+the joint input–output one, which feedback does not bias, with the direct one beside it; :func:`feedback_bias` says how
+far the two differ. Known filters of the autopilot in front of an output can be taken off the measured response
+(:func:`without_known_filters`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""From logs to records of motors: the best source of the outputs, the rotors, stretches that moved, one clock.
+"""From logs to records of motors: outputs, rates and specific force on one clock, over the stretches that moved.
 
-A stretch of a log on one clock: motors as they were told, motion as it was measured, filters as they are known.
-
-Thrust by the voltage of the battery: whether it follows it, and at which voltage it is told.
+The motors come from the best source that a log has (measured speeds, logged outputs, or commands through the mixer),
+the rotors from its parameters or from the user. Filters that the log knows are passed on as impulse responses, so that
+the model passes them too. Where thrust follows the battery and the battery sagged, all outputs are brought to one
+voltage (:func:`common_voltage`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""What of a model the flown data can speak about: the inputs that were excited, and the outputs that are there.
+"""What of a model the flown data can speak about: inputs that were excited, outputs that are there, and its trim.
 
-The trim of a model: speeds and angles about which it was linearized, from the record or given.
+:func:`scoped` cuts a structure to the inputs that were excited and the outputs that the logs hold, and says what was
+left out. :func:`trimmed` sets the speeds and angles about which the model is linearized: given ones, or the means of
+the maneuvers, where these are no hover.
 """
 
 from __future__ import annotations

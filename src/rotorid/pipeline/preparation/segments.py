@@ -1,10 +1,10 @@
-"""Maneuvers cut out of their logs, brought onto one clock and one rate.
+"""Maneuvers cut out of their logs, on one clock.
 
-Channels that are made of others, and channels that are moved in time: what a history gets after it has one clock.
-
-The quiet time around maneuvers, which belongs to their data.
-
-Maneuvers as records of a time-domain fit: samples as they were logged wherever that is possible.
+:func:`cut` brings all maneuvers to the rate of the slowest, reconstructs channels that are not logged from those that
+are, and applies time shifts last. :func:`with_surroundings` takes quiet time along: without a window's length of what
+came after it, the end of a sweep biases a frequency response. :func:`time_records` cuts records for a fit in time,
+where samples stay as they were logged wherever that is possible, because interpolation removes the steps of a held
+command.
 """
 
 from __future__ import annotations

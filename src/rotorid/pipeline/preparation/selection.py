@@ -1,8 +1,10 @@
 """Which stretches of which logs are fitted, and which are kept unseen.
 
-Which stretches of which logs a time-domain fit uses.
-
-Which channels and which stretches of a log tell a delay.
+For frequency responses: sweeps, random binary signals and multisines are fitted, doublets and multisteps are kept
+unseen (:func:`select_maneuvers`). A fit in time takes the same for commands, and excitations of the set-points or whole
+records for set-points (:func:`select_records`). A delay takes the pairs of channels that move (:func:`default_pairs`)
+and whatever excites them (:func:`chosen_maneuvers`). Segments that the user gave go before all that
+(:func:`given_flights`).
 """
 
 from __future__ import annotations
