@@ -293,7 +293,7 @@ class PlanChoices(Immutable):
     repeats
         How often each is flown in a row, every time with other noise. Steps alternate in sign.
     entry
-        Where they are added; by default see :func:`default_entry`.
+        Where they are added; by default see :func:`rotorid.pipeline.designs.default_entry`.
     amplitudes
         By axis, for those that are not to be searched for.
     limits

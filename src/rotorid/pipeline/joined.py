@@ -139,8 +139,6 @@ class JoinedVehicle(Immutable):
         The rigid body with its rotors; ``None`` where one of mass, inertia, thrust, arm and torque constant is missing.
     numbers
         By the names of :data:`UNITS`; what is not known is absent.
-    rotors_known
-        Whether positions of the rotors are known in meters.
     models
         What it was joined from.
     controller
@@ -154,7 +152,6 @@ class JoinedVehicle(Immutable):
     name: str
     multirotor: Multirotor | None
     numbers: Mapping[str, VehicleNumber]
-    rotors_known: bool
     models: tuple[IdentifiedModel, ...] = ()
     controller: ControllerSettings | None = None
     altitude_m: float | None = None
@@ -307,7 +304,6 @@ def joined_vehicle(
         name=name,
         multirotor=body,
         numbers=numbers,
-        rotors_known=rotors is not None and rotors.arm_known,
         models=tuple(models),
         controller=next((one.controller for one in (*flown, *models) if one.controller is not None), None),
     )
@@ -452,12 +448,10 @@ def _joined_numbers(
     return numbers | {name: _combined(name, found, known) for name, found in left.items()}
 
 
-def _number(
-    name: str, found: ParameterEstimate, of: str, factor: float = 1.0, *, unit: str | None = None
-) -> VehicleNumber:
+def _number(name: str, found: ParameterEstimate, of: str, factor: float = 1.0) -> VehicleNumber:
     source: Source = "given" if found.status == "fixed" else "derived" if found.status == "tied" else "identified"
     std = None if found.std is None or source == "given" else abs(factor) * found.std
-    return VehicleNumber(value=factor * found.value, unit=unit or UNITS[name], source=source, std=std, of=of)
+    return VehicleNumber(value=factor * found.value, unit=UNITS[name], source=source, std=std, of=of)
 
 
 def _of_motors(

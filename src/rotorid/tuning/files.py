@@ -1,4 +1,4 @@
-"""Files by which gains reach a vehicle, and by which the flown ones come back: text alone, nothing is sent.
+"""Files by which gains reach a vehicle, and by which it goes back to the flown ones: text alone, nothing is sent.
 
 PX4 takes QGroundControl's ``.params`` and lines for its shell, ArduPilot the ``.param`` of Mission Planner and of
 MAVProxy, Betaflight lines of its command line.
@@ -111,26 +111,3 @@ def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile:
 
 def _has(values: Mapping[str, float], kind: str) -> bool:
     return any(name.startswith(f"{kind}_") for name in values)
-
-
-def parsed(text: str) -> dict[str, float]:
-    """Parameters of any of these files, by name.
-
-    Examples
-    --------
-    >>> text = parameter_files("PX4", {"MC_ROLLRATE_P": 0.15}, role="proposed")["proposed.params"]
-    >>> parsed(text)["MC_ROLLRATE_P"] == float(np.float32(0.15))
-    True
-    """
-    found = {}
-    for line in text.splitlines():
-        if line.startswith("#") or not line.strip():
-            continue
-        parts = line.replace(",", " ").replace("=", " ").split()
-        if (len(parts) == 5 and parts[4] in (str(_REAL32), str(_INT32))) or (parts[0] == "param" and len(parts) == 4):
-            found[parts[2]] = float(parts[3])
-        elif parts[0] == "set" and len(parts) == 3 and parts[2].lstrip("-").isdigit():
-            found[parts[1]] = float(parts[2])
-        elif len(parts) == 2 and parts[0].isupper():
-            found[parts[0]] = float(parts[1])
-    return found

@@ -7,7 +7,7 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.preparation.coverage import covered, covered_by, trim_of
+from rotorid.pipeline.preparation.coverage import covered_by, trim_of
 from rotorid.pipeline.preparation.flights import Flight
 
 RATE_HZ = 50.0
@@ -23,16 +23,23 @@ def history(**columns: np.ndarray) -> TimeHistory:
     )
 
 
+def flight(**columns: np.ndarray) -> Flight:
+    channels = tuple(Channel(name=name, unit=STANDARD_UNITS.get(name, "1")) for name in columns)
+    topic = Topic(name="all", time_s=TIME_S, channels=channels, values=np.stack(list(columns.values())))
+    record = FlightRecord(source=Source(name="a", format="CSV", sha256="a"), topics=(topic,))
+    return Flight(record, Maneuver(axis="roll", kind="sweep", start_s=0.0, stop_s=10.0))
+
+
 def test_ranges_are_of_all_records_together() -> None:
-    first, second = history(u=np.full(500, 2.0)), history(u=np.full(500, -4.0), theta=0.1 * np.sin(TIME_S))
-    ranges = covered([first, second])
+    first, second = flight(u=np.full(500, 2.0)), flight(u=np.full(500, -4.0), theta=0.1 * np.sin(TIME_S))
+    ranges = covered_by([first, second])
     assert (ranges["u"].lowest, ranges["u"].highest, ranges["u"].unit) == (-4.0, 2.0, "m/s")
     assert ranges["u"].rms == pytest.approx(np.sqrt(10.0))
     assert ranges.keys() == {"u", "theta"}
 
 
 def test_what_describes_no_flight_condition_is_left_out() -> None:
-    assert covered([history(mystery=TIME_S, p_setpoint=TIME_S)]) == {}
+    assert covered_by([flight(mystery=TIME_S, p_setpoint=TIME_S)]) == {}
 
 
 def test_a_log_is_read_where_it_was_fitted_only() -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.unit.tuning.gain_files import parsed
 
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import AxisController, axis_controller
 from rotorid.tuning import Gains, parameter_files, parameters_of, ranges_of, rounded, written
-from rotorid.tuning.files import parsed
 
 PX4 = {"MC_ROLLRATE_K": 1.5, "MC_ROLLRATE_P": 0.1, "MC_ROLLRATE_I": 0.2, "MC_ROLLRATE_D": 0.002, "MC_ROLL_P": 6.5}
 ARDUPILOT = {"ATC_RAT_YAW_P": 0.18, "ATC_RAT_YAW_I": 0.018, "ATC_RAT_YAW_D": 0.0, "ATC_ANG_YAW_P": 4.5}

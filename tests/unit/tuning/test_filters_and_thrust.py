@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.unit.tuning.gain_files import parsed
 
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Source
@@ -17,7 +18,7 @@ from rotorid.pipeline.tuning.check import Foretold, _which
 from rotorid.pipeline.tuning.filters import prices, with_filters
 from rotorid.pipeline.tuning.thrust import _KINDS, linearization
 from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
-from rotorid.tuning.files import parameter_files, parsed
+from rotorid.tuning.files import parameter_files
 
 PARAMETERS = {
     "MC_ROLLRATE_P": 0.15,

@@ -77,10 +77,6 @@ def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None
     )
 
 
-def _name(check: Verification) -> str:
-    return f"{check.record}: {check.maneuver.axis} {check.maneuver.kind} at {check.maneuver.start_s:.1f} s"
-
-
 def _scores(check: Verification) -> dict[str, Scores]:
     """Scores of the outputs that moved; what did not tells nothing of the model: its score is that of the noise."""
     told = check.moved or check.output_names

@@ -28,33 +28,24 @@ COVERED = (
 """Channels whose ranges say where a model was identified; of the commands, that of thrust is the throttle."""
 
 
-def covered(histories: Sequence[TimeHistory]) -> dict[str, Range]:
-    """Ranges of what describes a flight condition, over all records together.
-
-    Parameters
-    ----------
-    histories
-        The fitted segments, or any; channels that none of them holds are left out.
-
-    Examples
-    --------
-    >>> from rotorid.data.record import Channel
-    >>> u = (Channel(name="u", unit="m/s"),)
-    >>> history = TimeHistory(values=np.array([[-1.0, 2.0, 2.0]]), channels=u, sample_rate_hz=1.0, start_s=0.0)
-    >>> covered([history])["u"]
-    Range(unit='m/s', lowest=-1.0, highest=2.0, rms=1.7320508075688772, mean=1.0)
-    """
-    samples = [(h[name], h.channels[h.names.index(name)].unit, name) for h in histories for name in _in(h.names)]
-    return _ranges(samples)
-
-
 def covered_by(flights: Sequence[Flight]) -> dict[str, Range]:
-    """The same straight from the logs, so that channels count that no model uses, such as the battery.
+    """Ranges of what describes a flight condition, over all maneuvers together.
+
+    They are read straight from the logs, so that channels count that no model uses, such as the battery.
 
     Parameters
     ----------
     flights
-        Records and maneuvers.
+        Records and maneuvers; channels that none of the records holds are left out.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
+    >>> u = (Channel(name="u", unit="m/s"),)
+    >>> topic = Topic(name="speed", time_s=np.arange(3.0), channels=u, values=np.array([[-1.0, 2.0, 2.0]]))
+    >>> record = FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=(topic,))
+    >>> covered_by([Flight(record, Maneuver(axis="roll", kind="other", start_s=0.0, stop_s=2.0))])["u"]
+    Range(unit='m/s', lowest=-1.0, highest=2.0, rms=1.7320508075688772, mean=1.0)
     """
     samples = []
     for flight in flights:

@@ -177,15 +177,15 @@ def _price(
     )
 
 
-def noise_gain(sample_rate_hz: float, *, low_pass_hz: float = SLOW_HZ) -> float:
+def noise_gain(sample_rate_hz: float) -> float:
     """Standard deviation of a second derivative over that of white errors of the samples, behind the low-pass [1/s²].
+
+    The low-pass is that of second order which the accelerations pass, with its corner at :data:`SLOW_HZ`.
 
     Parameters
     ----------
     sample_rate_hz
         Of the samples.
-    low_pass_hz
-        Corner of the low-pass of second order that the accelerations pass.
 
     Examples
     --------
@@ -195,7 +195,7 @@ def noise_gain(sample_rate_hz: float, *, low_pass_hz: float = SLOW_HZ) -> float:
     from scipy.signal import butter, freqz
 
     omega = np.linspace(0.0, np.pi, 2001)
-    _, passed = freqz(*butter(2, low_pass_hz, fs=sample_rate_hz), worN=omega)
+    _, passed = freqz(*butter(2, SLOW_HZ, fs=sample_rate_hz), worN=omega)
     second = (2.0 * np.sin(0.5 * omega) * sample_rate_hz) ** 4
     return float(np.sqrt(np.mean(np.abs(passed) ** 2 * second)))
 

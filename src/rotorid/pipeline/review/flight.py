@@ -46,8 +46,18 @@ _CLASSES: Mapping[int, str] = {
     12: "dodeca hexa",
     14: "deca",
 }
-_TYPES: Mapping[int, str] = {0: "plus", 1: "X", 2: "V", 3: "H", 4: "V tail", 5: "A tail", 12: "X (Betaflight)"}
-_TYPES = {**_TYPES, 13: "X (DJI)", 14: "X (clockwise)", 18: "X (Betaflight, reversed)"}
+_TYPES: Mapping[int, str] = {
+    0: "plus",
+    1: "X",
+    2: "V",
+    3: "H",
+    4: "V tail",
+    5: "A tail",
+    12: "X (Betaflight)",
+    13: "X (DJI)",
+    14: "X (clockwise)",
+    18: "X (Betaflight, reversed)",
+}
 _COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "dodeca"}
 
 _TREND_S = 20.0

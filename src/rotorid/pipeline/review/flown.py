@@ -25,8 +25,6 @@ from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 RATE_OF: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
-ANGLE_OF: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
-VELOCITY_OF: Mapping[Axis, str] = {"roll": "v", "pitch": "u", "thrust": "w"}
 
 LEAST_STICK = 0.01
 """A stick that moves less, as its standard deviation tells, rests."""

@@ -33,8 +33,6 @@ _WIDEST = 0.2
 _WORTH = 0.9
 """A proposal has to leave less than this of the change of gain over the throttle."""
 
-Straighten = Callable[[FloatArray, float], FloatArray]
-
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
