@@ -19,6 +19,7 @@ from rotorid.vehicles.catalog import aircraft as library_aircraft
 
 LOG_NAME = "flight.ulg"
 VEHICLE = "s500"
+
 TURBULENCE_M_S = 0.08
 """As much as the published vehicle bears: a gust of 1 m/s turns it with 27 rad/s²."""
 

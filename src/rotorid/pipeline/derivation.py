@@ -17,6 +17,7 @@ from rotorid.uncertainty.propagation import covariance_of_all
 
 _POINTS = 5
 """Of the table on either side of hover."""
+
 _LEAST_ADVANCE_RATIO = 0.05
 _STDS = 1.959964
 _CLEAR_STDS = 2.0

@@ -187,6 +187,7 @@ STEPS: tuple[Shape, ...] = ("doublet", "two_one_one", "three_two_one_one")
 _SAMPLE_RATE_HZ = 250.0
 _LONGEST_LOOK_S = 400.0
 _MARGIN = 0.9
+
 _LARGEST: Mapping[Entry, float] = MappingProxyType(
     {"command": 1.0, "stick": 1.0, "attitude_setpoint": 1.2, "rate_setpoint": 20.0}
 )
@@ -388,6 +389,10 @@ def _rate_hz(aircraft: Aircraft, choices: PlanChoices) -> float:
     return _SAMPLE_RATE_HZ if choices.interface is None else aircraft.autopilot.rate_hz
 
 
+_SENT_DOUBLET_S = 1.2
+"""Of a vehicle behind set-points, whose rate of climb answers in a third of a second."""
+
+
 def _doublet_s(choices: PlanChoices) -> float:
     """Length of a doublet, a whole number of what is sent one after the other."""
     return DOUBLET_S if choices.interface is None else _SENT_DOUBLET_S
@@ -459,9 +464,6 @@ def _rounded(amplitude: float) -> float:
     place = 10.0 ** (math.floor(math.log10(amplitude)) - 1)
     return round(math.floor(amplitude / place + 1e-9) * place, 9)
 
-
-_SENT_DOUBLET_S = 1.2
-"""Of a vehicle behind set-points, whose rate of climb answers in a third of a second."""
 
 _LONGEST_FLIGHT_S = 300.0
 _SHORTEST_S = 15.0

@@ -30,9 +30,13 @@ _MOST_REPEATS = 20
 _LONGEST_PLAN_S = 1800.0
 
 _STEP_S = 0.3
+"""Default length of one step."""
+
 _UNITS_OF_STEPS: "Mapping[Shape, int]" = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
+"""Steps in each shape."""
+
 _SWEEP_UNITS = 200
-"""Default lengths: one of a step, how many there are of it, and what does not step as if it had so many."""
+"""An input without steps is by default as long as so many."""
 
 DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
 

@@ -60,9 +60,15 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 _DRAWS = 60
 _BAND = (2.5, 97.5)
+
 _MOTORS_PIECE_S = 2.0
+"""Length of the pieces in which rates by motors are integrated, unless the user chose one."""
+
 _PLAN_RATE_HZ = 100.0
+
 _YAW_LAG_S = 0.2
+"""Lag of the yaw rate where no result says how it answers."""
+
 _START_ROUNDS = 3
 """Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
 

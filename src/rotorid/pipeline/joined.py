@@ -97,10 +97,19 @@ _TERMS = ("c_0", "c_1", "c_2")
 _SCALED = ("m", *_TERMS, "I_xx", "I_yy")
 _OF_MOTORS = ("T_motor", "L_p", "M_q", "N_r", "Z_w", "h_per_I_zz")
 _BODY = ("m", "I_xx", "I_yy", "I_zz", "kappa", "arm")
+
 _AGREEMENT_SIGMAS = 3.0
+"""Standard deviations within which two results say the same."""
+
 _SAME = 1e-6
+"""Relative difference of numbers that are the same but for how they were written."""
+
 _HOVER_DIFFERS = 0.05
+"""Relative difference of the joined vehicle's output in hover from that of a result, from which it is said."""
+
 _TRIANGLE_ROUNDING = 1e-3
+"""Of the inertia of yaw, by which the triangle of inertias may be missed beside its errors."""
+
 _UNIT_WORDS: Mapping[str, str] = {"rad/(s m)": "1/(m s)", "rad/(m s)": "1/(m s)"}
 
 

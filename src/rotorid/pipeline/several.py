@@ -206,6 +206,17 @@ def _known(structure: LinearStructure) -> dict[str, frozenset[str]]:
     }
 
 
+_KINDS = {
+    "fix": "parameter",
+    "known": "known quantity",
+    "ties": "parameter",
+    "constants": "constant",
+    "pairs": "response",
+    "pair_weights": "response",
+    "input_windows_s": "input",
+}
+
+
 def require_known_by_any(models: Sequence[str | Path | LinearStructure], settings: IdentifySettings) -> None:
     """Refuse a name that none of the models has.
 
@@ -228,17 +239,6 @@ def require_known_by_any(models: Sequence[str | Path | LinearStructure], setting
         for name in getattr(settings, choice):
             if name not in names:
                 raise no_such(kind, name, sorted(names))
-
-
-_KINDS = {
-    "fix": "parameter",
-    "known": "known quantity",
-    "ties": "parameter",
-    "constants": "constant",
-    "pairs": "response",
-    "pair_weights": "response",
-    "input_windows_s": "input",
-}
 
 
 def _each(models: Sequence[str | Path | LinearStructure] | str) -> tuple[str | Path | LinearStructure, ...]:

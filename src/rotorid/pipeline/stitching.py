@@ -58,6 +58,8 @@ DRAWS = 20
 """Models drawn from the covariance for the spread of a flight."""
 
 _APART_M_S = 0.2
+"""Least distance of the speeds of two results of one half."""
+
 _COLUMNS = (*MOTIONS, *AXES)
 _OWN: Mapping[str, tuple[str, ...]] = {
     HALVES[0]: ("u", "w", "theta", "pitch_command", "thrust_command"),
@@ -66,11 +68,14 @@ _OWN: Mapping[str, tuple[str, ...]] = {
 _TRIM_CONSTANTS = {"u": "U0", "v": "V0", "w": "W0", "phi": "phi0", "theta": "theta0"}
 _JUDGED = ("u", "v", "w", "phi", "theta", "p", "q", "r")
 _FLOWN: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+
 _ANGLES: Mapping[Axis, str] = {"roll": "phi_setpoint", "pitch": "theta_setpoint"}
 """What drives a loop in the simulation. Whether its controller is the one that flew shows at the rate, because the
 integral of a rate is no angle over a flight. Yaw follows its rate, since a heading that is held moves with the stick.
 """
+
 _SHORTEST_S = 5.0
+"""A log that flies for less is not flown through the speeds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -41,9 +41,16 @@ _FULL: Mapping[str, float] = {"rad": 0.6, "rad/s": 3.0}
 """What counts as a full stick where a set-point stands for it: 0.3 rad is half a stick."""
 
 TRIM_S = 8.0
+"""Length over which a mean is taken, to see whether a trim moved."""
+
 _TRIM_SIGMAS = 4.0
+"""Standard deviations by which it must have moved."""
+
 _TRIM_LEAST = 0.004
+"""Least standard deviation of such a mean."""
+
 _TRIM_LASTS = 2
+"""Means in a row that have to be off, and to the same side."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,7 @@ from rotorid.models.autopilots.settings import version_of
 Role: TypeAlias = Literal["proposed", "thrust", "rollback"]
 
 _REAL32, _INT32 = 9, 6
+
 _WHOLE = ("IMU_GYRO_RATEMAX", "IMU_GYRO_DNF_EN", "IMU_GYRO_DNF_HMC", "IMU_GYRO_FFT_EN")
 """Parameters of PX4 that are whole numbers, among those that a loop has."""
 

@@ -23,6 +23,7 @@ from rotorid.typing import ComplexArray, FloatArray
 GRID = 170
 LOWEST_RAD_S, HIGHEST_RAD_S = 0.5, 600.0
 _BELOW_NYQUIST = 0.9
+
 DISTURBANCE_RAD_S = 1.5
 """Corner of the moment against which an attitude is held."""
 
@@ -63,6 +64,9 @@ def frequency_grid(controller: RateController) -> FloatArray:
     if controller.step_s > 0.0:
         highest = min(highest, _BELOW_NYQUIST * np.pi / controller.step_s)
     return np.geomspace(LOWEST_RAD_S, highest, GRID)
+
+
+_NONE = 1e-15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,9 +144,6 @@ class ControllerParts(Immutable):
         s = 1j * self.omega_rad_s
         late = np.exp(-s * controller.delay_s)
         return np.asarray(controller.angle_response(self.omega_rad_s) / s * late / self.logged)
-
-
-_NONE = 1e-15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

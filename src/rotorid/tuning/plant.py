@@ -24,6 +24,7 @@ LENGTH = 0.5
 """Over which distance in ln ω the misfit of a model changes."""
 
 _LEAST_MISFIT, _LARGEST_MISFIT = 0.02, 0.5
+
 FLOOR = 0.02
 """Share of the plant that is not known anywhere: 2 % of gain and 1.2° of phase."""
 

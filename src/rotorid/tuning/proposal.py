@@ -43,6 +43,7 @@ _KEPT_SHAPES = 60
 _ROOM = 1.3
 _ANGLE_ROOM = 3.0
 _MOST_UP, _MOST_DOWN = 2.0, 0.4
+
 _MOST = 0.5
 """Of the draws, more have to say that flown gains break a limit where the plant was not seen."""
 
@@ -59,6 +60,7 @@ _YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
 _ANGLES = np.geomspace(0.8, 12.0, 8)
 _SOFT_ANGLES = np.array([0.3, 0.5])
+
 _SOFT_ANGLES_DOWN = (0.3, 0.2, 0.1)
 """Of a yaw whose P may not grow far enough in one flight: a softer angle loop is slow, and no danger."""
 

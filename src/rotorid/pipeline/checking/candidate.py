@@ -272,6 +272,7 @@ def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores)
 
 
 RESULT, RESULTS, MODEL = "result.json", "results.json", "model.toml"
+
 UNFILTERED = " without its known filters"
 """What follows the source of an output that known filters were taken off before the model was fitted."""
 
@@ -360,6 +361,9 @@ def output_sources(measured: Measured) -> dict[str, str]:
         if held:
             sources[name] = source_of(held[0], name) + (UNFILTERED if name in measured.unfiltered else "")
     return sources
+
+
+_RESULT_FILES = "a folder that rotorid identify wrote, its result.json or a model.toml"
 
 
 def read_candidate(result: Path) -> Candidate:
@@ -458,6 +462,3 @@ def _provenance(table: Mapping[str, Any]) -> Provenance | None:
         return Provenance(**told, maneuvers=maneuvers)
     except (KeyError, TypeError, ValueError):
         return None
-
-
-_RESULT_FILES = "a folder that rotorid identify wrote, its result.json or a model.toml"

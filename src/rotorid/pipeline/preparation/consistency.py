@@ -41,6 +41,7 @@ SHORTEST_S = 20.0
 """Ten windows of two seconds: below it a check says little, and the flight around an excitation says more."""
 
 LONGEST_S = 120.0
+"""Of a longer maneuver the middle is looked at."""
 
 Nature: TypeAlias = Literal["same_channel", "vehicle"]
 
@@ -58,11 +59,21 @@ _TWICE_LOGGED: Mapping[Axis, tuple[str, ...]] = {
     "yaw": ("r", "psi", "yaw_command"),
     "thrust": ("az", "thrust_command"),
 }
+"""Channels of an axis that several topics may hold."""
+
 _BAND_RAD_S = (0.0, 60.0)
+"""Where skews, and delays of the known filters, are taken."""
+
 _COVERED = 0.9
+"""Share of a stretch that a channel has to cover to be compared."""
+
 _SURE = 3.0
+"""Standard deviations from which a skew counts."""
+
 _MIX = "the motor mix"
+
 _LONGEST_VEHICLE_S = 0.2
+"""Without an excitation of its axis, a longer delay from command to output is that of a controller."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -433,6 +444,7 @@ def _skew_finding(item: ChannelSkew) -> Finding:
 
 
 _REMARKED_SAG_PERCENT = 1.0
+
 _LARGEST_SCALE_ERROR = 0.3
 """Beyond this no error of a sensor is left, but one of units or axes."""
 

@@ -36,9 +36,16 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 
 ANGLES, HEIGHT = ("phi", "theta", "psi"), "down"
 _RATES = ("p", "q", "r")
+
 _LEAST_ANGLE_HZ = 5.0 * SLOW_HZ
+"""Least rate of angles that are differentiated twice."""
+
 _LEAST_HEIGHT_HZ = SLOW_HZ
+"""Least rate of a height that is."""
+
 _FEWEST = 16
+"""Least number of samples that are."""
+
 _LEVEL = 0.2
 """Least cosine of the tilt by which a vertical force is divided."""
 

@@ -190,6 +190,8 @@ def no_instrument(inputs: Sequence[str]) -> Finding:
 
 
 _WORTH_CUTTING_S = 0.25
+"""A maneuver that loses less on the ground stays as it is."""
+
 _SHORTEST_LEFT = 0.5
 """A maneuver that flies for less than this share of it, as thrust tells, is more likely mistaken for landed."""
 

@@ -33,7 +33,9 @@ from rotorid.pipeline.results import Segment
 from rotorid.typing import FloatArray
 
 _ANGLES = ("phi", "theta")
+
 _SHARE = 0.6
+"""Root mean square of a share of which nothing but zero to one is known: 1/√3, rounded."""
 
 
 def with_lean_errors(

@@ -33,6 +33,7 @@ from rotorid.spectral.margins import (
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 ATTITUDE: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
+
 MODEL_ERROR = 0.007
 """Share of a measured loop that it errs by whatever the length of the flight, alike over an octave."""
 
@@ -216,6 +217,7 @@ _BEYOND_RATIO = 6.0
 """How far over the end of the band the model is taken."""
 
 _BEYOND_POINTS = 800
+
 _TOP_OCTAVE = (0.45, 0.85)
 """Share of the band's end between which a model is tied to the measurement: the last points hold the end of a sweep."""
 
@@ -375,6 +377,9 @@ def _read(omega_rad_s: FloatArray, values: ComplexArray) -> dict[str, float]:
     return found
 
 
+_BY_MODEL = "a model of the vehicle times the controller in the log gives beyond it"
+
+
 def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
     """The remark that margins of an axis lie beyond the band, with what is known of them."""
     bounds = {name: bound for name, bound in loop.bounds.items() if name in _WORDS}
@@ -398,9 +403,6 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
             **numbers,
         ),
     )
-
-
-_BY_MODEL = "a model of the vehicle times the controller in the log gives beyond it"
 
 
 def _capital(words: str) -> str:

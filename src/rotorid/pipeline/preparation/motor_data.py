@@ -251,8 +251,13 @@ def _compensated(record: FlightRecord, history: MotorHistory) -> bool:
 
 _AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")
 _TELLING = ("sweep", "random_binary", "doublet", "multistep", "multisine")
+"""Kinds of excitations that are used, where there are any."""
+
 _TOGETHER_S = 5.0
+"""Excitations that follow each other within this time are one stretch."""
+
 _MARGIN_S = 1.0
+"""Taken along before and after each."""
 
 
 class MotorData(NamedTuple):

@@ -34,6 +34,7 @@ from rotorid.pipeline.settings import MODEL as MOTORS
 
 _TRANSFER = re.compile(r"transfer:(\d+)/(\d+)")
 _BLACK_BOX = re.compile(r"black_box:(\d+|auto)(\+delay)?")
+
 AUTO = "black_box:auto"
 """A black box whose order the records choose; until then it is one of first order."""
 

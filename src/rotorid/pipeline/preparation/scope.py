@@ -307,6 +307,7 @@ def _without(
 
 _CHANNELS = {"U0": "u", "V0": "v", "W0": "w", "theta0": "theta", "phi0": "phi"}
 _SPEEDS = ("U0", "V0", "W0")
+
 _ONE_TRIM_M_S = 1.5
 """Maneuvers whose mean speeds differ by more are of several trims."""
 

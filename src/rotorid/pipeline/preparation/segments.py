@@ -377,9 +377,17 @@ _EVEN = 0.5
 """Stamps that stray from a uniform clock by less than this share of a step name samples of that clock."""
 
 _SAME_STAMP = 1e-6
+"""Seconds within which two stamps are one."""
+
 _EXACT_RATE = 1.002
+"""Ratio of rates up to which they count as one."""
+
 _LOOP_RATES = ("SCHED_LOOP_RATE", "IMU_GYRO_RATEMAX")
+"""Parameters that say how fast a controller ran."""
+
 _FASTER = 1.2
+"""A controller that ran so many times as fast as the log moved its command between the samples."""
+
 _SENT = ("_setpoint", "_excitation", "_stick")
 
 

@@ -72,6 +72,12 @@ def corrected_record(record: FlightRecord, correction: SensorCorrection) -> Flig
     return replace(record, topics=tuple(_corrected_topic(record, topic, correction) for topic in record.topics))
 
 
+_OF_SENSOR = {"u_dot": "ax", "v_dot": "ay", "w_dot": "az"}
+"""Outputs that are made of a sensor, and err as it does."""
+
+_TOUCHED = (*RATES, *ACCELERATIONS)
+
+
 def with_sensor_errors(
     response: FrequencyResponse,
     correction: SensorCorrection,
@@ -103,11 +109,6 @@ def with_sensor_errors(
         relative = np.nan_to_num(each / response.values, nan=0.0, posinf=0.0, neginf=0.0)
     return replace(response, sensor_shapes=np.einsum("nk,nyuf->kyuf", root, relative))
 
-
-_OF_SENSOR = {"u_dot": "ax", "v_dot": "ay", "w_dot": "az"}
-"""Outputs that are made of a sensor, and err as it does."""
-
-_TOUCHED = (*RATES, *ACCELERATIONS)
 
 # Of an accelerometer at x, y, z: the rate whose derivative it shows for each coordinate, with its sign.
 _LEVERS = {

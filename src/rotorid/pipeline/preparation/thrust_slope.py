@@ -33,13 +33,21 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _THRUST, _HEAVE = "thrust_command", "az"
+
 _UNKNOWN = 0.6
+"""Root mean square of a factor of which nothing but zero to one is known: 1/√3, rounded."""
+
 _LEAST_COMMAND = 0.05
 """A mean command below this is no share of full thrust."""
 
 _COHERENT = 0.8
+"""Least coherence of thrust and heave at which the slope is read."""
+
 _BAND_RAD_S = 2.0, 12.0
+"""Where it is."""
+
 _WINDOW_S, _LEAST_WINDOWS = 6.0, 2.0
+"""Length of the windows by which it is, and how many of them an excitation must last at least."""
 
 
 def with_slope_changes(response: FrequencyResponse, records: Sequence[TimeHistory], factor: float) -> FrequencyResponse:

@@ -15,6 +15,7 @@ from rotorid.data.record import TimeHistory
 from rotorid.typing import ComplexArray, FloatArray
 
 _PERIODS, _SHORTEST_S, _FREQUENCIES = 3.0, 1.0, 24
+
 _LONG, _IN_PERIOD = 30_000, 12.0
 """Samples of a record up to which all count, and so many of a period at least beyond that."""
 

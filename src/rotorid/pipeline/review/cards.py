@@ -11,6 +11,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.flown import RATE_OF
+from rotorid.pipeline.review.motors import WORTH_SAYING
 from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseReview, Review
 from rotorid.typing import Axis
 
@@ -20,11 +21,37 @@ State: TypeAlias = Literal["good", "look", "cannot"]
 LEAST_PHASE_MARGIN_DEG, LARGEST_SENSITIVITY = 40.0, 2.0
 """Below the one or above the other a rate loop rings, and has little left for a heavier day or a weaker battery."""
 
-LARGEST_OVERSHOOT_PERCENT, SLOW_RISE_S = 25.0, 0.25
-LARGEST_IMBALANCE, LARGEST_SATURATION, LEAST_HEADROOM = 0.08, 0.05, 0.15
-LARGEST_VIBRATION_M_S2, LARGEST_CLIPPING = 30.0, 1e-3
+# Habits of the field, not laws. A card asks for a look where the 95 % interval of its number lies beyond the limit.
+
+LARGEST_OVERSHOOT_PERCENT = 25.0
+"""A rate loop that overshoots its set-point by more needs a look."""
+
+SLOW_RISE_S = 0.25
+"""A rate loop that takes longer from 0.1 to 0.9 of its set-point is slow."""
+
+LARGEST_IMBALANCE = WORTH_SAYING
+"""Off the mean of all motors in steady flight; a pattern is named from the same on."""
+
+LARGEST_SATURATION = 0.05
+"""Share of the flight at full output, where nothing is left for control."""
+
+LEAST_HEADROOM = 0.15
+"""Share of the range that the hardest working motor has left in hover."""
+
+LARGEST_VIBRATION_M_S2 = 30.0
+"""More, rms above 10 Hz, disturbs the estimate of height and position."""
+
+LARGEST_CLIPPING = 1e-3
+"""Share of samples at the end of the accelerometer's range; noise is remarked on from the same on."""
+
 LARGEST_NOISE_SHARE = 0.02
+"""Share of the motors' range that noise takes through D: it moves nothing, and heats motors."""
+
 LARGEST_SAG = 0.15
+"""Share of the voltage at the start that falls off at the mean current."""
+
+LEAST_THRUST_TO_WEIGHT = 1.5
+"""Full thrust over weight below which it is called little."""
 
 _POWER = {"battery_voltage", "thrust_command", "thrust_stick", "motor_1"}
 _RATES = {rate: axis for axis, rate in RATE_OF.items()}
@@ -208,7 +235,7 @@ def _power(review: Review) -> Card:
     state: State = "good"
     if ratio is not None:
         sentences.append(f"Full thrust is {ratio.value:.1f} times the weight.")
-        if ratio.upper < 1.5:
+        if ratio.upper < LEAST_THRUST_TO_WEIGHT:
             state = "look"
             sentences.append("That is little.")
     if battery and "start_v" in battery and "lowest_v" in battery:

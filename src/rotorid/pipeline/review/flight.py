@@ -61,11 +61,22 @@ _TYPES: Mapping[int, str] = {
 _COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "dodeca"}
 
 _TREND_S = 20.0
+"""The resistance of the battery is that of what changes faster."""
+
 _LEAST_CURRENT_A = 0.5
+"""A current that hardly ever exceeds this is not logged."""
+
 _LEAST_CORRELATION = 0.3
+"""Of voltage and current, below which no resistance is told."""
+
 _END_S = 2.0
+"""Length over which the voltages at start and stop are taken."""
+
 _PUNCH_S = 0.1
+"""Length over which the specific force at full throttle is."""
+
 _FULL = 0.9
+"""Throttle that counts as full."""
 
 
 def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
@@ -377,6 +388,7 @@ _NEEDED: Mapping[str, float] = {
     "ax": GOOD_RATE_HZ,
     "battery_voltage": 1.0,
 }
+
 _PX4_TOPICS: Mapping[str, tuple[str, float]] = {
     "p": ("vehicle_angular_velocity", 1000.0),
     "p_setpoint": ("vehicle_rates_setpoint", 1000.0),

@@ -45,16 +45,32 @@ a natural logarithm of frequency."""
 _WINDOWS_S = (16.0, 8.0, 4.0, 2.0, 1.0)
 _SHORT_WINDOW_S = 0.5
 _SLOW_WINDOWS_S = (24.0, 16.0, 8.0, 4.0, 2.0)
+
 _SHORT_S, _REFERENCE_S, _SMEARED, _SMEARED_TO_RAD_S = 1.5, 8.0, 2.0, 100.0
+"""Windows up to the first length are left out where they hold more than twice the power of one up to the second, at any
+frequency up to the last: a stick whose motion ends steeply fills them beyond that end."""
+
 _FAST_HZ = 900.0
+"""From this rate on a log shows loops up to the higher end of the band."""
+
 _POINTS = 55
 _LOWEST_RAD_S, _LOWEST_SLOW_RAD_S = 0.7, 0.4
 _HIGHEST_RAD_S, _HIGHEST_FAST_RAD_S = 200.0, 250.0
+
 _OF_NYQUIST = 0.4
+"""Share of the Nyquist frequency of a log up to which it is read."""
+
 _ENOUGH_RATE_HZ = 500.0
+"""Faster channels are thinned out, but not below this."""
+
 _SHORTEST_S = 4.0
+"""Shorter stretches are left out."""
+
 _MOTION_WINDOW_S = 1.0
+"""Window in which a stick moves or rests."""
+
 _MOSTLY = 0.5
+"""Share of the flight in which a set-point has to be the pilot's own for the direct response to be taken."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -46,24 +46,50 @@ _SLOW_LOG_HZ = 110.0
 """In a log at less, a set-point that is held between its samples may change up to half a period from where it shows."""
 
 _FAST_ENOUGH_HZ = 40.0
+"""In a log at less, a loop whose phase stays above −90° in its band is not told: a faster log would show more of it."""
+
 _LEAST_COHERENCE = 0.3
+"""Of stick or set-point with the motion at half the bandwidth, below which a loop is not told: gusts move it then."""
+
 _SURE_COHERENCE = 0.95
+"""Of a held stick at the bandwidth, below which errors are widened: one that gusts nearly drown errs by more than noise
+explains."""
+
 _WEAK_STICK = 2.0
+"""Factor of the errors of a response by such a stick."""
+
 _MOST_MISFIT = 3.0
+"""Mean square of what the best linear loop misses, in its errors, above which no linear loop explains the flight."""
+
 _SATURATED_SHARE = 0.05
+"""Share of the flight with motors at their limits from which it is said beside the loops: yaw suffers first."""
+
 _LIMITS = (0.05, 0.95)
+"""Parts of a motor's range beyond which it stands at a limit."""
+
 _NEAR_PEAK = 0.6
+"""Coherence at the resonance from which its size is told."""
+
 _OUTERMOST_S = 12.0
+"""How long the answer of a velocity is followed."""
 
 _OF_STICK_RATE = 0.6
+"""Share of its Nyquist frequency up to which a stick shows the answer; above, the direct response may be taken."""
+
 _AGREED_FROM, _AGREED = 0.35, 2.5
-"""A stick shows up to 0.6 of its Nyquist frequency; a direct response that lies within 2.5 errors of the joint one from
-a third of that on holds beyond."""
+"""Share of that frequency from which on, and errors within which, a direct response must agree with the joint one."""
 
 _SIZE_WINDOW_S = 2.0
+"""Window over which the size of a set-point is taken."""
+
 _LEAST_OF_SIZE_S = 30.0
+"""Small and large set-points are told apart where each lasted as long."""
+
 _SIZES_APART = 2.0
+"""And where their sizes differ by more than this factor."""
+
 _STRETCH_S = 6.0
+"""Shorter stretches of one size are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,6 +349,17 @@ def _doubted(response: FrequencyResponse) -> FrequencyResponse:
     )
 
 
+_REMEDIES: Mapping[str, str] = MappingProxyType(
+    {
+        "bandwidth_3db_rad_s": "move the sticks faster, or log faster",
+        "bandwidth_90deg_rad_s": "move the sticks faster, or log faster",
+        "rise_time_s": "raise the integral gain, if that droop is not wanted",
+        "delay_s": "fly longer with the sticks moving",
+        "overshoot_percent": "fly longer with the sticks moving",
+    }
+)
+
+
 def _numbers(
     loop: Loop, impulse: ImpulseResponse, response: FrequencyResponse, logged_hz: float
 ) -> tuple[dict[str, Quantity], list[Untold]]:
@@ -362,17 +399,6 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
         why=f"The log holds {loop.reference} or {loop.name} at {logged_hz:.0f} Hz: {needs}.",
         remedy=f"log {loop.reference} and {loop.name}{faster}",
     )
-
-
-_REMEDIES: Mapping[str, str] = MappingProxyType(
-    {
-        "bandwidth_3db_rad_s": "move the sticks faster, or log faster",
-        "bandwidth_90deg_rad_s": "move the sticks faster, or log faster",
-        "rise_time_s": "raise the integral gain, if that droop is not wanted",
-        "delay_s": "fly longer with the sticks moving",
-        "overshoot_percent": "fly longer with the sticks moving",
-    }
-)
 
 
 def _why_untold(name: str, loop: Loop, impulse: ImpulseResponse) -> str:

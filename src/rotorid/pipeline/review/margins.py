@@ -68,6 +68,25 @@ PEAK_WIDER, MODEL_WIDER = 1.5, 1.6
 """Factors of the intervals of what is read off the sensitivity, and of what a model tells: on flights with known truth
 their own held it in 83 to 87 % and in 80 %."""
 
+_FEWEST_POINTS = 8
+"""Frequencies of the plant that have to be known, and be no controller, before margins are told."""
+
+_SAME_TERM, _SAME_COMMAND = 0.1, 0.2
+"""How far from one the logged P term, or the command, may lie over what the gains make of set-point and rate, for gains
+that flew."""
+
+_ALIKE = 0.9
+"""Least correlation of the logged signal with what the gains make."""
+
+_EXPLAINED_RAD_S = (3.0, 60.0)
+"""Where that is looked at."""
+
+_OF_NYQUIST = 0.3
+"""Share of the Nyquist frequency of the log up to which it is."""
+
+_FEWEST_SAMPLES = 1000
+"""Of logged terms, which are not looked at in shorter stretches."""
+
 LARGEST_CHI_SQUARE = 3.0
 """For each degree of freedom; a model that misses the plant by more says nothing of what lies beyond."""
 
@@ -318,12 +337,6 @@ class _Explained(Immutable):
         )
 
 
-_SAME_TERM, _SAME_COMMAND, _ALIKE = 0.1, 0.2, 0.9
-_EXPLAINED_RAD_S = (3.0, 60.0)
-_OF_NYQUIST = 0.3
-_FEWEST_SAMPLES = 1000
-
-
 def _explained(
     histories: Sequence[TimeHistory], axis: Axis, settings: AxisController, flight: Flown, way: _Way
 ) -> _Explained | None:
@@ -492,6 +505,7 @@ class _Told(NamedTuple):
 
 
 _DB = 20.0 / math.log(10.0)
+
 _MAY_BE_ONE = 0.5
 """Logarithm of a gain that is beyond all doubt another than one."""
 
@@ -609,18 +623,36 @@ def _widened(told: _Told, other: _Told) -> _Told:
 
 # What a model says beyond.
 
-_FEWEST_POINTS = 8
 _ORDERS = (*AIRFRAME_ORDERS, Order(0, 3))
+"""Late lags that are fitted to the plant."""
+
 _WIDEST_HOLE = 3
+"""Unknown frequencies in a row that the fitted band may bridge."""
+
 _DELAYS_S = (0.0, 0.003, 0.006, 0.01, 0.015, 0.025, 0.04)
+"""Where fits of an order may start."""
+
 _TRIED = 2
+"""Starts that are followed, the best ones of a linear fit."""
+
 _DRAWS, _SEED = 200, 20
 _GRID_POINTS = 500
+
 _BEYOND_RATIO = 6.0
+"""How far beyond the band a model is followed, over the end of the band."""
+
 _MOST_OF_RATE = 0.45
+"""And over the rate of the controller, which does nothing above half of it."""
+
 _LEAST_SHARE = 0.9
+"""Share of the draws that must have a number for it to be told."""
+
 _NEAR = 1.5
+"""A crossover, and what belongs to it, is told by a model up to so far beyond the band."""
+
 _FAR = ("gain_margin_db", "sensitivity_peak")
+"""What is told further out too, with the interval that the draws give it."""
+
 _UNITS: Mapping[str, str] = {
     "crossover_rad_s": "rad/s",
     "phase_margin_deg": "deg",
@@ -769,7 +801,11 @@ def _draws(fit: OrderFit) -> FloatArray:
 # What is worth a remark.
 
 _LEAST_FACTOR, _SLEWED_SHARE = 0.99, 0.01
+"""Factor of ArduPilot's slew limiter below which it had lowered the gains, and share of the flight from which that is
+said."""
+
 _MOVED = 0.2
+"""How far the logged I term may fall short of what its gain makes before that is said."""
 
 
 def _remarks(flight: Flown, axis: Axis, settings: AxisController, seen: _Explained | None, main: str) -> list[Finding]:

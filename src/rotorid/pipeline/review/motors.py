@@ -42,19 +42,37 @@ EXPLAINED = 0.9
 """Part of the squares that a pattern must explain to be named."""
 
 _STEADY_RAD_S = 0.25
+"""Body rate up to which a second is steady."""
+
 _LEVEL_RAD = 0.2
+"""Roll and pitch up to which it is."""
+
 _USUAL = 0.3
+"""How far the mean output may lie from the usual one in it, over that."""
+
 _WINDOW_S = 1.0
+
 _FEWEST_WINDOWS = 5
+"""Steady seconds from which balance and headroom are told."""
+
 _BIAS = 0.003
 """What outputs of one motor differ by from flight to flight, as a part of the range."""
 
 _STEP, _WITHIN_S = 0.2, 0.05
+"""A motor that is told to rise by this share of its range, and slows down by as much of its speed within this time, has
+lost step."""
+
 _DELAY_BAND_RAD_S = (10.0, 80.0)
+"""Where lag and delay from output to gyro are fitted."""
+
 _LONGEST_LAG_S = 0.12
+"""Lags of motors that are tried."""
+
 _LAG_BIAS = 0.05
 """Damping of the rate looks like less delay; flights with a known answer differ by so much."""
+
 _MUCH = 0.02
+"""Share of the flight at the upper limit from which it is said."""
 
 
 class _Outputs(NamedTuple):

@@ -50,17 +50,36 @@ TOLERANCE_BINS = 2.0
 """So far from a rotor's harmonic a peak is still its own."""
 
 MOST_PEAKS = 6
+"""Of a sensor that are named, the strongest ones."""
 
 _OF_RATE = 0.4
+"""Share of the rate of a log above which no line is told: faster vibration folds to lower frequencies."""
+
 _UNTOLD_MAKER = "It is seen at too few throttles, or moves too unevenly, to tell whether rotors or the frame make it"
 _VIBRATION_HZ = 10.0
+"""Specific force that changes faster is vibration."""
+
 _BINS = 25
+"""Of the throttle, each of 4 % of its range."""
+
 _DELAY_BAND_HZ = (5.0, 80.0)
+"""Where the delay of the filters is measured, as the slope of their phase."""
+
 _DELAY_AT_HZ = 20.0
+"""Where the delay of the configured filters is told, as their phase delay."""
+
 _HOT_HZ = 100.0
+"""Noise above it moves nothing and heats the motors."""
+
 _MOST_CLIPS_SHARE = 1e-3
+"""Share of samples at the end of a sensor's range from which it is said."""
+
 _GYRO_END_RAD_S = tuple(math.radians(end) for end in (2000.0, 4000.0))
+"""Ends of the ranges that gyros have."""
+
 _ACCEL_END_M_S2 = tuple(9.80665 * end for end in (8.0, 16.0, 32.0))
+"""Ends of the ranges that accelerometers have."""
+
 _AXES = {"roll": "p", "pitch": "q", "yaw": "r"}
 _DEGREES = 180.0 / math.pi
 

@@ -35,6 +35,7 @@ from rotorid.typing import Axis
 
 _PROGRESS = logs.getLogger("rotorid.progress")
 _STEPS = ("flight", "logging", "loops", "margins", "noise", "motors", "models")
+
 _VEHICLES = {
     "PX4": "px4_quad",
     "ArduPilot": "ardupilot_quad",

@@ -44,6 +44,10 @@ class Untold(Immutable):
     remedy: str = ""
 
 
+_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
+"""What is said of one axis in the words of another: one row for both, in the words of the first."""
+
+
 def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
     """What cannot be told for one reason in one row: the numbers of a loop that a slow log hides, for instance.
 
@@ -67,9 +71,6 @@ def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
         alike.setdefault((_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy)), []).append(row)
     return tuple(replace(same[0], what=", ".join(row.what for row in same)) for same in alike.values())
 
-
-_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
-"""What is said of one axis in the words of another: one row for both, in the words of the first."""
 
 _UNITS = ("_rad_s", "_deg", "_db", "_percent", "_s")
 

@@ -25,6 +25,7 @@ from rotorid.typing import ComplexArray
 _OF_GYRO = ("IMU_GYRO_", "INS_GYRO_FILTER", "INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "gyro_")
 _OF_LOOP = ("IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF", "MC_YAW_TQ_CUTOFF", "ATC_RAT_", "dterm_", "yaw_lowpass_hz")
 _ARDUPILOT_FILTERS = ("_FLTT", "_FLTE", "_FLTD", "_NTF", "_NEF")
+
 _BLACKBOX_NAMES = {
     f"dterm_{kind}_{end}_hz": f"dterm_{kind}_hz_{index}"
     for kind in ("lpf1_dyn", "lowpass_dyn")

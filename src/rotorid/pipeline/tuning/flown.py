@@ -34,8 +34,14 @@ from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.verification.time_domain import matched
 
 _MOST_SATURATED = 0.02
+"""Share of the flight with a motor at a limit above which nothing is proposed: its plant is that of a limit cycle."""
+
 _AT_LIMIT = (0.02, 0.98)
+"""Outputs of a motor at which it is."""
+
 _AIRBORNE = 0.1
+"""Mean output of the motors above which that counts."""
+
 _UNLIKE = 0.35
 """Relative error of what a controller makes of the rate, its median over the band, above which other gains flew."""
 
@@ -48,8 +54,13 @@ _NOT_SEEN = 0.3
 """Share of the command that a controller must have made, for its gains to show at all."""
 
 _LEAST_NOISE_HZ = 30.0
+"""Faster rates are noise, as far as they also lie beyond the band of the plant, times the next."""
+
 _NOISE_OVER_BAND = 1.5
+
 _FEWEST_NOISE_POINTS = 8
+"""With fewer frequencies nothing is said of noise."""
+
 _BEHIND_FILTERS = ("vehicle_angular_velocity", "RATE", "PIDR", "PIDP", "PIDY", "gyroADC")
 """Where logs have the rate as the controller takes it, so that no filter of the gyro has to be known."""
 

@@ -27,6 +27,7 @@ from rotorid.typing import FloatArray
 _GRID = 201
 _DRAWS = 200
 _OUTPUTS = 41
+
 _WIDEST = 0.2
 """Half the interval of a parameter, over its range, above which nothing is proposed."""
 
