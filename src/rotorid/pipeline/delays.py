@@ -362,7 +362,7 @@ def _biased(input: str, output: str, *, joint: bool, cause: str) -> Finding:
         "closed_loop_bias",
         f"{output}/{input}",
         f"{input} may contain feedback of {output} and {why}, so its delay is that of the records alone. In closed "
-        "loop gusts and noise come back through the controller, which pulls the delay toward less than none.",
+        "loop gusts and noise come back through the controller, which pulls the estimated delay down, even below zero.",
     )
 
 

@@ -419,7 +419,8 @@ def _unheard(group: _Group) -> Finding:
     return warn(
         "joined_records",
         names,
-        f"{names} tells of {swept} alone: what {missing} did there in step with it is in its responses. Log the "
+        f"{names} shows responses to {swept} alone: where {missing} moved in step with "
+        f"{'it' if len(group.inputs) == 1 else 'them'}, its effect is contained in these responses. Log the "
         "commands of all axes.",
     )
 

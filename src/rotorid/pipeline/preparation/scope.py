@@ -281,8 +281,8 @@ def _without_response(names: Sequence[str], asked: Sequence[str], left: LinearSt
         warn(
             "not_identifiable",
             name,
-            f"The model leads from {', '.join(left.inputs)} to {', '.join(left.outputs)} without {name}, so it "
-            "takes no part in the fit.",
+            f"In this model nothing connects {name} with the fitted inputs and outputs, {', '.join(left.inputs)} and "
+            f"{', '.join(left.outputs)}: it was left out of the fit.",
         )
         for name in names
     ]
@@ -294,13 +294,16 @@ def _without(
     """What to say about outputs that were passed over by themselves."""
     if settings.outputs or not passed:
         return []
-    gone = f" With them go {', '.join(lost)}." if lost else ""
+    one = len(passed) == 1
+    gone = f" With {'it' if one else 'them'} go {', '.join(lost)}." if lost else ""
+    where = "is not in the log, or only as an estimate" if one else "are not in the log, or only as estimates"
     return [
         remark(
             "outputs_left_out",
             ", ".join(passed),
-            f"Fitted are {', '.join(smaller.outputs)}. The log does not hold {', '.join(passed)}, or as estimates "
-            f"of a filter with a delay of its own; name them with --outputs to fit them too.{gone}",
+            f"Only {', '.join(smaller.outputs)} {'was' if len(smaller.outputs) == 1 else 'were'} fitted. "
+            f"{', '.join(passed)} {where} of a filter that has a delay of its own; name {'it' if one else 'them'} "
+            f"with --outputs to fit {'it' if one else 'them'} too.{gone}",
         )
     ]
 

@@ -459,8 +459,9 @@ def _remarks(flight: Flown, loop: Loop, impulse: ImpulseResponse) -> Iterator[Fi
         yield warn(
             "structure_error",
             where,
-            f"No linear loop explains how the {loop.words} followed its set-point: it misses the response by "
-            f"{math.sqrt(impulse.misfit):.1f} of its errors, which were widened by as much.",
+            f"The {loop.words} did not follow its set-point like a linear loop: the best linear response misses the "
+            f"measured one by {math.sqrt(impulse.misfit):.1f} standard deviations. Stated errors were widened by that "
+            "factor.",
             misfit=impulse.misfit,
         )
     if flat_near_3db(impulse):

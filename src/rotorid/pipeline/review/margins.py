@@ -208,7 +208,10 @@ class _Way(NamedTuple):
 
 
 _BAND_RAD_S = (5.0, 60.0)
+"""Where loops cross: instruments are compared by their coherence there."""
+
 _WINDOW_S = 4.0
+"""Length of the windows of all spectra here."""
 
 
 def _ways(flight: Flown, axis: Axis) -> list[_Way]:
