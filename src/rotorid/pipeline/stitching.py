@@ -459,6 +459,34 @@ def _through(
         )
     flying = Controllers(record=record, given=given)
     history = _history(record, flying)
+    closed, setpoints, findings = _closed_axes(record, flying, history)
+    names = (*_JUDGED, *setpoints)
+    simulated = _fly(stitched.stitched_model(None), history, closed)
+    _require_in_the_air(record, history, simulated, names)
+    rng = np.random.default_rng(seed)
+    draws = [_fly(stitched.stitched_model(rng), history, closed) for _ in range(DRAWS)]
+    scores, cutoff = _scored(stitched, history, simulated, names)
+    return (
+        ThroughSpeeds(
+            record=record.source.name,
+            start_s=history.start_s,
+            stop_s=float(history.time_s[-1]),
+            time_s=history.time_s,
+            measured={name: history[name] for name in names},
+            simulated={name: simulated[name] for name in names},
+            spread={name: np.nanstd([one[name] - simulated[name] for one in draws], axis=0) for name in names},
+            scores=scores,
+            setpoints=setpoints,
+            low_pass_rad_s=cutoff,
+        ),
+        [*findings, *_beyond_speeds(record, history, stitched.speed_m_s)],
+    )
+
+
+def _closed_axes(
+    record: FlightRecord, flying: Controllers, history: TimeHistory
+) -> tuple[list[ClosedAxis], dict[str, str], list[Finding]]:
+    """The loops that the log's controllers close, command to the channel that drives each, and doubts about them."""
     step_hz = steps_of(history.sample_rate_hz) * history.sample_rate_hz
     closed, setpoints, findings = [], {}, []
     for axis in _FLOWN:
@@ -476,66 +504,63 @@ def _through(
             ClosedAxis(command=loop.command, controller=controller, setpoint=loop.setpoint, excitation=loop.excitation)
         )
         setpoints[loop.command] = setpoint
-    commands = np.array([history[f"{axis}_command"] for axis in AXES])
-    start = {name: float(history[name][: max(1, round(0.2 * history.sample_rate_hz))].mean()) for name in STATES}
+    return closed, setpoints, findings
 
-    def fly(draw: np.random.Generator | None) -> dict[str, FloatArray]:
-        return simulate_stitched(
-            stitched.stitched_model(draw),
-            commands,
-            sample_rate_hz=history.sample_rate_hz,
-            start=start,
-            closed=closed,
-        )
 
-    simulated = fly(None)
-    names = (*_JUDGED, *setpoints)
-    if not all(np.isfinite(simulated[name]).all() for name in names):
-        lost_s = float(np.argmax(~np.isfinite(simulated["theta"]))) / history.sample_rate_hz
-        finding = warn(
-            "lost_through_speeds",
-            record.source.name,
-            f"The stitched model falls over {lost_s:.1f} s into {record.source.name}: it is unstable under these "
-            "controllers, or they are not those that flew.",
-            after_s=lost_s,
-        )
-        raise _unflown(record, finding)
-    rng = np.random.default_rng(seed)
-    draws = [fly(rng) for _ in range(DRAWS)]
-    spread = {name: np.nanstd([one[name] - simulated[name] for one in draws], axis=0) for name in names}
+def _fly(model: StitchedModel, history: TimeHistory, closed: Sequence[ClosedAxis]) -> dict[str, FloatArray]:
+    """The flight as a model has it, from the mean of the first fifth of a second on."""
+    first = max(1, round(0.2 * history.sample_rate_hz))
+    return simulate_stitched(
+        model,
+        np.array([history[f"{axis}_command"] for axis in AXES]),
+        sample_rate_hz=history.sample_rate_hz,
+        start={name: float(history[name][:first].mean()) for name in STATES},
+        closed=closed,
+    )
+
+
+def _require_in_the_air(
+    record: FlightRecord, history: TimeHistory, simulated: Mapping[str, FloatArray], names: Sequence[str]
+) -> None:
+    if all(np.isfinite(simulated[name]).all() for name in names):
+        return
+    lost_s = float(np.argmax(~np.isfinite(simulated["theta"]))) / history.sample_rate_hz
+    finding = warn(
+        "lost_through_speeds",
+        record.source.name,
+        f"The stitched model falls over {lost_s:.1f} s into {record.source.name}: it is unstable under these "
+        "controllers, or they are not those that flew.",
+        after_s=lost_s,
+    )
+    raise _unflown(record, finding)
+
+
+def _scored(
+    stitched: Stitched, history: TimeHistory, simulated: Mapping[str, FloatArray], names: Sequence[str]
+) -> tuple[dict[str, LoopScores], float | None]:
+    """How each channel was predicted, and the low-pass that both pass before: up to where all models were fitted."""
     highest = [band[1] for point in stitched.points if (band := point.model.band_rad_s) is not None]
     cutoff = min(highest) if len(highest) == len(stitched.points) else None
     passed = low_pass(cutoff, history.sample_rate_hz) if cutoff is not None else lambda rows: rows
     measured, predicted = (passed(np.array([row[name] for name in names])) for row in (history, simulated))
-    scores = {name: scored(*pair) for name, *pair in zip(names, measured, predicted, strict=True)}
+    return {name: scored(*pair) for name, *pair in zip(names, measured, predicted, strict=True)}, cutoff
+
+
+def _beyond_speeds(record: FlightRecord, history: TimeHistory, speeds: FloatArray) -> list[Finding]:
+    """What to say of a flight that is more than 1 m/s slower or faster than all models."""
     reach = [float(history["u"].min()), float(history["u"].max())]
-    speeds = stitched.speed_m_s
-    if reach[0] < speeds[0] - 1.0 or reach[1] > speeds[-1] + 1.0:
-        findings.append(
-            warn(
-                "beyond_speeds",
-                record.source.name,
-                f"{record.source.name} goes from {reach[0]:.1f} to {reach[1]:.1f} m/s; the models are of "
-                f"{speeds[0]:.1f} to {speeds[-1]:.1f} m/s, and beyond them the last one holds.",
-                lowest_m_s=reach[0],
-                highest_m_s=reach[1],
-            )
+    if reach[0] >= speeds[0] - 1.0 and reach[1] <= speeds[-1] + 1.0:
+        return []
+    return [
+        warn(
+            "beyond_speeds",
+            record.source.name,
+            f"{record.source.name} goes from {reach[0]:.1f} to {reach[1]:.1f} m/s; the models are of "
+            f"{speeds[0]:.1f} to {speeds[-1]:.1f} m/s, and beyond them the last one holds.",
+            lowest_m_s=reach[0],
+            highest_m_s=reach[1],
         )
-    return (
-        ThroughSpeeds(
-            record=record.source.name,
-            start_s=history.start_s,
-            stop_s=float(history.time_s[-1]),
-            time_s=history.time_s,
-            measured={name: history[name] for name in names},
-            simulated={name: simulated[name] for name in names},
-            spread=spread,
-            scores=scores,
-            setpoints=setpoints,
-            low_pass_rad_s=cutoff,
-        ),
-        findings,
-    )
+    ]
 
 
 def _unflown(record: FlightRecord, finding: Finding) -> InsufficientDataError:

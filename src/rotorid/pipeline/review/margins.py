@@ -135,7 +135,8 @@ def _sentence(error: InsufficientDataError) -> str:
     return f"{text[:1].upper()}{text[1:]}." if text else str(error)
 
 
-def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
+def _require_logged(flight: Flown, axis: Axis) -> None:
+    """Refuse a log without command or rate of an axis, or with these too slow."""
     rate, command = RATE_OF[axis], f"{axis}_command"
     names = flight.record.channel_names
     missing = [name for name in (command, rate) if name not in names]
@@ -149,15 +150,25 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
             f"Command and rate of {axis} are logged at {slowest_hz:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz is the least.",
             logging_advice(flight.record, slowest_hz),
         )
-    ways = _ways(flight, axis)
-    histories = _histories(flight, axis, ways)
-    throttle, source = usual_throttle(flight.record), _source(histories, rate)
-    settings = logged_axis(flight.record, command, source=source, throttle=throttle)
+
+
+def _logged_settings(flight: Flown, axis: Axis, *, source: str, throttle: float | None) -> AxisController:
+    settings = logged_axis(flight.record, f"{axis}_command", source=source, throttle=throttle)
     if settings is None:
         raise _CannotError(
             f"The log holds no gains of the {axis} controller that are known.",
             "Log the parameters (PX4, ArduPilot), or use a Betaflight of 4.0 or later.",
         )
+    return settings
+
+
+def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
+    _require_logged(flight, axis)
+    rate, command = RATE_OF[axis], f"{axis}_command"
+    ways = _ways(flight, axis)
+    histories = _histories(flight, axis, ways)
+    throttle, source = usual_throttle(flight.record), _source(histories, rate)
+    settings = _logged_settings(flight, axis, source=source, throttle=throttle)
     way = max(ways, key=lambda one: _coherence(histories, one.channel, command)) if len(ways) > 1 else ways[0]
     seen = _explained(histories, axis, settings, flight, way)
     if seen is not None and not seen.holds:

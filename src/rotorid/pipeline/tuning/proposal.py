@@ -315,18 +315,15 @@ def _axis(
     thrust: ThrustLinearization | None,
     findings: list[Finding],
 ) -> AxisTuning:
-    """One axis, from its model to what the proposed gains will do."""
+    """One axis, from its model to what the proposed gains will do.
+
+    What is remarked on goes to ``findings`` at once: it stays where the axis is refused later.
+    """
     _PROGRESS.info(f"tuning {axis}")
     record = next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
-    if record is not None:
-        require_gains(axis, record)
-        require_room(record)
-    model = rate_model(axis, given, logs)
-    flown = flown_axis(axis, model, record)
+    flown, model = _flown_loop(axis, given, logs, record, settings)
     if record is not None:
         findings += explained(flown, model)
-    elif settings.filters:
-        raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
     then = with_filters(record, settings.filters) if record is not None and settings.filters else None
     controller = flown.controller if then is None else flown.with_parameters(then)
     plant = plant_of(model, axis, draws=settings.draws, seed=settings.seed)
@@ -334,16 +331,6 @@ def _axis(
     noise = flown.rate_noise(omega, plant.band_rad_s)
     as_flown, parts = flown.parts(omega, noise=noise), flown.parts(omega, then=then, noise=noise)
     ends = at_ends(controller, parts)
-    known = parameters_of(controller)
-    # What the firmware has no parameter for, or one whose meaning is not sure, stays.
-    stay = tuple(name for name in "PIDA" if name in settings.keep or name not in known)
-    wishes = Wishes(
-        sensitivity_peak=settings.robustness,
-        noise=settings.noise,
-        keep=stay,
-        gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
-        ranges=ranges_of(controller),
-    )
     found = propose(
         axis,
         plant,
@@ -351,7 +338,7 @@ def _axis(
         parts=parts,
         flown_parts=None if then is None else as_flown,
         ends=tuple(ends.values()),
-        wishes=wishes,
+        wishes=_wishes(controller, settings, thrust),
     )
     drawn = plant.drawn(omega)
     if found.changed:
@@ -375,6 +362,37 @@ def _axis(
         ends={name: judged(end, drawn, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
         noise_seen=noise is not None,
         **_steps(flown, then if found.changed else None, plant, found),
+    )
+
+
+def _flown_loop(
+    axis: Axis,
+    given: Sequence[IdentifiedModel],
+    logs: Sequence[FlightRecord],
+    record: FlightRecord | None,
+    settings: TuneSettings,
+) -> tuple[FlownAxis, IdentifiedModel]:
+    """The loop that flew and the model of its axis, where the log has gains and its motors had room."""
+    if record is not None:
+        require_gains(axis, record)
+        require_room(record)
+    model = rate_model(axis, given, logs)
+    flown = flown_axis(axis, model, record)
+    if record is None and settings.filters:
+        raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
+    return flown, model
+
+
+def _wishes(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None) -> Wishes:
+    """What is asked of the gains, and which of them stay."""
+    known = parameters_of(controller)
+    return Wishes(
+        sensitivity_peak=settings.robustness,
+        noise=settings.noise,
+        # What the firmware has no parameter for, or one whose meaning is not sure, stays.
+        keep=tuple(name for name in "PIDA" if name in settings.keep or name not in known),
+        gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
+        ranges=ranges_of(controller),
     )
 
 
