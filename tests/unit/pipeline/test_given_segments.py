@@ -137,3 +137,10 @@ def test_motors_that_never_flew_are_refused_alike(motors: FlightRecord) -> None:
     with pytest.raises(InsufficientDataError, match="no flight of 2 s") as refused:
         motor_data([replace(motors, status=GROUNDED)], MotorChoices(layout="quad.x"))
     assert [finding.kind for finding in refused.value.findings] == ["never_airborne"]
+
+
+def test_of_several_logs_of_motors_those_that_it_does_not_reach_take_no_part(motors: FlightRecord) -> None:
+    later = tuple(replace(topic, time_s=topic.time_s + 100.0) for topic in motors.topics)
+    other = replace(motors, topics=later, source=replace(motors.source, name="later.csv", sha256="later"))
+    choices = MotorChoices(layout="quad.x", segments=(parse_segment("roll:2:18"),))
+    assert {record.source.name for record, _ in motor_data([motors, other], choices).flights} == {"motors.csv"}
