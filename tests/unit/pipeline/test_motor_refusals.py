@@ -12,8 +12,9 @@ from tests.unit.pipeline.motor_logs import ARM_M, flight, repeated
 from rotorid.errors import InsufficientDataError
 from rotorid.io.registry import read
 from rotorid.pipeline.fits import motors
+from rotorid.pipeline.fits.fitted_motors import FittedMotors
 from rotorid.pipeline.fits.motor_errors import motor_model_error
-from rotorid.pipeline.fits.motors import FittedMotors, fit_motor_data
+from rotorid.pipeline.fits.motors import fit_motor_data
 from rotorid.pipeline.identification import identify_motors
 from rotorid.pipeline.preparation.motor_data import motor_data
 from rotorid.pipeline.settings import MotorChoices
