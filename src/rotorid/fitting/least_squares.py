@@ -84,12 +84,6 @@ class Solution(Immutable):
             others=tuple(Minimum(cost, read_only(theta, np.float64, ndim=1)) for cost, theta in self.others),
         )
 
-    def or_raise(self) -> Solution:
-        """Return this solution if it converged; raise an error that says how it ended otherwise."""
-        if self.outcome is Outcome.CONVERGED:
-            return self
-        raise InsufficientDataError(self.outcome.value, remedy="free fewer parameters or give other start values")
-
 
 Residuals: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 

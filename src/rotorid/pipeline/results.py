@@ -356,7 +356,7 @@ class IdentifiedModel(Immutable):
 
     def to_toml(self) -> str:
         """The structure with the identified values and their standard deviations, as ``model.toml`` holds it."""
-        std = dict(zip(self.bounds.names, map(float, self.bounds.std), strict=True))
+        std = self.bounds.stds
         if self.nonlinear is not None:
             return nonlinear_to_toml(self.nonlinear, std)
         own = self.structure.parameters

@@ -94,6 +94,16 @@ class Bounds(Immutable):
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
+    def stds(self) -> dict[str, float]:
+        """Parameter to its standard deviation."""
+        return dict(zip(self.names, self.std.tolist(), strict=True))
+
+    @property
+    def random_stds(self) -> dict[str, float]:
+        """Parameter to the standard deviation of its random errors."""
+        return dict(zip(self.names, self.random_std.tolist(), strict=True))
+
+    @property
     def random_std(self) -> FloatArray:
         """The random part of it, shape ``(p,)``."""
         return np.asarray(np.sqrt(np.diag(self.random)))

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Residuals
 from rotorid.typing import FloatArray
 
@@ -241,8 +240,7 @@ class TestOutcomes:
 
         solution = solver.minimize(wrong, np.array([-1.2, 1.0]), *box_of(CATALOG[0], np.ones(2)))
         assert solution.outcome is Outcome.STALLED
-        with pytest.raises(InsufficientDataError, match="No step lowers the cost"):
-            solution.or_raise()
+        assert solution.outcome.value.startswith("No step lowers the cost")
 
 
 def test_iterations_that_run_out_are_said_so() -> None:
@@ -251,5 +249,4 @@ def test_iterations_that_run_out_are_said_so() -> None:
         differentiated(CATALOG[0], np.ones(2)), np.array([-1.2, 1.0]), *box_of(CATALOG[0], np.ones(2))
     )
     assert solution.outcome is Outcome.OUT_OF_ITERATIONS
-    with pytest.raises(InsufficientDataError, match="iterations was used up"):
-        solution.or_raise()
+    assert "iterations was used up" in solution.outcome.value

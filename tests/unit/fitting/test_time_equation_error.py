@@ -12,12 +12,10 @@ from rotorid.fitting.equations.regression import (
     Domain,
     InBand,
     InTime,
-    best_delay,
     derivative_transform,
     equation_error,
     finite_transform,
     late_transform,
-    stepwise_equation_error,
 )
 from rotorid.typing import FloatArray
 
@@ -97,25 +95,6 @@ def test_the_band_does_not_mind_noise_that_a_derivative_does() -> None:
     assert abs(band.estimates[1] / M_PITCH - 1.0) < 0.03
     assert band.r_squared > 0.98
     assert time.r_squared < 0.9
-
-
-def test_delay_is_found_between_the_samples() -> None:
-    delay_s, fit = best_delay(
-        [history(noise=0.005)], "q", ["q", "pitch_command"], delayed=["pitch_command"], domain=InBand(band_rad_s=BAND)
-    )
-    assert delay_s == pytest.approx(DELAY_S, abs=0.1 / RATE_HZ)
-    assert fit.estimates[1] == pytest.approx(M_PITCH, rel=0.01)
-
-
-def test_stepwise_leaves_out_a_channel_that_does_nothing() -> None:
-    found = stepwise_equation_error(
-        [history(noise=0.01)],
-        "q",
-        ["q", "pitch_command", "u"],
-        domain=InBand(band_rad_s=BAND),
-        delays_s={"pitch_command": DELAY_S},
-    )
-    assert set(found.regression.names) == {"q", "pitch_command", CONSTANT}
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from tests.unit.pipeline.motor_logs import ARM_M, flight, repeated
 
 from rotorid.errors import InsufficientDataError
 from rotorid.io.registry import read
-from rotorid.pipeline.fits import motors
+from rotorid.pipeline.fits import motor_remarks, motors
 from rotorid.pipeline.fits.fitted_motors import FittedMotors
 from rotorid.pipeline.fits.motor_errors import motor_model_error
 from rotorid.pipeline.fits.motors import fit_motor_data
@@ -64,7 +64,7 @@ def test_a_fit_that_moves_by_less_than_it_states_is_told(fitted: FittedMotors) -
     near = np.array([0.2 * std[name] if name == "I_xx" else 0.0 for name in free])
     moving = replace(fitted, fit=replace(fitted.fit, settled=False, moved=near))
     motors._require_end(moving, CHOICES)
-    assert "not_converged" in {one.kind for one in motors.judge_motors(moving, CHOICES, {})}
+    assert "not_converged" in {one.kind for one in motor_remarks.judge_motors(moving, CHOICES, {})}
 
 
 def test_what_physics_does_not_allow_is_refused(fitted: FittedMotors) -> None:

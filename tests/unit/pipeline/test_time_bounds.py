@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -71,15 +72,20 @@ def with_deviation(fitted: TimeFit, name: str, times: float) -> TimeFit:
     return replace(fitted, bounds=replace(bounds, covariance=covariance, cramer_rao=cramer_rao))
 
 
+def require(fitted: TimeFit, couplings: Sequence[str] = ()) -> None:
+    require_bounds(fitted.parameters, fitted.bounds, couplings)
+
+
 def test_a_value_that_others_take_over_is_refused(fitted: TimeFit) -> None:
-    require_bounds(fitted)
-    require_bounds(with_deviation(fitted, "zeta_phi", 9.0))
+    require(fitted)
+    require(with_deviation(fitted, "zeta_phi", 9.0))
+    require(with_deviation(fitted, "zeta_phi", 11.0), couplings=["zeta_phi"])
     with pytest.raises(InsufficientDataError, match="nothing bounds zeta_phi") as refused:
-        require_bounds(with_deviation(fitted, "zeta_phi", 11.0))
+        require(with_deviation(fitted, "zeta_phi", 11.0))
     (finding,) = refused.value.findings
     assert (finding.kind, finding.where) == ("not_identifiable", "zeta_phi")
 
 
 def test_a_small_value_that_is_known_by_itself_is_not_without_bound(fitted: TimeFit) -> None:
     wide = with_deviation(fitted, "zeta_phi", 11.0)
-    require_bounds(replace(wide, bounds=replace(wide.bounds, cramer_rao=2.0 * wide.bounds.insensitivity)))
+    require(replace(wide, bounds=replace(wide.bounds, cramer_rao=2.0 * wide.bounds.insensitivity)))

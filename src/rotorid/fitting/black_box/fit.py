@@ -613,36 +613,3 @@ def information_criteria(residuals: FloatArray, parameters: int) -> InformationC
     left = count - parameters - 1
     aicc = fit + 2.0 * parameters * count / left if left > 0 else np.inf
     return InformationCriteria(fit + 2.0 * parameters, aicc, fit + parameters * float(np.log(samples)))
-
-
-def singular_value_gap(singular_values: FloatArray, *, highest: int) -> tuple[int, float]:
-    r"""The order before the largest step down, :math:`\arg\max_n \sigma_n / \sigma_{n+1}`, and that ratio.
-
-    A ratio near one says that no order stands out.
-
-    Parameters
-    ----------
-    singular_values
-        Of a subspace identification, largest first.
-    highest
-        Highest order to consider.
-
-    Raises
-    ------
-    UsageError
-        There are not more values than the highest order.
-
-    Examples
-    --------
-    >>> singular_value_gap(np.array([9.0, 8.0, 0.1, 0.09, 0.08]), highest=4)
-    (2, 80.0)
-    """
-    if not 1 <= highest < singular_values.size:
-        raise UsageError(
-            f"{singular_values.size} singular values came for orders up to {highest}", needed="more of them"
-        )
-    floor = max(float(singular_values[0]) * np.finfo(np.float64).eps, np.finfo(np.float64).tiny)
-    values = np.maximum(singular_values[: highest + 1], floor)
-    ratios = values[:-1] / values[1:]
-    order = 1 + int(np.argmax(ratios))
-    return order, float(ratios[order - 1])

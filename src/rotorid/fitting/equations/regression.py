@@ -32,7 +32,7 @@ and quick answers to which terms matter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
@@ -563,8 +563,6 @@ def _evenly_spaced(omega: FloatArray) -> bool:
 
 _LINES = 200
 _SMOOTHING_S = 0.05
-_SECTIONS = 24
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 class Domain(Protocol):
@@ -737,76 +735,6 @@ def equation_error(
     return regress(matrix, left, names, constant=False, ordered=domain.ordered and len(histories) == 1)
 
 
-def stepwise_equation_error(
-    histories: Sequence[TimeHistory],
-    target: str,
-    candidates: Sequence[str],
-    *,
-    domain: Domain,
-    measured: bool = False,
-    delays_s: Mapping[str, float] | None = None,
-    keep: Sequence[str] = (),
-) -> StepwiseRegression:
-    """The terms that one equation of motion needs, of many; arguments as for :func:`equation_error`.
-
-    Parameters
-    ----------
-    histories, target, domain, measured, delays_s
-        As for :func:`equation_error`.
-    candidates
-        Channels that may stand on the right; a constant always does.
-    keep
-        Candidates that stand there in any case.
-    """
-    matrix, left, names = _equation(histories, target, candidates, domain, measured, delays_s or {}, True)
-    return stepwise(
-        matrix,
-        left,
-        names,
-        keep=(CONSTANT, *keep),
-        constant=False,
-        ordered=domain.ordered and len(histories) == 1,
-    )
-
-
-def best_delay(
-    histories: Sequence[TimeHistory],
-    target: str,
-    regressors: Sequence[str],
-    *,
-    delayed: Sequence[str],
-    domain: Domain,
-    longest_s: float = 0.3,
-    measured: bool = False,
-) -> tuple[float, Regression]:
-    """The delay that some regressors share with which the equation fits best, and the regression there.
-
-    On a grid of 24 first, and between its points by golden section.
-
-    Parameters
-    ----------
-    histories, target, regressors, domain, measured
-        As for :func:`equation_error`.
-    delayed
-        Regressors that are late, commands as a rule.
-    longest_s
-        Longest delay to try.
-    """
-
-    def fit(delay_s: float) -> Regression:
-        late = dict.fromkeys(delayed, delay_s)
-        return equation_error(histories, target, regressors, domain=domain, measured=measured, delays_s=late)
-
-    def misfit(delay_s: float) -> float:
-        residual = fit(delay_s).residual
-        return float(residual @ residual)
-
-    grid = np.linspace(0.0, longest_s, _SECTIONS + 1)
-    lowest = min(grid.tolist(), key=misfit)
-    found = _golden_section(misfit, max(lowest - grid[1], 0.0), min(lowest + grid[1], longest_s))
-    return found, fit(found)
-
-
 def _equation(
     histories: Sequence[TimeHistory],
     target: str,
@@ -832,19 +760,3 @@ def _equation(
 
 def _parts(values: ComplexArray) -> FloatArray:
     return np.concatenate([values.real, values.imag])
-
-
-def _golden_section(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function with one valley is smallest, to a hundred-thousandth of the distance."""
-    inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_inner, at_outer = function(inner), function(outer)
-    for _ in range(_SECTIONS):
-        if at_inner <= at_outer:
-            high, outer, at_outer = outer, inner, at_inner
-            inner = high - _GOLDEN * (high - low)
-            at_inner = function(inner)
-        else:
-            low, inner, at_inner = inner, outer, at_outer
-            outer = low + _GOLDEN * (high - low)
-            at_outer = function(outer)
-    return 0.5 * (low + high)

@@ -1,14 +1,18 @@
-r"""Shapes of errors of frequency responses that are no noise: smooth model errors, and clocks.
+r"""Shapes of the errors of frequency responses that are no noise: smooth model errors, clocks, sensors, thrust, lean.
 
-A structure that leaves something out errs alike at neighboring frequencies: in magnitude and in phase a smooth function
-of :math:`\ln \omega`, taken as a Gaussian process with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`,
-one octave. And no log says where within a sample a value belongs: every input and every output may be late by
-:math:`0.15 \, \Delta t`. A sensor that contradicts the kinematics of its log may be the wrong one of the two: its
-response may be off by all of the scale and all of the delay by which they differ; one that was corrected is off by what
-is left of its errors, with their covariance. And the slope of thrust changes with
-its mean, for all inputs alike (:mod:`rotorid.pipeline.preparation.thrust_slope`); and a vehicle that leans is no
-hover any more (:mod:`rotorid.pipeline.preparation.lean`). How large the smooth errors are, the
-residuals of a fit must tell (:mod:`rotorid.uncertainty.model_error`).
+Each shape is a column in the residuals, with a size of its own.
+
+- *Model error*. A structure that leaves something out errs alike at neighboring frequencies: in magnitude and in phase
+  a Gaussian process over :math:`\ln \omega` with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`, one
+  octave. How large it is, the residuals of a fit tell (:mod:`rotorid.uncertainty.model_error`).
+- *Clocks*. No log says where within a sample a value belongs: every input and every output may be late by
+  :math:`0.15 \, \Delta t`.
+- *Sensors*. One that contradicts the kinematics of its log may be the wrong one of the two: its response may be off by
+  all of the scale and the delay by which they differ. One that was corrected is off by what is left, with its
+  covariance.
+- *Thrust and lean*. The slope of thrust changes with its mean, for all inputs alike
+  (:mod:`rotorid.pipeline.preparation.thrust_slope`), and derivatives of hover hold for small angles only
+  (:mod:`rotorid.pipeline.preparation.lean`).
 """
 
 from __future__ import annotations
@@ -25,7 +29,11 @@ CLOCK_SAMPLES = 0.15
 """Standard deviation of a delay within a sample: hold and stamps are known no better."""
 
 _OCTAVE = 0.7
+"""Length of smooth errors over the natural logarithm of frequency: ln 2, rounded."""
+
 _KEPT = 1e-3
+"""Share of the largest eigenvalue of the kernel, below which columns are left out."""
+
 _FEWEST_POINTS = 12
 """A response of fewer points takes part in the model error of the main response to its input."""
 

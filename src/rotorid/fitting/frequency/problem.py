@@ -44,9 +44,14 @@ from rotorid.spectral.composite import level_about, output_correlation
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
 ACCEPTABLE_COST = 100.0
+"""Average cost up to which a model is acceptable: the guideline of CIFER."""
+
 EXCELLENT_COST = 50.0
+"""Average cost up to which a model can hardly be told from the flight: the same guideline."""
 
 PHASE_WEIGHT = 0.01745
+"""Of a squared degree beside a squared decibel, in CIFER's cost."""
+
 DB_PER_NEPER = 20.0 / np.log(10.0)
 DEG_PER_RAD = 180.0 / np.pi
 _COST_SCALE = 20.0
@@ -494,9 +499,11 @@ def _between_outputs(data: FrequencyResponse, output: IntArray, source: IntArray
 
 
 _PLACE = "z_imu"
+"""Parameter that follows where an accelerometer lies."""
+
 ACCELEROMETER_PLACE_M = 0.01
-"""Standard deviation of its distance from the center of gravity where nobody measured it: the board of an autopilot is
-mounted by eye. What turns the vehicle moves such an accelerometer, as a force would."""
+"""Standard deviation of an accelerometer's distance from the center of gravity where nobody measured it: the board of
+an autopilot is mounted by eye. What turns the vehicle moves such an accelerometer, as a force would."""
 
 _LONGEST_DIP = 3
 _FEWEST_POINTS = 3

@@ -10,14 +10,12 @@ and likewise q and r; specific force is compared as it was sampled. The errors e
 neither of them white. Filters A that whiten them, :math:`A(z^{-1}) e = \epsilon`, act on the whole equation. The motors
 depend on the past alone, so that :math:`\epsilon` is independent of them although a controller feeds the measured
 motion back: the values are those of a prediction error method, without the bias of plain regression under feedback.
-
-Where thrust was not moved, the weight alone is compared, the mean of the specific force: ``weight``.
+The fit takes turns between the parameters and the filters. An axis of a flight counts where the motors moved it enough;
+where thrust was not moved, the mean of the specific force alone is compared, with the weight (the equation ``weight``).
 
 Assumes motors and rates on one clock, torque bias constant over a record, small rates (no gyroscopic coupling), and
 errors that an autoregression describes. What breaks it: motors logged slower than they act, saturated ones whose output
 is not what turns, clocks that drift.
-
-The fit takes turns between the parameters and the filters. An axis of a flight counts where the motors moved it enough.
 
 A motor takes its output :math:`u`, held from sample to sample and late by :math:`\tau`, with a first-order lag,
 

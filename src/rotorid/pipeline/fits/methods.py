@@ -18,6 +18,7 @@ from rotorid.data.findings import Finding, remark
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
+from rotorid.fitting.frequency.screening import is_coupling
 from rotorid.fitting.least_squares import Solution
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
@@ -496,7 +497,9 @@ class InTime(_Linear[TimeDomainData]):
         require_sound_in_time(fitted, side, data.records)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
         require_one_gain(widened, side)
-        require_bounds(widened)
+        if black_box_order(data.structure) is None:
+            couplings = [one.name for one in data.structure.parameters if is_coupling(one)]
+            require_bounds(widened.parameters, widened.bounds, couplings)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         return replace(widened, bootstrap=again)
 

@@ -24,7 +24,6 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, RotoridError, UsageError
-from rotorid.fitting.least_squares import Outcome
 from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
@@ -36,7 +35,7 @@ from rotorid.pipeline.fits.methods import Described
 from rotorid.pipeline.fits.remarks import judge_combinations, judge_parameters
 from rotorid.pipeline.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
-from rotorid.pipeline.fits.soundness_in_time import LEAST_EXPLAINED_PERCENT
+from rotorid.pipeline.fits.soundness_in_time import does_not_describe, out_of_iterations, require_bounds, unexplained
 from rotorid.pipeline.fits.time import explained_percents
 from rotorid.pipeline.fits.time_remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
 from rotorid.pipeline.fits.time_summary import information_of, record_fits, residual_colors
@@ -487,22 +486,12 @@ def _simulated(fit: NonlinearFit, records: TimeRecords) -> tuple[SimulatedRecord
 
 
 def _require_sound(fitted: FittedNonlinear) -> None:
-    """Refuse a search that came to no rest, and a simulation that leaves more of every output than it explains."""
-    reasons = []
-    if max(fitted.fit_percent.values()) < LEAST_EXPLAINED_PERCENT:
-        for output, percent in fitted.fit_percent.items():
-            message = f"Simulated, the model leaves more of {output} than it explains: its fit is {percent:.0f} %."
-            reasons.append(refusal("poor_fit", output, message, fit_percent=percent))
-    if fitted.fit.solution.outcome is Outcome.OUT_OF_ITERATIONS:
-        message = f"The fit did not converge: {fitted.fit.solution.outcome.value}"
-        reasons.append(refusal("not_converged", fitted.model.name, message))
+    """Refuse a search without an end, a simulation that leaves more than it explains, and values without bounds."""
+    reasons = [*unexplained(fitted.fit_percent), *out_of_iterations(fitted.model.name, fitted.fit.solution)]
     if reasons:
-        raise InsufficientDataError(
-            f"{fitted.model.name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
-            needed="a model that follows the records it is fitted to",
-            remedy="take other outputs, a model with the missing dynamics, or segments in which the inputs move it",
-            findings=reasons,
-        )
+        remedy = "take other outputs, a model with the missing dynamics, or segments in which the inputs move it"
+        raise does_not_describe(fitted.model.name, reasons, remedy)
+    require_bounds(fitted.model.parameters, fitted.bounds)
 
 
 def _estimates(alone: Alone | None, structure: NonlinearStructure) -> dict[str, Derived]:

@@ -89,12 +89,8 @@ def _said_alone(
         yield Alone(
             record=name,
             values={one: values[one] for one in limits.names},
-            stds=dict(zip(limits.names, map(float, limits.std), strict=True)),
-            random={
-                one: float(std)
-                for one, std in zip(limits.names, limits.random_std, strict=True)
-                if whole.parameters[one].unit != "s"
-            },
+            stds=limits.stds,
+            random={one: std for one, std in limits.random_stds.items() if whole.parameters[one].unit != "s"},
             asked=_swing(measured, measured.response.inputs),
             moved=_swing(measured, measured.response.outputs),
         )

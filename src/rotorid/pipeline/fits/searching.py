@@ -309,7 +309,7 @@ def judge_minima(found: Searched | None, parameters: ParameterSet, bounds: Bound
     """
     if found is None:
         return ()
-    std = dict(zip(bounds.names, map(float, bounds.std), strict=True))
+    std = bounds.stds
     lowest, *others = found.minima
     known = (found.values(lowest), parameters.values)
     limit = (1.0 + NEARLY_AS_GOOD) * lowest.cost

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_names
-from rotorid.fitting.frequency.screening import is_coupling
-from rotorid.fitting.least_squares import Outcome
+from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.fits.frequency import FrequencyFit, grown
 from rotorid.pipeline.fits.soundness import faster_than_sampled
 from rotorid.pipeline.fits.time import TimeFit
@@ -19,6 +19,7 @@ from rotorid.pipeline.fits.two_domains import responses_without_hold
 from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.resolve import black_box_order
 from rotorid.pipeline.preparation.segments import TimeRecords
+from rotorid.uncertainty.cramer_rao import Bounds
 
 LEAST_EXPLAINED_PERCENT = 100.0 * (1.0 - math.sqrt(0.5))
 """Below it a simulation leaves more of the variance of an output than it explains."""
@@ -50,14 +51,11 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
     """
     name, reasons = fitted.problem.structure.name, []
     fit_percent = fitted.fit_percent
-    if fitted.method == "output_error" and fit_percent and max(fit_percent.values()) < LEAST_EXPLAINED_PERCENT:
-        for output, percent in fit_percent.items():
-            message = f"Simulated, the model leaves more of {output} than it explains: its fit is {percent:.0f} %."
-            reasons.append(refusal("poor_fit", output, message, fit_percent=percent))
     black_box = black_box_order(fitted.problem.structure) is not None
-    if fitted.solution.outcome is Outcome.OUT_OF_ITERATIONS and not black_box:
-        message = f"The fit did not converge: {fitted.solution.outcome.value}"
-        reasons.append(refusal("not_converged", name, message))
+    if fitted.method == "output_error":
+        reasons += unexplained(fit_percent)
+    if not black_box:
+        reasons += out_of_iterations(name, fitted.solution)
     if not black_box:
         system = fitted.structure.matrices(fitted.parameters.values)
         reasons += faster_than_sampled(name, system, min(one.sample_rate_hz for one in records.data))
@@ -66,14 +64,44 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
         reasons += _missed_responses(fitted, frequency, records)
     if reasons:
         too_large = all(reason.kind == "impossible_physics" for reason in reasons)
-        raise InsufficientDataError(
-            f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
-            needed="a model that follows the records it is fitted to",
-            remedy="take a model of an order less, whose lags all show"
+        remedy = (
+            "take a model of an order less, whose lags all show"
             if too_large
-            else "take a structure with the missing dynamics, or segments in which the inputs move the vehicle",
-            findings=reasons,
+            else "take a structure with the missing dynamics, or segments in which the inputs move the vehicle"
         )
+        raise does_not_describe(name, reasons, remedy)
+
+
+def unexplained(fit_percent: Mapping[str, float]) -> list[Finding]:
+    """Refusals of a simulation that leaves more of every output than it explains."""
+    if not fit_percent or max(fit_percent.values()) >= LEAST_EXPLAINED_PERCENT:
+        return []
+    return [
+        refusal(
+            "poor_fit",
+            output,
+            f"Simulated, the model leaves more of {output} than it explains: its fit is {percent:.0f} %.",
+            fit_percent=percent,
+        )
+        for output, percent in fit_percent.items()
+    ]
+
+
+def out_of_iterations(name: str, solution: Solution) -> list[Finding]:
+    """The refusal of a search that came to no rest."""
+    if solution.outcome is not Outcome.OUT_OF_ITERATIONS:
+        return []
+    return [refusal("not_converged", name, f"The fit did not converge: {solution.outcome.value}")]
+
+
+def does_not_describe(name: str, reasons: Sequence[Finding], remedy: str) -> InsufficientDataError:
+    """The error of a model that does not hold, with its reasons."""
+    return InsufficientDataError(
+        f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
+        needed="a model that follows the records it is fitted to",
+        remedy=remedy,
+        findings=reasons,
+    )
 
 
 def _missed_responses(fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords) -> Iterator[Finding]:
@@ -97,25 +125,27 @@ def _missed_responses(fitted: TimeFit, frequency: FrequencyFit, records: TimeRec
     yield refusal("poor_fit", fitted.problem.structure.name, message, average_cost=average)
 
 
-def require_bounds(fitted: TimeFit) -> None:
-    """Refuse a model with a parameter that nothing bounds, for others take over whatever it does.
+def require_bounds(parameters: ParameterSet, bounds: Bounds, couplings: Collection[str] = ()) -> None:
+    """Refuse values that nothing bounds, for others take over whatever they do.
+
+    Parameters
+    ----------
+    parameters, bounds
+        What a fit found, and how certain it is.
+    couplings
+        Those that are zero unless known better.
 
     Raises
     ------
     InsufficientDataError
         A parameter, no coupling, is ten times less certain than it is large.
     """
-    structure = fitted.problem.structure
-    if black_box_order(structure) is not None:
-        return
-    couplings = [one.name for one in structure.parameters if is_coupling(one)]
-    loose = [name for name in grown(fitted.parameters, fitted.bounds) if name not in couplings]
+    loose = [name for name in grown(parameters, bounds) if name not in couplings]
     if not loose:
         return
+    stds = bounds.stds
     found = ", ".join(
-        f"{name} is {fitted.parameters[name].value:.2g} ± {std:.1g} {fitted.parameters[name].unit}"
-        for name, std in zip(fitted.bounds.names, map(float, fitted.bounds.std), strict=True)
-        if name in loose
+        f"{name} is {parameters[name].value:.2g} ± {stds[name]:.1g} {parameters[name].unit}" for name in loose
     )
     raise InsufficientDataError(
         f"nothing bounds {', '.join(loose)}: {found}",

@@ -151,7 +151,7 @@ def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bound
     """
     if gain not in bounds.names:
         return
-    value, std = parameters[gain].value, float(bounds.std[bounds.names.index(gain)])
+    value, std = parameters[gain].value, bounds.stds[gain]
     if abs(value) >= CERTAIN_SIGN * std:
         return
     found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"

@@ -125,7 +125,7 @@ def compare_with(
     """
     half_s = 0.5 / records.data[0].sample_rate_hz if records.hold == "zero" else 0.0
     delays = {str(entry) for entry in structure.input_delays}
-    std = dict(zip(frequency.bounds.names, map(float, frequency.bounds.std), strict=True))
+    std = frequency.bounds.stds
     return {
         parameter.name: Compared(
             value=parameter.value, std=std.get(parameter.name), hold_s=half_s * (parameter.name in delays)
@@ -199,7 +199,7 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
         require_known_gain(gain, fitted.parameters, fitted.bounds)
         return
     here, there = fitted.parameters[gain], frequency.parameters[gain]
-    std = float(fitted.bounds.std[fitted.bounds.names.index(gain)])
+    std = fitted.bounds.stds[gain]
     if abs(here.value) >= CERTAIN_SIGN * std:
         return
     said = f"{gain} is {here.value:.4g} {here.unit} in time and {there.value:.4g} {here.unit} by the responses"
@@ -214,7 +214,7 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
 def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
     """A warning for each parameter that time and frequency domain know, and know differently."""
     # Their distance is part of what is stated: without it, what each knows of itself.
-    std = dict(zip(fitted.bounds.names, map(float, fitted.bounds.random_std), strict=True))
+    std = fitted.bounds.random_stds
     findings = []
     for name, other in others.items():
         if name not in std or other.std is None:
