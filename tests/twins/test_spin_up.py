@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from tests.twins.coverage import flown_truth
 from tests.twins.motor_twins import Twin, twin
 from tests.twins.twin_flights import BAND, HUMMINGBIRD_YAW, flown, plan
+from tests.unit.pipeline.motor_logs import ARM_M, with_speeds
 
 import rotorid
 from rotorid.data.record import FlightRecord, MotorRecord
@@ -20,6 +21,7 @@ from rotorid.models.library import library_model
 from rotorid.models.motors import motor_parameters
 from rotorid.pipeline.fits import motors
 from rotorid.pipeline.identification import identify_motors
+from rotorid.pipeline.settings import MotorChoices
 from rotorid.vehicles import aircraft, hummingbird
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
@@ -172,6 +174,46 @@ def test_the_linear_model_of_motors_leads_in_yaw(
     late = np.exp(-1j * omega[0] * truth["tau_gyro_yaw"])
     spin = np.sign((reply[row, column, 0] / by_spin_up).real)
     assert reply[row, column, 0] == pytest.approx(spin * (by_spin_up + torque) * late, rel=0.06)
+
+
+@pytest.fixture(scope="module")
+def of_speeds(tmp_path_factory: pytest.TempPathFactory) -> rotorid.IdentifiedModel:
+    """Of a flight whose log has speeds of rotors that weigh something."""
+    log = with_speeds(tmp_path_factory.mktemp("speeds") / "speeds.csv", momentum=SHARE)
+    return identify_motors([rotorid.read(log)], MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M))
+
+
+SHARE = 0.003
+"""Inertia of a rotor over that of yaw."""
+
+
+def test_speeds_show_what_yaw_takes_up_of_them(of_speeds: rotorid.IdentifiedModel) -> None:
+    """Without a lag of the motors, which measured speeds have not; a number of what is gained of them."""
+    for name, truth, share in (
+        ("h_per_I_zz", SHARE, 0.03),
+        ("kappa_per_I_zz", TRUTH["kappa_per_I_zz"], 0.3),
+        ("N_r", TRUTH["N_r"], 0.6),
+    ):
+        one = of_speeds[name]
+        assert one.std is not None
+        assert abs(one.value - truth) < 2.5 * one.std, name
+        assert one.std < share * abs(one.value), name
+    assert of_speeds.parameters["h_per_I_zz"].unit == "1"
+    assert "T_motor" not in of_speeds.parameters
+    (told,) = (one for one in of_speeds.findings if one.kind == "spin_up")
+    assert "of what one gains" in told.message
+    assert told.numbers["share"] == pytest.approx(SHARE, rel=0.1)
+
+
+def test_the_linear_model_of_speeds_has_them_in_yaw_at_once(of_speeds: rotorid.IdentifiedModel) -> None:
+    omega = np.array([30.0])
+    reply = of_speeds.response(omega)
+    row = of_speeds.structure.outputs.index("r")
+    slope = 2.0 * of_speeds["c_2"].value * of_speeds.motors.hover_output  # type: ignore[union-attr]
+    spin = levers()[2][0]
+    torque = TRUTH["kappa_per_I_zz"] * slope / (1j * omega[0] - TRUTH["N_r"])
+    late = np.exp(-1j * omega[0] * of_speeds["tau_gyro"].value)
+    assert reply[row, 0, 0] == pytest.approx(spin * (SHARE + torque) * late, rel=0.05)
 
 
 @pytest.mark.slow

@@ -616,6 +616,8 @@ class MotorRecord(Immutable):
         Of everything.
     outputs
         Of the motors, each held until the next sample, shape ``(motors, n)``.
+    between
+        ``held`` for outputs, and ``lines`` for measured speeds, which go on to the next sample.
     rates
         Body rates p, q, r in rad/s, shape ``(3, n)``.
     az
@@ -645,6 +647,7 @@ class MotorRecord(Immutable):
     gyro_taps: FloatArray = field(default_factory=lambda: np.ones(1))
     accel_taps: FloatArray = field(default_factory=lambda: np.ones(1))
     start_s: float = 0.0
+    between: Literal["held", "lines"] = "held"
 
     def __post_init__(self) -> None:
         outputs, rates = (read_only(values, np.float64, ndim=2) for values in (self.outputs, self.rates))

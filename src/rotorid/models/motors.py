@@ -95,7 +95,8 @@ _BOUNDS: Mapping[str, tuple[float, float]] = {
     "tau_accel": (0.0, 0.2),
 }
 SPIN_UP = "h_per_I_zz"
-"""Angular momentum of a rotor at full output over the inertia of yaw: what yaw gains while a rotor speeds up."""
+"""Angular momentum of a rotor over the inertia of yaw: what yaw gains while a rotor speeds up. It is that at full
+output, in rad/s; where speeds were measured it is the momentum over the speed, a number."""
 
 YAW_DELAY = "tau_gyro_yaw"
 """Delay to the gyro of yaw, where it is not that of roll and pitch."""

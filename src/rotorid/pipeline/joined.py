@@ -95,7 +95,7 @@ _INERTIA = ("I_xx", "I_yy", "I_zz")
 _PRODUCTS: Mapping[str, tuple[int, int]] = {"I_xy": (0, 1), "I_xz": (0, 2), "I_yz": (1, 2)}
 _TERMS = ("c_0", "c_1", "c_2")
 _SCALED = ("m", *_TERMS, "I_xx", "I_yy")
-_OF_MOTORS = ("T_motor", "L_p", "M_q", "N_r", "Z_w", "h_per_I_zz")
+_OF_MOTORS = ("T_motor", "L_p", "M_q", "N_r", "Z_w")
 _BODY = ("m", "I_xx", "I_yy", "I_zz", "kappa", "arm")
 
 _AGREEMENT_SIGMAS = 3.0
@@ -480,6 +480,8 @@ def _of_motors(
         if told and (power != 0.0 or held[name].status == "fixed"):
             found[name] = _number(name, held[name], of, factors[name] * (scale or 1.0) ** power)
     found |= {name: _number(name, held[name], of) for name in _OF_MOTORS if name in held}
+    if "h_per_I_zz" in held and "h_per_I_zz" in factors:
+        found["h_per_I_zz"] = _number("h_per_I_zz", held["h_per_I_zz"], of, factors["h_per_I_zz"])
     delay = next((name for name in ("tau_gyro", "tau_accel") if name in held), None)
     if delay is not None:
         found["delay"] = _number("delay", held[delay], of)
@@ -497,7 +499,7 @@ def _unit_factors(motors: MotorPhysics, known: Mapping[str, float]) -> dict[str,
         factors |= {"I_xx": length, "I_yy": length}
     full = known.get("speed_max") if motors.outputs == "speed" else 1.0
     if full is not None:
-        factors |= {"c_1": full, "c_2": full**2}
+        factors |= {"c_1": full, "c_2": full**2, "h_per_I_zz": full}
     return factors
 
 

@@ -391,7 +391,7 @@ _PHYSICAL = {
     "c_2": "thrust of a rotor by its output squared",
     "kappa": "torque of a rotor by its thrust",
     "kappa_per_I_zz": "torque by thrust, over yaw inertia",
-    "h_per_I_zz": "angular momentum of a rotor at full output, over yaw inertia",
+    "h_per_I_zz": "angular momentum of a rotor at full output, or by its speed, over yaw inertia",
 }
 _LATE = {
     "tau_gyro": "delay from outputs to the gyros",

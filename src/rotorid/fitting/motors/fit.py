@@ -22,8 +22,9 @@ A motor takes its output :math:`u`, held from sample to sample and late by :math
 .. math:: T \dot x(t) = u(t - \tau) - x(t),
 
 so that within a stretch of constant input :math:`x = u + (x_0 - u) e^{-t/T}`, and what thrust and torque need over a
-sample, :math:`\int x \, dt` and :math:`\int x^2 \, dt`, has closed forms. Everything here is analytic in T and
-:math:`\tau`: complex numbers pass, for exact derivatives by a complex step.
+sample, :math:`\int x \, dt` and :math:`\int x^2 \, dt`, has closed forms. Speeds that were measured go from sample to
+sample in lines, and have closed forms too. Everything here is analytic in T and :math:`\tau`: complex numbers pass, for
+exact derivatives by a complex step.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.fitting.problem import Fit, Part, Problem, Scale, StartBox
 from rotorid.models.motors import RATES, SPIN_UP, YAW_DELAY
 from rotorid.models.parameter import ParameterSet
-from rotorid.typing import BoolArray, FloatArray
+from rotorid.typing import AnyArray, BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 Lagged = NDArray[np.float64] | NDArray[np.complex128]
@@ -59,16 +60,16 @@ class MotorSpeed:
         Lagged output at every sample, shape ``(motors, n)``.
     stretches
         Two for each sample, before and after the input changes: lagged output at their start, the input that stands,
-        their length and the lag.
+        their length and the lag; or lines, of measured speeds.
     """
 
     level: Lagged
-    stretches: tuple[_Stretch, _Stretch]
+    stretches: tuple[_Stretch | _Line, _Stretch | _Line]
 
     @cached_property
     def first(self) -> Lagged:
         """Integral of the lagged output from each sample to the next, shape ``(motors, n - 1)``."""
-        late, early = (one.held * one.span_s + one.once for one in self.stretches)
+        late, early = (one.whole for one in self.stretches)
         return (late + early)[:, :-1]
 
     @cached_property
@@ -94,11 +95,67 @@ class _Stretch:
         return once
 
     @property
+    def whole(self) -> Lagged:
+        """Integral of the lagged output."""
+        whole: Lagged = self.held * self.span_s + self.once
+        return whole
+
+    @property
     def squared(self) -> Lagged:
         left = np.exp(-2.0 * self.span_s / self.lag_s)
         away = 0.5 * self.lag_s * (1.0 - left) * (self.start - self.held) ** 2
         squared: Lagged = self.held**2 * self.span_s + 2.0 * self.held * self.once + away
         return squared
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """A time in which a speed goes from one value to another."""
+
+    start: Lagged
+    stop: Lagged
+    span_s: complex
+
+    @property
+    def whole(self) -> Lagged:
+        """Integral of the speed."""
+        whole: AnyArray = 0.5 * self.span_s * (self.start + self.stop)
+        return whole
+
+    @property
+    def squared(self) -> Lagged:
+        """Integral of its square."""
+        squared: AnyArray = self.span_s * (self.start**2 + self.start * self.stop + self.stop**2) / 3.0
+        return squared
+
+
+def measured_speed(speeds: FloatArray, *, delay_s: complex, step_s: float) -> MotorSpeed:
+    """Measured speeds, joined by lines and delayed, at the samples, and their integrals between them, exactly.
+
+    Parameters
+    ----------
+    speeds
+        At the samples, shape ``(motors, n)``; before the first and after the last they stand.
+    delay_s
+        Delay; a complex one for a complex step.
+    step_s
+        Time between samples.
+
+    Examples
+    --------
+    >>> rising = measured_speed(np.array([[0.0, 1.0, 2.0, 3.0]]), delay_s=0.025, step_s=0.1)
+    >>> rising.level.round(4).tolist(), rising.first.round(4).tolist()
+    ([[0.0, 0.75, 1.75, 2.75]], [[0.0281, 0.125, 0.225]])
+    """
+    samples = speeds.shape[1]
+    whole = int(np.floor(delay_s.real / step_s))
+    rest = delay_s - whole * step_s
+    ago = [speeds[:, np.clip(np.arange(samples + 1) - whole - one, 0, samples - 1)] for one in (0, 1)]
+    level = ago[0] + (ago[1] - ago[0]) * (rest / step_s)
+    here, following = level[:, :-1], level[:, 1:]
+    # The late clock passes a sample `rest` after each of the early one.
+    passed = ago[0][:, :-1]
+    return MotorSpeed(here, (_Line(here, passed, rest), _Line(passed, following, step_s - rest)))
 
 
 def motor_speed(outputs: FloatArray, *, lag_s: complex, delay_s: complex, step_s: float) -> MotorSpeed:
@@ -440,6 +497,8 @@ def _derived(record: MotorRecord, values: Mapping[str, float], delay: str, step:
 
     def at(name: str | None) -> MotorSpeed:
         shifted = {one: complex(value, _STEP) if one == name else value for one, value in late.items()}
+        if record.between == "lines" and "T_motor" not in values:
+            return measured_speed(record.outputs, delay_s=shifted[delay], step_s=step)
         return motor_speed(record.outputs, lag_s=shifted["T_motor"], delay_s=shifted[delay], step_s=step)
 
     return _Late(at(None), {name: at(name) for name in late if name in values and moved})

@@ -143,6 +143,9 @@ _DAMPING = {"p": "L_p", "q": "M_q", "r": "N_r"}
 
 _INERTIA = {"p": "1/I_xx", "q": "1/I_yy", "r": "kappa_per_I_zz"}
 
+_LEAD = "T_lead"
+"""By how much the spin-up of rotors leads their torque, where their speed was measured."""
+
 
 def hover_model(identified: FittedMotors) -> LinearStructure:
     r"""Small motions about hover, with the identified values.
@@ -150,6 +153,9 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
     .. math:: \delta F_i = (c_1 + 2 c_2 x_0) \, \delta x_i
 
     at the mean output :math:`x_0` of the flights. The delay to the gyros stands for that to the accelerometer too.
+    Where the speed of rotors was measured, what yaw takes up of it leads their torque by a time, as its output does:
+
+    .. math:: r = r_0 + T_{lead} \, \dot r_0, \qquad T_{lead} = \frac{h}{\kappa \, dF/dx}
     """
     parameters = identified.parameters
     axes = [axis for axis in ("p", "q", "r") if axis in identified.axes]
@@ -157,6 +163,9 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
     lag = "T_motor" in parameters.names
     thrusts = {i: f"x_{i}" if lag else f"motor_{i}" for i in motors}
     equations = [f"T_motor*x_{i}' = -x_{i} + motor_{i}" for i in motors] if lag else []
+    leads = "r" in axes and SPIN_UP in parameters.names and not lag
+    states = ["r_0" if leads and axis == "r" else axis for axis in axes]
+    outputs = [f"r = r_0 + {_LEAD}*r_0'" if leads and axis == "r" else axis for axis in axes]
     for axis, levers in zip(("p", "q", "r"), levers_of(identified.data), strict=True):
         if axis in axes:
             moment = _sum({thrusts[i]: lever for i, lever in zip(motors, levers.tolist(), strict=True)})
@@ -165,21 +174,22 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
                 for i, lever in zip(motors, levers.tolist(), strict=True)
                 if axis == "r" and SPIN_UP in parameters.names and lag
             )
-            equations.append(f"{axis}'{gained} = {_DAMPING[axis]}*{axis} + {axis}_thrust*({moment})")
+            state = states[axes.index(axis)]
+            equations.append(f"{state}'{gained} = {_DAMPING[axis]}*{state} + {axis}_thrust*({moment})")
     force = f"az_thrust*({_sum(dict.fromkeys(thrusts.values(), -1.0))})"
     heave = "Z_w" in parameters.names
     equations.append(f"w' = {'Z_w*w + ' if heave else ''}{force}")
-    states = [*([f"x_{i}" for i in motors] if lag else []), *axes, "w"]
+    names = [*([f"x_{i}" for i in motors] if lag else []), *states, "w"]
     lines = [
         'schema = "rotorid.model/1"',
         'name = "physical.motors"',
         'source = "motor outputs to rates and specific force, linear around hover"',
         f"inputs = [{', '.join(_quoted(f'motor_{i}') for i in motors)}]",
-        f"states = [{', '.join(map(_quoted, states))}]",
+        f"states = [{', '.join(map(_quoted, names))}]",
         "equations = [",
         *(f"    {_quoted(one)}," for one in equations),
         "]",
-        f"outputs = [{', '.join(map(_quoted, (*axes, 'az = w' + chr(39))))}]",
+        f"outputs = [{', '.join(map(_quoted, (*outputs, 'az = w' + chr(39))))}]",
         "[delays]",
         *_delays(identified),
         "[constants]",
@@ -217,7 +227,7 @@ def _parameter_tables(identified: FittedMotors, axes: Sequence[str]) -> list[str
         term for name, term in (("c_1", "c_1"), ("c_2", "2*c_2*x_0")) if name in identified.parameters.names
     )
     used = {"m", "c_1", "c_2", "Z_w", "T_motor", *_delayed(identified)}
-    used |= {SPIN_UP, YAW_DELAY} if "r" in axes and "T_motor" in identified.parameters.names else set()
+    used |= {SPIN_UP, YAW_DELAY} if "r" in axes else set()
     used |= {name for axis in axes for name in (_DAMPING[axis], _INERTIA[axis].removeprefix("1/"))}
     lines: list[str] = []
     for one in identified.parameters:
@@ -227,6 +237,8 @@ def _parameter_tables(identified: FittedMotors, axes: Sequence[str]) -> list[str
         lines += [f"[parameters.{one.name}]", f"value = {one.value!r}", f'unit = "{one.unit}"', *held]
     tied = {f"{axis}_thrust": (f"({slope})*{_INERTIA[axis]}".replace("*1/", "/"), "1/(kg m^2)") for axis in axes}
     tied["az_thrust"] = (f"({slope})/m", "m/s^2")
+    if SPIN_UP in used and SPIN_UP in identified.parameters.names and "T_motor" not in identified.parameters.names:
+        lines += [f"[parameters.{_LEAD}]", f'tied = "{SPIN_UP}/(({slope})*{_INERTIA["r"]})"', 'unit = "s"']
     for name, (expression, _) in tied.items():
         unit = "m/s^2" if name == "az_thrust" else "rad/(m s^2)" if name != "r_thrust" else "rad/s^2"
         lines += [f"[parameters.{name}]", f'tied = "{expression}"', f'unit = "{unit}"']

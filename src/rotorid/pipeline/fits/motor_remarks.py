@@ -186,13 +186,15 @@ def _beside_torque(identified: FittedMotors) -> Iterator[Finding]:
     if SPIN_UP in parameters.free:
         value = parameters[SPIN_UP].value
         lead_s = value / (parameters["kappa_per_I_zz"].value * identified.derived["thrust_slope"].value)
+        speeds = identified.data.kind == "speed"
+        of_one = f"{value:.3g} of what one gains" if speeds else f"{value:.3g} rad/s for one from rest to full output"
         yield remark(
             "spin_up",
             SPIN_UP,
-            f"Rotors that speed up turn the vehicle too, by {value:.3g} rad/s for one that goes from rest to full "
-            f"output: beyond {1.0 / lead_s:.2g} rad/s that makes more of yaw than the torque of the rotors.",
-            rad_s=value,
+            f"Rotors that speed up turn the vehicle too, by {of_one}: beyond {1.0 / lead_s:.2g} rad/s that makes more "
+            "of yaw than the torque of the rotors.",
             lead_s=lead_s,
+            **({"share": value} if speeds else {"rad_s": value}),
         )
     if YAW_DELAY in parameters.free and "tau_gyro" in parameters.names:
         own_s, other_s = parameters[YAW_DELAY].value, parameters["tau_gyro"].value

@@ -150,7 +150,7 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
     """
     levers = levers_of(data)
     found = excitations(data.records, levers)
-    if "r" not in excited_axes(found) and (_may_spin_up(data, choices) or choices.known.get(SPIN_UP)):
+    if "r" not in excited_axes(found) and (_may_spin_up(choices) or choices.known.get(SPIN_UP)):
         found = excitations(data.records, levers, spin_up=True)
     axes = excited_axes(found)
     if not axes:
@@ -224,7 +224,7 @@ def _bounded(data: MotorData, choices: MotorChoices, fit: MotorFit, curve: Curve
     bounds = with_model_errors(random, parameters, fit, data, curve_assumed=assumed, model=model)
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
     scaled = scale_of(choices.known, tuple(axis for axis in fit.problem.axes if axis != "weight")) is not None
-    units = _units(parameters, scaled=scaled, arm_known=data.layout.arm_known)
+    units = _units(parameters, scaled=scaled, arm_known=data.layout.arm_known, speeds=data.kind == "speed")
     # Regressions both ways are of whitened errors.
     regressions = () if choices.method == "accelerations" else inertia_regressions(fit)
     both = (replace(one, unit=units.get(one.parameter, one.unit)) for one in regressions)
@@ -245,9 +245,12 @@ def _bounded(data: MotorData, choices: MotorChoices, fit: MotorFit, curve: Curve
 _PER_MASS = {"kg": "1", "N": "m/s^2", "N s/rad": "m/(s rad)", "N s^2/rad^2": "m/rad^2"}
 
 
-def _units(parameters: ParameterSet, *, scaled: bool, arm_known: bool) -> dict[str, str]:
+def _units(parameters: ParameterSet, *, scaled: bool, arm_known: bool, speeds: bool) -> dict[str, str]:
     """Units of what is identified: without a mass all is per kilogram, without an arm inertia is per meter of it."""
     units = {one.name: one.unit for one in parameters}
+    if speeds and SPIN_UP in units:
+        # Of the speed that was measured, and not of full output.
+        units[SPIN_UP] = "1"
     if not scaled:
         units = {name: _PER_MASS.get(unit, unit) for name, unit in units.items()}
     moment = {(True, True): "kg m^2", (True, False): "kg m", (False, True): "m^2", (False, False): "m"}
@@ -385,7 +388,7 @@ def _by_increments(
         )
         return MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=("weight", *wanted))
 
-    parts = _Parts(lag=data.kind != "speed", spin_up=heavy and _may_spin_up(data, choices))
+    parts = _Parts(lag=data.kind != "speed", spin_up=heavy and _may_spin_up(choices))
     search = _searched(posed(parts), choices)
     start = search.values(search.minima[0]) if search else None
     _PROGRESS.info("fitting motors, thrust and inertia")
@@ -432,9 +435,9 @@ _CERTAIN = 3.0
 """Deviations from nothing of what yaw has beside torque: less is no spin-up, and no delay of its own."""
 
 
-def _may_spin_up(data: MotorData, choices: MotorChoices) -> bool:
-    """Whether rotors may turn the vehicle by speeding up: not in the published cost, nor without a lag of motors."""
-    return choices.method != "accelerations" and data.kind != "speed" and SPIN_UP not in choices.known
+def _may_spin_up(choices: MotorChoices) -> bool:
+    """Whether rotors may turn the vehicle by speeding up: not in the published cost, and not where it is known."""
+    return choices.method != "accelerations" and SPIN_UP not in choices.known
 
 
 def _with_yaw_parameter(
@@ -444,7 +447,9 @@ def _with_yaw_parameter(
     if "r" not in fit.problem.axes or name in fit.parameters.names:
         return None
     if name == SPIN_UP:
-        return replace(parts, spin_up=True) if parts.lag and _may_spin_up(data, choices) else None
+        # Without a lag of the motors their spin-up is a delay; speeds that were measured have none to tell.
+        told = parts.lag or data.kind == "speed"
+        return replace(parts, spin_up=True) if told and _may_spin_up(choices) else None
     return replace(parts, yaw_delay=True) if {"p", "q"} & set(fit.problem.axes) else None
 
 

@@ -143,6 +143,7 @@ def _record(record: FlightRecord, motors: Motors, part: TimeHistory, strength: F
         gyro_taps=_taps(record, part, "p"),
         accel_taps=_taps(record, part, "az"),
         start_s=part.start_s,
+        between="lines" if motors.history.kind == "speed" else "held",
     )
 
 
