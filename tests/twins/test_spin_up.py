@@ -16,7 +16,7 @@ from tests.unit.pipeline.motor_logs import ARM_M, with_speeds
 import rotorid
 from rotorid.data.record import FlightRecord, MotorRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.motors.fit import MotorFit, MotorProblem, excitations, fit_motors, motor_speed
+from rotorid.fitting.motors.fit import MotorFit, MotorProblem, excitations, fit_motors, measured_speed, motor_speed
 from rotorid.models.library import library_model
 from rotorid.models.motors import motor_parameters
 from rotorid.pipeline.fits import motors
@@ -121,6 +121,47 @@ def test_slopes_of_yaw_with_spin_up_are_exact(light: MotorRecord) -> None:
             ends.append(problem.residuals(moved)[0])
         slope = (ends[1] - ends[0]) / 2e-6
         np.testing.assert_allclose(jacobian[:, place], slope, atol=1e-6 * np.max(np.abs(slope)), err_msg=name)
+
+
+@pytest.mark.parametrize("delay_s", [0.0004, 0.0041])
+def test_slopes_of_measured_speeds_are_exact(light: MotorRecord, delay_s: float) -> None:
+    """Within a sample, and over more than one."""
+    short = replace(
+        light,
+        outputs=light.outputs[:, :2000],
+        rates=light.rates[:, :2000],
+        az=light.az[:2000],
+        w=light.w[:2000],
+        strength=np.ones(2000),
+        between="lines",
+    )
+    parameters = motor_parameters(known={"m": TRUTH["m"]}, spin_up=True, lag=False).with_values(
+        {"h_per_I_zz": 0.7, "tau_gyro": delay_s, "N_r": -0.6}
+    )
+    problem = MotorProblem(records=(short,), levers=levers(), parameters=parameters)
+    theta = problem.parameters.pack()
+    _, jacobian = problem.residuals(theta)
+    for name in ("h_per_I_zz", "kappa_per_I_zz", "tau_gyro", "c_2"):
+        place = problem.parameters.free.index(name)
+        moved = [theta.copy() for _ in range(2)]
+        moved[0][place] -= 1e-6
+        moved[1][place] += 1e-6
+        slope = (problem.residuals(moved[1])[0] - problem.residuals(moved[0])[0]) / 2e-6
+        np.testing.assert_allclose(jacobian[:, place], slope, atol=1e-6 * np.max(np.abs(slope)), err_msg=name)
+
+
+def test_speeds_between_samples_are_integrated_as_lines() -> None:
+    """A delayed ramp, and its integrals, as a fine grid has them."""
+    step_s, delay_s = 0.01, 0.023
+    speeds = np.array([[100.0, 130.0, 90.0, 120.0, 150.0, 110.0, 100.0, 90.0]])
+    time_s = step_s * np.arange(8)
+    found = measured_speed(speeds, delay_s=delay_s, step_s=step_s)
+    fine_s = np.linspace(0.0, time_s[-1], 70001)
+    late = np.interp(fine_s - delay_s, time_s, speeds[0])
+    np.testing.assert_allclose(found.level[0], np.interp(time_s - delay_s, time_s, speeds[0]), rtol=1e-12)
+    for power, integrals in ((1, found.first), (2, found.second)):
+        whole = np.array([np.trapezoid(late[10000 * k : 10000 * (k + 1) + 1] ** power, dx=1e-6) for k in range(7)])
+        np.testing.assert_allclose(integrals[0], whole, rtol=1e-6)
 
 
 def test_speeding_up_counts_as_excitation_and_slowing_down_what_turns_does_not(light: MotorRecord) -> None:

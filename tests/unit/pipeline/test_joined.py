@@ -208,6 +208,24 @@ def test_speeds_become_shares_of_the_largest() -> None:
     assert require(vehicle, target="test").rotors.thrust == pytest.approx((0.0, 0.0, 6.0))
 
 
+def test_what_yaw_takes_up_of_speeds_becomes_a_momentum_at_the_largest() -> None:
+    model = result(
+        "physical.motors",
+        {"c_2": 6e-6, "I_xx": 0.02, "I_yy": 0.022, "kappa_per_I_zz": 0.5, "h_per_I_zz": 0.003},
+        fixed={"m": 1.5},
+        units={**UNITS, "h_per_I_zz": "1"},
+        motors=MotorPhysics(**{**_fields(physics(outputs="speed")), "curve": "quadratic"}),
+    )
+    given = {"I_zz": 0.04, "speed_max": 1000.0}
+    vehicle = joined_vehicle([model], given=given)
+    rotors = require(vehicle, target="test").rotors
+    # A share of the inertia of yaw, whatever the speed.
+    assert rotors.inertia_kg_m2 == pytest.approx(0.003 * 0.04)
+    assert vehicle.numbers["h"].value == pytest.approx(0.003 * 0.04 * 1000.0)
+    unknown = joined_vehicle([model], given={"I_zz": 0.04})
+    assert "h" not in unknown.numbers
+
+
 def _fields(value: object) -> dict[str, object]:
     return {name: getattr(value, name) for name in type(value).__dataclass_fields__}  # type: ignore[attr-defined]
 
