@@ -175,6 +175,8 @@ def test_measured_speeds_tell_thrust_without_a_lag(tmp_path: Path) -> None:
     assert document.motors is not None
     assert (document.motors.outputs, document.motors.curve) == ("speed", "quadratic")
     assert "T_motor" not in document.parameters
+    assert document.hold == "first"
+    assert document.parameters["c_2"].unit == "N s^2/rad^2"
     assert document.parameters["c_2"].value == pytest.approx(THRUST_BY_SPEED, rel=0.01)
     assert document.parameters["I_xx"].value == pytest.approx(TRUTH["I_xx"], rel=0.02)
     assert "implausible_physics" not in kinds(document)

@@ -115,7 +115,7 @@ class Motors:
                     inflation=fitted.bounds.inflation,
                 ),
                 fit_percent=fit_percents(fitted.moved, fitted.channels),
-                hold="zero",
+                hold="first" if fitted.data.kind == "speed" else "zero",
                 minima=searched_minima(fitted.search),
                 search=search_summary(fitted.search),
                 bootstrap=fitted.bootstrap.summary if fitted.bootstrap else None,

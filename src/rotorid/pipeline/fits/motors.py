@@ -242,15 +242,16 @@ def _bounded(data: MotorData, choices: MotorChoices, fit: MotorFit, curve: Curve
     )
 
 
+_BY_SPEED = {"c_1": "N s/rad", "c_2": "N s^2/rad^2", SPIN_UP: "1"}
 _PER_MASS = {"kg": "1", "N": "m/s^2", "N s/rad": "m/(s rad)", "N s^2/rad^2": "m/rad^2"}
 
 
 def _units(parameters: ParameterSet, *, scaled: bool, arm_known: bool, speeds: bool) -> dict[str, str]:
     """Units of what is identified: without a mass all is per kilogram, without an arm inertia is per meter of it."""
     units = {one.name: one.unit for one in parameters}
-    if speeds and SPIN_UP in units:
-        # Of the speed that was measured, and not of full output.
-        units[SPIN_UP] = "1"
+    if speeds:
+        # By the speed that was measured, and not by a share of full output.
+        units |= {name: unit for name, unit in _BY_SPEED.items() if name in units}
     if not scaled:
         units = {name: _PER_MASS.get(unit, unit) for name, unit in units.items()}
     moment = {(True, True): "kg m^2", (True, False): "kg m", (False, True): "m^2", (False, False): "m"}
