@@ -201,6 +201,14 @@ def test_a_drag_that_grows_with_the_square_of_speed_is_told_and_its_interval_rea
     assert not {"T_motor", "tau_roll"} & set(told)
 
 
+def test_logs_that_swing_differently_may_be_of_other_batteries() -> None:
+    """What differs between logs is said of the logs, and no line is laid through them."""
+    small, large = (swept_twice(0.5, swings=(size,)) for size in (0.04, 0.1))
+    other = replace(large, source=replace(large.source, name="other.csv", sha256="2"))
+    found = identify([small, other], "rate.roll")
+    assert "amplitude_dependent" not in {one.kind for one in found.findings}
+
+
 def test_a_linear_vehicle_depends_on_no_swing() -> None:
     found = identify([swept_twice(0.0)], "rate.roll")
     assert "amplitude_dependent" not in {one.kind for one in found.findings}
