@@ -231,7 +231,8 @@ SHARE = 0.003
 def test_speeds_show_what_yaw_takes_up_of_them(of_speeds: rotorid.IdentifiedModel) -> None:
     """Without a lag of the motors, which measured speeds have not; a number of what is gained of them."""
     for name, truth, share in (
-        ("h_per_I_zz", SHARE, 0.03),
+        ("h_per_I_zz", SHARE, 0.01),
+        # Beyond 2 rad/s the spin-up hides torque, and below it damping trades with it.
         ("kappa_per_I_zz", TRUTH["kappa_per_I_zz"], 0.3),
         ("N_r", TRUTH["N_r"], 0.6),
     ):

@@ -5,6 +5,9 @@ A design says what an identification of its flight will use, drop and refuse. So
 
 from __future__ import annotations
 
+RICH_KINDS = ("sweep", "random_binary", "multisine")
+"""Kinds of maneuvers that are fitted; the others are short, and judge a model."""
+
 DIRECT_COHERENCE = 0.6
 """Least coherence of a point of a direct estimate."""
 

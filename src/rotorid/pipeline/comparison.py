@@ -19,6 +19,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.pipeline.checking.candidate import identified_motors
 from rotorid.pipeline.checking.flown_motors import motor_scores, predicted_by
@@ -28,7 +29,6 @@ from rotorid.pipeline.cross_validation import common_horizon_s, fitted_band, sco
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, is_command
 from rotorid.pipeline.preparation.selection import (
-    RICH_KINDS,
     each_once,
     require_inside,
     require_reached,

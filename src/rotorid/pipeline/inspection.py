@@ -16,6 +16,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Topic
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.io.advice import flying_advice, logging_advice
@@ -23,7 +24,6 @@ from rotorid.models.library import RATE_AXES
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, find_instrument, own_instrument
-from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import LoggedManeuver, logged
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.excitations import (

@@ -23,6 +23,7 @@ from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command, is_free
@@ -30,7 +31,6 @@ from rotorid.pipeline.preparation.inverse import without_inverse_controller
 from rotorid.pipeline.preparation.loops import ATTITUDE, AxisLoop, axis_loop, beyond_band
 from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure, without_known_filters
 from rotorid.pipeline.preparation.selection import (
-    RICH_KINDS,
     described,
     each_once,
     excited_pairs,

@@ -10,6 +10,7 @@ from typing import Any
 
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.derived import useful_known
 from rotorid.models.library import RATE_AXES
@@ -19,7 +20,6 @@ from rotorid.pipeline.identification import identify, refused
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of
 from rotorid.pipeline.preparation.ordinary import ordinary_flights
 from rotorid.pipeline.preparation.resolve import finds_its_channels, resolve_model
-from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import ALL, ALSO_OF_MOTORS, MODEL, OF_MOTORS, IdentifySettings, as_records, as_settings

@@ -22,7 +22,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
-from rotorid.data.trust import least_coherence
+from rotorid.data.trust import RICH_KINDS, least_coherence
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import refine, weights_of
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, usable_points
@@ -199,9 +199,6 @@ def _flight(plan: FlightPlan, axes: Sequence[Axis], sample_rate_hz: float) -> Ti
     )
 
 
-_TOLD_BY_SHAPE = ("sweep", "random_binary", "multisine")
-
-
 def as_logged(
     inputs: Sequence[PlannedInput], flight: TimeHistory, *, declared: Sequence[Entry] = ()
 ) -> tuple[Maneuver, ...]:
@@ -240,7 +237,7 @@ def as_logged(
         maneuver
         for axis in dict.fromkeys(entered.axis for entered in inputs)
         for maneuver in find_excitations(record, axis)
-        if maneuver.kind in _TOLD_BY_SHAPE
+        if maneuver.kind in RICH_KINDS
     ]
     return tuple(
         entered.maneuver if entered.entry in declared else _as_found(entered.maneuver, found) for entered in inputs

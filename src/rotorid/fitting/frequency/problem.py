@@ -694,9 +694,9 @@ def usable_points(
 ) -> BoolArray:
     """Points of a response that can be trusted, shape ``(y, u, f)``.
 
-    A point counts where the coherence reaches the limit and the random error stays below
-    :data:`rotorid.data.trust.LARGEST_RANDOM_ERROR`; of these the longest
-    stretch is taken, across dips of up to three points, and within the band that was asked for.
+    A point counts where the coherence reaches the limit, and the random error no more than
+    :data:`rotorid.data.trust.LARGEST_RANDOM_ERROR`; of these the longest stretch is taken, across dips of up to three
+    points, and within the band that was asked for.
     """
     good = (data.coherence >= coherence) & (data.random_error <= LARGEST_RANDOM_ERROR)
     if band_rad_s is not None:

@@ -18,6 +18,7 @@ import numpy as np
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_costs, point_weights, usable_points
 from rotorid.fitting.time.output_error import Fitted as Simulated
@@ -42,7 +43,6 @@ from rotorid.pipeline.preparation.segments import (
     with_surroundings,
 )
 from rotorid.pipeline.preparation.selection import (
-    RICH_KINDS,
     Selection,
     described,
     of_axes,

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import RotoridError
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
@@ -20,7 +21,6 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of
 from rotorid.pipeline.preparation.inverse import pose_screened
 from rotorid.pipeline.preparation.measure import Measured, measure
-from rotorid.pipeline.preparation.selection import RICH_KINDS
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.typing import Axis
 from rotorid.uncertainty.cramer_rao import bounds

@@ -211,8 +211,6 @@ def amplitude_dependences(alone: Sequence[Alone]) -> tuple[AmplitudeDependence, 
     ('Z_w', -0.25)
     """
     swung = sorted((one for one in alone if min(one.asked, one.moved) > 0.0), key=lambda one: one.moved)
-    if not _unlike(swung):
-        return ()
     names = dict.fromkeys(name for one in swung for name in one.random)
     found = (_along_swing(name, [one for one in swung if one.random.get(name, 0.0) > 0.0]) for name in names)
     return tuple(one for one in found if one is not None)

@@ -50,13 +50,11 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
         One of these.
     """
     name, reasons = fitted.problem.structure.name, []
-    fit_percent = fitted.fit_percent
     black_box = black_box_order(fitted.problem.structure) is not None
     if fitted.method == "output_error":
-        reasons += unexplained(fit_percent)
+        reasons += unexplained(fitted.fit_percent)
     if not black_box:
         reasons += out_of_iterations(name, fitted.solution)
-    if not black_box:
         system = fitted.structure.matrices(fitted.parameters.values)
         reasons += faster_than_sampled(name, system, min(one.sample_rate_hz for one in records.data))
     of_vehicles = all(is_command(name) for name in fitted.problem.structure.inputs)

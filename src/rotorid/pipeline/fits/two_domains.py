@@ -145,8 +145,8 @@ def with_model_error(
     Records in time do not tell model error from noise. What the residuals of responses show of it, see
     :mod:`rotorid.uncertainty.model_error`, bends a fit of the same data in time as well, though not alike: with the
     distance :math:`d` between both where it exceeds what they state, hold of the inputs apart. Nothing tells which of
-    the two is right. Where responses leave a
-    parameter without a bound they have run away with it: then their errors are taken at the values of the fit in time.
+    the two is right. Where responses leave a parameter without a bound they have run away with it: then their errors
+    are taken at the values of the fit in time.
 
     Parameters
     ----------

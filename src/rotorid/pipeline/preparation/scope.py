@@ -15,6 +15,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.expression import Expression
 from rotorid.models.structure import LinearStructure, connected
@@ -23,7 +24,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, is_command
 from rotorid.pipeline.preparation.resolve import require_known
 from rotorid.pipeline.preparation.segments import holds, require_channels
-from rotorid.pipeline.preparation.selection import RICH_KINDS, Selection
+from rotorid.pipeline.preparation.selection import Selection
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.excitations import find_excitations
 from rotorid.signal.kinematics import VELOCITIES, ingredients

@@ -17,6 +17,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.preparation.flights import Flight, longest_flight, overlap, require_duration
@@ -37,8 +38,6 @@ from rotorid.signal.excitations import (
     find_excitations,
 )
 from rotorid.typing import Axis
-
-RICH_KINDS = ("sweep", "random_binary", "multisine")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
-from rotorid.pipeline.preparation.selection import RICH_KINDS
+from rotorid.data.trust import RICH_KINDS
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.flown import RATE_OF
 from rotorid.pipeline.review.motors import WORTH_SAYING
