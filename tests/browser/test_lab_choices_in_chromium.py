@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import shutil
 from collections.abc import Iterator
@@ -96,6 +97,51 @@ def test_segments_stay_with_their_log(lab: LabPage) -> None:
     assert not page.is_visible("#shared-segments")
     page.select_option("#others select", "with")
     assert page.is_visible("#shared-segments")
+
+
+def test_a_log_that_is_still_inspected_is_no_obstacle(lab: LabPage) -> None:
+    """What somebody asked for last is shown, and a step back leads to a log of which only the channels are known."""
+    page = lab.page
+    page.click("#opener")
+    page.locator("#choices-of-folder button").nth(1).click()
+    page.wait_for_selector("#logs button.plain >> nth=2")
+    lab.show("flight.ulg")
+    held: list[Any] = []
+    page.route("**/api/logs/2", lambda route: held.append(route))
+    page.reload()
+    lab.wait_for_tracks()
+    # Slow to come, and no longer wanted when it comes.
+    page.click(f"#logs button:text-is({json.dumps(HOSTILE, ensure_ascii=False)})")
+    while not held:
+        page.wait_for_timeout(20)
+    lab.show("flight.ulg")
+    held.pop().continue_()
+    page.unroute("**/api/logs/2")
+    page.wait_for_timeout(300)
+    lab.until("document.querySelector('#logs [data-shown] button').textContent === 'flight.ulg'")
+
+    def running(route: Any) -> None:
+        told = route.fetch().json()
+        told["logs"][1]["state"] = "running"
+        route.fulfill(json=told)
+
+    def not_yet(route: Any) -> None:
+        route.fulfill(json={**route.fetch().json(), "inspection": None})
+
+    page.route("**/api/state", running)
+    page.route("**/api/logs/2", not_yet)
+    page.reload()
+    lab.wait_for_tracks()
+    page.click(f"#logs button:text-is({json.dumps(HOSTILE, ensure_ascii=False)})")
+    lab.until("document.querySelector('#logs [data-shown] button').textContent !== 'flight.ulg'")
+    page.wait_for_selector("#tracks .u-over")
+    page.keyboard.press("s")
+    assert [log for log, _ in segments(lab)] == [2]
+    lab.show("flight.ulg")
+    page.click("#undo")
+    lab.until("document.querySelector('#logs [data-shown] button').textContent !== 'flight.ulg'")
+    assert segments(lab) == []
+    page.unroute_all(behavior="wait")
 
 
 def test_choices_stay_with_their_logs(shared_browser: Any, tmp_path: Path, folder: Path) -> None:

@@ -8,7 +8,7 @@ const TEXTS = ["model", "inputs", "outputs", "instrument"];
 const VERBS = ["review", "response", "identify"];
 
 export class Choices {
-  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `told()` what is known of it, `isOpen(k)`, `names()` of all logs, `view()` what the tracks show, `show(log)`. */
+  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `told()` what is known of it, `isOpen(k)` whether a log can be fitted, `isSeen(k)` whether it can be looked at, `names()` of all logs, `view()` what the tracks show, `show(log)`. */
   constructor(hooks) {
     this.hooks = hooks;
     this.now = { ...EMPTY };
@@ -92,7 +92,7 @@ export class Choices {
     to.push(JSON.stringify({ ...this.now, log: then.log }));
     this.now = then;
     this.halfBand = "";
-    if (this.hooks.isOpen(then.log)) this.hooks.show(then.log);
+    if (this.hooks.isSeen(then.log)) this.hooks.show(then.log);
     else this.now.log = this.hooks.log();
     this.show();
   }

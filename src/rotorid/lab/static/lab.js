@@ -7,13 +7,14 @@ import { Spectra } from "./spectra.js";
 import { Tracks, firstTracks } from "./tracks.js";
 
 const POLL_MS = 350;
-const page = { state: { logs: [], steps: [], waiting: [] }, log: 0, told: {} };
+const page = { state: { logs: [], steps: [], waiting: [] }, log: 0, told: {}, asked: 0 };
 const told = () => page.told[page.log];
 const goes = (one) => ["waiting", "running"].includes(one.state);
+const isSeen = (log) => Boolean(page.state.logs[log - 1]?.seen);
 
 const choices = new Choices({
   changed: () => { choices.showOthers(page.state.logs); tracks.redraw(); showSpan(); },
-  log: () => page.log, told, isOpen: (k) => page.state.logs[k - 1]?.state === "done", view: () => tracks.view.map((at) => Number(at.toFixed(3))),
+  log: () => page.log, told, isOpen: (k) => page.state.logs[k - 1]?.state === "done", isSeen, view: () => tracks.view.map((at) => Number(at.toFixed(3))),
   names: () => page.state.logs.map((one) => one.name), show: (log) => { if (log !== page.log) showLog(log); },
 });
 const spectra = new Spectra($("spectra"));
@@ -103,8 +104,12 @@ const close = tried(async (log) => {
 });
 
 // See
+const lookUp = async (log) => { page.told[log] = await ask(`/api/logs/${log}`); };
 const showLog = watched(async (log) => {
-  if (!page.told[log]?.inspection) page.told[log] = await ask(`/api/logs/${log}`);
+  const asked = (page.asked += 1);
+  if (!page.told[log]?.inspection) await lookUp(log);
+  // Meanwhile another was asked for.
+  if (asked !== page.asked) return;
   const other = tracks.log !== log;
   page.log = log;
   choices.shown(log);
@@ -125,7 +130,8 @@ const showLog = watched(async (log) => {
     tracks.look(...span_s);
     results.named();
   }
-  showInspection(inspection);
+  // What ``inspect`` says may have come while the tracks were drawn.
+  showInspection(told().inspection);
   showLogs();
   choices.show();
 });
@@ -165,13 +171,16 @@ const refresh = watched(async () => {
   angles.degrees = state.preferred?.angles === "deg";
   choices.begin(state);
   showLogs();
-  const isSeen = (log) => Boolean(state.logs[log - 1]?.seen), wanted = choices.now.log;
+  const wanted = choices.now.log;
   if (!isSeen(page.log)) {
     page.log = 0;
     const last = state.logs.findLastIndex((one) => one.seen) + 1;
     if (isSeen(wanted) || last) { opened(false); await showLog(isSeen(wanted) ? wanted : last); } else { $("work").hidden = true; opened(true); }
-  } else if (!told().inspection && state.logs[page.log - 1].state === "done") await showLog(page.log);
-  else choices.showOthers(state.logs);
+  } else if (!told().inspection && state.logs[page.log - 1].state === "done") {
+    await lookUp(page.log);
+    showInspection(told()?.inspection);
+    choices.show();
+  } else choices.showOthers(state.logs);
   if (page.log && !state.logs.some(goes)) listModels();
   await results.show(state.steps);
   $("project-steps").hidden = !state.waiting.length;
