@@ -19,7 +19,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import pair_costs
 from rotorid.models.library import library_model, rate_model, speed_damping
 from rotorid.pipeline.checking.unseen import check_sweeps
-from rotorid.pipeline.fits.speed_damping import first_step
+from rotorid.pipeline.fits.frequency.speed_damping import first_step
 from rotorid.pipeline.preparation.selection import select_maneuvers
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, parse_segment

@@ -12,7 +12,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sweep import pilot_sweep
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.time import TimeMethod
+from rotorid.pipeline.fits.time.fit import TimeMethod
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.inverse import Screened, pose_screened, require_vehicle

@@ -19,7 +19,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.fit import MotorFit, MotorProblem, excitations, fit_motors, measured_speed, motor_speed
 from rotorid.models.library import library_model
 from rotorid.models.motors import motor_parameters
-from rotorid.pipeline.fits import motors
+from rotorid.pipeline.fits.motors import fit
 from rotorid.pipeline.identification import identify_motors
 from rotorid.pipeline.settings import MotorChoices
 from rotorid.vehicles import aircraft, hummingbird
@@ -261,7 +261,7 @@ def test_the_linear_model_of_speeds_has_them_in_yaw_at_once(of_speeds: rotorid.I
 @pytest.mark.slow
 def test_a_momentum_that_could_be_none_is_none(heavy_flight: Twin, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing else explains this yaw: it is left out, and the rest is as without it."""
-    monkeypatch.setattr(motors, "_CERTAIN", 1e4)
+    monkeypatch.setattr(fit, "_CERTAIN", 1e4)
     found = identify_motors(heavy_flight.record, heavy_flight.choices)
     assert not {"h_per_I_zz", "kappa_per_I_zz", "N_r", "tau_gyro_yaw"} & set(found.parameters)
     assert [one.where for one in found.findings if one.kind == "no_excitation"] == ["yaw"]

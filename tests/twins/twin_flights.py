@@ -18,7 +18,7 @@ from rotorid.excitation.sweep import pilot_sweep
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.library import library_model
-from rotorid.pipeline.fits.frequency import pose
+from rotorid.pipeline.fits.frequency.fit import pose
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.settings import IdentifySettings

@@ -150,7 +150,7 @@ def _require_nonlinear(
     decoupled: bool,
 ) -> None:
     """Refuse options that a nonlinear model does not have, before any log is read for it."""
-    from rotorid.pipeline.fits.nonlinear_method import require_choices
+    from rotorid.pipeline.fits.time.nonlinear import require_choices
 
     beside = {"--cross-validate": kind, "--inputs": inputs, "--decoupled": decoupled}
     if wrong := [name for name, given in beside.items() if given]:

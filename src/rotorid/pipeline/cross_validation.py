@@ -22,8 +22,8 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.checking.unseen import nothing_left
-from rotorid.pipeline.fits.time import unknowns_of
-from rotorid.pipeline.fits.time_remarks import nothing_unseen
+from rotorid.pipeline.fits.time.fit import unknowns_of
+from rotorid.pipeline.fits.time.remarks import nothing_unseen
 from rotorid.pipeline.identification import identify, logged_by_all
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command

@@ -41,9 +41,9 @@ from rotorid.models.structure import LinearStructure, connected
 from rotorid.pipeline.checking.candidate import identified_motors
 from rotorid.pipeline.checking.flown_motors import predicted, predicted_by
 from rotorid.pipeline.checking.flown_nonlinear import flown_records, logged_outputs, output_scores, whole_flights
-from rotorid.pipeline.fits.fitted_motors import levers_of
-from rotorid.pipeline.fits.motor_motion import Motion
-from rotorid.pipeline.fits.time import growth, piece_s, posed_in_pieces
+from rotorid.pipeline.fits.motors.fitted import levers_of
+from rotorid.pipeline.fits.motors.motion import Motion
+from rotorid.pipeline.fits.time.fit import growth, piece_s, posed_in_pieces
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.resolve import answers_setpoints
 from rotorid.pipeline.preparation.segments import holds, time_records

@@ -18,8 +18,8 @@ from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.derivation import derivation, derivation_findings
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
-from rotorid.pipeline.fits.motor_method import Motors
-from rotorid.pipeline.fits.nonlinear_method import Nonlinear
+from rotorid.pipeline.fits.motors.method import Motors
+from rotorid.pipeline.fits.time.nonlinear import Nonlinear
 from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
 from rotorid.pipeline.preparation.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
 from rotorid.pipeline.provenance import Choices, provenance

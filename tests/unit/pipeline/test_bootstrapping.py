@@ -13,7 +13,7 @@ from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
 from rotorid.models.library import response_model
 from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
-from rotorid.pipeline.fits.time import TimeFit, fit_in_time
+from rotorid.pipeline.fits.time.fit import TimeFit, fit_in_time
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import time_records

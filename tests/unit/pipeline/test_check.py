@@ -19,7 +19,7 @@ from rotorid.io.registry import read
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.checking.unseen import check_sweeps, hold_out, verify_fitted
-from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds, pose
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit, fit_with_bounds, pose
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import Measured, measure

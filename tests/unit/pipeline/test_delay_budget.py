@@ -10,7 +10,7 @@ import pytest
 from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.delay_budget import delay_budget
+from rotorid.pipeline.fits.frequency.delay_budget import delay_budget
 from rotorid.uncertainty.cramer_rao import Bounds
 
 STRUCTURE = library_model("axis.pitch").select(outputs=("q", "ax"))

@@ -12,9 +12,9 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import Outcome
 from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
+from rotorid.pipeline.fits.frequency.soundness import _pushed_on_by_speed, _unsound
+from rotorid.pipeline.fits.frequency.support import require_known_gain
 from rotorid.pipeline.fits.remarks import judge_parameters, judge_structure
-from rotorid.pipeline.fits.soundness import _pushed_on_by_speed, _unsound
-from rotorid.pipeline.fits.support import require_known_gain
 from rotorid.uncertainty.cramer_rao import Bounds
 
 FOUND = rate_model("rate.roll").parameters

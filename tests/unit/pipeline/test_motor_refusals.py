@@ -11,10 +11,10 @@ from tests.unit.pipeline.motor_logs import ARM_M, flight, repeated
 
 from rotorid.errors import InsufficientDataError
 from rotorid.io.registry import read
-from rotorid.pipeline.fits import motor_remarks, motors
-from rotorid.pipeline.fits.fitted_motors import FittedMotors
-from rotorid.pipeline.fits.motor_errors import motor_model_error
-from rotorid.pipeline.fits.motors import fit_motor_data
+from rotorid.pipeline.fits.motors import fit, remarks
+from rotorid.pipeline.fits.motors.errors import motor_model_error
+from rotorid.pipeline.fits.motors.fit import fit_motor_data
+from rotorid.pipeline.fits.motors.fitted import FittedMotors
 from rotorid.pipeline.identification import identify_motors
 from rotorid.pipeline.preparation.motor_data import motor_data
 from rotorid.pipeline.settings import MotorChoices
@@ -45,7 +45,7 @@ def test_an_inertia_no_better_known_than_nothing_is_left_out(fitted: FittedMotor
     wide = fitted.bounds.covariance.copy()
     place = fitted.bounds.names.index("I_yy")
     wide[place, place] = (1.5 * fitted.parameters["I_yy"].value) ** 2
-    found = motors._useless(replace(fitted, bounds=replace(fitted.bounds, covariance=wide)))
+    found = fit._useless(replace(fitted, bounds=replace(fitted.bounds, covariance=wide)))
     assert list(found) == ["q"]
     assert found["q"].kind == "not_identifiable"
 
@@ -55,7 +55,7 @@ def test_a_fit_that_still_moves_is_refused(fitted: FittedMotors) -> None:
     far = np.array([3.0 * std[name] if name == "I_xx" else 0.0 for name in free])
     moving = replace(fitted, fit=replace(fitted.fit, settled=False, moved=far))
     with pytest.raises(InsufficientDataError, match=r"still moved by 3\.0 standard") as refused:
-        motors._require_end(moving, CHOICES)
+        fit._require_end(moving, CHOICES)
     assert refused.value.findings[0].kind == "not_converged"
 
 
@@ -63,8 +63,8 @@ def test_a_fit_that_moves_by_less_than_it_states_is_told(fitted: FittedMotors) -
     free, std = fitted.fit.parameters.free, dict(zip(fitted.bounds.names, fitted.bounds.std, strict=True))
     near = np.array([0.2 * std[name] if name == "I_xx" else 0.0 for name in free])
     moving = replace(fitted, fit=replace(fitted.fit, settled=False, moved=near))
-    motors._require_end(moving, CHOICES)
-    assert "not_converged" in {one.kind for one in motor_remarks.judge_motors(moving, CHOICES, {})}
+    fit._require_end(moving, CHOICES)
+    assert "not_converged" in {one.kind for one in remarks.judge_motors(moving, CHOICES, {})}
 
 
 def test_what_physics_does_not_allow_is_refused(fitted: FittedMotors) -> None:
@@ -72,14 +72,14 @@ def test_what_physics_does_not_allow_is_refused(fitted: FittedMotors) -> None:
     certain = replace(fitted.bounds, covariance=1e-9 * fitted.bounds.covariance)
     impossible = replace(fitted, parameters=fitted.parameters.with_values(falling), bounds=certain)
     with pytest.raises(InsufficientDataError, match="is no vehicle") as refused:
-        motors._require_end(impossible, CHOICES)
+        fit._require_end(impossible, CHOICES)
     assert "impossible_physics" in {finding.kind for finding in refused.value.findings}
 
 
 def test_a_deviation_that_is_no_number_is_refused(fitted: FittedMotors) -> None:
     broken = replace(fitted.bounds, covariance=np.full_like(fitted.bounds.covariance, np.nan))
     with pytest.raises(InsufficientDataError, match="not finite"):
-        motors._require_end(replace(fitted, bounds=broken), CHOICES)
+        fit._require_end(replace(fitted, bounds=broken), CHOICES)
 
 
 @pytest.mark.parametrize(

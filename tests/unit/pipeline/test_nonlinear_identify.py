@@ -13,7 +13,7 @@ from rotorid.documents.result import load, save
 from rotorid.documents.verify import verify_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline import IdentifiedModel, compare, fly_log, identify, verify
-from rotorid.pipeline.fits import soundness_in_time
+from rotorid.pipeline.fits.time import soundness
 from rotorid.pipeline.flown_models import FlownStretch
 
 INSIDE_STDS = 4.0
@@ -92,7 +92,7 @@ def test_own_equations(tmp_path: Path) -> None:
 
 def test_values_that_nothing_bounds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the rule of all fits in time."""
-    monkeypatch.setattr(soundness_in_time, "grown", lambda parameters, limits: ["k_Dx"])
+    monkeypatch.setattr(soundness, "grown", lambda parameters, limits: ["k_Dx"])
     with pytest.raises(InsufficientDataError, match="nothing bounds k_Dx"):
         identify([large_motion(seed=4)], "drag.linear")
 

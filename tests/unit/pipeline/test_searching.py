@@ -20,7 +20,7 @@ from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.models.library import response_model
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.fits import frequency as fitting
+from rotorid.pipeline.fits.frequency import fit as fitting
 from rotorid.pipeline.fits.searching import (
     NEARLY_AS_GOOD,
     Searched,
@@ -29,7 +29,7 @@ from rotorid.pipeline.fits.searching import (
     searched,
     searched_minima,
 )
-from rotorid.pipeline.fits.time import fit_in_time
+from rotorid.pipeline.fits.time.fit import fit_in_time
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.resolve import named_model

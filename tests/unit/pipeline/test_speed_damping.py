@@ -8,7 +8,7 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.library import library_model, rate_model
-from rotorid.pipeline.fits.speed_damping import FirstStep, first_step
+from rotorid.pipeline.fits.frequency.speed_damping import FirstStep, first_step
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.typing import Axis, FloatArray

@@ -11,8 +11,8 @@ from tests.unit.pipeline.response_flight import flight
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import response_model
-from rotorid.pipeline.fits.soundness_in_time import require_bounds
-from rotorid.pipeline.fits.time import TimeFit, fit_in_time
+from rotorid.pipeline.fits.time.fit import TimeFit, fit_in_time
+from rotorid.pipeline.fits.time.soundness import require_bounds
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import time_records

@@ -16,11 +16,11 @@ from rotorid.models.equations import structure_from_equations
 from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.feedback import following, judge_following
 from rotorid.pipeline.fits.methods import InTime
-from rotorid.pipeline.fits.time import fit_in_time
-from rotorid.pipeline.fits.time_remarks import judge_time_fit
-from rotorid.pipeline.fits.two_domains import judge_agreement
+from rotorid.pipeline.fits.time.feedback import following, judge_following
+from rotorid.pipeline.fits.time.fit import fit_in_time
+from rotorid.pipeline.fits.time.remarks import judge_time_fit
+from rotorid.pipeline.fits.time.two_domains import judge_agreement
 from rotorid.pipeline.identification import identify, method_of
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.resolve import named_model

@@ -31,7 +31,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import structure_from_toml
 from rotorid.models.toml_source import Source
 from rotorid.pipeline.checking.flown_motors import KnownMotors, known_motors
-from rotorid.pipeline.fits.frequency import FrequencyFit
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.preparation.segments import source_of
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance

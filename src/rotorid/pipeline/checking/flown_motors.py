@@ -21,8 +21,8 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.motors.fit import MotorProblem, excitations
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rotors import RotorLayout, layout_of
-from rotorid.pipeline.fits.fitted_motors import levers_of
-from rotorid.pipeline.fits.motor_motion import Motion, motions, scores, simulated_record
+from rotorid.pipeline.fits.motors.fitted import levers_of
+from rotorid.pipeline.fits.motors.motion import Motion, motions, scores, simulated_record
 from rotorid.pipeline.preparation.motor_data import MotorData, motor_data
 from rotorid.pipeline.settings import MotorChoices
 from rotorid.typing import FloatArray

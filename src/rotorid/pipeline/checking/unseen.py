@@ -27,9 +27,9 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.pipeline.checking.candidate import UNFILTERED, Candidate, candidate_of
 from rotorid.pipeline.checking.maneuvers import excited_outputs, predict_maneuvers, remarks_on, usual_motion
-from rotorid.pipeline.fits.frequency import FrequencyFit, fitted_band
-from rotorid.pipeline.fits.time import TimeFit, growth
-from rotorid.pipeline.fits.time_remarks import nothing_unseen
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit, fitted_band
+from rotorid.pipeline.fits.time.fit import TimeFit, growth
+from rotorid.pipeline.fits.time.remarks import nothing_unseen
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command
 from rotorid.pipeline.preparation.inverse import pose_screened

@@ -2,7 +2,7 @@
 
 Each method has the same few verbs, so that :func:`rotorid.identify` is one way for all of them. Responses are fitted in
 the frequency domain; output error, prediction error and equation error fit the records themselves, and compare with
-the frequency domain where that can answer too. Physics of motors is in :mod:`rotorid.pipeline.fits.motor_method`.
+the frequency domain where that can answer too. Physics of motors is in :mod:`rotorid.pipeline.fits.motors.method`.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from rotorid.pipeline.checking.candidate import output_sources
 from rotorid.pipeline.checking.checks import checks_of
 from rotorid.pipeline.checking.unseen import verify_fitted, verify_fitted_in_time
 from rotorid.pipeline.fits.bootstrapping import bootstrap, require_bootstrap
-from rotorid.pipeline.fits.delay_budget import delay_budget
-from rotorid.pipeline.fits.feedback import following, judge_following
-from rotorid.pipeline.fits.frequency import FrequencyFit, cost_of
-from rotorid.pipeline.fits.orders import chosen_order
-from rotorid.pipeline.fits.parts import with_scatter
+from rotorid.pipeline.fits.frequency.delay_budget import delay_budget
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit, cost_of
+from rotorid.pipeline.fits.frequency.parts import with_scatter
+from rotorid.pipeline.fits.frequency.soundness import fit_sound
+from rotorid.pipeline.fits.frequency.speed_damping import first_step
 from rotorid.pipeline.fits.remarks import judge_combinations
 from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
-from rotorid.pipeline.fits.soundness import fit_sound
-from rotorid.pipeline.fits.soundness_in_time import require_bounds, require_sound_in_time
-from rotorid.pipeline.fits.speed_damping import first_step
-from rotorid.pipeline.fits.time import TimeFit, TimeMethod, fit_in_time, simulated_records
-from rotorid.pipeline.fits.time_remarks import judge_time_fit
-from rotorid.pipeline.fits.time_summary import equation_fits, information, record_fits, residuals
-from rotorid.pipeline.fits.two_domains import (
+from rotorid.pipeline.fits.time.feedback import following, judge_following
+from rotorid.pipeline.fits.time.fit import TimeFit, TimeMethod, fit_in_time, simulated_records
+from rotorid.pipeline.fits.time.orders import chosen_order
+from rotorid.pipeline.fits.time.remarks import judge_time_fit
+from rotorid.pipeline.fits.time.soundness import require_bounds, require_sound_in_time
+from rotorid.pipeline.fits.time.summary import equation_fits, information, record_fits, residuals
+from rotorid.pipeline.fits.time.two_domains import (
     FrequencySide,
     compare_with,
     frequency_side,

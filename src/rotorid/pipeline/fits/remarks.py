@@ -19,7 +19,7 @@ from rotorid.fitting.frequency.problem import (
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.library import MOTOR_LAG
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.fits.support import main_pairs
+from rotorid.pipeline.fits.frequency.support import main_pairs
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.cramer_rao import (

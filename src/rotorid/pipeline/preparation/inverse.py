@@ -15,8 +15,8 @@ from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem
 from rotorid.fitting.inverse_controller import SubBand, inverse_controller
 from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.frequency import pose
-from rotorid.pipeline.fits.support import require_support
+from rotorid.pipeline.fits.frequency.fit import pose
+from rotorid.pipeline.fits.frequency.support import require_support
 from rotorid.pipeline.preparation.controllers import LoggedController, logged_controllers
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import open_loop

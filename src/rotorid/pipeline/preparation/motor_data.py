@@ -329,7 +329,7 @@ def motor_data(
     Parameters
     ----------
     records, choices
-        As for :func:`rotorid.pipeline.fits.motor_method.Motors`.
+        As for :func:`rotorid.pipeline.fits.motors.method.Motors`.
     reference_v
         Voltage at which thrust is told; the median of all stretches by default.
     layout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from rotorid.pipeline.fits.time import TimeFit
+from rotorid.pipeline.fits.time.fit import TimeFit
 from rotorid.pipeline.preparation.segments import TimeRecords
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.pipeline.summary import EquationFit, Information, RecordFit, Residuals

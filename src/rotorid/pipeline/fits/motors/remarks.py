@@ -18,11 +18,11 @@ from rotorid.models.motors import (
     scale_of,
     yaw_range,
 )
-from rotorid.pipeline.fits.fitted_motors import FittedMotors
-from rotorid.pipeline.fits.motor_errors import CURVE_SHARE
-from rotorid.pipeline.fits.motor_loads import judge_loads
-from rotorid.pipeline.fits.motor_motion import unexplained_by_curve
-from rotorid.pipeline.fits.motors import AXIS_WORDS, last_move, physical_contradictions
+from rotorid.pipeline.fits.motors.errors import CURVE_SHARE
+from rotorid.pipeline.fits.motors.fit import AXIS_WORDS, last_move, physical_contradictions
+from rotorid.pipeline.fits.motors.fitted import FittedMotors
+from rotorid.pipeline.fits.motors.loads import judge_loads
+from rotorid.pipeline.fits.motors.motion import unexplained_by_curve
 from rotorid.pipeline.fits.remarks import judge_parameters
 from rotorid.pipeline.settings import MotorChoices
 

@@ -15,9 +15,9 @@ from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds, grown
-from rotorid.pipeline.fits.support import require_known_gain
-from rotorid.pipeline.fits.time import TimeFit
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit, fit_with_bounds, grown
+from rotorid.pipeline.fits.frequency.support import require_known_gain
+from rotorid.pipeline.fits.time.fit import TimeFit
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.inverse import pose_screened, require_vehicle
 from rotorid.pipeline.preparation.measure import Measured, measure

@@ -29,9 +29,9 @@ from rotorid.fitting.frequency.screening import (
 )
 from rotorid.fitting.least_squares import Outcome
 from rotorid.models.state_space import StateSpace
-from rotorid.pipeline.fits.frequency import FrequencyFit, fit_with_bounds
-from rotorid.pipeline.fits.speed_damping import FIRST_RESPONSES
-from rotorid.pipeline.fits.support import main_pairs
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit, fit_with_bounds
+from rotorid.pipeline.fits.frequency.speed_damping import FIRST_RESPONSES
+from rotorid.pipeline.fits.frequency.support import main_pairs
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR

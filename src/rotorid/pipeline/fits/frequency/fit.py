@@ -2,8 +2,8 @@ r"""A fit in the frequency domain: from measured responses to a model with bound
 
 :func:`pose` chooses the points, and :func:`fit_with_bounds` fits, drops what the data do not show, and bounds the rest:
 first in CIFER's cost, by which it is decided what is dropped, then with weights made of the covariance of all errors.
-What cannot be fitted at all is refused before (:mod:`rotorid.pipeline.fits.support`), what does not hold after
-(:mod:`rotorid.pipeline.fits.soundness`).
+What cannot be fitted at all is refused before (:mod:`~rotorid.pipeline.fits.frequency.support`), what does not hold
+after (:mod:`~rotorid.pipeline.fits.frequency.soundness`).
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.bootstrapping import Bootstrap
+from rotorid.pipeline.fits.frequency.support import main_pairs, require_known_gain, require_support
 from rotorid.pipeline.fits.remarks import NO_BOUND, judge_band, judge_fit, judge_parameters, judge_structure
 from rotorid.pipeline.fits.searching import Searched, judge_minima, searched
-from rotorid.pipeline.fits.support import main_pairs, require_known_gain, require_support
 from rotorid.pipeline.preparation.measure import Measured, feedback_bias
 from rotorid.pipeline.preparation.resolve import chosen_parameters
 from rotorid.pipeline.settings import IdentifySettings

@@ -34,7 +34,7 @@ from rotorid.fitting.time.output_error import (
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.bootstrapping import Bootstrap
-from rotorid.pipeline.fits.frequency import FrequencyFit
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit
 from rotorid.pipeline.fits.searching import Searched, refuse_search, searched
 from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.resolve import black_box_order, chosen_parameters

@@ -7,7 +7,7 @@ import logging
 from rotorid.fitting.black_box.fit import StartPlan
 from rotorid.models.black_box import black_box, black_box_pairs
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.time import unknowns_of
+from rotorid.pipeline.fits.time.fit import unknowns_of
 from rotorid.pipeline.preparation.segments import TimeRecords
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import OrderChoice, OrderRow, finite

@@ -23,7 +23,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.fitting.motors.fit import MotorProblem
-from rotorid.pipeline.fits.motor_errors import ACCELEROMETER_BIAS_M_S2
+from rotorid.pipeline.fits.motors.errors import ACCELEROMETER_BIAS_M_S2
 from rotorid.pipeline.summary import LogThrust, VoltageExponent
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2

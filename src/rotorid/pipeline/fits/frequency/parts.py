@@ -15,7 +15,7 @@ from rotorid.errors import RotoridError
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.fitting.least_squares import Outcome
-from rotorid.pipeline.fits.frequency import FrequencyFit
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit
 from rotorid.pipeline.fits.scatter import Alone, amplitude_dependences, disagreements, widened
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of

@@ -13,11 +13,11 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import MotorProblem
 from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
 from rotorid.pipeline.checking.flown_motors import predicted, verification_of
-from rotorid.pipeline.fits.fitted_motors import FittedMotors, levers_of
 from rotorid.pipeline.fits.methods import Described
-from rotorid.pipeline.fits.motor_motion import Motion, fit_percents, scores, simulated_record
-from rotorid.pipeline.fits.motor_remarks import judge_motors
-from rotorid.pipeline.fits.motors import fit_motor_data
+from rotorid.pipeline.fits.motors.fit import fit_motor_data
+from rotorid.pipeline.fits.motors.fitted import FittedMotors, levers_of
+from rotorid.pipeline.fits.motors.motion import Motion, fit_percents, scores, simulated_record
+from rotorid.pipeline.fits.motors.remarks import judge_motors
 from rotorid.pipeline.fits.remarks import judge_combinations
 from rotorid.pipeline.fits.searching import judge_minima, search_summary, searched_minima
 from rotorid.pipeline.preparation.flights import Flight

@@ -27,8 +27,8 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.pipeline.fits.bootstrapping import Bootstrap
-from rotorid.pipeline.fits.motor_loads import thrust_of_logs, voltage_exponent
-from rotorid.pipeline.fits.motor_motion import CHANNELS, Motion, motions
+from rotorid.pipeline.fits.motors.loads import thrust_of_logs, voltage_exponent
+from rotorid.pipeline.fits.motors.motion import CHANNELS, Motion, motions
 from rotorid.pipeline.fits.scatter import Disagreement
 from rotorid.pipeline.fits.searching import Searched
 from rotorid.pipeline.preparation.motor_data import MotorData

@@ -35,10 +35,10 @@ from rotorid.pipeline.fits.methods import Described
 from rotorid.pipeline.fits.remarks import judge_combinations, judge_parameters
 from rotorid.pipeline.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
-from rotorid.pipeline.fits.soundness_in_time import does_not_describe, out_of_iterations, require_bounds, unexplained
-from rotorid.pipeline.fits.time import explained_percents
-from rotorid.pipeline.fits.time_remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
-from rotorid.pipeline.fits.time_summary import information_of, record_fits, residual_colors
+from rotorid.pipeline.fits.time.fit import explained_percents
+from rotorid.pipeline.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
+from rotorid.pipeline.fits.time.soundness import does_not_describe, out_of_iterations, require_bounds, unexplained
+from rotorid.pipeline.fits.time.summary import information_of, record_fits, residual_colors
 from rotorid.pipeline.preparation.coverage import covered_by
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.resolve import chosen_parameters

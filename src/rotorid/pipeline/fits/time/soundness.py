@@ -12,10 +12,10 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_names
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.fits.frequency import FrequencyFit, grown
-from rotorid.pipeline.fits.soundness import faster_than_sampled
-from rotorid.pipeline.fits.time import TimeFit
-from rotorid.pipeline.fits.two_domains import responses_without_hold
+from rotorid.pipeline.fits.frequency.fit import FrequencyFit, grown
+from rotorid.pipeline.fits.frequency.soundness import faster_than_sampled
+from rotorid.pipeline.fits.time.fit import TimeFit
+from rotorid.pipeline.fits.time.two_domains import responses_without_hold
 from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.resolve import black_box_order
 from rotorid.pipeline.preparation.segments import TimeRecords

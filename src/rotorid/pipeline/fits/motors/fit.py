@@ -2,7 +2,7 @@
 
 :func:`fit_motor_data` fits the axes that the motors moved, leaves out those of which nothing can be said, and bounds
 the rest. Bounds hold random errors and what no repetition of the flight would show
-(:mod:`rotorid.pipeline.fits.motor_errors`).
+(:mod:`rotorid.pipeline.fits.motors.errors`).
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from rotorid.models.motors import (
 )
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.fits.bootstrapping import bootstrap
-from rotorid.pipeline.fits.fitted_motors import FittedMotors, levers_of
-from rotorid.pipeline.fits.motor_errors import gusts_between, motor_model_error, with_model_errors
-from rotorid.pipeline.fits.motor_motion import CHANNELS, fit_percents
+from rotorid.pipeline.fits.motors.errors import gusts_between, motor_model_error, with_model_errors
+from rotorid.pipeline.fits.motors.fitted import FittedMotors, levers_of
+from rotorid.pipeline.fits.motors.motion import CHANNELS, fit_percents
 from rotorid.pipeline.fits.scatter import Alone, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, searched
 from rotorid.pipeline.preparation.motor_data import MotorData

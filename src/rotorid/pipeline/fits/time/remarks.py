@@ -11,7 +11,7 @@ from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.expression import Expression
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.fits.remarks import judge_parameters
-from rotorid.pipeline.fits.time import TimeFit, growth
+from rotorid.pipeline.fits.time.fit import TimeFit, growth
 from rotorid.pipeline.preparation.resolve import black_box_order
 from rotorid.pipeline.preparation.segments import TimeRecords
 from rotorid.uncertainty.cramer_rao import Bounds

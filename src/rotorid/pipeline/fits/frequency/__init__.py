@@ -1,0 +1,1 @@
+"""Fits of responses: what they can support, the fit with bounds, and whether a structure holds."""
