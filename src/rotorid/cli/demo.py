@@ -14,12 +14,10 @@ from rotorid.cli.command import print_if_asked, target_of, with_command
 from rotorid.cli.console import progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
+from rotorid.data.quantity import TWO_SIDED_95
 
 if TYPE_CHECKING:
     from rotorid.pipeline.demo import Demonstration
-
-# Of a normal distribution, 95 % lie within these.
-_INTERVAL_STDS = 1.96
 
 
 def demo_command(
@@ -96,7 +94,7 @@ def _print(demo: Demonstration, folder: Path) -> None:
                 f"{distances[name]:+.1f} σ" if name in distances else "",
             )
     console.print(table)
-    hold = sum(abs(distance) <= _INTERVAL_STDS for distance in distances.values())
+    hold = sum(abs(distance) <= TWO_SIDED_95 for distance in distances.values())
     console.print(
         f"± is one standard deviation; {hold} of {len(distances)} intervals of 95 % hold the truth. That is the exact\n"
         "linearization of the vehicle in hover and still air."

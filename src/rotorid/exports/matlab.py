@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.errors import UsageError
 from rotorid.exports.state_space import (
     LONGEST_NAME,
@@ -44,7 +45,6 @@ NAME = "matlab"
 _HEADER = b"MATLAB 5.0 MAT-file, written by rotorid"
 _HEADER_BYTES = 116
 _NUMBERS_A_LINE = 8
-_INTERVAL_STDS = 1.959964
 _PLAIN = re.compile(r"[A-Za-z]\w*", re.ASCII)
 _OCTAVE = "exist('OCTAVE_VERSION', 'builtin')"
 
@@ -214,7 +214,7 @@ def _uncertain(one: NamedModel) -> list[str]:
         if parameter.tied is not None:
             lines.append(f"  {parameter.name} = {_expression(str(parameter.tied))};")
         elif std:
-            half = _number(_INTERVAL_STDS * std)
+            half = _number(TWO_SIDED_95 * std)
             value = _number(parameters.values[parameter.name])
             lines.append(f"  {parameter.name} = ureal('{parameter.name}', {value}, 'PlusMinus', [-{half}, {half}]);")
         else:

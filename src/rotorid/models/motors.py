@@ -29,7 +29,9 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.record import MotorRecord
 from rotorid.errors import ModelError
 from rotorid.models.expression import Expression
@@ -109,7 +111,6 @@ _OF_AXIS: Mapping[str, tuple[str, ...]] = {
     "q": ("I_yy", "M_q"),
     "r": ("kappa_per_I_zz", "N_r"),
 }
-RATES = ("p", "q", "r")
 
 
 def motor_parameters(
@@ -248,9 +249,6 @@ def _lifts(held: Mapping[str, float], curve: Curve) -> bool:
     terms = CURVE_TERMS[curve]
     return not set(terms) <= set(held) or sum(held[name] for name in terms) > 0.0
 
-
-_TWO_SIDED = 1.96
-"""Standard deviations of a 95 % interval: what lies within it may be an error of the data."""
 
 _WEIGHT_TOLERANCE = 0.05
 """How far the mean thrust of a flight may lie from the weight."""
@@ -443,7 +441,7 @@ def _weighed(finding: Finding, values: Mapping[str, float], covariance: Mapping[
     signs = {name: 1.0 if name == finding.where else -1.0 for name in _INERTIA}
     excess = sum(sign * values[name] for name, sign in signs.items())
     variance = sum(signs[a] * signs[b] * _of_pair(covariance, a, b) for a in _INERTIA for b in _INERTIA)
-    reach = _TWO_SIDED * math.sqrt(max(variance, 0.0))
+    reach = TWO_SIDED_95 * math.sqrt(max(variance, 0.0))
     numbers = {**finding.numbers, "excess_kg_m2": excess, "interval_kg_m2": reach}
     if excess > reach:
         return replace(finding, numbers=numbers)
@@ -484,7 +482,7 @@ def _rising(
         return []
     low, high = np.quantile(flown, _FLOWN).tolist()
     outputs = np.linspace(low, high, _DENSE)
-    if np.all(curve.slope(outputs) + _TWO_SIDED * _slope_std(outputs, covariance) > 0.0):
+    if np.all(curve.slope(outputs) + TWO_SIDED_95 * _slope_std(outputs, covariance) > 0.0):
         return []
     message = f"The identified thrust falls with the output somewhere from {low:.2f} to {high:.2f}, which was flown."
     return [_remark("impossible_physics", "thrust", message, {"low": low, "high": high})]

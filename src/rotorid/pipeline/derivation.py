@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rotorid.data.findings import Finding
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.models.derived import KNOWN_UNITS, RELATIONS, DerivedQuantities, derived_quantities, thrust_coefficient
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.physical import check_signs
@@ -19,7 +20,6 @@ _POINTS = 5
 """Of the table on either side of hover."""
 
 _LEAST_ADVANCE_RATIO = 0.05
-_STDS = 1.959964
 _CLEAR_STDS = 2.0
 _COEFFICIENTS = ("c_T", "dc_T_dJ")
 
@@ -130,8 +130,8 @@ def _thrust(
             advance_ratio=float(ratio),
             c_T=float(value),
             std=float(spread),
-            lower=float(value - _STDS * spread),
-            upper=float(value + _STDS * spread),
+            lower=float(value - TWO_SIDED_95 * spread),
+            upper=float(value + TWO_SIDED_95 * spread),
             flown=None if flown is None else bool(flown[0] - 1e-12 <= ratio <= flown[1] + 1e-12),
         )
         for ratio, value, spread in zip(ratios, line, std, strict=True)

@@ -26,6 +26,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan
@@ -462,7 +463,7 @@ def _fly_motors(
     assert known is not None
     found = predicted_by(known, record, settings.segments)
     length_s = settings.pieces_s or _MOTORS_PIECE_S
-    axes = tuple(axis for axis in ("p", "q", "r") if all(f"{axis}_dot" in one.rows for one in found.moved))
+    axes = tuple(axis for axis in RATES if all(f"{axis}_dot" in one.rows for one in found.moved))
     if not axes:
         raise InsufficientDataError("no rate of it was identified", needed="motion in roll, pitch or yaw")
     forces = () if "az" in known.axes else ("weight",)

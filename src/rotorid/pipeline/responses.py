@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.data.axes import ANGLE_OF
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
@@ -28,7 +29,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command, is_free
 from rotorid.pipeline.preparation.inverse import without_inverse_controller
-from rotorid.pipeline.preparation.loops import ATTITUDE, AxisLoop, axis_loop, beyond_band
+from rotorid.pipeline.preparation.loops import AxisLoop, axis_loop, beyond_band
 from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure, without_known_filters
 from rotorid.pipeline.preparation.selection import (
     described,
@@ -449,7 +450,7 @@ def response(
         inputs=inputs,
         outputs=outputs,
         settings=replace(settings, correct_filters=False),
-        also=[ATTITUDE[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ATTITUDE],
+        also=[ANGLE_OF[axis_of(name)] for name in inputs if is_command(name) and axis_of(name) in ANGLE_OF],
     )
     if sensors is not None:
         measured = replace(measured, response=with_sensor_errors(measured.response, sensors.correction))

@@ -14,6 +14,7 @@ from rotorid._faces import attached
 from rotorid.data.base import Immutable, optional, read_only
 from rotorid.data.display import cut, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
@@ -568,10 +569,6 @@ def parameter_estimates(parameters: ParameterSet, bounds: Bounds) -> dict[str, P
     }
 
 
-INTERVAL_STDS = 1.959964
-"""Half an interval of 95 % in standard deviations."""
-
-
 def _estimate(
     parameter: Parameter, value: float, stds: tuple[float, float], bounds: Bounds, row: int | None
 ) -> ParameterEstimate:
@@ -582,8 +579,8 @@ def _estimate(
         "std": std,
         "std_random": random,
         "std_model": float(np.sqrt(max(std**2 - random**2, 0.0))),
-        "lower": value - INTERVAL_STDS * std,
-        "upper": value + INTERVAL_STDS * std,
+        "lower": value - TWO_SIDED_95 * std,
+        "upper": value + TWO_SIDED_95 * std,
     }
     if row is None:
         return ParameterEstimate(value=value, unit=parameter.unit, status=parameter.status, **spread)

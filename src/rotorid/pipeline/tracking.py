@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver
@@ -35,7 +36,6 @@ from rotorid.typing import Axis, FloatArray
 from rotorid.verification.tracking import BAND_HZ, RATE_HZ, STEP_SHARE, Tracking, require_length, track_gain
 
 _PROGRESS = logging.getLogger("rotorid.progress")
-_OUTPUTS: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
 
 _FULL: Mapping[str, float] = {"rad": 0.6, "rad/s": 3.0}
 """What counts as a full stick where a set-point stands for it: 0.3 rad is half a stick."""
@@ -238,7 +238,7 @@ def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -
 
 def _signals(record: FlightRecord, axis: Axis, instrument: str, start_s: float, stop_s: float) -> dict[str, FloatArray]:
     """Command, rate, stick and thrust on one clock; the longest stretch without a gap from the beginning."""
-    names = {"command": f"{axis}_command", "rate": _OUTPUTS[axis], "stick": instrument}
+    names = {"command": f"{axis}_command", "rate": RATE_OF[axis], "stick": instrument}
     if "thrust_command" in record.channel_names:
         names["thrust"] = "thrust_command"
     auxiliary = [names[key] for key in ("stick", "thrust") if key in names]

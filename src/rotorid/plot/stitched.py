@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.plot.figure import MEASURED, Figure, Panel, Trace, numbers, stacked, text, translucent
 from rotorid.typing import FloatArray
-
-STDS = 1.96
-"""Half width of the bands in standard deviations."""
 
 _POINTS = 61
 _HEIGHT_PX = 110
@@ -52,7 +50,7 @@ def _traces(name: str, curve: OverSpeed, *, legend: bool) -> list[Trace]:
     inside = np.isfinite(curve.std)
     x, low, high = (
         numbers(row[inside])
-        for row in (curve.speed_m_s, curve.value - STDS * curve.std, curve.value + STDS * curve.std)
+        for row in (curve.speed_m_s, curve.value - TWO_SIDED_95 * curve.std, curve.value + TWO_SIDED_95 * curve.std)
     )
     tip = f"%{{x:.3~g}} m/s<br>{text(name)} %{{y:.4~g}}"
     return [

@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.display import listed
 from rotorid.data.findings import worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
@@ -49,7 +50,7 @@ from rotorid.report.parts import (
 )
 from rotorid.report.words import parameter_words
 from rotorid.simulation.wind import Wind
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import FloatArray
 
 _KINDS: Mapping[Shape, str] = MappingProxyType({"two_one_one": "2-1-1", "three_two_one_one": "3-2-1-1"})
 _ENTRIES: Mapping[Entry, str] = MappingProxyType(
@@ -425,8 +426,6 @@ def wind_words(wind: Wind) -> str:
     return " with ".join(part for part in (steady, turbulence) if part) or "still air"
 
 
-_RATES: Mapping[Axis, str] = MappingProxyType({"roll": "p", "pitch": "q", "yaw": "r"})
-_ANGLES: Mapping[Axis, str] = MappingProxyType({"roll": "phi", "pitch": "theta", "yaw": "psi"})
 _BINS_PER_DECADE = 25
 _LEAST_LINES = 4
 _LONG_S = 60.0
@@ -460,7 +459,7 @@ def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *,
         *_input_strips(plan),
         Strip(
             label="Rates",
-            signals=[Signal(axis, name, time_s, truth[name]) for axis, name in _RATES.items()],
+            signals=[Signal(axis, name, time_s, truth[name]) for axis, name in RATE_OF.items()],
             limits=(-limits.rate_rad_s, limits.rate_rad_s),
             height_px=130.0,
         ),
@@ -510,7 +509,7 @@ def input_channel(one: PlannedInput) -> str:
         return f"{one.axis}_excitation"
     if one.entry == "stick":
         return f"{one.axis}_stick"
-    return f"{(_RATES if one.entry == 'rate_setpoint' else _ANGLES)[one.axis]}_setpoint"
+    return f"{(RATE_OF if one.entry == 'rate_setpoint' else ANGLE_OF)[one.axis]}_setpoint"
 
 
 def spectrum_picture(plan: FlightPlan, *, key: str) -> Picture:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.axes import AXIS_WORDS
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.motors.fit import LEAST_CORRELATION
 from rotorid.pipeline.summary import Correlation, ExcitedFlight, MotorPhysics, ParameterEstimate
@@ -15,7 +16,6 @@ from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
 from rotorid.report.frame import MISSING, Picture, milliseconds, significant, unit, with_error
 from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import (
-    AXIS_WORDS,
     FULL_OUTPUT,
     Verdict,
     fit_verdict,

@@ -15,6 +15,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.data.axes import ANGLE_OF, AXIS_WORDS, RATE_OF
 from rotorid.data.display import capital, listed
 from rotorid.data.findings import KINDS
 from rotorid.data.record import LOWEST_RATE_HZ
@@ -30,9 +31,6 @@ from rotorid.report.frame import Picture, in_decibels, milliseconds, significant
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
 from rotorid.verification.verification import Scores
 from rotorid.verification.verification import Verdict as Found
-
-AXIS_WORDS = {"az": "thrust", "p": "roll", "q": "pitch", "r": "yaw"}
-"""Axes of the excitations in words."""
 
 FULL_OUTPUT = 0.99
 """From here on full output was flown."""
@@ -228,7 +226,6 @@ _STILL_RAD_S = 1e-9
 _SURE_SIGMAS = 2.0
 """Standard deviations by which a mode must grow to be said to grow."""
 
-_RATES = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "psi")}
 _HOVERING = {"roll": ("v", "phi"), "pitch": ("u", "theta")}
 """States of the unstable oscillation of every hovering rotorcraft: it tilts, drifts, and is turned back too far."""
 
@@ -294,7 +291,7 @@ def mode_sentences(document: ResultDocument) -> tuple[str, ...]:
     growing = [pole for pole in _modes(document.poles) if grows(pole)]
     swinging = [pole for pole in growing if pole.imag]
     hovering = [axis for axis, states in _HOVERING.items() if set(states) <= set(document.states)]
-    axes = hovering or [axis for axis, states in _RATES.items() if set(states) & set(document.states)]
+    axes = hovering or [axis for axis in RATE_OF if {RATE_OF[axis], ANGLE_OF[axis]} & set(document.states)]
     of = axes[0].capitalize() if len(axes) == 1 else "The vehicle"
     known = ", as multirotors do without an autopilot" if hovering else ""
     sentences = []

@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.errors import UsageError
 from rotorid.fitting.problem import Problem
 from rotorid.search.catalog import Search
@@ -25,7 +26,6 @@ _NOTHING = 1e-9
 """Of the cost at which searches begin: below it a cost is zero, as of data without noise."""
 
 _LARGEST_SEED = 2**32
-_NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,9 +193,9 @@ def wilson(found: int, runs: int) -> Share:
     >>> [round(value, 2) for value in wilson(20, 20)]
     [1.0, 0.84, 1.0]
     """
-    share, square = found / runs, _NORMAL_95**2
+    share, square = found / runs, TWO_SIDED_95**2
     center = (share + square / (2.0 * runs)) / (1.0 + square / runs)
-    half = _NORMAL_95 / (1.0 + square / runs) * math.sqrt(share * (1.0 - share) / runs + square / (4.0 * runs**2))
+    half = TWO_SIDED_95 / (1.0 + square / runs) * math.sqrt(share * (1.0 - share) / runs + square / (4.0 * runs**2))
     # Rounding must not leave the share of none or all outside.
     return Share(share, max(min(center - half, share), 0.0), min(max(center + half, share), 1.0))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.base import remembered
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic
@@ -34,9 +35,8 @@ _LIVELIER = 15.0
 _QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
 """Percentiles that stand for rest and for usual flight."""
 
-_RATES = ("p", "q", "r")
 _FORCES = ("ax", "ay", "az")
-_SENSORS = (*_FORCES, *_RATES)
+_SENSORS = (*_FORCES, *RATES)
 
 _HIGH_PERCENT = 99.0
 """Percentile that stands for the highest thrust, without single peaks."""
@@ -165,7 +165,7 @@ def _found(
 def _moves(record: FlightRecord, interval: tuple[float, float]) -> bool:
     """Whether the vehicle turns or accelerates for as long as a flight lasts at least; believed without sensors."""
     looked_at = False
-    for names, most in ((_RATES, _MOVING_RAD_S), (_FORCES, _MOVING_M_S2)):
+    for names, most in ((RATES, _MOVING_RAD_S), (_FORCES, _MOVING_M_S2)):
         sensors = _together(record, names)
         if sensors is None:
             continue
@@ -223,7 +223,7 @@ def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, BoolArray | No
 
 def _diving(record: FlightRecord, time_s: FloatArray, running: BoolArray) -> BoolArray:
     """Where the vehicle turns while its motors run, whatever their thrust: in acro it flies without."""
-    rates = _together(record, _RATES)
+    rates = _together(record, RATES)
     if rates is None or not running.any():
         return np.zeros(time_s.size, dtype=np.bool_)
     rate_time_s, values, _ = rates

@@ -17,6 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import remembered
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
 from rotorid.errors import InsufficientDataError
@@ -311,14 +312,14 @@ def _by_single_motors(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
 
 def _turns_most(record: FlightRecord, maneuver: Maneuver) -> Axis | None:
     """The axis with the largest spread of the rates, or of the angles where no rate is logged."""
-    for channels in ({"roll": "p", "pitch": "q", "yaw": "r"}, {"roll": "phi", "pitch": "theta", "yaw": "psi"}):
+    for channels in (RATE_OF, ANGLE_OF):
         spreads: dict[Axis, float] = {}
         for axis, name in channels.items():
             for topic, row in record.holding(name):
                 inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
                 values = topic.values[row][inside & np.isfinite(topic.values[row])]
                 if values.size:
-                    spreads[axis] = float(np.std(values))  # type: ignore[index]
+                    spreads[axis] = float(np.std(values))
                     break
         if spreads and max(spreads.values()) > 0.0:
             return max(spreads, key=lambda axis: spreads[axis])

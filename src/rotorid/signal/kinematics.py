@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
@@ -21,10 +22,8 @@ from rotorid.signal.skew import CrossSpectrum, Relation, coherent_lines, cross_s
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-RATES = ("p", "q", "r")
 VELOCITIES = ("u", "v", "w")
 ACCELERATIONS = ("ax", "ay", "az")
-ATTITUDE = ("phi", "theta", "psi")
 EARTH_VELOCITIES = ("velocity_north", "velocity_east", "velocity_down")
 
 _OF_BODY_VELOCITY = (*EARTH_VELOCITIES, *ATTITUDE)

@@ -29,13 +29,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, remark
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.record import TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.kinematics import (
     ACCELERATIONS,
-    RATES,
     derivative,
     expected_motion,
 )
@@ -62,7 +63,6 @@ _LOWEST_TOP_RAD_S = 10.0
 _PARTS = 4
 _NEIGHBORS = 15
 _BLOCKS = 10
-_SIGMAS = 1.959964
 _TINY = 1e-30
 
 
@@ -216,8 +216,8 @@ def correction_findings(correction: SensorCorrection) -> tuple[Finding, ...]:
             f"{_capital(_words(one))}; it was taken out.",
             value=one.value,
             std=one.std,
-            lower=one.value - _SIGMAS * one.std,
-            upper=one.value + _SIGMAS * one.std,
+            lower=one.value - TWO_SIDED_95 * one.std,
+            upper=one.value + TWO_SIDED_95 * one.std,
         )
         for one in correction.terms
     ]

@@ -48,6 +48,7 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.flight_plan import Entry
 from rotorid.data.record import AXES
@@ -379,7 +380,6 @@ def _quaternion(angles: AnyArray) -> ComplexArray:
     )
 
 
-_RATES, _ANGLES = ("p", "q", "r"), ("phi", "theta", "psi")
 _MOST_STATES = 64
 
 
@@ -530,8 +530,8 @@ def _inner(autopilot: Autopilot, wires: _Wiring, gyro_lag_s: float, axis: int, w
     """Command of an axis by the set-point of its angle."""
     own, put = autopilot.rates, wires.input
     name = AXES[axis]
-    rate = wires.butterworth(wires.low_pass(put(_RATES[axis]), gyro_lag_s), autopilot.gyro_cutoff_hz)
-    target = autopilot.angle_1_s[axis] * (wanted - put(_ANGLES[axis])) + put(f"{name}_rate_setpoint")
+    rate = wires.butterworth(wires.low_pass(put(RATES[axis]), gyro_lag_s), autopilot.gyro_cutoff_hz)
+    target = autopilot.angle_1_s[axis] * (wanted - put(ATTITUDE[axis])) + put(f"{name}_rate_setpoint")
     if name == "yaw":
         target = target + autopilot.guidance.stick_yaw_rate_rad_s * put("yaw_stick")
     target = wires.low_pass(target, _lag(own.target_cutoff_hz[axis]))

@@ -19,6 +19,7 @@ from typing import Generic, TypeVar, cast
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.flight_plan import Entry, FlightPlan, SimulatedFlight
 from rotorid.data.record import AXES
@@ -391,7 +392,7 @@ def _truth(truth: FloatArray, winds: FloatArray, rotors: int) -> dict[str, Float
             "ax ay az": STATES + rotors,
         },
     )
-    columns |= dict(zip(("phi", "theta", "psi"), angles, strict=True))
+    columns |= dict(zip(ATTITUDE, angles, strict=True))
     return columns | _named(winds, {"wind_north wind_east wind_down": 0})
 
 

@@ -19,6 +19,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.signal.filters import KnownFilter, combined_response
@@ -475,7 +476,6 @@ _FINEST_ERROR = 0.02
 """Below this the errors of points do not decide their weight: the parabola itself is no better."""
 
 _STEP = 0.01
-_NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -502,7 +502,7 @@ class Estimated:
     @property
     def interval(self) -> tuple[float, float]:
         """The 95 % interval of a normal distribution."""
-        return self.value - _NORMAL_95 * self.std, self.value + _NORMAL_95 * self.std
+        return self.value - TWO_SIDED_95 * self.std, self.value + TWO_SIDED_95 * self.std
 
 
 class Local(NamedTuple):

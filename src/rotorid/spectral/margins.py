@@ -19,13 +19,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.response import FrequencyResponse
 from rotorid.spectral.derived import Estimated, Local, LogCurve, Row, crossings, log_curve
 from rotorid.spectral.loops import sensitivity
 from rotorid.typing import FloatArray
 
 _TURN = 2.0 * math.pi
-_NORMAL_95 = 1.959964
 _SAME = 1e-9
 _MINUS_3_DB = -3.0 * math.log(10.0) / 20.0
 
@@ -260,7 +260,7 @@ def disturbance_rejection(response: FrequencyResponse) -> DisturbanceRejection:
     peak = place = None
     # Feedback that helps somewhere does harm elsewhere: the peak is above one, and a lower hill is none.
     if top is not None and top.value.real > 0.0:
-        place = Estimated(value=top.omega_rad_s, std=top.omega_rad_s * _peak_reach(curve, top) / _NORMAL_95)
+        place = Estimated(value=top.omega_rad_s, std=top.omega_rad_s * _peak_reach(curve, top) / TWO_SIDED_95)
         height = math.exp(top.value.real)
         peak = Estimated(value=height, std=height * curve.std(top.weights))
     results = {"bandwidth_rad_s": bandwidth, "peak": peak, "peak_omega_rad_s": place}
@@ -373,7 +373,7 @@ def _peak_reach(curve: LogCurve, top: Local) -> float:
     x, logarithms = curve.grid(band)
     _, rows = curve.near(x)
     drop = top.value.real - logarithms.real
-    doubt = _NORMAL_95 * np.array([curve.std(row) for row in rows[:, 0] - top.weights])
+    doubt = TWO_SIDED_95 * np.array([curve.std(row) for row in rows[:, 0] - top.weights])
     lower = drop > doubt
     left, right = x[lower & (x < top.x)], x[lower & (x > top.x)]
     low, high = left[-1] if left.size else x[0], right[0] if right.size else x[-1]

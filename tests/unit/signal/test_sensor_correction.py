@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.errors import InsufficientDataError
-from rotorid.signal.kinematics import ACCELERATIONS, ATTITUDE, RATES, VELOCITIES, derivative
+from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES, derivative
 from rotorid.signal.sensor_correction import (
     SensorCorrection,
     corrected_values,

@@ -19,13 +19,13 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.record import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.checks import Acausal, delay_in_samples, steep_output
 from rotorid.fitting.delay.fit import (
     NO_EVIDENCE,
-    NORMAL_95,
     DelayProblem,
     InputHold,
     LateLag,
@@ -104,7 +104,7 @@ class DelayEstimate(Immutable):
         if self.interval_s is None:
             return self
         low_s, high_s = (abs(end - self.delay_s) for end in self.interval_s)
-        clocks_s = NORMAL_95 * std_s
+        clocks_s = TWO_SIDED_95 * std_s
         return replace(
             self,
             std_s=None if self.std_random_s is None else float(np.hypot(self.std_random_s, std_s)),
@@ -231,7 +231,7 @@ def _estimate(
 
 def _consistent(std_s: float, ends: tuple[float, float]) -> float | None:
     """The standard deviation, where the interval is about as wide as that of a normal distribution."""
-    ratio = 2.0 * NORMAL_95 * std_s / max(ends[1] - ends[0], np.finfo(np.float64).tiny)
+    ratio = 2.0 * TWO_SIDED_95 * std_s / max(ends[1] - ends[0], np.finfo(np.float64).tiny)
     return std_s if 1.0 / _SAME_WIDTH < ratio < _SAME_WIDTH else None
 
 

@@ -32,6 +32,7 @@ from typing import Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import residual_errors
@@ -196,7 +197,6 @@ _SCOUT, _POLISH = LevenbergMarquardt(iterations=60, tolerance=1e-6), LevenbergMa
 _CHI_SQUARED_95 = 3.841
 _PROFILE_STEPS = 12
 _PROFILE_ACCURACY = 0.02
-NORMAL_95 = 1.96
 _NEGLIGIBLE, NO_EVIDENCE = 0.02, 6.0
 """An order is worth its parameters only where it lowers the misfit by more than this share of it, and the criterion by
 more than what counts as strong evidence (Kass and Raftery, *Bayes Factors*, 1995)."""
@@ -357,7 +357,7 @@ def _crossing(problem: DelayProblem, fit: OrderFit, limits: Limits, side: float)
 
     # The square root of the excess grows in proportion to the distance where the cost is a parabola.
     inner, theta = 0.0, np.array(fit.solution.theta)
-    trial, outer = min(NORMAL_95 * fit.std_s, reach), reach
+    trial, outer = min(TWO_SIDED_95 * fit.std_s, reach), reach
     for _ in range(_PROFILE_STEPS):
         value, found = excess(trial, theta)
         ratio = float(np.sqrt(max(value, 0.0) / allowed))

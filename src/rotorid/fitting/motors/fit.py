@@ -37,12 +37,13 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rotorid.data.axes import RATES
 from rotorid.data.base import read_only
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.fitting.problem import Fit, Part, Problem, Scale, StartBox
-from rotorid.models.motors import RATES, SPIN_UP, YAW_DELAY
+from rotorid.models.motors import SPIN_UP, YAW_DELAY
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import AnyArray, BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2

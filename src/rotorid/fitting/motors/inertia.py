@@ -27,18 +27,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.fit import Axis, Filter, MotorFit
-from rotorid.models.motors import RATES, SPIN_UP
+from rotorid.models.motors import SPIN_UP
 from rotorid.typing import FloatArray
 
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
 _DAMPING = {"p": "L_p", "q": "M_q", "r": "N_r"}
 _PAST_S = (0.05, 0.07, 0.1, 0.14, 0.2, 0.28)
 _MEMORY_S = 0.25
-_TWO_SIDED = 1.96
 _WORTH_SAYING = 0.01
 _TELLING = 0.5
 _LEAST_SHARE = 1e-6
@@ -94,7 +95,7 @@ class InertiaRegression(Immutable):
     @property
     def agrees(self) -> bool:
         """Whether the corrected answers agree within their intervals of 95 %."""
-        return abs(self.apart) <= _TWO_SIDED
+        return abs(self.apart) <= TWO_SIDED_95
 
 
 def inertia_regressions(
@@ -323,4 +324,4 @@ def _off(share: float) -> str:
 
 def _pair(one: InertiaRegression) -> str:
     (first, second), (near, far) = one.corrected, one.deviations
-    return f"{first:.4g} ± {_TWO_SIDED * near:.1g} and {second:.4g} ± {_TWO_SIDED * far:.1g} {one.unit}"
+    return f"{first:.4g} ± {TWO_SIDED_95 * near:.1g} and {second:.4g} ± {TWO_SIDED_95 * far:.1g} {one.unit}"

@@ -21,6 +21,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from rotorid.data.base import read_only
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Solution, best_of
 from rotorid.fitting.problem import Fit, Part
@@ -604,7 +605,6 @@ def _root(gram: FloatArray) -> FloatArray:
 
 
 _WHITE_S = 0.5
-_CHANCE_5_PERCENT = 1.959964
 _FLAT = 1e-9
 
 
@@ -746,7 +746,7 @@ def _whiteness(problem: InnovationsProblem, settled: Settled) -> dict[str, White
         parts = [run.values[:, row] for run in settled.runs]
         power = sum(float(one @ one) for one in parts)
         products = [sum(float(one[lag:] @ one[:-lag]) for one in parts) / power for lag in range(1, lags + 1)]
-        limit = _CHANCE_5_PERCENT / math.sqrt(problem.samples)
+        limit = TWO_SIDED_95 / math.sqrt(problem.samples)
         magnitude = np.abs(products)
         found[name] = Whiteness(float(magnitude.max()), float(np.mean(magnitude > limit)), lags)
     return found

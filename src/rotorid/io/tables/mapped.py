@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError, UsageError
@@ -23,7 +24,6 @@ from rotorid.typing import AnyArray, FloatArray
 from rotorid.units import parse_unit
 
 _COMMON_CLOCK = "clock"
-_EULER = ("phi", "theta", "psi")
 
 
 def sources_of(mapping: ChannelMapping) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ def _topic(
     meta = [Channel(name=channel.name, unit=channel.si, source=told(channel.samples)) for channel in channels]
     angles: list[FloatArray] = []
     if mapping.attitude is not None and mapping.attitude.time == time:
-        meta += [Channel(name=name, unit="rad", source=mapping.attitude.parts[0].source) for name in _EULER]
+        meta += [Channel(name=name, unit="rad", source=mapping.attitude.parts[0].source) for name in ATTITUDE]
         angles = _angles(mapping.attitude, arrays, file)
     first = _samples(channels[0].samples, arrays, channels[0].si, file) if channels else angles[0]
     time_s = _stamps(time, mapping.clock, arrays, first.size, file)

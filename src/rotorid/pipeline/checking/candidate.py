@@ -12,11 +12,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, TimeHistory
@@ -41,11 +41,6 @@ from rotorid.typing import Axis
 from rotorid.verification.closed_loop import Loop, LoopScores, controller_alone
 from rotorid.verification.sampled import Filter
 from rotorid.verification.scores import GOOD_TIC
-
-RATES: Mapping[Axis, tuple[str, str]] = MappingProxyType(
-    {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "psi")}
-)
-"""Rate and angle that the controller of an axis feeds back."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,13 +98,13 @@ def read_controllers(path: Path) -> dict[Axis, GivenController]:
     except ModelError as error:
         raise UsageError(error.came, needed=error.needed, remedy=error.remedy) from None
     if not found:
-        raise UsageError(f"{path.name} holds no controller", needed=f"a table [{'], ['.join(RATES)}]")
+        raise UsageError(f"{path.name} holds no controller", needed=f"a table [{'], ['.join(RATE_OF)}]")
     return found
 
 
 def _axis(name: str, source: Source) -> Axis:
-    if name not in RATES:
-        raise source.unknown("axis", name, RATES, (name,))
+    if name not in RATE_OF:
+        raise source.unknown("axis", name, RATE_OF, (name,))
     return name  # type: ignore[return-value]
 
 
@@ -158,7 +153,7 @@ class Controllers(Immutable):
         """The controller of an axis, where one is known."""
         if axis in self.given:
             return self.given[axis]
-        logged = rate_controller(self.record.parameters, axis) if axis in RATES else None
+        logged = rate_controller(self.record.parameters, axis) if axis in RATE_OF else None
         return GivenController(controller=logged) if logged else None
 
     def channels(self, axes: Sequence[Axis]) -> tuple[str, ...]:
@@ -193,11 +188,11 @@ class Controllers(Immutable):
             return None
         tried = []
         for name, driven in _setpoints(axis, found):
-            if name not in history.names or RATES[axis][0] not in history.names:
+            if name not in history.names or RATE_OF[axis] not in history.names:
                 continue
             loop = Loop(
                 command=f"{axis}_command",
-                rate=RATES[axis][0],
+                rate=RATE_OF[axis],
                 controller=found.controller,
                 driven=driven,
                 setpoint=history[name],
@@ -218,7 +213,7 @@ class Controllers(Immutable):
 
 def _setpoints(axis: Axis, given: GivenController) -> list[tuple[str, Driven]]:
     """What may drive a controller, the outermost set-point first."""
-    rate, angle = (f"{name}_setpoint" for name in RATES[axis])
+    rate, angle = (f"{name}_setpoint" for name in (RATE_OF[axis], ANGLE_OF[axis]))
     if given.setpoint:
         return [(given.setpoint, "angle" if given.controller.angle_1_s and given.setpoint != rate else "rate")]
     outer: list[tuple[str, Driven]] = [(angle, "angle")] if given.controller.angle_1_s else []

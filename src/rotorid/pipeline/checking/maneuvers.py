@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.models.state_space import StateSpace
-from rotorid.pipeline.checking.candidate import RATES, Candidate, Controllers, no_controller, other_controller
+from rotorid.pipeline.checking.candidate import Candidate, Controllers, no_controller, other_controller
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, is_command
 from rotorid.pipeline.preparation.measure import Measured, default_band
@@ -178,7 +179,7 @@ def _shifted(record: FlightRecord, name: str, here: str, there: str, later_s: fl
 def looped_axes(inputs: tuple[str, ...], outputs: tuple[str, ...]) -> tuple[Axis, ...]:
     """Axes of a model whose command and rate it has."""
     axes = [axis_of(name) for name in inputs if is_command(name)]
-    return tuple(axis for axis in axes if axis in RATES and RATES[axis][0] in outputs)
+    return tuple(axis for axis in axes if axis in RATE_OF and RATE_OF[axis] in outputs)
 
 
 def fly_maneuver(
@@ -321,7 +322,7 @@ def predict_maneuvers(
             around=around,
             vibration_filter=vibration_filter,
         )
-        read = [RATES[axis][0] for axis in looped_axes(inputs, outputs)]
+        read = [RATE_OF[axis] for axis in looped_axes(inputs, outputs)]
         flown, why_not = fly_maneuver(
             with_known_filters(system, record, outputs, read=read, fitted=candidate.sources or {}, judged=judged),
             around,

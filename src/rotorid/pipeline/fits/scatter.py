@@ -32,13 +32,13 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 _CHANCE = 0.01
 """Of a vehicle that is the same in all logs, to be told otherwise about one parameter."""
 
-_TWO_SIDED = 1.96
 _LEAST_RATIO = 1.3
 """Of swings, below which a difference between them tells nothing."""
 
@@ -99,7 +99,9 @@ class Disagreement(Immutable):
 
     def finding(self, unit: str) -> Finding:
         """What a careful engineer would remark."""
-        words = ", ".join(f"{value:.4g} ± {_TWO_SIDED * std:.2g} in {name}" for name, (value, std) in self.said.items())
+        words = ", ".join(
+            f"{value:.4g} ± {TWO_SIDED_95 * std:.2g} in {name}" for name, (value, std) in self.said.items()
+        )
         return warn(
             "logs_disagree",
             self.parameter,
@@ -178,7 +180,7 @@ class AmplitudeDependence(Immutable):
     def finding(self, unit: str) -> Finding:
         """What a careful engineer would remark."""
         words = ", ".join(
-            f"{value:.4g} ± {_TWO_SIDED * std:.2g} in {name}"
+            f"{value:.4g} ± {TWO_SIDED_95 * std:.2g} in {name}"
             + (f" ({swing:.2g} times the swing)" if swing > 1.0 else "")
             for name, (value, std, swing) in self.said.items()
         )

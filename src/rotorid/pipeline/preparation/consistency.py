@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
@@ -25,9 +26,7 @@ from rotorid.signal.clock import resample
 from rotorid.signal.filters import combined_response
 from rotorid.signal.kinematics import (
     ACCELERATIONS,
-    ATTITUDE,
     EARTH_VELOCITIES,
-    RATES,
     VELOCITIES,
     KinematicCheck,
     derivative,

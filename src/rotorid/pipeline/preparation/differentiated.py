@@ -27,6 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
@@ -34,8 +35,7 @@ from rotorid.fitting.motors.fit import SLOW_HZ
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-ANGLES, HEIGHT = ("phi", "theta", "psi"), "down"
-_RATES = ("p", "q", "r")
+HEIGHT = "down"
 
 _LEAST_ANGLE_HZ = 5.0 * SLOW_HZ
 """Least rate of angles that are differentiated twice."""
@@ -66,11 +66,11 @@ def from_angles(record: FlightRecord, outputs: Sequence[str] = ()) -> tuple[Flig
         Angles or height are missing where gyros or accelerometer are, or were logged too slowly.
     """
     logged = set(record.channel_names)
-    of_angles = bool(set(outputs) & set(ANGLES)) or not set(_RATES) <= logged
+    of_angles = bool(set(outputs) & set(ATTITUDE)) or not set(RATES) <= logged
     of_height = HEIGHT in outputs or "az" not in logged
     if not (of_angles or of_height):
         return record, ()
-    angles = _samples(record, ANGLES, least_hz=_LEAST_ANGLE_HZ if of_angles else 0.0)
+    angles = _samples(record, ATTITUDE, least_hz=_LEAST_ANGLE_HZ if of_angles else 0.0)
     topics: list[Topic] = []
     findings: list[Finding] = []
     if of_angles:
@@ -120,7 +120,7 @@ def _samples(record: FlightRecord, names: Sequence[str], *, least_hz: float) -> 
             remedy="log them faster",
             findings=[refusal("rate_too_low", best.name, message, rate_hz=rate_hz, needed_hz=least_hz)],
         )
-    if set(names) <= set(ANGLES):
+    if set(names) <= set(ATTITUDE):
         values = np.unwrap(values, axis=1)
     return _Samples(best.name, np.asarray(time_s), np.asarray(values), rate_hz)
 
@@ -133,7 +133,7 @@ def _rates(record: FlightRecord, angles: _Samples) -> tuple[Topic, Finding]:
     p = phi_dot - psi_dot * np.sin(theta)
     q = theta_dot * np.cos(phi) + psi_dot * np.sin(phi) * np.cos(theta)
     r = -theta_dot * np.sin(phi) + psi_dot * np.cos(phi) * np.cos(theta)
-    channels = tuple(Channel(name=name, unit="rad/s") for name in _RATES)
+    channels = tuple(Channel(name=name, unit="rad/s") for name in RATES)
     topic = Topic(
         name=f"{angles.topic}, differentiated", time_s=angles.time_s, channels=channels, values=np.stack([p, q, r])
     )

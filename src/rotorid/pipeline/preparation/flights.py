@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import refusal
 from rotorid.data.record import Channel, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.airborne import airborne
-from rotorid.signal.kinematics import ATTITUDE, EARTH_VELOCITIES, VELOCITIES, to_body
+from rotorid.signal.kinematics import EARTH_VELOCITIES, VELOCITIES, to_body
 from rotorid.typing import Axis, FloatArray
 
 

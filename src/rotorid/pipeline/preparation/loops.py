@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
@@ -32,13 +33,10 @@ from rotorid.spectral.margins import (
 )
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
-ATTITUDE: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
-
 MODEL_ERROR = 0.007
 """Share of a measured loop that it errs by whatever the length of the flight, alike over an octave."""
 
 _LARGEST_ERROR, _LEAST_COHERENCE = 0.3, 0.3
-_RATE: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,7 +180,7 @@ def _loop_rate_hz(record: FlightRecord) -> float:
 
 
 def _computed(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> tuple[FrequencyResponse, str] | None:
-    response, rate = measured.response, _RATE.get(axis, "")
+    response, rate = measured.response, RATE_OF.get(axis, "")
     if rate not in response.outputs or response.estimate != "joint" or len(response.inputs) > 1:
         return None
     parameters = flown[0][0].parameters
@@ -195,7 +193,7 @@ def _computed(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> tuple[
 
 
 def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) -> AttitudeBandwidth | None:
-    response, angle = measured.response, ATTITUDE.get(axis, "")
+    response, angle = measured.response, ANGLE_OF.get(axis, "")
     commands = [name for name in response.instruments if name in (f"{axis}_stick", f"{angle}_setpoint")]
     if not commands or not all(angle in record.names for record in records):
         return None
@@ -237,7 +235,7 @@ _WORDS = {
 
 def _beyond(axis: Axis, found: AxisLoop, measured: Measured, flown: Sequence[Flight]) -> Beyond | None:
     """Margins beyond the band, of a late lag fitted to the measured vehicle, and the controller in the log."""
-    response, rate, command = measured.response, _RATE.get(axis, ""), f"{axis}_command"
+    response, rate, command = measured.response, RATE_OF.get(axis, ""), f"{axis}_command"
     if found.loop is None or rate not in response.outputs or command not in response.inputs:
         return None
     controllers = logged_controllers(flown, measured, command, rate)

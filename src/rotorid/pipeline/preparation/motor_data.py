@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRecord, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
@@ -136,7 +137,7 @@ def _record(record: FlightRecord, motors: Motors, part: TimeHistory, strength: F
         name=record.source.name,
         sample_rate_hz=part.sample_rate_hz,
         outputs=_outputs(record, motors, part),
-        rates=np.stack([part[name] for name in ("p", "q", "r")]),
+        rates=np.stack([part[name] for name in RATES]),
         az=part["az"],
         w=part["w"] if "w" in part.names else np.zeros(0),
         strength=strength,

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.trust import RICH_KINDS
@@ -376,7 +377,6 @@ def _fitted_whole(record: FlightRecord, maneuver: Maneuver) -> Finding:
 
 
 _SETPOINT = "_setpoint"
-_RATES = {"roll_command": "p", "pitch_command": "q", "yaw_command": "r"}
 
 
 def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
@@ -390,7 +390,7 @@ def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...
         No such pair is logged.
     """
     setpoints = [(name, name.removesuffix(_SETPOINT)) for name in STANDARD_UNITS if name.endswith(_SETPOINT)]
-    for offered in (setpoints, list(_RATES.items())):
+    for offered in (setpoints, [(f"{axis}_command", rate) for axis, rate in RATE_OF.items()]):
         pairs = [pair for pair in offered if all(_logged(record, *pair) for record in records)]
         excited = [pair for pair in pairs if any(_excited(record, *pair) for record in records)]
         if excited or pairs:

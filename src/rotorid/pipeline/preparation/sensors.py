@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
@@ -22,7 +23,7 @@ from rotorid.pipeline.preparation.instruments import while_flying
 from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.clock import resample
-from rotorid.signal.kinematics import ACCELERATIONS, ATTITUDE, EARTH_VELOCITIES, RATES, VELOCITIES
+from rotorid.signal.kinematics import ACCELERATIONS, EARTH_VELOCITIES, VELOCITIES
 from rotorid.signal.sensor_correction import (
     SensorCorrection,
     corrected_values,

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.review.flown import RATE_OF
 from rotorid.pipeline.review.motors import WORTH_SAYING
 from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseReview, Review
 from rotorid.typing import Axis

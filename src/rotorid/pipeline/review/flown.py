@@ -8,12 +8,13 @@ channels that it explains, instead of thinning these out to its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord, Intervals, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
@@ -23,8 +24,6 @@ from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.clock import missing_channel, resample, source_topic
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import Axis, ComplexArray, FloatArray
-
-RATE_OF: Mapping[Axis, str] = {"roll": "p", "pitch": "q", "yaw": "r"}
 
 LEAST_STICK = 0.01
 """A stick that moves less, as its standard deviation tells, rests."""

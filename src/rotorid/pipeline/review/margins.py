@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -47,7 +48,7 @@ from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis, usual_throttle
-from rotorid.pipeline.review.flown import LEAST_MOTION_S, RATE_OF, Flown, loop_response
+from rotorid.pipeline.review.flown import LEAST_MOTION_S, Flown, loop_response
 from rotorid.pipeline.review.values import Instrument, MarginReview, Untold
 from rotorid.spectral.derived import LARGEST_ERROR, LEAST_COHERENCE, Estimated, LogCurve, log_curve
 from rotorid.spectral.loops import at_points, sensitivity, series

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
@@ -38,7 +39,7 @@ from rotorid.spectral.noise import (
     unexplained,
     unexplained_frequencies,
 )
-from rotorid.typing import FloatArray
+from rotorid.typing import Axis, FloatArray
 
 LEAST_RATE_HZ = 200.0
 """Slower channels fold the rotors' lines into each other."""
@@ -80,7 +81,6 @@ _GYRO_END_RAD_S = tuple(math.radians(end) for end in (2000.0, 4000.0))
 _ACCEL_END_M_S2 = tuple(9.80665 * end for end in (8.0, 16.0, 32.0))
 """Ends of the ranges that accelerometers have."""
 
-_AXES = {"roll": "p", "pitch": "q", "yaw": "r"}
 _DEGREES = 180.0 / math.pi
 
 Stage = Literal["before", "after"]
@@ -184,7 +184,7 @@ def _samples(
 
 
 def _scale(channel: str) -> float:
-    return _DEGREES if channel in ("p", "q", "r") else 1.0
+    return _DEGREES if channel in RATES else 1.0
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def _map(sensor: _Sensor, spectra: ShortSpectra, level: _Level | None) -> NoiseM
     # Outputs somewhat beyond their calibrated range belong to the outermost bins.
     against = np.where(np.isfinite(against), np.clip(against, 1e-6, 1.0 - 1e-6), np.nan)
     found = by_level(spectra, against, edges=edges)
-    unit = "(deg/s)²/Hz" if sensor.channel in ("p", "q", "r") else "(m/s²)²/Hz"
+    unit = "(deg/s)²/Hz" if sensor.channel in RATES else "(m/s²)²/Hz"
     return NoiseMap(
         channel=sensor.channel,
         stage=sensor.stage,
@@ -455,7 +455,7 @@ def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interva
             numbers["clipping_count"] = Quantity(value=new, std=0.0, lower=new, upper=new, unit="1")
     shares = []
     for sensor in sensors:
-        ends = _GYRO_END_RAD_S if sensor.channel in ("p", "q", "r") else _ACCEL_END_M_S2
+        ends = _GYRO_END_RAD_S if sensor.channel in RATES else _ACCEL_END_M_S2
         size = np.abs(sensor.values)
         most = float(size.max())
         if any(abs(most / end - 1.0) < 0.005 for end in ends) or not numbers:
@@ -530,7 +530,7 @@ def _terms(
         """Noise of P and D in the motors, by the terms as logged or by the rate times the controller."""
         numbers: dict[str, Quantity] = {}
         untold: list[Untold] = []
-        for axis, rate in _AXES.items():
+        for axis, rate in RATE_OF.items():
             low_hz = max(30.0, 2.0 * bandwidths_rad_s.get(rate, 0.0) / (2.0 * math.pi))
             made = _logged_terms(record, axis, rate, flights, low_hz) or _computed_terms(record, axis, sensors, low_hz)
             numbers |= made
@@ -556,11 +556,11 @@ def _logged_terms(record: FlightRecord, axis: str, rate: str, flights: Intervals
     return numbers
 
 
-def _computed_terms(record: FlightRecord, axis: str, sensors: Sequence[_Sensor], low_hz: float) -> dict[str, Quantity]:
-    rate = next((s for s in sensors if s.channel == _AXES[axis] and s.stage == "after"), None)
+def _computed_terms(record: FlightRecord, axis: Axis, sensors: Sequence[_Sensor], low_hz: float) -> dict[str, Quantity]:
+    rate = next((s for s in sensors if s.channel == RATE_OF[axis] and s.stage == "after"), None)
     if rate is None or rate.rate_hz < max(3.0 * low_hz, 100.0):
         return {}
-    controller = rate_controller(record.parameters, axis)  # type: ignore[arg-type]
+    controller = rate_controller(record.parameters, axis)
     if controller is None:
         return {}
     window_s = min(0.5, 0.9 * _stretch_s(rate.time_s))

@@ -16,12 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.checking.candidate import RATES, Controllers
+from rotorid.pipeline.checking.candidate import Controllers
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import cut
@@ -176,7 +177,7 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
     InsufficientDataError
         Neither says which gains flew, or how the rate was filtered.
     """
-    command, source = f"{axis}_command", model.provenance.sources.get(RATES[axis][0], "")
+    command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
     found = None
     if record is not None:
         found = logged_axis(record, command, source=source)
@@ -259,7 +260,7 @@ def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
     if not flown.source.startswith(_BEHIND_FILTERS):
         return _by_responses(flown, record)
     controllers = Controllers(record=record, given={})
-    command, rate = f"{axis}_command", RATES[axis][0]
+    command, rate = f"{axis}_command", RATE_OF[axis]
     own = [one for one in model.data.segments if one.record == record.source.name]
     band = model.band_rad_s
     if not own or band is None:
@@ -288,7 +289,7 @@ def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
 
 def _by_responses(flown: FlownAxis, record: FlightRecord) -> list[Finding]:
     """The same by the responses of command and rate to what was injected."""
-    axis, rate = flown.axis, RATES[flown.axis][0]
+    axis, rate = flown.axis, RATE_OF[flown.axis]
     excitation, command = f"{axis}_excitation", f"{axis}_command"
     if excitation not in record.channel_names:
         return [

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.checking.candidate import RATES
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
@@ -26,9 +26,9 @@ def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[Flig
         return own
     if not logs:
         raise InsufficientDataError(f"no result of {name} came", needed=f"one of rotorid identify --model {name}")
-    held = [one for one in logs if {f"{axis}_command", RATES[axis][0]} <= set(one.channel_names)]
+    held = [one for one in logs if {f"{axis}_command", RATE_OF[axis]} <= set(one.channel_names)]
     if not held:
-        raise InsufficientDataError(f"no log holds {axis}_command and {RATES[axis][0]}", needed="both of them")
+        raise InsufficientDataError(f"no log holds {axis}_command and {RATE_OF[axis]}", needed="both of them")
     try:
         return identify(held, name)
     except InsufficientDataError as error:
@@ -40,7 +40,7 @@ def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[Flig
 
 def plant_of(model: IdentifiedModel, axis: Axis, *, draws: int, seed: int) -> UncertainPlant:
     """The plant with draws, from the model and what was measured beside it."""
-    command, rate = f"{axis}_command", RATES[axis][0]
+    command, rate = f"{axis}_command", RATE_OF[axis]
     structure = model.structure
     row, column = structure.outputs.index(rate), structure.inputs.index(command)
     values = structure.parameters.values

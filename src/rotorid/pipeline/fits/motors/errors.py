@@ -31,6 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.fitting.motors.fit import (
@@ -41,7 +42,7 @@ from rotorid.fitting.motors.fit import (
     MotorProblem,
     slow_taps,
 )
-from rotorid.models.motors import DELAYS, RATES, SPIN_UP
+from rotorid.models.motors import DELAYS, SPIN_UP
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.preparation.motor_data import MotorData
 from rotorid.typing import FloatArray

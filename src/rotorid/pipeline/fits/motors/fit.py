@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
@@ -131,8 +132,6 @@ _LAST_MOVE = 0.5
 
 _STAMPS_S = 0.01
 """Errors of stamps, and of the rate at which a filter is taken to work, stay below."""
-
-AXIS_WORDS = {"az": "thrust", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
 def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
 from rotorid.fitting.motors.fit import (
@@ -158,7 +159,7 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
     .. math:: r = r_0 + T_{lead} \, \dot r_0, \qquad T_{lead} = \frac{h}{\kappa \, dF/dx}
     """
     parameters = identified.parameters
-    axes = [axis for axis in ("p", "q", "r") if axis in identified.axes]
+    axes = [axis for axis in RATES if axis in identified.axes]
     motors = range(1, identified.data.layout.rotors + 1)
     lag = "T_motor" in parameters.names
     thrusts = {i: f"x_{i}" if lag else f"motor_{i}" for i in motors}
@@ -166,7 +167,7 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
     leads = "r" in axes and SPIN_UP in parameters.names and not lag
     states = ["r_0" if leads and axis == "r" else axis for axis in axes]
     outputs = [f"r = r_0 + {_LEAD}*r_0'" if leads and axis == "r" else axis for axis in axes]
-    for axis, levers in zip(("p", "q", "r"), levers_of(identified.data), strict=True):
+    for axis, levers in zip(RATES, levers_of(identified.data), strict=True):
         if axis in axes:
             moment = _sum({thrusts[i]: lever for i, lever in zip(motors, levers.tolist(), strict=True)})
             gained = "".join(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.fitting.motors.fit import (
     LEAST_CORRELATION,
@@ -19,7 +20,7 @@ from rotorid.models.motors import (
     yaw_range,
 )
 from rotorid.pipeline.fits.motors.errors import CURVE_SHARE
-from rotorid.pipeline.fits.motors.fit import AXIS_WORDS, last_move, physical_contradictions
+from rotorid.pipeline.fits.motors.fit import last_move, physical_contradictions
 from rotorid.pipeline.fits.motors.fitted import FittedMotors
 from rotorid.pipeline.fits.motors.loads import judge_loads
 from rotorid.pipeline.fits.motors.motion import unexplained_by_curve
